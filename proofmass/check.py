@@ -1,0 +1,152 @@
+"""From paths to verdicts: find the cases, run every solver, compare."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.case import Case, load_case
+from proofmass.compare import Comparison, compare
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.solve import simulate, solve
+from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+
+FAILURES = {Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed",
+            TimedOut: "timed out"}
+
+
+@dataclass(frozen=True)
+class Result:
+    """All that was found out: comparisons, the curves behind them, and the inputs at fault."""
+
+    cases: list[Case] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
+    errors: list[InputError] = field(default_factory=list)
+
+    @property
+    def exit_code(self) -> int:
+        """0: all agree; 1: something differs, diverged or crashed; 2: bad input."""
+        bad = {"differs", "diverged", "crashed", "timed out"}
+        return 2 if self.errors else int(any(c.outcome in bad for c in self.comparisons))
+
+
+def find(paths: Iterable[Path]) -> Iterator[Path]:
+    """Sidecars, and models that no sidecar speaks of, below the given files and folders."""
+    for path in paths:
+        if not path.exists():
+            raise InputError(path, "", "no such file or folder")
+        if path.is_dir():
+            yield from sorted(path.glob("*.toml"))
+            yield from sorted(x for x in path.glob("*.xml") if not x.with_suffix(".toml").exists())
+        elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
+            yield path.with_suffix(".toml")
+        elif path.suffix in (".toml", ".xml"):
+            yield path
+        else:
+            raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
+
+
+def run_one(case: Case, kind: str, solver: str) -> tuple[list[Comparison], Curves | None]:
+    """Run and compare one solver; a run that is lost gives comparisons that say so."""
+    try:
+        curves = solve(case, kind, solver)
+        return compare(case, kind, solver, curves), curves
+    except tuple(FAILURES) as error:
+        outcome, message = FAILURES[type(error)], str(error)
+    return [Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome,
+                       message=message)
+            for name, channel in case.channels.items() if channel.only in (None, kind)], None
+
+
+def step_unchecked(model: Path) -> list[Comparison]:
+    """Load and step a model that has no sidecar; it is listed, not judged."""
+    run = Run("duration", np.linspace(0, 0.1, 2), ())
+    try:
+        curves = isolated(simulate, "mujoco", model, run, timeout=60.0)
+        outcome, message = "unchecked", "no sidecar; it loads and steps"
+        cost = {"seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
+    except BadModel as error:
+        raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
+    except tuple(FAILURES) as error:
+        outcome, message, cost = FAILURES[type(error)], str(error), {}
+    return [Comparison(model.stem, "mujoco", "duration", "", "", outcome=outcome, message=message,
+                       **cost)]
+
+
+def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
+          progress: Callable[[str, int, int], None] = lambda *_: None) -> Result:
+    """Run every case below `paths` and hold it against its reference.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        Sidecars, models, folders.
+    jobs : int, optional
+        Runs side by side; as many as there are processors when not given.
+    progress : callable, optional
+        Called as ``progress(label, done, total)`` after each run.
+
+    Returns
+    -------
+    Result
+        Bad input is collected in `Result.errors`; the other cases still run.
+    """
+    result = Result()
+    tasks: list[tuple[Case, str, str] | Path] = []
+    for path in collect(paths, result.errors):
+        try:
+            if path.suffix == ".xml":
+                tasks.append(path)
+                continue
+            case = load_case(path)
+            tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
+            result.cases.append(case)
+        except InputError as error:
+            result.errors.append(error)
+    outcomes = dict.fromkeys(range(len(tasks)), ([], None))
+    with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+        futures = {pool.submit(one_task, task): k for k, task in enumerate(tasks)}
+        try:
+            for done, future in enumerate(as_completed(futures), 1):
+                k = futures[future]
+                try:
+                    outcomes[k] = future.result()
+                except InputError as error:
+                    if str(error) not in map(str, result.errors):
+                        result.errors.append(error)
+                progress(label(tasks[k]), done, len(tasks))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    for k, task in enumerate(tasks):
+        comparisons, curves = outcomes[k]
+        result.comparisons.extend(comparisons)
+        if curves is not None and not isinstance(task, Path):
+            result.curves[task[0].name, task[1], task[2]] = curves
+    return result
+
+
+def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
+    """`find`, a path at a time, so that one wrong path does not hide the others."""
+    found: dict[Path, None] = {}
+    for path in paths:
+        try:
+            found.update(dict.fromkeys(find([Path(path)])))
+        except InputError as error:
+            errors.append(error)
+    return list(found)
+
+
+def one_task(task: tuple[Case, str, str] | Path) -> tuple[list[Comparison], Curves | None]:
+    """A run of a case, or a look at a model without a sidecar."""
+    return (step_unchecked(task), None) if isinstance(task, Path) else run_one(*task)
+
+
+def label(task: tuple[Case, str, str] | Path) -> str:
+    """What a progress line calls a task."""
+    return task.name if isinstance(task, Path) else f"{task[0].name} {task[1]} {task[2]}"

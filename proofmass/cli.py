@@ -1,0 +1,115 @@
+"""The command line: check, report, list."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from proofmass.case import load_case
+from proofmass.check import Result, check, collect
+from proofmass.errors import InputError
+from proofmass.terminal import as_json, case_table, console, failures, summary
+
+app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False,
+                  pretty_exceptions_enable=False)
+Paths = Annotated[list[Path] | None, typer.Argument(
+    help="Sidecars, models or folders.", show_default="models/")]
+Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
+                                          show_default="processors")]
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def examine(paths: list[Path] | None, jobs: int | None) -> Result:
+    """`check` with a progress bar on standard error."""
+    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn())
+    with Progress(*columns, console=errors, transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def advance(label: str, done: int, total: int) -> None:
+            bar.update(task, description=label, completed=done, total=total)
+
+        result = check(paths or [Path("models")], jobs, advance)
+    for error in result.errors:
+        errors.print(f"[bold red]error:[/] {error}", markup=True)
+    return result
+
+
+def show(result: Result, every_channel: bool = False) -> None:
+    """Print the table, the failures, and the count."""
+    out = console()
+    for table in summary(result, every_channel):
+        out.print(table)
+    for line in failures(result):
+        out.print(line, soft_wrap=True)
+
+
+@app.command("check")
+def check_command(
+    paths: Paths = None,
+    json: Annotated[bool, typer.Option("--json", help="One object for each comparison.")] = False,
+    jobs: Jobs = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Every channel.")] = False,
+) -> None:
+    """Run every case and hold it against its reference.
+
+    Exit code 0: all agree; 1: something differs, diverged or crashed; 2: bad input.
+    """
+    result = examine(paths, jobs)
+    if json:
+        print(as_json(result.comparisons))
+    else:
+        show(result, verbose)
+    raise typer.Exit(result.exit_code)
+
+
+@app.command("report")
+def report_command(
+    paths: Paths = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")]
+    = Path("reports"),
+    jobs: Jobs = None,
+) -> None:
+    """Check every case and write HTML pages with overlay plots.
+
+    Exit codes as for check.
+    """
+    from proofmass.report import write_report  # matplotlib is slow to load
+
+    result = examine(paths, jobs)
+    with errors.status("drawing"):
+        index = write_report(result, output)
+    show(result)
+    print(index)
+    raise typer.Exit(result.exit_code)
+
+
+@app.command("list")
+def list_command(paths: Paths = None) -> None:
+    """List the cases and their runs; nothing is run."""
+    found: list[InputError] = []
+    cases, lone = [], []
+    for path in collect(paths or [Path("models")], found):
+        try:
+            if path.suffix == ".xml":
+                lone.append(path)
+            else:
+                cases.append(load_case(path))
+        except InputError as error:
+            found.append(error)
+    console().print(case_table(cases, lone))
+    for error in found:
+        errors.print(f"[bold red]error:[/] {error}")
+    raise typer.Exit(2 if found else 0)
+
+
+def main() -> None:
+    """Entry point of the command ``proofmass``."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        errors.print("interrupted")
+        sys.exit(130)

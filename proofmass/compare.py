@@ -1,0 +1,177 @@
+"""Curves against the reference: one `Comparison` for each channel of each solver."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.errors import InputError
+from proofmass.reference import evaluate, modes, module_of
+from proofmass.recorded import Recorded
+from sim.protocol import Array, Curves
+
+NAN = float("nan")
+GOOD = ("agrees", "unchecked", "unsupported")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One channel of one solver in one run, held against the reference.
+
+    Attributes
+    ----------
+    case, solver, run, channel, unit : str
+        What was compared.
+    error_max, at : float
+        Largest absolute difference, in `unit`, and the x at which it stands.
+    error_rms, nrmse : float
+        Root mean square of the difference, and the same over the reference curve's range.
+    allowed : float
+        Tolerance in `unit`; NaN when the channel is not checked.
+    would_notice : dict of str to float
+        For each parameter the smallest relative change that the tolerance would catch.
+    outcome : str
+        agrees, differs, unchecked, unsupported, diverged, crashed or timed out.
+    message : str
+        The tolerance's reason when it agrees; otherwise what is wrong.
+    seconds, steps, gap
+        Cost of the run, and its largest loop gap [m].
+    """
+
+    case: str
+    solver: str
+    run: str
+    channel: str
+    unit: str
+    error_max: float = NAN
+    at: float = NAN
+    error_rms: float = NAN
+    nrmse: float = NAN
+    allowed: float = NAN
+    would_notice: dict[str, float] = field(default_factory=dict)
+    outcome: str = "unchecked"
+    message: str = ""
+    seconds: float = NAN
+    steps: int = 0
+    gap: float = NAN
+
+
+def reference_for(case: Case, curves: Curves) -> Curves:
+    """The reference at the state the drive really had in that run."""
+    recorded = isinstance(module_of(case), Recorded)
+    return evaluate(case, curves.x, None if recorded else curves.drive)
+
+
+def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison]:
+    """Hold a solver's curves against the reference.
+
+    Parameters
+    ----------
+    case : Case
+        Holds the channels and their tolerances.
+    run, solver : str
+        Which run of the case the curves are of.
+    curves : Curves
+        From `solve`.
+
+    Returns
+    -------
+    list of Comparison
+        One for each channel, in the sidecar's order.
+
+    Raises
+    ------
+    InputError
+        The model is assembled in another mode than the sidecar says.
+    """
+    truth = reference_for(case, curves)
+    check_branch(case, curves, truth)
+    slopes = sensitivities(case, curves)
+    return [
+        one(case, run, solver, name, curves, truth.channels[name], slopes)
+        for name, channel in case.channels.items() if channel.only in (None, run)
+    ]
+
+
+def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Array,
+        slopes: dict[str, dict[str, float]]) -> Comparison:
+    """Compare one channel."""
+    tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
+    span = float(np.ptp(truth))
+    allowed = tolerance.allowed(span) if tolerance else NAN
+    place = {"case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
+             "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps,
+             "gap": curves.gap}
+    if name not in curves.channels:
+        return Comparison(**place, outcome="unsupported", message=curves.missing.get(name, ""))
+    error = np.abs(curves.channels[name] - truth)
+    worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
+    rms = float(np.sqrt(np.mean(error**2)))
+    found = {"error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
+             "nrmse": rms / span if span else NAN,
+             "would_notice": {p: allowed / s[name] for p, s in slopes.items() if s[name] > 0}
+             if tolerance else {}}
+    outcome, message = verdict(float(error[worst]), allowed, unit, tolerance.why if tolerance else "")
+    return Comparison(**place, **found, outcome=outcome, message=message)
+
+
+def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str]:
+    """Outcome and message of a largest error; NaN never agrees.
+
+    >>> verdict(1e-6, 1e-5, "m", "rounding")
+    ('agrees', 'rounding')
+    >>> verdict(float("nan"), 1e-5, "m", "rounding")[0]
+    'differs'
+    """
+    if not why:
+        return "unchecked", "no tolerance covers this channel of this solver"
+    if error <= allowed:
+        return "agrees", why
+    if not np.isfinite(error):
+        return "differs", "not a number somewhere on the curve"
+    turns = error / (2 * np.pi)
+    if unit == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
+        return "differs", f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
+    return "differs", f"{error / allowed:.3g} x the allowed error"
+
+
+def sensitivities(case: Case, curves: Curves, h: float = 1e-6) -> dict[str, dict[str, float]]:
+    """For each parameter, how much each channel's curve moves for a relative change of 1.
+
+    Central differences of the closed form; empty for a recorded curve, which has no parameters.
+    Parameters that are zero, and the assembly mode, have no relative change.
+    """
+    if isinstance(module_of(case), Recorded):
+        return {}
+    slopes = {}
+    for key, value in case.parameters.items():
+        if key == "mode" or value == 0:
+            continue
+        try:
+            up, down = (evaluate(case, curves.x, curves.drive, **{key: value * (1 + s * h)})
+                        for s in (1, -1))
+        except InputError:  # the changed mechanism cannot be assembled everywhere
+            continue
+        slopes[key] = {n: float(np.abs(up.channels[n] - down.channels[n]).max() / (2 * h))
+                       for n in up.channels}
+    return slopes
+
+
+def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
+    """Refuse a model that is assembled in another mode than the sidecar says."""
+    if "mode" not in case.parameters or curves.drive is None:
+        return
+    here = misfit(case, curves, truth)
+    for mode in modes(case):
+        other = evaluate(case, curves.x, curves.drive, mode=mode)
+        if here > 0.1 and misfit(case, curves, other) < 0.01:
+            raise InputError(case.file, "start", f"key {case.start!r} assembles the model in mode "
+                             f"{mode:+d}, parameters.mode says {case.parameters['mode']:+.0f}; "
+                             f"change one of the two")
+
+
+def misfit(case: Case, curves: Curves, truth: Curves) -> float:
+    """Largest difference of a position channel at the first sample, over the curve's range."""
+    names = [n for n, c in case.channels.items() if c.unit in ("m", "rad") and n in curves.channels]
+    return max((abs(float(curves.channels[n][0] - truth.channels[n][0]))
+                / (float(np.ptp(truth.channels[n])) or 1.0) for n in names), default=0.0)

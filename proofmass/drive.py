@@ -1,0 +1,54 @@
+"""Drive laws: joint value, rate and acceleration as functions of the run's x.
+
+They are small classes, not closures, so that a run can be sent to another process.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from sim.protocol import Array
+
+State = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Constant speed; x is the drive value itself (a sweep) or time (a duration)."""
+
+    start: float
+    rate: float
+    x_is_time: bool
+
+    def __call__(self, x: Array) -> State:
+        value = self.start + self.rate * x if self.x_is_time else np.asarray(x, float)
+        return value, np.full(x.shape, self.rate), np.zeros(x.shape)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A function of time that a reference module brings along, such as a motor profile."""
+
+    function: Callable[..., State]
+    parameters: dict[str, float] = field(default_factory=dict)
+
+    def __call__(self, x: Array) -> State:
+        return self.function(x, **self.parameters)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A recorded drive: exact at its samples, a cubic through value and rate between them."""
+
+    x: Array
+    value: Array
+    rate: Array
+    acceleration: Array
+
+    def __call__(self, x: Array) -> State:
+        if np.array_equal(x, self.x):
+            return self.value, self.rate, self.acceleration
+        spline = CubicHermiteSpline(self.x, self.value, self.rate)
+        return spline(x), spline(x, 1), spline(x, 2)

@@ -1,0 +1,128 @@
+"""Engines run in processes of their own: one that aborts or hangs costs its own run only.
+
+A worker is kept for the next run, since importing the engines takes longer than most runs; a
+worker that died or was killed is replaced.  `multiprocessing` is not used because it imports the
+caller's main script again, which a ten-line script or a notebook does not survive.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import Any
+
+
+class Crashed(Exception):
+    """The process died without an answer."""
+
+
+class TimedOut(Exception):
+    """No answer in time; the process was killed."""
+
+
+class Worker:
+    """A process that calls functions, one after the other."""
+
+    def __init__(self) -> None:
+        self.errors = tempfile.TemporaryFile()
+        path = os.pathsep.join(p or os.getcwd() for p in sys.path)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "proofmass.isolate"], stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE, stderr=self.errors, env={**os.environ, "PYTHONPATH": path})
+
+    def call(self, function: Callable, args: tuple, timeout: float) -> Any:
+        """Send a call and wait for its answer: (True, result) or (False, exception)."""
+        late = threading.Event()
+        timer = threading.Timer(timeout, lambda: (late.set(), self.process.kill()))
+        timer.start()
+        try:
+            pickle.dump((function, args), self.process.stdin)
+            self.process.stdin.flush()
+            return pickle.load(self.process.stdout)
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            self.process.wait()
+            if late.is_set():
+                raise TimedOut(f"no answer in {timeout:g} s") from None
+            raise Crashed(self.last_words()) from None
+        finally:
+            timer.cancel()
+
+    def last_words(self) -> str:
+        """How the process ended, and what it wrote to standard error first."""
+        self.errors.seek(0)
+        text = self.errors.read().decode(errors="replace")
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        code = self.process.returncode
+        died = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+        return died + (f": {lines[0][:160]}" if lines else "")
+
+    def close(self) -> None:
+        """End the process at once."""
+        self.process.kill()
+        self.process.communicate()
+        self.errors.close()
+
+
+idle: SimpleQueue[Worker] = SimpleQueue()
+
+
+def isolated(function: Callable, *args: object, timeout: float) -> Any:
+    """Call a function in another process.
+
+    Parameters
+    ----------
+    function : callable
+        Importable by name; arguments and result must pickle.
+    timeout : float
+        Seconds until the process is killed.
+
+    Returns
+    -------
+    object
+        What the function returned.
+
+    Raises
+    ------
+    Crashed, TimedOut
+        The process died, or was killed; with the first line it wrote to standard error.
+    Exception
+        Whatever the function raised.
+    """
+    try:
+        worker = idle.get_nowait()
+    except Empty:
+        worker = Worker()
+    try:
+        good, value = worker.call(function, args, timeout)
+    except BaseException:
+        worker.close()
+        raise
+    idle.put(worker)
+    if not good:
+        raise value
+    return value
+
+
+def main() -> None:
+    """Serve calls from standard input until it closes; engines may print what they like."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    while True:
+        try:
+            function, args = pickle.load(sys.stdin.buffer)
+        except (EOFError, KeyboardInterrupt):
+            return
+        try:
+            result = True, function(*args)
+        except Exception as error:  # whatever it is belongs to the caller
+            result = False, error
+        pickle.dump(result, answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

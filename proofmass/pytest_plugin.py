@@ -1,0 +1,82 @@
+"""pytest items from sidecars: one for each solver of a case.
+
+``pytest models/fourbar.toml`` runs a case, ``pytest "models/fourbar.toml::pymunk"`` one solver of
+it.  An item fails where ``proofmass check`` would: same code, same tolerances.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from proofmass.case import Case, load_case
+from proofmass.check import FAILURES, run_one
+from proofmass.compare import GOOD, Comparison
+from proofmass.errors import InputError
+
+
+def is_sidecar(path: Path) -> bool:
+    """A TOML file beside an MJCF file, or one that names a reference."""
+    return path.suffix == ".toml" and (
+        path.with_suffix(".xml").is_file() or "\nreference" in path.read_text(errors="replace"))
+
+
+def pytest_collect_file(file_path: Path, parent: Any) -> "SidecarFile | None":
+    """Collect sidecars."""
+    return SidecarFile.from_parent(parent, path=file_path) if is_sidecar(file_path) else None
+
+
+class SidecarFile(pytest.File):
+    """A sidecar; its items are its solvers."""
+
+    def collect(self) -> Iterator["SolverItem"]:
+        """One item for each solver, over all the runs that use it."""
+        case = load_case(self.path)
+        solvers = dict.fromkeys(s for run in case.run.values() for s in run.solvers)
+        for solver in solvers:
+            yield SolverItem.from_parent(self, name=solver, case=case)
+
+    def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
+        """Bad input is a line, not a traceback."""
+        return plain(excinfo) or super().repr_failure(excinfo)
+
+
+class SolverItem(pytest.Item):
+    """All runs of one solver of one case."""
+
+    def __init__(self, *, case: Case, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.case = case
+
+    def runtest(self) -> None:
+        """Run and compare; skipped when nothing of it is checked."""
+        comparisons: list[Comparison] = []
+        for kind, run in self.case.run.items():
+            if self.name in run.solvers:
+                comparisons += run_one(self.case, kind, self.name)[0]
+        wrong = [c for c in comparisons if c.outcome not in GOOD]
+        if wrong:
+            raise Disagreement("\n".join(
+                f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} {c.unit} "
+                f"at {c.at:.6g}, allowed {c.allowed:.3g}" for c in wrong))
+        if not any(c.outcome == "agrees" for c in comparisons):
+            pytest.skip("shown, not checked: no tolerance")
+
+    def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
+        """A disagreement is its lines, not a traceback."""
+        return plain(excinfo) or super().repr_failure(excinfo)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Where the item comes from."""
+        return self.path, None, f"{self.case.name}::{self.name}"
+
+
+class Disagreement(Exception):
+    """Curves that differ from the reference by more than their tolerance."""
+
+
+def plain(excinfo: Any) -> str | None:
+    """The message of an error that explains itself."""
+    known = (InputError, Disagreement, *FAILURES)
+    return str(excinfo.value) if isinstance(excinfo.value, known) else None

@@ -1,0 +1,10 @@
+"""The report: self-contained pages that say in one line what agrees, and why the rest does not.
+
+`write_report` is all that the rest of the project needs.  `words` holds the sentences and the
+numbers, `tables` the rows, `figures` the curves (SVG and PNG), `pages` puts them into `templates/`.
+"""
+
+#PAGES
+from proofmass.report.words import headline
+
+__all__ = ["headline"]

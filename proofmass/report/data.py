@@ -1,0 +1,136 @@
+"""What one run of a case has to show: the curves of all its solvers beside their references."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.compare import Comparison, reference_for
+from proofmass.reference import law
+from proofmass.report.words import LOST
+from sim.protocol import Array, Curves
+
+ORDERS = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One run of a case.
+
+    Attributes
+    ----------
+    case, kind
+        Which run.
+    rows : list of Comparison
+        All comparisons of the run, in the order of the sidecar's solvers.
+    curves, truth : dict of str to Curves
+        By solver: what it found, and the reference at the state its drive really had.
+    x_name, x_unit, x_scale : str, str, float
+        The run's parameter; multiply x by the scale to get the unit that people read.
+    """
+
+    case: Case
+    kind: str
+    rows: list[Comparison]
+    curves: dict[str, Curves] = field(default_factory=dict)
+    truth: dict[str, Curves] = field(default_factory=dict)
+    x_name: str = "time t"
+    x_unit: str = "s"
+    x_scale: float = 1.0
+
+    @property
+    def solvers(self) -> list[str]:
+        """The solvers of the run, as the sidecar lists them."""
+        return list(self.case.run[self.kind].solvers)  # type: ignore[index]
+
+    @property
+    def lost(self) -> dict[str, Comparison]:
+        """Solvers that have no curves, with one of the comparisons that says why."""
+        return {c.solver: c for c in reversed(self.rows) if c.solver not in self.curves
+                and c.outcome in (*LOST, "unsupported")}
+
+    @property
+    def channels(self) -> list[str]:
+        """The channels of this run, in the sidecar's order."""
+        return [n for n, c in self.case.channels.items() if c.only in (None, self.kind)]
+
+    def place(self, x: float) -> tuple[float, str]:
+        """A place on the run's parameter, as people read it."""
+        return x * self.x_scale, self.x_unit
+
+    def error(self, solver: str, channel: str) -> Array | None:
+        """Absolute difference to the reference; None when the solver lacks the channel."""
+        if solver not in self.curves or channel not in self.curves[solver].channels:
+            return None
+        return np.abs(self.curves[solver].channels[channel] - self.truth[solver].channels[channel])
+
+
+def shown(result: Result, case: Case, kind: str) -> Shown:
+    """Collect one run of a case from the result."""
+    rows = [c for c in result.comparisons if c.case == case.name and c.run == kind]
+    curves = {s: result.curves[case.name, kind, s]
+              for s in case.run[kind].solvers  # type: ignore[index]
+              if (case.name, kind, s) in result.curves}
+    truth = {s: reference_for(case, c) for s, c in curves.items()}
+    return Shown(case, kind, rows, curves, truth, *axis(case, kind))
+
+
+def axis(case: Case, kind: str) -> tuple[str, str, float]:
+    """Name, unit and scale of a run's parameter: time, or the joint that a sweep moves."""
+    if kind == "duration" or case.drive is None or case.drive.to is None:
+        return "time t", "s", 1.0
+    if joint_type(case) == "slide":
+        return f"{case.drive.joint} position", "m", 1.0
+    return f"{case.drive.joint} angle", "deg", 180 / np.pi
+
+
+def joint_type(case: Case) -> str:
+    """Type of the driven joint in the MJCF; hinge, MuJoCo's own default, when it is not said."""
+    try:
+        joints = ET.parse(case.model_path).iter("joint")
+    except (OSError, ET.ParseError):
+        return "hinge"
+    name = case.drive.joint if case.drive else ""
+    return next((j.get("type", "hinge") for j in joints if j.get("name") == name), "hinge")
+
+
+def readable(unit: str) -> tuple[str, float]:
+    """The unit a figure uses for a curve, and the factor to it: degrees, not radians.
+
+    >>> readable("rad/s")[0], readable("m")
+    ('deg/s', ('m', 1.0))
+    """
+    if unit == "rad" or unit.startswith("rad/"):
+        return "deg" + unit[3:], 180 / np.pi
+    return unit, 1.0
+
+
+def grouped(case: Case, channels: list[str]) -> list[list[str]]:
+    """Channels row by row: positions, rates, accelerations, then what is left, unit by unit."""
+    rest = [c.unit for c in case.channels.values() if not any(c.unit in o for o in ORDERS)]
+    orders = [*ORDERS, *((u,) for u in dict.fromkeys(rest))]
+    rows = [[n for n in channels if case.channels[n].unit in order] for order in orders]
+    rows = [r for r in rows if r]
+    if rows and max(map(len, rows)) <= 2:  # short rows: flow, or the sheet is mostly empty
+        rows = [channels]
+    width = min(max(map(len, rows), default=1), 4 if len(rows) > 1 else 3)
+    return [r[k:k + width] for r in rows for k in range(0, len(r), width)]
+
+
+def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
+    """A drive that follows a law: the law, and how each solver's drive really moved."""
+    drive_law = law(view.case, view.kind)
+    if view.case.drive is None or view.case.drive.to is not None or not view.curves:
+        return {}
+    first = next(iter(view.curves.values()))
+    wanted = drive_law(first.x)  # type: ignore[misc]
+    unit = "m" if joint_type(view.case) == "slide" else "rad"
+    return {
+        f"{view.case.drive.joint}{suffix}": (
+            np.asarray(wanted[k]), {s: c.drive[k] for s, c in view.curves.items() if c.drive}, u)
+        for k, (suffix, u) in enumerate(
+            [(" (drive)", unit), (" rate (drive)", f"{unit}/s"),
+             (" acceleration (drive)", f"{unit}/s^2")])
+    }

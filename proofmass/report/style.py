@@ -1,0 +1,90 @@
+"""How a solver looks: one colour, dash pattern and marker each, the same in every figure.
+
+Colours are those of Okabe and Ito, which colour-blind readers can tell apart; dash pattern and
+marker tell the solvers apart on a black-and-white print as well.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import product
+
+Dash = tuple[int, tuple[float, ...]] | str
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, dash pattern and marker of one solver, and its number for staggering markers."""
+
+    colour: str
+    dash: Dash
+    marker: str
+    number: int = 0
+
+    @property
+    def css_dash(self) -> str:
+        """The dash pattern as SVG says it, for the legend swatches of the pages."""
+        return "none" if isinstance(self.dash, str) else " ".join(f"{2 * d:g}" for d in self.dash[1])
+
+
+SOLID: Dash = "-"
+KNOWN = {
+    "mujoco": Look("#0072B2", SOLID, "o", 0),
+    "pymunk": Look("#D55E00", (0, (5, 1.5)), "s", 1),
+    "mujoco:default": Look("#56B4E9", (0, (1.2, 1.2)), "^", 2),
+    "pymunk:default": Look("#E69F00", (0, (5, 1.5, 1, 1.5)), "v", 3),
+    "mujoco:fine": Look("#009E73", (0, (8, 2)), "D", 4),
+    "pymunk:fine": Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 5),
+}
+SPARE = [(c, d, m) for m, (d, c) in zip(
+    "Xp*h<>Xp*h<>", product([(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
+                            ["#CC79A7", "#444444", "#8A6D00"]), strict=True)]
+REFERENCE = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
+
+RC = {
+    "font.family": ["DejaVu Sans", "Arial", "sans-serif"],
+    "font.size": 8,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": "#555555",
+    "axes.grid": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-3, 4),
+    "axes.unicode_minus": False,
+    "grid.color": "#ececec",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "ytick.minor.size": 0,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.2,
+    "legend.frameon": False,
+    "savefig.dpi": 160,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "proofmass",
+}
+
+
+def looks(solvers: Iterable[str]) -> dict[str, Look]:
+    """A look for every solver; those without a fixed one share out the spare ones by name.
+
+    >>> looks(["mujoco", "adams"])["mujoco"].colour
+    '#0072B2'
+    >>> looks(["b", "a"])["a"] == looks(["a", "b"])["a"]
+    True
+    """
+    chosen = {}
+    unknown = 0
+    for name in sorted(set(solvers)):
+        if name in KNOWN:
+            chosen[name] = KNOWN[name]
+        else:
+            chosen[name] = Look(*SPARE[unknown % len(SPARE)], number=len(KNOWN) + unknown)
+            unknown += 1
+    return chosen

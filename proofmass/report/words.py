@@ -1,0 +1,169 @@
+"""The sentences and numbers of the report."""
+
+import math
+from collections.abc import Iterable, Mapping
+
+from proofmass.case import Case
+from proofmass.compare import Comparison
+
+LOST = ("diverged", "crashed", "timed out")
+SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
+           "diverged": "⚠", "crashed": "⚠", "timed out": "⚠"}
+ENGINES = {"mujoco": "MuJoCo"}
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number to `digits` significant digits; a dash for what is not a number.
+
+    >>> number(1.2345e-05), number(361.0), number(0), number(float("nan"))
+    ('1.23e-5', '361', '0', '—')
+    """
+    if not math.isfinite(value):
+        return "—" if math.isnan(value) else ("∞" if value > 0 else "-∞")
+    if value and not 1e-3 <= abs(value) < 1e5:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        return f"{mantissa}e{int(exponent)}"
+    whole = len(str(int(abs(value))))
+    return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
+
+
+def pretty(unit: str) -> str:
+    """A unit as it is printed.
+
+    >>> pretty("rad/s^2"), pretty("N m")
+    ('rad/s²', 'N·m')
+    """
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
+
+
+def spoken(solver: str) -> str:
+    """A solver's name in a sentence.
+
+    >>> spoken("mujoco:default")
+    'MuJoCo default'
+    """
+    engine, _, variant = solver.partition(":")
+    return f"{ENGINES.get(engine, engine)} {variant}".strip()
+
+
+def listed(words: Iterable[str]) -> str:
+    """Words as a list in a sentence, shortened when it is long.
+
+    >>> listed("abc"), listed("abcdef")
+    ('a, b and c', 'a, b, c and 3 more')
+    """
+    words = list(words)
+    if len(words) > 4:
+        words = [*words[:3], f"{len(words) - 3} more"]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def share(c: Comparison) -> float:
+    """Largest error over the reference curve's range; NaN when it has none."""
+    return c.error_max * c.nrmse / c.error_rms if c.error_rms else c.nrmse
+
+
+def by_solver(comparisons: Iterable[Comparison], run: str) -> dict[str, list[Comparison]]:
+    """The comparisons of one run, solver by solver."""
+    found: dict[str, list[Comparison]] = {}
+    for c in comparisons:
+        if c.run == run:
+            found.setdefault(c.solver, []).append(c)
+    return found
+
+
+def headline(case: Case, comparisons: Iterable[Comparison],
+             steps: Mapping[str, float] | None = None) -> str:
+    """The verdict on a case in one line: what agrees, what does not, and why.
+
+    Parameters
+    ----------
+    case : Case
+    comparisons : iterable of Comparison
+        Of this case; others are passed over.
+    steps : mapping of str to float, optional
+        Time step of each solver in the duration run [s].
+
+    Returns
+    -------
+    str
+    """
+    own = [c for c in comparisons if c.case == case.name]
+    if not own:
+        return "Not judged: no run could be compared; the input is at fault."
+    sweep, duration = by_solver(own, "sweep"), by_solver(own, "duration")
+    if any(c.outcome == "differs" for rows in sweep.values() for c in rows):
+        broken = not any(clean(rows) for rows in sweep.values())
+        text = ("The model is not the mechanism: " if broken else
+                f"The model is the mechanism in {listed(spoken(s) for s in sweep if clean(sweep[s]))}"
+                ", not in every solver: ")
+        text += "; ".join(told(s, rows, " in the sweep") for s, rows in sweep.items()
+                          if not clean(rows) and not plain(rows))
+        return text + "; do not look at integrators before this is mended."
+    parts = []
+    if sweep:
+        good = {s: rows for s, rows in sweep.items() if clean(rows)}
+        parts.append(f"The model is the mechanism: {agreement(good)}" if good else
+                     "The sweep was not checked: model and integrator are judged together")
+        parts += [told(s, rows, " in the sweep") for s, rows in sweep.items()
+                  if any(c.outcome in LOST for c in rows)]
+    parts += [told(s, rows, f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else
+                   " over the duration")
+              for s, rows in duration.items() if not plain(rows)]
+    parts += [unchecked({s: rows for s, rows in duration.items() if plain(rows)})]
+    text = ". ".join(["; ".join(p) for p in (parts[:1], [p for p in parts[1:] if p]) if p])
+    return text + ("." if sweep else " (no sweep: model and integrator are judged together).")
+
+
+def clean(rows: list[Comparison]) -> bool:
+    """Whether something was checked, and all of it agrees."""
+    outcomes = {c.outcome for c in rows}
+    return "agrees" in outcomes and not outcomes & {"differs", *LOST}
+
+
+def plain(rows: list[Comparison]) -> bool:
+    """Whether nothing was checked, and nothing failed."""
+    return {c.outcome for c in rows} <= {"unchecked", "unsupported"}
+
+
+def agreement(good: dict[str, list[Comparison]]) -> str:
+    """How many channels of the sweep agree, for the solvers that agree."""
+    counts = {s: (sum(c.outcome == "agrees" for c in rows), len(rows)) for s, rows in good.items()}
+    names = listed(map(spoken, counts))
+    if all(n == total for n, total in counts.values()):
+        return f"all {next(iter(counts.values()))[1]} channels of the sweep agree in {names}"
+    return "in the sweep " + listed(f"{n} of {total} channels agree in {spoken(s)}"
+                                    for s, (n, total) in counts.items())
+
+
+def told(solver: str, rows: list[Comparison], where: str) -> str:
+    """One solver of one run in a clause."""
+    bad = [c for c in rows if c.outcome == "differs"]
+    lost = next((c.outcome for c in rows if c.outcome in LOST), "")
+    name = spoken(solver)
+    if lost:
+        return f"{name} {lost}{where}"
+    if bad:
+        worst = max(bad, key=lambda c: c.error_max / c.allowed
+                    if math.isfinite(c.error_max) else math.inf)
+        return (f"{name} differs{where} on {listed(c.channel for c in bad)}"
+                f" (worst {worst.channel}: {worst.message})")
+    agreed = sum(c.outcome == "agrees" for c in rows)
+    return f"{name} agrees{where}" + ("" if agreed == len(rows) else
+                                      f" on {agreed} of {len(rows)} channels")
+
+
+def unchecked(rows: dict[str, list[Comparison]]) -> str:
+    """The solvers that are shown but not judged, and how far off they are."""
+    found = {}
+    for solver, comparisons in rows.items():
+        shares = [s for s in map(share, comparisons) if math.isfinite(s)]
+        if shares:
+            found[solver] = f"{spoken(solver)} ({number(max(shares), 1)} of range off)"
+        elif any(c.outcome == "unchecked" for c in comparisons):
+            found[solver] = spoken(solver)
+    unsupported = [spoken(s) for s in rows if s not in found]
+    parts = [f"shown unchecked: {listed(found.values())}"] if found else []
+    parts += [f"{listed(unsupported)} cannot express it"] if unsupported else []
+    return "; ".join(parts)

@@ -1,0 +1,117 @@
+"""What the command line prints: a table a check, and JSON."""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.compare import Comparison
+
+KEYS = ("case", "solver", "run", "channel", "unit", "error_max", "at", "error_rms", "nrmse",
+        "allowed", "would_notice", "outcome", "message", "seconds", "steps")
+LOOK = {"agrees": ("✓", "green"), "unchecked": ("·", "dim"), "unsupported": ("–", "dim")}
+FAILED = ("✗", "bold red")
+
+
+def as_json(comparisons: Iterable[Comparison]) -> str:
+    """One array, one object for each comparison; what is not a number is null."""
+    rows = [{key: asdict(c)[key] for key in KEYS} for c in comparisons]
+    return json.dumps([{k: None if isinstance(v, float) and not math.isfinite(v) else v
+                        for k, v in row.items()} for row in rows], indent=1, allow_nan=False)
+
+
+def console() -> Console:
+    """Standard output; as wide as the tables need when it is not a screen."""
+    shown = Console(highlight=False)
+    return shown if shown.is_terminal else Console(highlight=False, width=140)
+
+
+def number(value: float) -> str:
+    """Three digits, or a dash.
+
+    >>> number(0.000123456), number(float("nan"))
+    ('1.23e-04', '–')
+    """
+    return f"{value:.2e}" if math.isfinite(value) else "–"
+
+
+def mark(outcome: str) -> Text:
+    """An outcome with its sign, readable without colour."""
+    sign, style = LOOK.get(outcome, FAILED)
+    return Text(f"{sign} {outcome}", style=style)
+
+
+def worst(group: list[Comparison]) -> Comparison:
+    """The comparison that speaks for a solver: a failure first, else the one nearest its limit."""
+    def rank(c: Comparison) -> tuple[bool, float]:
+        ratio = c.error_max / c.allowed if c.allowed > 0 else c.nrmse
+        return c.outcome not in LOOK, ratio if math.isfinite(ratio) else -1.0
+    return max(group, key=rank)
+
+
+def summary(result: Result, every_channel: bool = False) -> Iterator[Table]:
+    """A table with one row for each solver of each run, or for each channel."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("case", "run", "solver", "outcome", "channel"):
+        table.add_column(name, no_wrap=True)
+    for name in ("worst error", "allowed", "of range", "s", "steps"):
+        table.add_column(name, justify="right", no_wrap=True)
+    last = ""
+    for (case, run, solver), rows in groupby(result.comparisons,
+                                             lambda c: (c.case, c.run, c.solver)):
+        group = list(rows)
+        for c in group if every_channel else [worst(group)]:
+            table.add_row(case if case != last else "", run, solver, outcomes(group, c,
+                          every_channel), c.channel, f"{number(c.error_max)} {c.unit}".strip(),
+                          number(c.allowed), number(c.error_max * c.nrmse / c.error_rms)
+                          if c.error_rms else number(c.nrmse), f"{c.seconds:.2f}"
+                          if math.isfinite(c.seconds) else "–", str(c.steps or "–"))
+            last = case
+    if table.row_count:
+        yield table
+
+
+def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
+    """The speaker's outcome, and how many channels of the group share it."""
+    text = mark(speaker.outcome)
+    same = sum(c.outcome == speaker.outcome for c in group)
+    return text if alone or len(group) == 1 else text.append(f" {same}/{len(group)}")
+
+
+def failures(result: Result) -> Iterator[Text]:
+    """A line for each failure (one for a run that was lost), and the count of all outcomes."""
+    lost: set[tuple[str, str, str]] = set()
+    for c in result.comparisons:
+        if c.outcome in LOOK or (run := (c.case, c.run, c.solver)) in lost:
+            continue
+        whole = c.outcome != "differs"
+        if whole:
+            lost.add(run)
+        place = f"{FAILED[0]} {c.case} {c.run} {c.solver}" + ("" if whole else f" {c.channel}")
+        worst_at = "" if whole else f"; worst {number(c.error_max)} {c.unit} at {c.at:.6g}"
+        yield Text.assemble((f"{place}: ", "red"), f"{c.outcome}; {c.message}{worst_at}")
+    counts = {o: sum(c.outcome == o for c in result.comparisons)
+              for o in dict.fromkeys(c.outcome for c in result.comparisons)}
+    yield Text(", ".join(f"{n} {o}" for o, n in counts.items()) or "nothing to check",
+               style="bold" if result.exit_code == 0 else "bold red")
+
+
+def case_table(cases: list[Case], lone: list[Path]) -> Table:
+    """What `proofmass list` shows."""
+    table = Table("case", "model", "reference", "runs", "channels", "title", box=None,
+                  header_style="bold", pad_edge=False)
+    for case in cases:
+        runs = "; ".join(f"{kind}: {', '.join(run.solvers)}" for kind, run in case.run.items())
+        table.add_row(case.name, case.model, case.reference, runs, str(len(case.channels)),
+                      case.title)
+    for model in lone:
+        table.add_row(model.stem, model.name, "–", "unchecked: no sidecar", "", "")
+    return table

@@ -1,0 +1,1 @@
+"""Simulators, one file each: ``with_NAME.py`` holds ``simulate(model, run) -> Curves``."""

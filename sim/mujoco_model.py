@@ -1,0 +1,191 @@
+"""Loading a MuJoCo model and reading its sensors; shared by both kinds of run."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from sim.protocol import Array, BadModel, Run
+
+S = mujoco.mjtSensor
+ENGINE_DEFAULTS = {
+    "timestep": 0.002,
+    "integrator": "Euler",
+    "solref": (0.02, 1.0),
+    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
+}
+
+
+def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Compile the model, apply the run's settings, and put it into the start pose.
+
+    Parameters
+    ----------
+    path : Path
+        The MJCF file.
+    run : Run
+        Names the start key, the driven joint and the settings.
+
+    Returns
+    -------
+    MjModel, MjData
+
+    Raises
+    ------
+    BadModel
+        When the file does not compile or lacks something the run names.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+    check_finite(model)
+    data = mujoco.MjData(model)
+    if run.drive:
+        named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", run.drive.joint)
+    if model.nkey:
+        key = named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
+        mujoco.mj_resetDataKeyframe(model, data, key)
+    configure(model, run.settings)
+    return model, data
+
+
+def check_finite(model: mujoco.MjModel) -> None:
+    """Refuse a model that holds something not finite; the compiler lets some of it pass."""
+    kinds = {"body": "BODY", "jnt": "JOINT", "geom": "GEOM", "site": "SITE", "eq": "EQUALITY",
+             "key": "KEY", "actuator": "ACTUATOR"}
+    for field in dir(model):
+        kind = kinds.get(field.split("_")[0])
+        value = getattr(model, field) if kind else None
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).any():
+            row = int(np.argwhere(np.isnan(value))[0][0])
+            word = kind.lower()
+            name = mujoco.mj_id2name(model, mujoco.mjtObj[f"mjOBJ_{kind}"], row)
+            raise BadModel(f"<{word}> {name!r}: {field.split('_', 1)[1]} is not a number")
+
+
+def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
+    """Write engine settings into a compiled model, in place.
+
+    `timestep`, `integrator`, `iterations`, `tolerance` replace the option of that name; `solref`
+    and `solimp` replace those of every equality; ``defaults = True`` first puts back the values
+    that MuJoCo has when the model says nothing.
+    """
+    merged = {**(ENGINE_DEFAULTS if settings.get("defaults") else {}), **settings}
+    merged.pop("defaults", None)
+    for key, value in merged.items():
+        if key == "integrator":
+            names = {n[6:].lower(): v for n, v in mujoco.mjtIntegrator.__members__.items()}
+            if str(value).lower() not in names:
+                raise BadModel(f"setting integrator = {value!r}; known: {', '.join(names)}")
+            model.opt.integrator = names[str(value).lower()]
+        elif key in ("solref", "solimp"):
+            row = np.asarray(value, dtype=float)
+            getattr(model, f"eq_{key}")[:, : row.size] = row
+        elif key in ("timestep", "iterations", "tolerance"):
+            setattr(model.opt, key, value)
+        else:
+            known = "timestep, integrator, iterations, tolerance, solref, solimp, defaults"
+            raise BadModel(f"unknown setting {key!r} for mujoco; known: {known}")
+
+
+def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
+    """The id of a named element, or an error that lists the names there are."""
+    index = mujoco.mj_name2id(model, kind, name)
+    if index < 0:
+        count = {mujoco.mjtObj.mjOBJ_JOINT: model.njnt, mujoco.mjtObj.mjOBJ_KEY: model.nkey,
+                 mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor}[kind]
+        there = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
+        raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, there))}")
+    return index
+
+
+def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Distance between the two points of every active ``connect`` [m], shape (loops,).
+
+    Measured from the bodies' poses, not from the engine's own constraint residual.
+    """
+    gaps = []
+    for i in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_CONNECT):
+        if data.eq_active[i]:
+            (p1, _), (p2, _) = anchors(model, data, i)
+            gaps.append(float(np.linalg.norm(p1 - p2)))
+    return np.array(gaps)
+
+
+def anchors(model: mujoco.MjModel, data: mujoco.MjData, i: int) -> tuple[tuple[Array, int], ...]:
+    """World position and body of the two points that ``connect`` number i holds together."""
+    one, two = model.eq_obj1id[i], model.eq_obj2id[i]
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        return tuple((data.site_xpos[s].copy(), int(model.site_bodyid[s])) for s in (one, two))
+    local = model.eq_data[i]
+    return tuple(
+        (data.xpos[b] + data.xmat[b].reshape(3, 3) @ p, int(b))
+        for b, p in ((one, local[0:3]), (two, local[3:6]))
+    )
+
+
+class Reader:
+    """Turns channel names into numbers: one row a sample, curves at the end.
+
+    Two readings differ from ``sensordata``: a ``user`` sensor on a joint with ``needstage="acc"``
+    is the joint's acceleration, for which MJCF has no sensor; and ``framelinacc`` is given as the
+    acceleration of the point, with the gravity that MuJoCo adds to it taken off.
+    """
+
+    def __init__(self, model: mujoco.MjModel, channels: tuple[str, ...]):
+        self.model, self.channels = model, channels
+        self.normal = plane_normal(model)
+        self.sensors = {c: self._resolve(c) for c in channels}
+        self.data_rows: list[Array] = []
+        self.acc_rows: list[Array] = []
+
+    def _resolve(self, channel: str) -> tuple[int, str]:
+        name, _, part = channel.partition(".")
+        index = named(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
+        wide = self.model.sensor_dim[index] > 1
+        if part not in (("x", "y", "z", "angle") if wide else ("",)):
+            right = f"{name}.x, .y or .z, or .angle for a framexaxis" if wide else name
+            raise BadModel(f"channel {channel!r}: no such part of sensor {name!r}; use {right}")
+        return index, part
+
+    def sample(self, data: mujoco.MjData) -> None:
+        """Keep what the sensors show now."""
+        self.data_rows.append(data.sensordata.copy())
+        self.acc_rows.append(data.qacc.copy())
+
+    def curves(self) -> dict[str, Array]:
+        """All channels over all samples."""
+        self.rows, self.acc = np.array(self.data_rows), np.array(self.acc_rows)
+        return {channel: self._curve(*place) for channel, place in self.sensors.items()}
+
+    def _curve(self, index: int, part: str) -> Array:
+        kind, model = self.model.sensor_type[index], self.model
+        block = self.rows[:, model.sensor_adr[index] :][:, : model.sensor_dim[index]]
+        if kind == S.mjSENS_USER and model.sensor_objtype[index] == mujoco.mjtObj.mjOBJ_JOINT:
+            return self.acc[:, model.jnt_dofadr[model.sensor_objid[index]]]
+        if kind == S.mjSENS_FRAMELINACC:
+            block = block + model.opt.gravity
+        if part == "angle":
+            x, y = plane_axes(self.normal)
+            return np.unwrap(np.arctan2(block @ y, block @ x))
+        return block[:, "xyz".index(part) if part else 0]
+
+
+def plane_normal(model: mujoco.MjModel) -> Array:
+    """The axis of the first hinge in the world at the zero pose: the normal of planar motion."""
+    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    if not hinges.size:
+        return np.array([0.0, 0.0, 1.0])
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return np.round(data.xaxis[hinges[0]], 15)
+
+
+def plane_axes(normal: Array) -> tuple[Array, Array]:
+    """The two directions that angles in the plane of motion are counted in."""
+    first = np.array([1.0, 0, 0]) if abs(normal[0]) < 0.9 else np.array([0, 1.0, 0])
+    x = first - normal * (first @ normal)
+    x /= np.linalg.norm(x)
+    return x, np.cross(normal, x)

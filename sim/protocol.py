@@ -1,0 +1,108 @@
+"""What the core asks of a simulator and what it gets back; a simulator is one function, `simulate`.
+
+    simulate(model: Path, run: Run) -> Curves
+
+A simulator knows no reference and no tolerance.  It imports nothing of the core.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Law = Callable[[Array], tuple[Array, Array, Array]]
+
+
+class Unsupported(Exception):
+    """The simulator cannot express something in the model; the message names it."""
+
+
+class Diverged(Exception):
+    """The run was lost: not finite, reset by the engine, or the loops came open."""
+
+
+class BadModel(Exception):
+    """The model itself cannot be used: unreadable, not assembled, a missing element."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A prescribed joint motion.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the driven joint in the MJCF.
+    law : callable
+        ``law(x) -> (value, rate, acceleration)`` for arrays of x, in the joint's SI units.
+        In a sweep x is the run's x; in a duration it is time [s].
+    """
+
+    joint: str
+    law: Law
+
+
+@dataclass(frozen=True)
+class Run:
+    """One thing to do with a model.
+
+    Attributes
+    ----------
+    kind : {"sweep", "duration"}
+        Quasi-static poses, or time stepping.
+    x : ndarray (n,)
+        Where to sample; rising.  Time [s] for a duration.
+    channels : tuple of str
+        Sensors of the MJCF to record.  ``name`` for a scalar sensor, ``name.x``, ``.y``, ``.z``
+        for a component of a vector, ``name.angle`` for the direction of a ``framexaxis`` sensor
+        in the plane of motion, unwrapped along the run [rad].
+    drive : Drive or None
+        Prescribed motion; None for a free motion.
+    start : str
+        Name of the ``<key>`` that holds the start pose (and the assembly mode).
+    settings : mapping
+        Engine settings that replace those of the model: ``timestep``, ``iterations``, ...
+    """
+
+    kind: str
+    x: Array
+    channels: tuple[str, ...]
+    drive: Drive | None = None
+    start: str = "start"
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Named curves on one rising parameter, and what they cost.
+
+    Attributes
+    ----------
+    x : ndarray (n,)
+        Time [s] or drive value.
+    channels : dict of str to ndarray (n,)
+        The recorded curves.
+    missing : dict of str to str
+        Channels that this simulator cannot deliver in this kind of run, with the reason.
+    drive : tuple of three ndarray (n,), or None
+        Value, rate and acceleration of the driven joint *as it actually moved*.
+    gap : float
+        Largest distance between two points that a loop should hold together [m].
+    seconds : float
+        Wall time of the run without loading the model [s].
+    steps : int
+        Engine steps (duration) or pose solutions (sweep).
+    settings : dict
+        Settings as used, for the record: time step, integrator, ...
+    """
+
+    x: Array
+    channels: dict[str, Array]
+    missing: dict[str, str] = field(default_factory=dict)
+    drive: tuple[Array, Array, Array] | None = None
+    gap: float = 0.0
+    seconds: float = 0.0
+    steps: int = 0
+    settings: dict[str, object] = field(default_factory=dict)

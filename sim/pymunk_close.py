@@ -1,0 +1,209 @@
+"""Start of a run, before the engine takes over: closed loops, consistent rates, one step back.
+
+Derivatives are complex steps (value at ``pose + i h direction``): exact to rounding.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sim.protocol import Array, BadModel
+from sim.pymunk_links import Hold, Joint, Links
+
+STEP = 1e-30
+
+
+def turned(angle: Array, vector: Array) -> Array:
+    """A vector (2,) turned by angles (...), as (..., 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]], axis=-1)
+
+
+def _apart(hold: Hold, pose: Array) -> Array:
+    """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
+    a, b = pose[..., hold.a, :], pose[..., hold.b, :]
+    return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
+
+
+def _rows(hold: Hold, pose: Array) -> Array:
+    apart = _apart(hold, pose)
+    if hold.axis is None:
+        return apart
+    across = turned(pose[..., hold.a, 2], np.array([-hold.axis[1], hold.axis[0]]))
+    return np.stack([(across * apart).sum(-1), pose[..., hold.b, 2] - pose[..., hold.a, 2]], -1)
+
+
+def residual(links: Links, pose: Array) -> Array:
+    """How far all holds are from held (..., rows), of poses (..., links + 1, 3)."""
+    return np.concatenate([_rows(hold, pose) for hold in links.holds], axis=-1)
+
+
+def gaps(links: Links, pose: Array) -> Array:
+    """Distance by which each hold is open [m] (..., holds), of poses (..., links + 1, 3)."""
+    open_by = []
+    for hold in links.holds:
+        rows = _rows(hold, pose)
+        open_by.append(np.linalg.norm(rows, axis=-1) if hold.axis is None else abs(rows[..., 0]))
+    return np.stack(open_by, axis=-1)
+
+
+def joint_value(joint: Joint, pose: Array) -> Array:
+    """A joint's coordinate [rad or m] (...), continuous from its value in the start pose."""
+    hold = joint.hold
+    if hold.axis is None:
+        return joint.value + joint.sign * (pose[..., hold.b, 2] - pose[..., hold.a, 2])
+    along = turned(pose[..., hold.a, 2], hold.axis)
+    return joint.value + (along * _apart(hold, pose)).sum(-1)
+
+
+def along(function: Callable[[Array], Array], pose: Array, velocity: Array) -> Array:
+    """Derivative of a function of the pose along a velocity."""
+    return np.imag(function(pose + 1j * STEP * velocity)) / STEP
+
+
+def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
+    """Derivatives of a function of one pose with respect to the links' coordinates."""
+    size = 3 * (len(pose) - 1)
+    units = np.zeros((size, *pose.shape))
+    units.reshape(size, -1)[:, :size] = np.eye(size)
+    return np.moveaxis(along(function, pose, units), 0, -1)
+
+
+def close(links: Links, pose: Array, drive: tuple[Joint, float] | None = None,
+          target: Array | float = 0.0) -> Array:
+    """Move a pose by Newton until the holds' residual is the target and the drive at its value.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    drive : (Joint, float), optional
+        Joint and value [rad] it must have; approached in steps of 0.05 rad.
+    target : ndarray (rows,), optional
+
+    Returns
+    -------
+    ndarray (links + 1, 3)
+
+    Raises
+    ------
+    BadModel
+        The loops cannot be closed here.
+    """
+    if drive is None:
+        return _newton(lambda p: residual(links, p) - target, pose, links.extent)
+    joint, value = drive
+    now = float(joint_value(joint, pose))
+    for part in np.linspace(now, value, int(abs(value - now) / 0.05) + 2)[1:]:
+        pose = _newton(lambda p, part=part: np.concatenate(
+            [residual(links, p) - target, joint_value(joint, p)[..., None] - part], axis=-1),
+            pose, links.extent)
+    return pose
+
+
+def _newton(function: Callable[[Array], Array], pose: Array, extent: float) -> Array:
+    best, least = pose, np.inf
+    for _ in range(40):
+        error = function(pose)
+        size = np.abs(error).max(initial=0.0)
+        if not size < least:
+            break
+        best, least = pose, size
+        step = np.linalg.lstsq(jacobian(function, pose), error, rcond=1e-12)[0]
+        pose = pose - np.append(step, np.zeros(3)).reshape(pose.shape)
+    if least > 1e-9 * max(extent, 1.0):
+        raise BadModel(f"the loops cannot be closed at the start: {least:.2g} m remain open")
+    return best
+
+
+def start_motion(links: Links, pose: Array, drive: tuple[Joint, float, float] | None
+                 ) -> tuple[Array, Array]:
+    """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drive.
+
+    Joints without drive start with the keyframe's rates as far as the loops allow.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    drive : (Joint, rate [rad/s], acceleration [rad/s2]) or None
+    """
+    def held(p: Array) -> Array:
+        rows = residual(links, p)
+        return rows if drive is None else np.append(rows, joint_value(drive[0], p)[..., None], -1)
+
+    def values(p: Array) -> Array:
+        return np.stack([joint_value(joint, p) for joint in links.joints], axis=-1)
+
+    rows, rates = jacobian(held, pose), jacobian(values, pose)
+    tree = jacobian(lambda p: np.append(residual(links, p), values(p), -1), pose)
+    wanted = np.append(np.zeros(tree.shape[0] - len(rates)), [j.rate for j in links.joints])
+    velocity = np.linalg.lstsq(tree, wanted, rcond=1e-12)[0]
+    moving = np.zeros(len(rows))
+    if drive is not None:
+        moving[-1] = drive[1]
+    mass = np.diag(np.column_stack([links.mass, links.mass, links.moment]).ravel())
+    velocity = velocity + _held(mass, rows, np.zeros(len(mass)), moving - rows @ velocity)
+    full = _padded(velocity)
+    h = 1e-5 / (1e-5 + np.abs(velocity).max())
+    turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
+    needed = -turning @ velocity
+    if drive is not None:
+        needed[-1] += drive[2]
+    damping = np.array([joint.damping for joint in links.joints])
+    force = -jacobian(lambda p: potential(links, p), pose) - rates.T @ (damping * (rates @ velocity))
+    return full, _padded(_held(mass, rows, force, needed))
+
+
+def potential(links: Links, pose: Array) -> Array:
+    """Energy [J] (...) of gravity and joint springs, as the engine's links carry it."""
+    weight = links.mass[:, None] * links.gravity
+    energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
+    for joint in links.joints:
+        energy = energy + 0.5 * joint.stiffness * (joint_value(joint, pose) - joint.rest) ** 2
+    return energy
+
+
+def _held(mass: Array, rows: Array, force: Array, needed: Array) -> Array:
+    """Solve ``M a + J^T f = force`` with ``J a = needed``, redundant rows allowed."""
+    zero = np.zeros((len(rows), len(rows)))
+    matrix = np.block([[mass, rows.T], [rows, zero]])
+    return np.linalg.lstsq(matrix, np.append(force, needed), rcond=1e-14)[0][: len(mass)]
+
+
+def _padded(links_only: Array) -> Array:
+    return np.append(links_only, np.zeros(3)).reshape(-1, 3)
+
+
+def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
+              drive: tuple[Joint, float, float] | None) -> tuple[Array, Array]:
+    """The state one step before the start, as if the engine had been running all along.
+
+    Chipmunk closes the holds to first order, ``C(x) + dt J(x) v = 0``, so that a moving hold
+    stays open by the rest, a constant times dt^2.  A start without this gap would jump by it.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+        Closed pose of the start.
+    motion : (velocity, acceleration)
+    dt : float
+        Time step [s].
+    drive : (Joint, value at -dt, value at 0) or None
+
+    Returns
+    -------
+    pose, velocity : ndarray (links + 1, 3)
+        At -dt and over [-dt, 0].
+    """
+    velocity, acceleration = motion
+    poses = []
+    for k, time in enumerate((-dt, 0.0)):
+        near = pose + time * velocity + 0.5 * time**2 * acceleration
+        before = pose + (time - dt) * velocity + 0.5 * (time - dt) ** 2 * acceleration
+        move = dt * (velocity + (time - 0.5 * dt) * acceleration)
+        rest = (residual(links, before + move) - residual(links, before)
+                - along(lambda p: residual(links, p), before, move))
+        poses.append(close(links, near, drive and (drive[0], drive[1 + k]), rest))
+    return poses[0], (poses[1] - poses[0]) / dt

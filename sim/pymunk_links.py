@@ -1,0 +1,223 @@
+"""The compiled MJCF as links in a plane: what `sim.pymunk_space` and `sim.pymunk_close` work on."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.plane import Plane, find_plane
+from sim.protocol import Array, BadModel
+from sim.pymunk_refuse import OFF, off, refuse, refuse_gravity
+
+OPEN = 0.05
+"""Largest gap of a loop in the start pose, as a share of the mechanism's extent."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Two links held together at a point, or (with an axis) along a line without turning.
+
+    ``on_a`` and ``on_b`` are seen from the links' centres in the start pose.
+    """
+
+    name: str
+    a: int
+    b: int
+    on_a: Array
+    on_b: Array
+    axis: Array | None = None
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A hinge or slide: its hold, value in the start pose, sense about the normal, spring."""
+
+    name: str
+    hold: Hold
+    value: float
+    sign: float
+    rate: float
+    stiffness: float
+    rest: float
+    damping: float
+    limits: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Links:
+    """A planar mechanism in its start pose; the last link is the ground.
+
+    Attributes
+    ----------
+    centre : ndarray (links + 1, 2)
+        Centres of mass [m]; a pose is (links + 1, 3): centres [m] and turns since the start [rad].
+    mass, moment : ndarray (links,)
+        [kg], [kg m2] about the centre, along the normal.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    plane: Plane
+    of_body: Array
+    centre: Array
+    mass: Array
+    moment: Array
+    joints: tuple[Joint, ...]
+    loops: tuple[Hold, ...]
+    gravity: Array
+    extent: float
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        """All holds: those of the joints, then the loops."""
+        return (*(joint.hold for joint in self.joints), *self.loops)
+
+    @property
+    def pose(self) -> Array:
+        """The start pose (links + 1, 3)."""
+        return np.column_stack([self.centre, np.zeros(len(self.centre))])
+
+
+def read_links(model: mujoco.MjModel, key: str, driven: int) -> Links:
+    """Read the links of a compiled planar model in the pose of a keyframe.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    key : str
+        Name of the keyframe.
+    driven : int
+        Id of the joint with a prescribed motion, -1 for none.
+
+    Returns
+    -------
+    Links
+
+    Raises
+    ------
+    Unsupported
+        Something that pymunk or this rebuild cannot express.
+    BadModel
+        No such keyframe, or its pose leaves a loop open.
+    """
+    refuse(model, driven)
+    data = _kinematics(model, key)
+    plane = find_plane(model, data)
+    refuse_gravity(model, plane)
+    roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
+    of_body = np.array([len(roots) if w == 0 else int(np.searchsorted(roots, w))
+                        for w in model.body_weldid])
+    centre, mass, moment = _inertias(model, data, plane, of_body, len(roots))
+    joints = tuple(_joint(model, data, plane, of_body, centre, j, driven)
+                   for j in range(model.njnt))
+    loops = _loops(model, data, plane, of_body, centre)
+    gravity = 0.0 if off(model, OFF.mjDSBL_GRAVITY) else plane.flat(model.opt.gravity)
+    extent = _extent(joints, loops, centre, model)
+    _check_closed(loops, centre, extent, key)
+    return Links(model, data, plane, of_body, centre, mass, moment, joints, loops,
+                 gravity * np.ones(2), extent)
+
+
+def _kinematics(model: mujoco.MjModel, key: str) -> mujoco.MjData:
+    names = [model.key(k).name for k in range(model.nkey)]
+    if key not in names:
+        raise BadModel(f"no key '{key}'; the model has {', '.join(names) or 'none'}")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, names.index(key))
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+              count: int) -> tuple[Array, Array, Array]:
+    """Centre, mass and moment of every link; bodies without joints belong to their parent's."""
+    frames = data.ximat.reshape(-1, 3, 3)
+    about = np.einsum("bij,i->bj", frames, plane.normal) ** 2
+    own = np.einsum("bj,bj->b", about, model.body_inertia)
+    points = plane.flat(data.xipos)
+    centre, mass, moment = np.zeros((count + 1, 2)), np.zeros(count), np.zeros(count)
+    for k in range(count):
+        of = of_body == k
+        m, p = model.body_mass[of], points[of]
+        mass[k], centre[k] = m.sum(), m @ p / m.sum()
+        moment[k] = own[of].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
+    for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
+        k, body = of_body[model.jnt_bodyid[j]], model.jnt_bodyid[j]
+        if of_body[model.body_parentid[body]] == count:
+            moment[k] += model.dof_armature[model.jnt_dofadr[j]]
+            _swing(centre, mass, moment, k, plane.flat(data.xanchor[j]))
+    return centre, mass, moment
+
+
+def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> None:
+    """Replace a link that is nearly a point mass on a ground hinge by its dynamic equal.
+
+    Such a link only knows its moment about the pin and mass times arm.  Chipmunk divides by the
+    moment about the centre, so 1e-12 kg m2 there would multiply rounding by 1e12.
+    """
+    arm = centre[k] - pin
+    if moment[k] < 0.1 * mass[k] * (arm @ arm):
+        moment[k] += 0.5 * mass[k] * (arm @ arm)
+        mass[k] *= 2.0
+        centre[k] = pin + 0.5 * arm
+
+
+def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+           centre: Array, j: int, driven: int) -> Joint:
+    body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
+    a, b = of_body[model.body_parentid[body]], of_body[body]
+    point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
+    if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
+        axis = plane.flat(data.xaxis[j])
+        point = centre[b] if a == len(centre) - 1 else centre[a]
+        foot = point + axis * (axis @ (centre[b] - point))
+        hold = Hold(model.joint(j).name, a, b, foot - centre[a], foot - centre[b], axis)
+    else:
+        sign = float(np.sign(data.xaxis[j] @ plane.normal))
+        hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
+    limited = model.jnt_limited[j] and j != driven and not (
+        off(model, OFF.mjDSBL_LIMIT) or off(model, OFF.mjDSBL_CONSTRAINT))
+    return Joint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
+                 0.0 if off(model, OFF.mjDSBL_SPRING) else float(model.jnt_stiffness[j]),
+                 float(model.qpos_spring[at]),
+                 0.0 if off(model, OFF.mjDSBL_DAMPER) else float(model.dof_damping[dof]),
+                 tuple(map(float, model.jnt_range[j])) if limited else None)
+
+
+def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+           centre: Array) -> tuple[Hold, ...]:
+    if off(model, OFF.mjDSBL_EQUALITY) or off(model, OFF.mjDSBL_CONSTRAINT):
+        return ()
+    loops = []
+    for e in np.flatnonzero(model.eq_active0):
+        ids = (model.eq_obj1id[e], model.eq_obj2id[e])
+        if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
+            points, bodies = data.site_xpos[list(ids)], model.site_bodyid[list(ids)]
+        else:
+            bodies = np.array(ids)
+            local = model.eq_data[e, :6].reshape(2, 3)
+            points = data.xpos[bodies] + np.einsum(
+                "bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), local)
+        a, b = of_body[bodies]
+        flat = plane.flat(points)
+        loops.append(Hold(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b]))
+    return tuple(loops)
+
+
+def _extent(joints: tuple[Joint, ...], loops: tuple[Hold, ...], centre: Array,
+            model: mujoco.MjModel) -> float:
+    """Largest distance between two anchors [m]; between any two points if they all coincide."""
+    points = np.array([centre[h.a] + h.on_a for h in (*(j.hold for j in joints), *loops)])
+    for cloud in (points, np.vstack([points, centre])):
+        size = np.linalg.norm(cloud[:, None] - cloud[None], axis=-1).max()
+        if size > 0:
+            return float(size)
+    return float(model.stat.extent)
+
+
+def _check_closed(loops: tuple[Hold, ...], centre: Array, extent: float, key: str) -> None:
+    for h in loops:
+        gap = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
+        if gap > OPEN * extent:
+            raise BadModel(f"start pose of key '{key}' is not assembled: "
+                           f"loop '{h.name}' is open by {gap:.2g} m")

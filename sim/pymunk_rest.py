@@ -1,0 +1,50 @@
+"""How fast free coordinates may sink to rest: time step and damping from their frequencies."""
+
+import numpy as np
+
+from sim.protocol import Array, BadModel
+from sim.pymunk_close import close, jacobian, joint_value, potential, residual
+from sim.pymunk_links import Joint, Links
+
+NUDGE = 1e-3
+"""Displacement for second differences of the energy, in extents or radians."""
+
+
+def free_directions(links: Links, joint: Joint, pose: Array) -> Array:
+    """Directions in which a pose can move with the drive held, as columns of unit modal mass."""
+    def held(p: Array) -> Array:
+        return np.append(residual(links, p), joint_value(joint, p)[..., None], -1)
+
+    root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
+    _, sizes, modes = np.linalg.svd(jacobian(held, pose) / root)
+    rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
+    return modes[rank:].T / root[:, None]
+
+
+def pace(links: Links, joint: Joint, pose: Array) -> tuple[float, float]:
+    """Time step [s] and damping (velocity left after 1 s) that bring a pose to rest soon.
+
+    The step is a third of what the fastest free coordinate allows, the damping critical for the
+    slowest; both from second differences of the energy along the closed poses.
+    """
+    free = free_directions(links, joint, pose)
+    value = float(joint_value(joint, pose))
+    count = free.shape[1]
+
+    def energy(part: Array) -> float:
+        move = np.append(free @ part, np.zeros(3)).reshape(pose.shape)
+        return float(potential(links, close(links, pose + move, (joint, value))))
+
+    sizes = NUDGE / np.abs(free / np.tile([links.extent, links.extent, 1.0], len(pose) - 1)
+                           [:, None]).max(axis=0)
+    units = np.diag(sizes)
+    hessian = np.zeros((count, count))
+    for i in range(count):
+        for j in range(i + 1):
+            corner = [energy(s * units[i] + t * units[j]) for s, t in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            second = (corner[0] - corner[1] - corner[2] + corner[3]) / 4
+            hessian[i, j] = hessian[j, i] = second / (sizes[i] * sizes[j])
+    omega = np.sqrt(np.abs(np.linalg.eigvalsh(hessian)))
+    fast = max(omega.max(), 1e-6)
+    slow = max(omega.min(), 0.05 * fast)
+    return 0.6 / fast, float(np.exp(-2.0 * slow))

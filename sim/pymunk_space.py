@@ -1,0 +1,117 @@
+"""A pymunk space built from links, and reading all its bodies at once."""
+
+import math
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from sim.protocol import Array
+from sim.pymunk_links import Hold, Joint, Links
+
+FIELDS = (batch.BodyFields.POSITION | batch.BodyFields.ANGLE
+          | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY)
+REACH = 100.0
+"""Half length of a groove, in extents of the mechanism."""
+
+
+def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
+    """Build the space: a body for each link, in order, a constraint for each hold and spring.
+
+    Parameters
+    ----------
+    links : Links
+    iterations : int
+        Sweeps of the engine's solver over the constraints in a step.
+    error_bias : float
+        Share of a gap that is left after a second; 0 closes it in the next step.
+
+    Returns
+    -------
+    pymunk.Space
+        At rest in the start pose, without a motor.
+    """
+    space = pymunk.Space()
+    space.gravity = tuple(links.gravity)
+    space.iterations = iterations
+    bodies = []
+    for centre, mass, moment in zip(links.centre, links.mass, links.moment, strict=False):
+        body = pymunk.Body(mass, moment)
+        body.position = tuple(centre)
+        space.add(body)
+        bodies.append(body)
+    bodies.append(space.static_body)
+    held = []
+    for joint in links.joints:
+        held += [*_spring(joint, links, bodies), *_hold(joint.hold, links, bodies, joint)]
+    for loop in links.loops:
+        held += _hold(loop, links, bodies)
+    for constraint in held:
+        constraint.error_bias = error_bias
+        space.add(constraint)
+    return space
+
+
+def _at(links: Links, link: int, local: Array) -> tuple[float, float]:
+    """An anchor in the body's own coordinates; the static body's are the world's."""
+    return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))
+
+
+def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
+          joint: Joint | None = None) -> list[pymunk.Constraint]:
+    a, b = bodies[hold.a], bodies[hold.b]
+    limits = joint.limits if joint else None
+    if hold.axis is None:
+        pin = pymunk.PivotJoint(a, b, _at(links, hold.a, hold.on_a), _at(links, hold.b, hold.on_b))
+        if limits is None:
+            return [pin]
+        turns = sorted(joint.sign * (limit - joint.value) for limit in limits)
+        return [pymunk.RotaryLimitJoint(a, b, *turns), pin]
+    reach = REACH * links.extent
+    ends = (-reach, reach) if limits is None else tuple(limit - joint.value for limit in limits)
+    groove = [_at(links, hold.a, hold.on_a + end * hold.axis) for end in ends]
+    # The groove's own solve is only right if neither anchor couples sliding with turning; the
+    # anchors of sim.pymunk_links are chosen so.  A RotaryLimitJoint would lock one side a step.
+    return [pymunk.GearJoint(a, b, 0.0, 1.0),
+            pymunk.GrooveJoint(a, b, *groove, _at(links, hold.b, hold.on_b))]
+
+
+def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
+    if joint.stiffness == 0 and joint.damping == 0:
+        return []
+    hold = joint.hold
+    a, b = bodies[hold.a], bodies[hold.b]
+    rest = joint.rest - joint.value
+    if hold.axis is None:
+        # Chipmunk's rest angle is that of a against b.
+        return [pymunk.DampedRotarySpring(a, b, -joint.sign * rest, joint.stiffness, joint.damping)]
+    far = REACH * links.extent
+    return [pymunk.DampedSpring(a, b, _at(links, hold.a, hold.on_a - far * hold.axis),
+                                _at(links, hold.b, hold.on_b), far + rest,
+                                joint.stiffness, joint.damping)]
+
+
+def add_motor(space: pymunk.Space, links: Links, joint: Joint) -> pymunk.SimpleMotor:
+    """Add the ideal drive of a hinge, last in the solver's order, so that it is met exactly."""
+    bodies = [*space.bodies, space.static_body]
+    # rate is that of the first body against the second
+    motor = pymunk.SimpleMotor(bodies[joint.hold.b], bodies[joint.hold.a], 0.0)
+    motor.max_force = math.inf
+    space.add(motor)
+    return motor
+
+
+def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:
+    """Set the state of all bodies from arrays (links + 1, 3); the ground is the last row."""
+    for body, p, v in zip(space.bodies, pose.tolist(), velocity.tolist(), strict=False):
+        body.position, body.angle = (p[0], p[1]), p[2]
+        body.velocity, body.angular_velocity = (v[0], v[1]), v[2]
+
+
+def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
+    """Poses and velocities (reads, links + 1, 3) of all reads in a buffer.
+
+    Chipmunk lists the static body, to which every mechanism is jointed, after the moving ones.
+    """
+    states = np.frombuffer(bytes(buffer.float_buf())).reshape(-1, len(links.mass) + 1, 6)
+    return states[..., :3], states[..., 3:]

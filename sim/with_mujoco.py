@@ -1,0 +1,53 @@
+"""MuJoCo: sweeps and durations of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
+
+from pathlib import Path
+
+import mujoco
+
+from sim.mujoco_model import load, loop_gap
+from sim.mujoco_steps import duration
+from sim.mujoco_sweep import sweep
+from sim.protocol import BadModel, Curves, Run
+
+NOT_ASSEMBLED = 0.05  # of the model's extent: beyond this, closing a loop would be guessing
+
+
+def simulate(model: Path, run: Run) -> Curves:
+    """Run a model in MuJoCo.
+
+    Parameters
+    ----------
+    model : Path
+        The MJCF file.
+    run : Run
+        What to do; see `sim.protocol.Run`.  Settings: ``timestep`` [s], ``integrator``,
+        ``iterations``, ``tolerance``, ``solref``, ``solimp``, ``defaults``.
+
+    Returns
+    -------
+    Curves
+        The channels over ``run.x``, the actual drive state, the largest loop gap and the cost.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, lacks a named element, or its start pose is not assembled.
+    Unsupported
+        The model holds something that this kind of run does not cover; it is named.
+    Diverged
+        The run was lost.
+    """
+    compiled, data = load(model, run)
+    check_assembled(compiled, data, run.start)
+    return (sweep if run.kind == "sweep" else duration)(compiled, data, run)
+
+
+def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> None:
+    """Refuse a start pose whose loops are open by more than rounding of the key can explain."""
+    mujoco.mj_kinematics(model, data)
+    gaps = loop_gap(model, data)
+    if gaps.size and not gaps.max() <= NOT_ASSEMBLED * model.stat.extent:
+        loops = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT]
+        name = model.equality(loops[int(gaps.argmax())]).name
+        raise BadModel(f"start pose of key {key!r} is not assembled: loop {name!r} is open by "
+                       f"{gaps.max():.3g} m")

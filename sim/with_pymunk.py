@@ -1,0 +1,84 @@
+"""pymunk (Chipmunk): a planar MJCF rebuilt from its compiled numbers; MuJoCo only compiles it."""
+
+from pathlib import Path
+
+import mujoco
+
+from sim.protocol import BadModel, Curves, Run, Unsupported
+from sim.pymunk_duration import duration
+from sim.pymunk_links import read_links
+from sim.pymunk_read import Channel, channel
+from sim.pymunk_sweep import sweep
+
+CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
+KNOWN = ("timestep", "iterations", "error_bias", "defaults")
+NO_EFFORT = "Chipmunk gives the size of a motor's impulse without its sign: sweeps only"
+
+
+def simulate(model: Path, run: Run) -> Curves:
+    """Run a planar mechanism in pymunk.
+
+    Parameters
+    ----------
+    model : Path
+        The MJCF file.
+    run : Run
+        What to do; see `sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that whole
+        steps fit between samples (a sweep has no use for it); ``iterations`` of the solver, 10 in
+        a duration and 500 in a sweep; ``error_bias``, the share of a gap left after a second, 0;
+        ``defaults = True`` for Chipmunk's own 10 and 0.9**60.
+
+    Returns
+    -------
+    Curves
+        The channels over ``run.x``, the actual drive state, the largest gap and the cost.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, lacks a named element, or its start pose is not assembled.
+    Unsupported
+        The model holds something that the rebuild does not cover; it is named.
+    Diverged
+        The run was lost.
+    """
+    compiled = _compile(model)
+    driven = -1
+    if run.drive is not None:
+        names = [compiled.joint(j).name for j in range(compiled.njnt)]
+        if run.drive.joint not in names:
+            raise BadModel(f"no joint '{run.drive.joint}'; the model has {', '.join(names)}")
+        driven = names.index(run.drive.joint)
+    settings = _settings(run, compiled)
+    links = read_links(compiled, run.start, driven)
+    found = {name: channel(links, name, driven) for name in run.channels}
+    missing = {name: why for name, why in found.items() if isinstance(why, str)}
+    wanted = {name: c for name, c in found.items() if isinstance(c, Channel)}
+    if run.kind == "duration":
+        missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
+        wanted = {name: c for name, c in wanted.items() if c.order != -2}
+    curves = (sweep if run.kind == "sweep" else duration)(links, run, driven, wanted, settings)
+    curves.missing.update(missing)
+    return curves
+
+
+def _compile(path: Path) -> mujoco.MjModel:
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+    if model.njnt == 0:
+        raise Unsupported(f"{path.name}: a model without joints")
+    return model
+
+
+def _settings(run: Run, model: mujoco.MjModel) -> dict[str, object]:
+    unknown = set(run.settings) - set(KNOWN)
+    if unknown:
+        raise BadModel(f"unknown setting {sorted(unknown)[0]!r} for pymunk; "
+                       f"known: {', '.join(KNOWN)}")
+    own = bool(run.settings.get("defaults", False))
+    tuned = {"timestep": float(model.opt.timestep),
+             "iterations": 10 if own else 500 if run.kind == "sweep" else 50,
+             "error_bias": CHIPMUNK_BIAS if own else 0.0}
+    return tuned | {k: v for k, v in run.settings.items() if k != "defaults"}

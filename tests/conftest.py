@@ -1,0 +1,30 @@
+"""Shared fixtures: a writable copy of the models, and a way to change one of them."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Path:
+    """A copy of `models/` that a test may change."""
+    return Path(shutil.copytree(MODELS, tmp_path / "models"))
+
+
+@pytest.fixture
+def edit(models: Path) -> Callable[..., Path]:
+    """``edit(name, old, new)`` replaces a regular expression, which must match, in a copied file."""
+
+    def change(name: str, old: str, new: str, count: int = 0) -> Path:
+        file = models / name
+        text, hits = re.subn(old, new, file.read_text(), count=count)
+        assert hits, f"{old!r} does not occur in {name}"
+        file.write_text(text)
+        return file
+
+    return change
