@@ -17,5 +17,8 @@ class InputError(Exception):
     """
 
     def __init__(self, file: Path, key: str, wrong: str):
-        super().__init__(f"{file}: {key + ': ' if key else ''}{wrong}")
-        self.file = Path(file)
+        super().__init__(file, key, wrong)
+        self.file, self.key, self.wrong = Path(file), key, wrong
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.key + ': ' if self.key else ''}{self.wrong}"

@@ -30,7 +30,7 @@ class Plane:
         return vectors @ np.stack([self.e1, self.e2], axis=1)
 
     def world(self, flat: Array, height: float = 0.0) -> Array:
-        """World vectors of components in the plane, `height` along the normal: (..., 2) to (..., 3)."""
+        """World vectors of components in the plane, `height` above it: (..., 2) to (..., 3)."""
         return flat @ np.stack([self.e1, self.e2]) + height * self.normal
 
 
@@ -62,8 +62,8 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> Plane:
         off = np.linalg.norm(np.cross(normal, axis)) if hinge else abs(normal @ axis)
         if off > PARALLEL:
             kind = "hinge" if hinge else "slide"
-            raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves the plane normal to "
-                              f"{np.round(normal, 6).tolist()}")
+            raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves the plane "
+                              f"normal to {np.round(normal, 6).tolist()}")
     x = np.array([1.0, 0.0, 0.0])
     if np.linalg.norm(np.cross(normal, x)) < PARALLEL:
         x = np.array([0.0, 1.0, 0.0])

@@ -7,13 +7,13 @@ import pymunk
 from pymunk import batch
 
 from sim.protocol import Array, Curves, Diverged, Run, Unsupported
-from sim.pymunk_close import close, gaps, start_motion, step_back
+from sim.pymunk_close import close, gaps, joint_value
 from sim.pymunk_links import Links
 from sim.pymunk_read import Channel, kinetic, moving, unwrapped
-from sim.pymunk_close import joint_value
 from sim.pymunk_space import FIELDS, add_motor, build, put, taken
+from sim.pymunk_start import start_motion, step_back
 
-SURE = 20000
+SURE = 3000
 """Iterations of the first step: Chipmunk starts from the last step's impulses, and has none."""
 LOST = 0.1
 """Gap, as a share of the mechanism's extent, beyond which a run is lost."""
@@ -28,7 +28,7 @@ def duration(links: Links, run: Run, driven: int, channels: dict[str, Channel],
     record = np.zeros(len(rates), bool)
     record[::per] = record[per - 1::per] = True
     buffer = batch.Buffer()
-    step_through(space, dt, motor, rates, record, buffer)
+    step_through(space, dt, motor, rates, record, buffer, SURE)
     states = at_samples(*taken(buffer, links), record, per, back)
     gap = _checked(links, states[0], run.x)
     curves = {name: unwrapped(name, _curve(links, c, states, dt)) for name, c in channels.items()}
@@ -85,17 +85,21 @@ def _one_more(value: Array, acc: Array, dt: float) -> Array:
 
 
 def step_through(space: pymunk.Space, dt: float, motor: pymunk.SimpleMotor | None,
-                 rates: Array, record: Array, buffer: batch.Buffer) -> None:
-    """Step once for each rate, and append the state of all bodies after the marked steps."""
+                 rates: Array, record: Array, buffer: batch.Buffer, first: int) -> None:
+    """Step once for each rate, and append the state of all bodies after the marked steps.
+
+    The first step, which is marked, takes `first` iterations.
+    """
     step, read = space.step, batch.get_space_bodies
-    usual, space.iterations = space.iterations, SURE
+    usual, space.iterations = space.iterations, first
     for rate, wanted in zip(rates.tolist(), record.tolist(), strict=True):
-        if motor is not None:
+        if motor:
             motor.rate = rate
         step(dt)
         if wanted:
             read(space, FIELDS, buffer)
-            space.iterations = usual
+            if first:
+                space.iterations, first = usual, 0
 
 
 def at_samples(pose: Array, velocity: Array, record: Array, per: int,

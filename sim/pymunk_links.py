@@ -7,6 +7,7 @@ import numpy as np
 
 from sim.plane import Plane, find_plane
 from sim.protocol import Array, BadModel
+from sim.pymunk_inertia import inertias
 from sim.pymunk_refuse import OFF, off, refuse, refuse_gravity
 
 OPEN = 0.05
@@ -107,7 +108,7 @@ def read_links(model: mujoco.MjModel, key: str, driven: int) -> Links:
     roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
     of_body = np.array([len(roots) if w == 0 else int(np.searchsorted(roots, w))
                         for w in model.body_weldid])
-    centre, mass, moment = _inertias(model, data, plane, of_body, len(roots))
+    centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
     joints = tuple(_joint(model, data, plane, of_body, centre, j, driven)
                    for j in range(model.njnt))
     loops = _loops(model, data, plane, of_body, centre)
@@ -119,47 +120,15 @@ def read_links(model: mujoco.MjModel, key: str, driven: int) -> Links:
 
 
 def _kinematics(model: mujoco.MjModel, key: str) -> mujoco.MjData:
+    """Frames of all bodies at the keyframe; a model without any starts at its zero pose."""
     names = [model.key(k).name for k in range(model.nkey)]
-    if key not in names:
-        raise BadModel(f"no key '{key}'; the model has {', '.join(names) or 'none'}")
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, names.index(key))
+    if names:
+        if key not in names:
+            raise BadModel(f"no key '{key}'; the model has {', '.join(names)}")
+        mujoco.mj_resetDataKeyframe(model, data, names.index(key))
     mujoco.mj_kinematics(model, data)
     return data
-
-
-def _inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
-              count: int) -> tuple[Array, Array, Array]:
-    """Centre, mass and moment of every link; bodies without joints belong to their parent's."""
-    frames = data.ximat.reshape(-1, 3, 3)
-    about = np.einsum("bij,i->bj", frames, plane.normal) ** 2
-    own = np.einsum("bj,bj->b", about, model.body_inertia)
-    points = plane.flat(data.xipos)
-    centre, mass, moment = np.zeros((count + 1, 2)), np.zeros(count), np.zeros(count)
-    for k in range(count):
-        of = of_body == k
-        m, p = model.body_mass[of], points[of]
-        mass[k], centre[k] = m.sum(), m @ p / m.sum()
-        moment[k] = own[of].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
-    for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
-        k, body = of_body[model.jnt_bodyid[j]], model.jnt_bodyid[j]
-        if of_body[model.body_parentid[body]] == count:
-            moment[k] += model.dof_armature[model.jnt_dofadr[j]]
-            _swing(centre, mass, moment, k, plane.flat(data.xanchor[j]))
-    return centre, mass, moment
-
-
-def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> None:
-    """Replace a link that is nearly a point mass on a ground hinge by its dynamic equal.
-
-    Such a link only knows its moment about the pin and mass times arm.  Chipmunk divides by the
-    moment about the centre, so 1e-12 kg m2 there would multiply rounding by 1e12.
-    """
-    arm = centre[k] - pin
-    if moment[k] < 0.1 * mass[k] * (arm @ arm):
-        moment[k] += 0.5 * mass[k] * (arm @ arm)
-        mass[k] *= 2.0
-        centre[k] = pin + 0.5 * arm
 
 
 def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,

@@ -77,7 +77,8 @@ def _bodies(model: mujoco.MjModel) -> Iterator[str]:
 def _equalities(model: mujoco.MjModel) -> Iterator[str]:
     for e in range(model.neq):
         if model.eq_active0[e] and model.eq_type[e] != EQ.mjEQ_CONNECT:
-            yield f"{EQ(int(model.eq_type[e])).name[5:].lower()} equality '{model.equality(e).name}'"
+            kind = EQ(int(model.eq_type[e])).name[5:].lower()
+            yield f"{kind} equality '{model.equality(e).name}'"
 
 
 def _actuators(model: mujoco.MjModel, driven: int) -> Iterator[str]:

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from sim.protocol import Array, BadModel
+from sim.protocol import Array
 from sim.pymunk_close import close, jacobian, joint_value, potential, residual
 from sim.pymunk_links import Joint, Links
 
+SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 NUDGE = 1e-3
 """Displacement for second differences of the energy, in extents or radians."""
 
@@ -22,7 +23,7 @@ def free_directions(links: Links, joint: Joint, pose: Array) -> Array:
 
 
 def pace(links: Links, joint: Joint, pose: Array) -> tuple[float, float]:
-    """Time step [s] and damping (velocity left after 1 s) that bring a pose to rest soon.
+    """Time step [s] and share of velocity kept in a step that bring a pose to rest soon.
 
     The step is a third of what the fastest free coordinate allows, the damping critical for the
     slowest; both from second differences of the energy along the closed poses.
@@ -41,10 +42,11 @@ def pace(links: Links, joint: Joint, pose: Array) -> tuple[float, float]:
     hessian = np.zeros((count, count))
     for i in range(count):
         for j in range(i + 1):
-            corner = [energy(s * units[i] + t * units[j]) for s, t in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            corner = [energy(s * units[i] + t * units[j]) for s, t in SIGNS]
             second = (corner[0] - corner[1] - corner[2] + corner[3]) / 4
             hessian[i, j] = hessian[j, i] = second / (sizes[i] * sizes[j])
     omega = np.sqrt(np.abs(np.linalg.eigvalsh(hessian)))
     fast = max(omega.max(), 1e-6)
     slow = max(omega.min(), 0.05 * fast)
-    return 0.6 / fast, float(np.exp(-2.0 * slow))
+    dt = 0.6 / fast
+    return dt, float(np.exp(-2.0 * slow * dt))

@@ -21,8 +21,10 @@ from sim.pymunk_space import FIELDS, add_motor, build, put, taken
 
 MOVE = 0.05
 """Largest move of the drive [rad] between two rests."""
-STILL = 1e-13
-"""Largest remaining move in a step, in extents, that counts as rest."""
+STILL = 1e-12
+"""Largest remaining move in a step, in extents, that counts as rest at a sample."""
+ROUGH = 1e-6
+"""The same between samples, where the pose only has to stay on its branch."""
 MOST = 20000
 """Steps after which a pose that still moves is given up."""
 NO_ACC = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
@@ -41,10 +43,17 @@ class Held:
     free: bool
     pose: Array
     velocity: Array
+    keep: float = 0.0
 
     def step(self, rate: float) -> None:
-        """One engine step with the drive at a rate [rad/s]; keeps the state it leaves."""
+        """One engine step with the drive at a rate [rad/s]; keeps the state it leaves.
+
+        The bodies move on with their velocity and `keep` a share of it.  Chipmunk's own damping
+        would not do: it acts after the springs' impulses and weakens them.
+        """
         self.motor.rate = self.joint.sign * rate
+        kept = self.keep * self.velocity
+        put(self.space, self.pose + self.dt * (self.velocity - kept), kept)
         self.space.step(self.dt)
         buffer = batch.Buffer()
         batch.get_space_bodies(self.space, FIELDS, buffer)
@@ -53,20 +62,19 @@ class Held:
     def stop(self) -> None:
         """Take all velocity out without moving."""
         self.velocity = np.zeros_like(self.velocity)
-        put(self.space, self.pose, self.velocity)
 
-    def settle(self, value: float) -> None:
+    def settle(self, value: float, still: float = STILL) -> None:
         """Step until nothing moves and the drive has its value."""
         calm, scale = 0, self.links.extent
         for count in range(MOST):
             if self.free and count % 200 == 0:
-                self.dt, self.space.damping = pace(self.links, self.joint, self.pose)
+                self.dt, self.keep = pace(self.links, self.joint, self.pose)
             ahead = joint_value(self.joint, self.pose + self.dt * self.velocity)
             self.step((value - ahead) / self.dt)
             moved = np.abs(self.velocity).max() * self.dt / scale
             if not np.isfinite(moved):
                 break
-            calm = calm + 1 if moved < STILL else 0
+            calm = calm + 1 if moved < still else 0
             if calm > 2:
                 return
         gap = gaps(self.links, self.pose).max()
@@ -127,7 +135,8 @@ def sweep(links: Links, run: Run, driven: int, channels: dict[str, Channel],
               for name, c in wanted.items()}
     drive = (joint_value(held.joint, pose), rate, np.asarray(run.drive.law(run.x)[2], float))
     return Curves(run.x, curves, missing, drive, float(gaps(links, pose).max()),
-                  time.perf_counter() - began, len(run.x), dict(settings))
+                  time.perf_counter() - began, len(run.x),
+                  {k: v for k, v in settings.items() if k != "timestep"})
 
 
 def _held(links: Links, joint: Joint, value: float, settings: dict[str, float]) -> Held:
@@ -135,8 +144,6 @@ def _held(links: Links, joint: Joint, value: float, settings: dict[str, float]) 
     pose = close(links, links.pose, (joint, value))
     space = build(links, settings["iterations"], settings["error_bias"])
     motor = add_motor(space, links, joint)
-    space.damping = 0.0
-    put(space, pose, np.zeros_like(pose))
     free = free_directions(links, joint, pose).shape[1] > 0
     # at this step gravity and a gap of rounding size make equal noise
     weight = float(np.linalg.norm(links.gravity))
@@ -146,8 +153,9 @@ def _held(links: Links, joint: Joint, value: float, settings: dict[str, float]) 
 
 def _move(held: Held, target: float) -> None:
     now = float(joint_value(held.joint, held.pose))
-    for value in np.linspace(now, target, int(abs(target - now) / MOVE) + 2)[1:]:
-        held.settle(float(value))
+    for value in np.linspace(now, target, int(abs(target - now) / MOVE) + 2)[1:-1]:
+        held.settle(float(value), ROUGH)
+    held.settle(target)
 
 
 def _curve(c: Channel, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:

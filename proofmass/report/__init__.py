@@ -4,7 +4,7 @@
 numbers, `tables` the rows, `figures` the curves (SVG and PNG), `pages` puts them into `templates/`.
 """
 
-#PAGES
+from proofmass.report.pages import write_report
 from proofmass.report.words import headline
 
-__all__ = ["headline"]
+__all__ = ["headline", "write_report"]

@@ -8,6 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
 
 from proofmass.report.data import Shown, grouped, inputs, readable
@@ -16,6 +17,7 @@ from proofmass.report.words import number, pretty
 from sim.protocol import Array
 
 FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn
+HALO = [withStroke(linewidth=2, foreground="white")]
 Line = tuple[Array, Array]
 
 
@@ -70,7 +72,7 @@ def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
     ax.set_ylim(*bounds)
     if out:
         ax.text(0.99, 0.99, "off the scale: " + ", ".join(out), transform=ax.transAxes,
-                ha="right", va="top", fontsize=6.5, color="#8a1c1c", zorder=9)
+                ha="right", va="top", fontsize=6.5, color="#8a1c1c", zorder=9, path_effects=HALO)
 
 
 def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> None:
@@ -114,7 +116,7 @@ def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -
                        linestyle=(0, (7, 3)), zorder=2)
             ax.annotate(f"{c.solver}: {number(c.allowed)} allowed", (0.01, c.allowed),
                         xycoords=("axes fraction", "data"), xytext=(0, 1.5), fontsize=6.5,
-                        textcoords="offset points", color=style[c.solver].colour, zorder=9)
+                        textcoords="offset points", color=style[c.solver].colour, zorder=9, path_effects=HALO)
             tops.append(c.allowed)
     ax.set_yscale("log")
     if levels:
@@ -132,7 +134,8 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
     width = max(map(len, rows))
     names: list[list[str]] = [[*driven]] * bool(driven) + rows
     width = max(width, len(names[0]))
-    height = 1.75 * len(names) + 0.75
+    head = 0.8 if view.lost else 0.62  # room for the legend, and the note below it
+    height = 1.75 * len(names) + 0.13 + head
     figure = Figure(figsize=(3.05 * width + 0.3, height))
     axes = figure.subplots(len(names), width, squeeze=False, sharex=True)
     for row, line in zip(axes, names, strict=True):
@@ -156,7 +159,7 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
         axes[0, 0].xaxis.set_major_locator(MultipleLocator(90 if abs(x[-1] - x[0]) < 721 else 180))
     legend(figure, view, style, what, height)
     figure.subplots_adjust(left=0.62 / (3.05 * width), right=1 - 0.1 / (3.05 * width),
-                           bottom=0.42 / height, top=1 - 0.62 / height, wspace=0.3, hspace=0.38)
+                           bottom=0.42 / height, top=1 - head / height, wspace=0.3, hspace=0.38)
     return figure
 
 
@@ -176,8 +179,9 @@ def legend(figure: Figure, view: Shown, style: Mapping[str, Look], what: str,
 def thumbnail(view: Shown, style: Mapping[str, Look]) -> Figure:
     """One overlay in small, for the index."""
     figure = Figure(figsize=(3.2, 1.9))
-    overlay(figure.add_axes((0.15, 0.2, 0.82, 0.68)), view, view.channels[0], style)
+    overlay(figure.add_axes((0.2, 0.21, 0.77, 0.66)), view, view.channels[0], style)
     figure.axes[0].set_xlabel(f"{view.x_name} [{view.x_unit}]")
+    figure.axes[0].margins(x=0)
     return figure
 
 
@@ -186,7 +190,10 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
     figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
     if png:
         figure.savefig(stem.with_suffix(".png"))
-    return stem.with_suffix(".svg").read_text(encoding="utf-8")
+    text = stem.with_suffix(".svg").read_text(encoding="utf-8")
+    text = text.replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
+    stem.with_suffix(".svg").write_text(text, encoding="utf-8")
+    return text
 
 
 def make(view: Shown, style: Mapping[str, Look], what: str, stem: Path) -> str:

@@ -7,8 +7,9 @@ marker tell the solvers apart on a black-and-white print as well.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
-Dash = tuple[int, tuple[float, ...]] | str
+Dash = tuple[int, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,10 @@ class Look:
     @property
     def css_dash(self) -> str:
         """The dash pattern as SVG says it, for the legend swatches of the pages."""
-        return "none" if isinstance(self.dash, str) else " ".join(f"{2 * d:g}" for d in self.dash[1])
+        return " ".join(f"{2 * d:g}" for d in self.dash[1]) or "none"
 
 
-SOLID: Dash = "-"
+SOLID: Dash = (0, ())
 KNOWN = {
     "mujoco": Look("#0072B2", SOLID, "o", 0),
     "pymunk": Look("#D55E00", (0, (5, 1.5)), "s", 1),
@@ -38,10 +39,10 @@ KNOWN = {
 SPARE = [(c, d, m) for m, (d, c) in zip(
     "Xp*h<>Xp*h<>", product([(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
                             ["#CC79A7", "#444444", "#8A6D00"]), strict=True)]
-REFERENCE = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
+REFERENCE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
 
-RC = {
-    "font.family": ["DejaVu Sans", "Arial", "sans-serif"],
+RC: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib; `figures.save` adds others
     "font.size": 8,
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",

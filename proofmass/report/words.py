@@ -20,7 +20,7 @@ def number(value: float, digits: int = 3) -> str:
     """
     if not math.isfinite(value):
         return "—" if math.isnan(value) else ("∞" if value > 0 else "-∞")
-    if value and not 1e-3 <= abs(value) < 1e5:
+    if value and not 1e-2 <= abs(value) < 1e5:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
         return f"{mantissa}e{int(exponent)}"
@@ -94,26 +94,25 @@ def headline(case: Case, comparisons: Iterable[Comparison],
         return "Not judged: no run could be compared; the input is at fault."
     sweep, duration = by_solver(own, "sweep"), by_solver(own, "duration")
     if any(c.outcome == "differs" for rows in sweep.values() for c in rows):
-        broken = not any(clean(rows) for rows in sweep.values())
-        text = ("The model is not the mechanism: " if broken else
-                f"The model is the mechanism in {listed(spoken(s) for s in sweep if clean(sweep[s]))}"
-                ", not in every solver: ")
+        good = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
+        text = (f"The model is the mechanism in {good}, not in every solver: " if good else
+                "The model is not the mechanism: ")
         text += "; ".join(told(s, rows, " in the sweep") for s, rows in sweep.items()
                           if not clean(rows) and not plain(rows))
         return text + "; do not look at integrators before this is mended."
-    parts = []
-    if sweep:
-        good = {s: rows for s, rows in sweep.items() if clean(rows)}
-        parts.append(f"The model is the mechanism: {agreement(good)}" if good else
-                     "The sweep was not checked: model and integrator are judged together")
-        parts += [told(s, rows, " in the sweep") for s, rows in sweep.items()
-                  if any(c.outcome in LOST for c in rows)]
+    if not sweep:
+        first = "No sweep, so model and integrator are judged together"
+    elif good := {s: rows for s, rows in sweep.items() if clean(rows)}:
+        first = f"The model is the mechanism: {agreement(good)}"
+    else:
+        first = "The sweep was not checked, so model and integrator are judged together"
+    parts = [told(s, rows, " in the sweep") for s, rows in sweep.items()
+             if any(c.outcome in LOST for c in rows)]
     parts += [told(s, rows, f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else
                    " over the duration")
               for s, rows in duration.items() if not plain(rows)]
-    parts += [unchecked({s: rows for s, rows in duration.items() if plain(rows)})]
-    text = ". ".join(["; ".join(p) for p in (parts[:1], [p for p in parts[1:] if p]) if p])
-    return text + ("." if sweep else " (no sweep: model and integrator are judged together).")
+    parts += unchecked({s: rows for s, rows in duration.items() if plain(rows)})
+    return first + (". " if sweep and parts else ": " if parts else "") + "; ".join(parts) + "."
 
 
 def clean(rows: list[Comparison]) -> bool:
@@ -154,16 +153,26 @@ def told(solver: str, rows: list[Comparison], where: str) -> str:
                                       f" on {agreed} of {len(rows)} channels")
 
 
-def unchecked(rows: dict[str, list[Comparison]]) -> str:
+def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     """The solvers that are shown but not judged, and how far off they are."""
     found = {}
     for solver, comparisons in rows.items():
         shares = [s for s in map(share, comparisons) if math.isfinite(s)]
         if shares:
-            found[solver] = f"{spoken(solver)} ({number(max(shares), 1)} of range off)"
+            found[solver] = f"{spoken(solver)} ({portion(max(shares))} of range off)"
         elif any(c.outcome == "unchecked" for c in comparisons):
             found[solver] = spoken(solver)
     unsupported = [spoken(s) for s in rows if s not in found]
     parts = [f"shown unchecked: {listed(found.values())}"] if found else []
-    parts += [f"{listed(unsupported)} cannot express it"] if unsupported else []
-    return "; ".join(parts)
+    return parts + ([f"not expressible in {listed(unsupported)}"] if unsupported else [])
+
+
+def portion(value: float) -> str:
+    """A share of the range, in per cent when it is large enough to be seen in a plot.
+
+    >>> portion(0.092), portion(3.2e-5), portion(44.4)
+    ('9 %', '3e-5', '44 times')
+    """
+    if value >= 2:
+        return f"{number(value, 2)} times"
+    return f"{number(100 * value, 1)} %" if value >= 1e-3 else number(value, 1)

@@ -1,0 +1,169 @@
+"""The rows of the report's tables, every number already a word."""
+
+import math
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from proofmass.case import Case, Tolerance
+from proofmass.compare import Comparison
+from proofmass.report.data import Shown
+from proofmass.report.words import LOST, SYMBOLS, listed, number, pretty, share
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One channel of one solver."""
+
+    solver: str
+    outcome: str
+    symbol: str
+    message: str
+    cells: tuple[str, ...]
+    notice: str = ""
+    notices: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Group:
+    """The rows of one channel."""
+
+    channel: str
+    unit: str
+    rows: tuple[Row, ...]
+
+
+def place(view: Shown, x: float) -> str:
+    """A place on the run's parameter with its unit."""
+    value, unit = view.place(x)
+    return "—" if math.isnan(value) else f"{number(value)} {unit}"
+
+
+def comparisons(view: Shown) -> list[Group]:
+    """The main table: every channel, and in it every solver.
+
+    Cells: worst error, where, the same over the range, RMS, NRMSE, allowed.
+    """
+    groups = []
+    for channel in view.channels:
+        rows = [Row(c.solver, c.outcome, SYMBOLS.get(c.outcome, "?"),
+                    c.message if c.outcome != "unchecked" else "",
+                    (number(c.error_max), place(view, c.at), number(share(c)),
+                     number(c.error_rms), number(c.nrmse), number(c.allowed)), *notice(c))
+                for c in view.rows if c.channel == channel]
+        groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
+    return groups
+
+
+def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """The most sensitive parameter of a channel, and all of them, most sensitive first."""
+    found = sorted(c.would_notice.items(), key=lambda item: item[1])
+    words = tuple((name, number(value, 2)) for name, value in found if math.isfinite(value))
+    return (" ".join(words[0]) if words else "—"), words
+
+
+def unnoticed(case: Case, rows: list[Comparison]) -> list[str]:
+    """Parameters that no checked channel depends on, not even on a change of 100 %."""
+    seen = {p for c in rows if c.outcome in ("agrees", "differs")
+            for p, change in c.would_notice.items() if change < 1}
+    return [p for p in case.parameters if p != "mode" and p not in seen]
+
+
+def extrema(view: Shown) -> list[Group]:
+    """Least and greatest value of each channel and where; solvers as differences to them.
+
+    Cells: least, where, greatest, where.
+    """
+    groups = []
+    for channel in view.channels:
+        truth = next(iter(view.truth.values())).channels[channel]
+        x = next(iter(view.truth.values())).x
+        low, high = ends(truth)
+        rows = [Row("reference", "", "", "", (number(truth[low], 6), place(view, x[low]),
+                                              number(truth[high], 6), place(view, x[high])))]
+        for solver, curves in view.curves.items():
+            if channel not in curves.channels:
+                continue
+            mine, own = curves.channels[channel], view.truth[solver].channels[channel]
+            cells: list[str] = []
+            for k, q in zip(ends(mine), ends(own), strict=True):
+                cells += [signed(float(mine[k] - own[q])),
+                          shift(float(curves.x[k] - curves.x[q]) * view.x_scale, view.x_unit)]
+            rows.append(Row(solver, "", "", "", tuple(cells)))
+        groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
+    return groups
+
+
+def ends(y: np.ndarray) -> tuple[int, int]:
+    """Where a curve is least and greatest; NaN is passed over."""
+    if not np.isfinite(y).any():
+        return 0, 0
+    return int(np.nanargmin(y)), int(np.nanargmax(y))
+
+
+def signed(value: float) -> str:
+    """A difference with its sign."""
+    return ("+" if value > 0 else "") + number(value)
+
+
+def shift(value: float, unit: str) -> str:
+    """How far an extremum has moved; nothing when it stands on the same sample."""
+    return "same" if value == 0 else f"{signed(value)} {unit}"
+
+
+def costs(view: Shown) -> list[dict[str, str]]:
+    """What each solver's run cost, how far its loops came open, and its settings."""
+    rows = []
+    for solver in view.solvers:
+        own = [c for c in view.rows if c.solver == solver]
+        if not own:
+            continue
+        c, curves = own[0], view.curves.get(solver)
+        settings = curves.settings if curves else {}
+        rows.append({
+            "solver": solver, "seconds": number(c.seconds), "gap": number(c.gap),
+            "steps": str(c.steps) if c.steps else "—",
+            "settings": ", ".join(f"{k} {plain(v)}" for k, v in settings.items()) or "—",
+            "note": c.message if c.outcome in LOST else "",
+        })
+    return rows
+
+
+def plain(value: object) -> str:
+    """A setting as a word."""
+    if isinstance(value, float | np.floating):
+        return number(float(value))
+    if isinstance(value, list | tuple | np.ndarray):
+        return "[" + ", ".join(plain(v) for v in value) + "]"
+    return str(value)
+
+
+def missing(view: Shown) -> list[str]:
+    """What solvers cannot deliver, each reason once."""
+    rows = sorted((c for c in view.rows if c.outcome == "unsupported"),
+                  key=lambda c: (c.solver, c.message))
+    return [f"{solver}, {listed(c.channel for c in own)}: {message or 'no reason given'}"
+            for (solver, message), found in groupby(rows, key=lambda c: (c.solver, c.message))
+            if (own := list(found))]
+
+
+def reasons(case: Case) -> list[dict[str, str]]:
+    """Every tolerance, what it covers, and why it is that wide."""
+    return [{"covers": covers(t), "why": t.why,
+             "size": f"{number(t.abs)} (absolute)" if t.abs is not None else
+             f"{number(t.of_range or NAN)} of range"} for t in case.tolerance]
+
+
+def covers(t: Tolerance) -> str:
+    """What a tolerance speaks of.
+
+    >>> covers(Tolerance(run="sweep", solver="mujoco", abs=1.0, why="x"))
+    'sweep; mujoco; all channels'
+    """
+    units = "" if t.unit == ("*",) else f" in {', '.join(map(pretty, t.unit))}"
+    names = "all channels" if t.channels == ("*",) else ", ".join(t.channels)
+    return "; ".join([t.run or "every run", "every solver" if t.solver == ("*",) else
+                      ", ".join(t.solver), names + units])

@@ -1,0 +1,141 @@
+"""Units of the core: tolerances, comparisons, recorded curves, isolation."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import Tolerance, load_case
+from proofmass.check import check, find
+from proofmass.compare import one
+from proofmass.drive import Samples, Steady
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.recorded import read_recorded, si_unit
+from proofmass.reference import evaluate, grid, law
+from sim.protocol import Curves
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def test_error_measures_of_a_known_difference():
+    case = load_case(MODELS / "pendulum.toml")
+    x = np.linspace(0, 1, 5)
+    truth = np.array([0.0, 1, 2, 3, 4])
+    error = np.array([0, 0, -2e-11, 1e-11, 0])
+    c = one(case, "duration", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {})
+    assert c.outcome == "agrees"
+    assert c.error_max == pytest.approx(2e-11, rel=1e-4)  # 1e-16 of rounding at 2
+    assert c.at == 0.5
+    assert c.error_rms == pytest.approx(1e-11, rel=1e-4)  # sqrt((4 + 1) / 5) e-11
+    assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4)
+    assert c.allowed == pytest.approx(4e-10)
+
+
+def test_tolerance_selects_by_run_solver_unit_and_channel():
+    t = Tolerance(run="sweep", solver="mujoco*", unit="m", channels=["pin.*"], abs=1, why="x")
+    assert t.covers("sweep", "mujoco:fine", "pin.x", "m")
+    assert not t.covers("duration", "mujoco", "pin.x", "m")
+    assert not t.covers("sweep", "pymunk", "pin.x", "m")
+    assert not t.covers("sweep", "mujoco", "pin.x", "rad")
+    assert not t.covers("sweep", "mujoco", "slider", "m")
+
+
+@pytest.mark.parametrize(("unit", "si", "factor"), [
+    ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180), ("deg/s^2", "rad/s^2", np.pi / 180),
+    ("mm/s²", "m/s^2", 1e-3), ("rev/min", "rad/s", 2 * np.pi / 60), ("N mm", "N m", 1e-3),
+    ("m/s", "m/s", 1.0), ("kg mm^2", "kg m^2", 1e-6),
+])
+def test_units_come_to_si(unit, si, factor):
+    assert si_unit(unit)[0] == si
+    assert si_unit(unit)[1] == pytest.approx(factor, rel=1e-15)
+
+
+def test_a_curve_in_millimetres_and_degrees_is_the_curve_in_si(models, edit):
+    file = models / "hacksaw_recorded.csv"
+    plain = read_recorded(file)
+    rows = [line for line in file.read_text().splitlines() if not line.startswith("#")]
+    table = np.array([row.split(",") for row in rows[1:]], float)
+    table[:, 4] *= 1e3
+    table[:, 5] *= 180 / np.pi
+    head = rows[0].replace("r1 [m]", "r1 [mm]").replace("theta1 [rad]", "theta1 [deg]")
+    np.savetxt(file, table, fmt="%.17g", delimiter=",", header=head, comments="")
+    other = read_recorded(file)
+    for name in ("r1", "theta1"):
+        np.testing.assert_allclose(other.columns[name], plain.columns[name], rtol=4e-16)
+
+
+def test_closed_form_is_the_recorded_hacksaw_curve():
+    """Two computations of the same mechanism that know nothing of each other."""
+    closed, recorded = (load_case(MODELS / f"{n}.toml") for n in ("hacksaw", "hacksaw_recorded"))
+    x = grid(recorded, "sweep")
+    ours = evaluate(closed, x, law(closed, "sweep")(x))
+    theirs = evaluate(recorded, x, None)
+    for name in closed.channels:
+        span = np.ptp(theirs.channels[name])
+        worst = np.abs(ours.channels[name] - theirs.channels[name]).max()
+        assert worst <= 1e-12 * max(span, 1), name  # the issue's figure; rounding is 1e-14
+
+
+def test_recorded_drive_is_exact_at_samples_and_close_between():
+    x = np.linspace(0, 3, 301)
+    drive = Samples(x, np.sin(x), np.cos(x), -np.sin(x))
+    np.testing.assert_array_equal(drive(x)[2], -np.sin(x))
+    between = x[:-1] + 0.005
+    # a cubic through value and rate: h^4 / 384 of the fourth derivative, and rounding
+    np.testing.assert_allclose(drive(between)[0], np.sin(between), atol=0.01**4 / 384 * 1.01)
+
+
+def test_steady_drive_in_time_and_in_value():
+    x = np.array([0.0, 1.0])
+    assert Steady(2, 3, x_is_time=True)(x)[0].tolist() == [2, 5]
+    assert Steady(2, 3, x_is_time=False)(x)[0].tolist() == [0, 1]
+
+
+def test_an_abort_costs_its_own_call_only():
+    with pytest.raises(Crashed, match="signal 6"):
+        isolated(os.abort, timeout=20)
+    assert isolated(abs, -3, timeout=20) == 3
+
+
+def test_a_hang_is_killed():
+    began = time.monotonic()
+    with pytest.raises(TimedOut, match=r"0\.5 s"):
+        isolated(time.sleep, 60, timeout=0.5)
+    assert time.monotonic() - began < 20
+
+
+def test_errors_come_back_as_themselves():
+    with pytest.raises(InputError, match="a: b: c"):
+        isolated(fail, timeout=20)
+
+
+def fail() -> None:
+    raise InputError(Path("a"), "b", "c")
+
+
+def test_a_model_without_a_sidecar_is_unchecked(models):
+    (models / "pendulum.toml").unlink()
+    result = check([models / "pendulum.xml"])
+    assert [(c.case, c.outcome) for c in result.comparisons] == [("pendulum", "unchecked")]
+    assert result.exit_code == 0
+
+
+def test_paths_may_be_folders_sidecars_or_models(models):
+    assert [p.name for p in find([models / "fourbar.xml"])] == ["fourbar.toml"]
+    assert {p.stem for p in find([models])} == {p.stem for p in MODELS.glob("*.toml")}
+
+
+def test_would_notice_is_the_change_that_uses_the_tolerance_up(models):
+    """Bisection-free check: with the parameter off by its would-notice the error is the limit."""
+    case = load_case(models / "hacksaw.toml")
+    x = grid(case, "sweep")
+    state = law(case, "sweep")(x)
+    from proofmass.compare import sensitivities
+    slope = sensitivities(case, Curves(x, {}, drive=state))["coupler"]["theta3"]
+    truth = evaluate(case, x, state).channels["theta3"]
+    allowed = 1e-6
+    off = evaluate(case, x, state, coupler=case.parameters["coupler"] * (1 + allowed / slope))
+    assert np.abs(off.channels["theta3"] - truth).max() == pytest.approx(allowed, rel=1e-3)

@@ -1,0 +1,137 @@
+"""Laws of the MuJoCo side: assembly, virtual work, order of convergence, its wall, lost runs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.reference import evaluate
+from proofmass.solve import plan
+from sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
+from sim.with_mujoco import simulate
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def worst(name: str, kind: str, units: tuple[str, ...], **settings) -> float:
+    """Largest error over the range, of the channels in those units."""
+    case = load_case(MODELS / f"{name}.toml")
+    curves = simulate(case.model_path, replace(plan(case, kind, "mujoco"), settings=settings))
+    truth = evaluate(case, curves.x, curves.drive)
+    return max(float(np.abs(curves.channels[n] - truth.channels[n]).max()
+                     / np.ptp(truth.channels[n]))
+               for n in curves.channels if case.channels[n].unit in units)
+
+
+POSITION = ("m", "rad")
+EVERYTHING = ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N m")
+
+
+@pytest.mark.parametrize("name", ["fourbar", "fourbar_crossed", "hacksaw"])
+def test_sweep_is_the_closed_form_to_rounding(name):
+    assert worst(name, "sweep", EVERYTHING) < 1e-13  # 100 roundings of the largest term
+
+
+def test_softness_is_a_wall_that_no_smaller_step_lowers():
+    coarse = worst("hacksaw", "duration", POSITION, timestep=1e-3, solref=(0.02, 1.0))
+    fine = worst("hacksaw", "duration", POSITION, timestep=2.5e-4, solref=(0.02, 1.0))
+    stiff = worst("hacksaw", "duration", POSITION, timestep=2.5e-4, solref=(0.01, 1.0))
+    assert fine == pytest.approx(coarse, rel=0.05)  # the step is not what limits
+    assert fine / stiff == pytest.approx(4, rel=0.1)  # the loop's gap goes with solref squared
+
+
+@pytest.mark.parametrize(("integrator", "order", "dt"), [("RK4", 4, 5e-3), ("Euler", 1, 1e-3)])
+def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt):
+    errors = [worst("pendulum", "duration", ("rad",), timestep=step, integrator=integrator)
+              for step in (dt, dt / 2)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)  # higher terms
+
+
+def test_default_settings_are_the_engine_s_own():
+    silent = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="a"><joint/><geom size="1"/></body><body name="b"><joint/>'
+        '<geom size="1"/></body></worldbody><equality><connect body1="a" body2="b" anchor="0 0 0"/>'
+        "</equality></mujoco>")
+    from sim.mujoco_model import ENGINE_DEFAULTS as ours
+    assert silent.opt.timestep == ours["timestep"]
+    assert mujoco.mjtIntegrator(silent.opt.integrator).name[6:] == ours["integrator"].upper()
+    np.testing.assert_array_equal(silent.eq_solref[0], ours["solref"])
+    np.testing.assert_array_equal(silent.eq_solimp[0], ours["solimp"])
+
+
+def sweep_of(xml: str, tmp_path: Path, channels=("moment",), n: int = 5):
+    """Sweep the joint "a" of a small model from 0 to 1."""
+    file = tmp_path / "model.xml"
+    file.write_text(xml)
+    drive = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
+    return simulate(file, Run("sweep", np.linspace(0, 1, n), channels, drive))
+
+
+ARM = """<mujoco><compiler angle="radian"/><option gravity="0 -10 0"/><worldbody>
+  <body name="a"><joint name="a" {spring}/><inertial pos="0.5 0 0" mass="3" diaginertia="1 1 1"/>
+  {more}</body></worldbody><actuator><motor name="m" joint="a" gear="{gear}"/></actuator>
+  <sensor><actuatorfrc name="moment" actuator="m"/></sensor></mujoco>"""
+
+
+def test_holding_moment_carries_weight_spring_and_gear(tmp_path):
+    xml = ARM.format(spring='stiffness="7" springref="0.2"', more="", gear=2)
+    curves = sweep_of(xml, tmp_path)
+    by_hand = (3 * 10 * 0.5 * np.cos(curves.x) + 7 * (curves.x - 0.2)) / 2
+    np.testing.assert_allclose(curves.channels["moment"], by_hand, atol=1e-14)  # rounding of 15
+
+
+def test_a_freedom_beside_the_drive_is_named(tmp_path):
+    loose = '<body name="b" pos="1 0 0"><joint name="b"/><inertial pos="1 0 0" mass="1" ' \
+            'diaginertia="1 1 1"/></body>'
+    with pytest.raises(Unsupported, match=r"1 degree\(s\) of freedom left when joint 'a'"):
+        sweep_of(ARM.format(spring="", more=loose, gear=1), tmp_path)
+
+
+def test_an_equality_of_another_kind_is_named(tmp_path):
+    weld = ARM.format(spring="", more="", gear=1).replace(
+        "<actuator>", '<equality><weld name="glue" body1="a"/></equality><actuator>')
+    with pytest.raises(Unsupported, match="weld 'glue'"):
+        sweep_of(weld, tmp_path)
+
+
+def test_a_joint_equality_drives_its_follower(tmp_path):
+    follower = '</body><body name="b"><joint name="b"/><inertial pos="1 0 0" mass="1" ' \
+               'diaginertia="1 1 1"/>'
+    xml = ARM.format(spring="", more=follower, gear=1).replace("<actuator>", """<equality>
+      <joint joint1="b" joint2="a" polycoef="0 0.5 0.25 0 0"/></equality><actuator>""").replace(
+      "<sensor>", """<sensor><jointpos name="b" joint="b"/><jointvel name="vb" joint="b"/>
+      <user name="ab" objtype="joint" objname="b" datatype="real" needstage="acc" dim="1"/>""")
+    curves = sweep_of(xml, tmp_path, ("b", "vb", "ab"))
+    x = curves.x
+    np.testing.assert_allclose(curves.channels["b"], 0.5 * x + 0.25 * x**2, atol=1e-14)
+    np.testing.assert_allclose(curves.channels["vb"], 0.5 + 0.5 * x, atol=1e-14)
+    np.testing.assert_allclose(curves.channels["ab"], 0.5, atol=1e-14)  # all three: rounding
+
+
+def test_a_run_that_the_engine_resets_is_lost(tmp_path):
+    # undamped spring, dt * omega = 100 where RK4 holds to 2.83; MuJoCo resets and carries on
+    xml = ARM.format(spring='stiffness="1e8"', more="", gear=1).replace(
+        "<sensor>", '<sensor><jointpos name="a" joint="a"/>')
+    file = tmp_path / "model.xml"
+    file.write_text(xml)
+    settings = {"timestep": 0.01, "integrator": "RK4"}
+    with pytest.raises(Diverged, match="badq"):
+        simulate(file, Run("duration", np.linspace(0, 1, 11), ("a",), settings=settings))
+
+
+def test_start_pose_far_from_assembled_is_refused(models, edit):
+    file = edit("fourbar.xml", r'qpos="0  1\.35', 'qpos="0  2.35')
+    case = load_case(models / "fourbar.toml")
+    with pytest.raises(BadModel, match="loop 'pin' is open by"):
+        simulate(file, plan(case, "sweep", "mujoco"))
+
+
+def test_acceleration_of_a_point_is_free_of_gravity(tmp_path):
+    xml = ARM.format(spring="", more='<site name="tip" pos="2 0 0"/>', gear=1).replace(
+        "<sensor>", '<sensor><framelinacc name="tip" objtype="site" objname="tip"/>')
+    curves = sweep_of(xml, tmp_path, ("tip.x", "tip.y"))
+    np.testing.assert_allclose(curves.channels["tip.x"], -2 * np.cos(curves.x), atol=1e-14)
+    np.testing.assert_allclose(curves.channels["tip.y"], -2 * np.sin(curves.x), atol=1e-14)
