@@ -97,45 +97,68 @@ def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
     return index
 
 
+def connects(model: mujoco.MjModel) -> list[int]:
+    """Numbers of the ``connect`` equalities that are active at the start."""
+    kind = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT
+    return np.flatnonzero(kind & model.eq_active0.astype(bool)).tolist()
+
+
+def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[Array, Array]:
+    """World position of the two points that ``connect`` number i holds together.
+
+    `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
+    """
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
+        return one, two
+    one, two = (
+        pose["xpos"][..., b, :] + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(
+            pose["xpos"][..., b, :].shape)
+        for b, p in ((model.eq_obj1id[i], model.eq_data[i, 0:3]),
+                     (model.eq_obj2id[i], model.eq_data[i, 3:6])))
+    return one, two
+
+
+def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
+    """Bodies that the two points of ``connect`` number i belong to."""
+    pair = model.eq_obj1id[i], model.eq_obj2id[i]
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
+    return int(pair[0]), int(pair[1])
+
+
+def pose_of(data: mujoco.MjData) -> dict[str, Array]:
+    """The present pose, as `anchors` wants it."""
+    return {"site_xpos": data.site_xpos, "xpos": data.xpos, "xmat": data.xmat}
+
+
 def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """Distance between the two points of every active ``connect`` [m], shape (loops,).
 
     Measured from the bodies' poses, not from the engine's own constraint residual.
     """
-    gaps = []
-    for i in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_CONNECT):
-        if data.eq_active[i]:
-            (p1, _), (p2, _) = anchors(model, data, i)
-            gaps.append(float(np.linalg.norm(p1 - p2)))
-    return np.array(gaps)
+    pairs = [anchors(model, i, pose_of(data)) for i in connects(model)]
+    return np.array([float(np.linalg.norm(one - two)) for one, two in pairs])
 
 
-def anchors(model: mujoco.MjModel, data: mujoco.MjData, i: int) -> tuple[tuple[Array, int], ...]:
-    """World position and body of the two points that ``connect`` number i holds together."""
-    one, two = model.eq_obj1id[i], model.eq_obj2id[i]
-    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
-        return tuple((data.site_xpos[s].copy(), int(model.site_bodyid[s])) for s in (one, two))
-    local = model.eq_data[i]
-    return tuple(
-        (data.xpos[b] + data.xmat[b].reshape(3, 3) @ p, int(b))
-        for b, p in ((one, local[0:3]), (two, local[3:6]))
-    )
-
-
-class Reader:
-    """Turns channel names into numbers: one row a sample, curves at the end.
+class Recorder:
+    """Keeps what a run shows at its samples, as whole rows; curves are cut out at the end.
 
     Two readings differ from ``sensordata``: a ``user`` sensor on a joint with ``needstage="acc"``
     is the joint's acceleration, for which MJCF has no sensor; and ``framelinacc`` is given as the
     acceleration of the point, with the gravity that MuJoCo adds to it taken off.
     """
 
-    def __init__(self, model: mujoco.MjModel, channels: tuple[str, ...]):
-        self.model, self.channels = model, channels
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, channels: tuple[str, ...],
+                 samples: int):
+        self.model = model
         self.normal = plane_normal(model)
         self.sensors = {c: self._resolve(c) for c in channels}
-        self.data_rows: list[Array] = []
-        self.acc_rows: list[Array] = []
+        self.samples = samples
+        names = ("sensordata", "qacc", "qpos", "qvel", "site_xpos", "xpos", "xmat")
+        views = {name: getattr(data, name) for name in names}
+        self.rows = {name: np.empty((samples, *view.shape)) for name, view in views.items()}
+        self.pairs = [(view, self.rows[name]) for name, view in views.items()]
 
     def _resolve(self, channel: str) -> tuple[int, str]:
         name, _, part = channel.partition(".")
@@ -146,21 +169,28 @@ class Reader:
             raise BadModel(f"channel {channel!r}: no such part of sensor {name!r}; use {right}")
         return index, part
 
-    def sample(self, data: mujoco.MjData) -> None:
-        """Keep what the sensors show now."""
-        self.data_rows.append(data.sensordata.copy())
-        self.acc_rows.append(data.qacc.copy())
+    def sample(self, k: int) -> None:
+        """Keep what the engine shows now as sample k."""
+        for view, rows in self.pairs:
+            rows[k] = view
 
     def curves(self) -> dict[str, Array]:
         """All channels over all samples."""
-        self.rows, self.acc = np.array(self.data_rows), np.array(self.acc_rows)
         return {channel: self._curve(*place) for channel, place in self.sensors.items()}
+
+    def gaps(self) -> Array:
+        """Largest loop gap of each sample [m], from the bodies' poses."""
+        worst = np.zeros(self.samples)
+        for one, two in (anchors(self.model, i, self.rows) for i in connects(self.model)):
+            worst = np.maximum(worst, np.linalg.norm(one - two, axis=-1))
+        return worst
 
     def _curve(self, index: int, part: str) -> Array:
         kind, model = self.model.sensor_type[index], self.model
-        block = self.rows[:, model.sensor_adr[index] :][:, : model.sensor_dim[index]]
+        first = model.sensor_adr[index]
+        block = self.rows["sensordata"][:, first : first + model.sensor_dim[index]]
         if kind == S.mjSENS_USER and model.sensor_objtype[index] == mujoco.mjtObj.mjOBJ_JOINT:
-            return self.acc[:, model.jnt_dofadr[model.sensor_objid[index]]]
+            return self.rows["qacc"][:, model.jnt_dofadr[model.sensor_objid[index]]]
         if kind == S.mjSENS_FRAMELINACC:
             block = block + model.opt.gravity
         if part == "angle":

@@ -10,7 +10,7 @@ import time
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import Reader, loop_gap
+from sim.mujoco_model import Recorder
 from sim.mujoco_sweep import Linkage
 from sim.protocol import Array, Curves, Diverged, Run, Unsupported
 
@@ -56,8 +56,9 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
 def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Step through ``run.x`` (time) and read every sensor at every sample.
 
-    The sensors of a MuJoCo step belong to its beginning, one step before the state it leaves
-    behind; a sample is therefore read after a forward pass at the sample's own state.
+    What a step computes belongs to its beginning, one step before the state it leaves behind.  A
+    sample is therefore read after the first step that starts from it; only RK4, which leaves the
+    accelerations of its last stage, needs a forward pass of its own there.
 
     Raises
     ------
@@ -67,37 +68,62 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     count, step = steps_per_sample(run.x, model.opt.timestep)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
-    reader, linkage = Reader(model, run.channels), None
-    torque = np.zeros(times.size - 1)
+    linkage, torque = None, np.zeros(times.size - 1)
     if run.drive:
         linkage = Linkage(model, data, run.drive.joint)
         torque, _ = start(linkage, run, times)
-    dof = linkage.dof if linkage else 0
-    state, gap = np.empty((run.x.size, 3)), 0.0
+    record = Recorder(model, data, run.channels, run.x.size)
     data.time = run.x[0]
     began = time.perf_counter()
-    for k in range(run.x.size):
-        mujoco.mj_forward(model, data)
-        reader.sample(data)
-        state[k] = data.qpos[linkage.adr if linkage else 0], data.qvel[dof], data.qacc[dof]
-        gap = max(gap, loop_gap(model, data).max(initial=0.0))
-        check(model, data, gap)
-        if k + 1 < run.x.size:
-            for force in torque[k * count : (k + 1) * count]:
-                data.qfrc_applied[dof] = force
-                mujoco.mj_step(model, data)
-    return Curves(run.x, reader.curves(), drive=tuple(state.T) if linkage else None, gap=gap,
-                  seconds=time.perf_counter() - began, steps=times.size - 1,
-                  settings={"timestep": step})
+    step_through(model, data, record, torque.reshape(-1, count), linkage.dof if linkage else 0)
+    seconds = time.perf_counter() - began
+    gap = check(model, data, record, run.x)
+    state = None
+    if linkage:
+        rows, dof = record.rows, linkage.dof
+        state = rows["qpos"][:, linkage.adr], rows["qvel"][:, dof], rows["qacc"][:, dof]
+    return Curves(run.x, record.curves(), drive=state, gap=gap, seconds=seconds,
+                  steps=times.size - 1, settings={"timestep": step})
 
 
-def check(model: mujoco.MjModel, data: mujoco.MjData, gap: float) -> None:
-    """Raise when the run is lost; MuJoCo itself resets the state and carries on in silence."""
+def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, torque: Array,
+                 dof: int) -> None:
+    """Step over all samples; `torque` has a row for each interval between two of them."""
+    applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
+    ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    pose, speed = record.rows["qpos"], record.rows["qvel"]
+    for k, forces in enumerate(torque):
+        if ahead:
+            forward(model, data)
+            record.sample(k)
+        else:
+            now = data.qpos.copy(), data.qvel.copy()
+        first, *others = forces
+        applied[dof] = first
+        mj_step(model, data)
+        if not ahead:
+            record.sample(k)
+            pose[k], speed[k] = now
+        for force in others:
+            applied[dof] = force
+            mj_step(model, data)
+    forward(model, data)
+    record.sample(len(torque))
+
+
+def check(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, times: Array) -> float:
+    """Largest loop gap [m]; raises when the run was lost.
+
+    MuJoCo itself resets the state and carries on in silence, so its warnings are read.
+    """
+    gaps, pose = record.gaps(), record.rows["qpos"]
+    finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
+    when = f"t = {times[int(np.argmin(finite))]:.4g} s" if not finite.all() else "some time"
     for warning in FATAL:
         if data.warning[warning].number:
-            name = warning.name[7:].lower()
-            raise Diverged(f"MuJoCo warning {name} at t = {data.time:.4g} s")
-    if not np.isfinite(data.qpos).all():
-        raise Diverged(f"not finite at t = {data.time:.4g} s")
-    if gap > 0.1 * model.stat.extent:
-        raise Diverged(f"a loop came open by {gap:.3g} m at t = {data.time:.4g} s")
+            raise Diverged(f"MuJoCo warning {warning.name[7:].lower()}; lost at {when}")
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise Diverged(f"not finite at {when}" if not np.isfinite(pose[k]).all()
+                       else f"a loop came open by {gaps[k]:.3g} m at {when}")
+    return float(gaps.max(initial=0.0))

@@ -15,7 +15,7 @@ import time
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import Reader, anchors, loop_gap
+from sim.mujoco_model import Recorder, anchor_bodies, anchors, loop_gap, pose_of
 from sim.protocol import Array, BadModel, Curves, Run, Unsupported
 
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
@@ -85,7 +85,8 @@ class Linkage:
     def row_drift(self, i: int, velocity: Array) -> Array:
         """J' v of equality number i, in the engine's order of rows."""
         if self.model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT:
-            (p1, b1), (p2, b2) = anchors(self.model, self.data, i)
+            p1, p2 = anchors(self.model, i, pose_of(self.data))
+            b1, b2 = anchor_bodies(self.model, i)
             return (self.jacobian_rate(p1, b1) - self.jacobian_rate(p2, b2)) @ velocity
         second = self.model.eq_obj2id[i]
         if second < 0:
@@ -121,8 +122,9 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if run.drive is None:
         raise BadModel("a sweep needs a [drive]: the joint that is moved")
     values, rates, accelerations = (np.broadcast_to(a, run.x.shape) for a in run.drive.law(run.x))
-    linkage, reader = Linkage(model, data, run.drive.joint), Reader(model, run.channels)
-    moments, gaps, tangent = np.empty(run.x.size), np.empty(run.x.size), None
+    linkage = Linkage(model, data, run.drive.joint)
+    record = Recorder(model, data, run.channels, run.x.size)
+    moments, tangent = np.empty(run.x.size), None
     began = time.perf_counter()
     for k, value in enumerate(values):
         if tangent is not None:
@@ -132,12 +134,11 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         data.qvel[:] = tangent * rates[k]
         data.qacc[:] = linkage.acceleration(data.qvel, accelerations[k])
         mujoco.mj_inverse(model, data)
-        gaps[k] = loop_gap(model, data).max(initial=0.0)
-        reader.sample(data)
-    channels = reader.curves()
-    for channel, (index, _) in reader.sensors.items():
+        record.sample(k)
+    channels = record.curves()
+    for channel, (index, _) in record.sensors.items():
         if model.sensor_type[index] in MOMENTS:
             gear = model.actuator_gear[model.sensor_objid[index], 0]
             channels[channel] = moments / (gear if model.sensor_type[index] == MOMENTS[0] else 1)
     return Curves(run.x, channels, drive=(values, rates, accelerations),
-                  gap=float(gaps.max()), seconds=time.perf_counter() - began, steps=run.x.size)
+                  gap=float(record.gaps().max()), seconds=time.perf_counter() - began, steps=run.x.size)

@@ -95,9 +95,11 @@ def close(links: Links, pose: Array, drive: tuple[Joint, float] | None = None,
     joint, value = drive
     now = float(joint_value(joint, pose))
     for part in np.linspace(now, value, int(abs(value - now) / 0.05) + 2)[1:]:
-        pose = _newton(lambda p, part=part: np.concatenate(
-            [residual(links, p) - target, joint_value(joint, p)[..., None] - part], axis=-1),
-            pose, links.extent)
+        def error(p: Array, part: float = float(part)) -> Array:
+            driven = joint_value(joint, p)[..., None] - part
+            return np.concatenate([residual(links, p) - target, driven], axis=-1)
+
+        pose = _newton(error, pose, links.extent)
     return pose
 
 

@@ -10,7 +10,7 @@ from sim.protocol import Array, Curves, Diverged, Run, Unsupported
 from sim.pymunk_close import close, gaps, joint_value
 from sim.pymunk_links import Links
 from sim.pymunk_read import Channel, kinetic, moving, unwrapped
-from sim.pymunk_space import FIELDS, add_motor, build, put, taken
+from sim.pymunk_space import FIELDS, Settings, add_motor, build, put, taken
 from sim.pymunk_start import start_motion, step_back
 
 SURE = 3000
@@ -20,7 +20,7 @@ LOST = 0.1
 
 
 def duration(links: Links, run: Run, driven: int, channels: dict[str, Channel],
-             settings: dict[str, float]) -> Curves:
+             settings: Settings) -> Curves:
     """Step a mechanism through time; see `sim.with_pymunk.simulate`."""
     began = time.perf_counter()
     per, dt = steps_per_sample(run.x, settings["timestep"])
@@ -36,7 +36,7 @@ def duration(links: Links, run: Run, driven: int, channels: dict[str, Channel],
     if motor is not None:
         def value(pose: Array) -> Array:
             return joint_value(links.joints[driven], pose)
-        drive = tuple(moving(value, order, *states, dt) for order in range(3))
+        drive = (value(states[0]), moving(value, 1, *states, dt), moving(value, 2, *states, dt))
     return Curves(run.x, curves, {}, drive, gap, time.perf_counter() - began, len(rates),
                   {**settings, "timestep": dt})
 
@@ -46,13 +46,13 @@ def steps_per_sample(x: Array, timestep: float) -> tuple[int, float]:
     spacing = np.diff(x)
     if len(x) < 2 or np.ptp(spacing) > 1e-9 * spacing.mean():
         raise Unsupported("pymunk runs of a duration need samples at a uniform spacing")
-    width = (x[-1] - x[0]) / (len(x) - 1)
+    width = float(x[-1] - x[0]) / (len(x) - 1)
     per = max(1, int(np.ceil(width / timestep - 1e-9)))
     return per, width / per
 
 
 def prepared(links: Links, run: Run, driven: int, dt: float, per: int,
-             settings: dict[str, float]
+             settings: Settings
              ) -> tuple[pymunk.Space, pymunk.SimpleMotor | None, Array, Array]:
     """The space one step before the start, its motor, a rate for each step, the velocity then."""
     space = build(links, settings["iterations"], settings["error_bias"])

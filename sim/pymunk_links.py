@@ -150,7 +150,7 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
                  0.0 if off(model, OFF.mjDSBL_SPRING) else float(model.jnt_stiffness[j]),
                  float(model.qpos_spring[at]),
                  0.0 if off(model, OFF.mjDSBL_DAMPER) else float(model.dof_damping[dof]),
-                 tuple(map(float, model.jnt_range[j])) if limited else None)
+                 (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1])) if limited else None)
 
 
 def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,

@@ -22,12 +22,17 @@ Pose = Callable[[Array], Array]
 class Channel:
     """One channel: a function of the pose and how often to differentiate it by time.
 
-    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the drive's effort, of
-    which ``function`` then only holds the factor.
+    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the drive's effort,
+    which `factor` turns into the sensor's.
     """
 
     order: int
-    function: Pose | float
+    function: Pose
+    factor: float = 1.0
+
+
+def _still(pose: Array) -> Array:
+    return np.zeros(pose.shape[:-2])
 
 
 def channel(links: Links, name: str, driven: int) -> Channel | str:
@@ -80,12 +85,12 @@ def _scalar(links: Links, s: int, driven: int) -> Channel | str:
     if kind == S.mjSENS_E_POTENTIAL:
         return Channel(0, lambda pose: _potential(links, pose))
     if kind == S.mjSENS_E_KINETIC:
-        return Channel(-1, 1.0)
+        return Channel(-1, _still)
     if kind in FORCES:
         joint = obj if kind == S.mjSENS_JOINTACTFRC else model.actuator_trnid[obj, 0]
         if joint == driven >= 0:
             gear = 1.0 if kind == S.mjSENS_JOINTACTFRC else float(model.actuator_gear[obj, 0])
-            return Channel(-2, 1.0 / gear)
+            return Channel(-2, _still, 1.0 / gear)
     return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
 
 
@@ -124,7 +129,7 @@ def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
 def _potential(links: Links, pose: Array) -> Array:
     """MuJoCo's potential energy: -m g.r of every body, plus the joint springs."""
     model, plane = links.model, links.plane
-    energy = 0.0
+    energy = np.zeros(pose.shape[:-2])
     if not off(model, OFF.mjDSBL_GRAVITY):
         for b in range(1, model.nbody):
             link, point = links.of_body[b], links.data.xipos[b]
@@ -134,7 +139,7 @@ def _potential(links: Links, pose: Array) -> Array:
             energy = energy - model.body_mass[b] * (at @ model.opt.gravity)
     for joint in links.joints:
         energy = energy + 0.5 * joint.stiffness * (joint_value(joint, pose) - joint.rest) ** 2
-    return energy + np.zeros(pose.shape[:-2])
+    return energy
 
 
 def kinetic(links: Links, velocity: Array) -> Array:

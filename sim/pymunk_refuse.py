@@ -55,6 +55,9 @@ def _joints(model: mujoco.MjModel, driven: int) -> Iterator[str]:
             yield f"driven slide {name}"
         if model.dof_frictionloss[dof] > 0:
             yield f"frictionloss of {name}"
+        if (model.jnt_limited[j] and model.jnt_type[j] == JOINT.mjJNT_SLIDE
+                and not off(model, OFF.mjDSBL_LIMIT)):
+            yield f"range of slide {name}"
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[dof].any():
             yield f"polynomial stiffness or damping of {name}"
         grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0

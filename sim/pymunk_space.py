@@ -1,6 +1,7 @@
 """A pymunk space built from links, and reading all its bodies at once."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pymunk
@@ -9,6 +10,8 @@ from pymunk import batch
 from sim.protocol import Array
 from sim.pymunk_links import Hold, Joint, Links
 
+Settings = dict[str, Any]
+"""timestep [s], iterations, error_bias."""
 FIELDS = (batch.BodyFields.POSITION | batch.BodyFields.ANGLE
           | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY)
 REACH = 100.0
@@ -47,7 +50,9 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     for loop in links.loops:
         held += _hold(loop, links, bodies)
     for constraint in held:
-        constraint.error_bias = error_bias
+        # a stop that threw a joint out of it in one step would make it bounce
+        if not isinstance(constraint, pymunk.RotaryLimitJoint):
+            constraint.error_bias = error_bias
         space.add(constraint)
     return space
 
@@ -60,20 +65,19 @@ def _at(links: Links, link: int, local: Array) -> tuple[float, float]:
 def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
           joint: Joint | None = None) -> list[pymunk.Constraint]:
     a, b = bodies[hold.a], bodies[hold.b]
-    limits = joint.limits if joint else None
+    limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
     if hold.axis is None:
         pin = pymunk.PivotJoint(a, b, _at(links, hold.a, hold.on_a), _at(links, hold.b, hold.on_b))
-        if limits is None:
+        if joint is None or limits is None:
             return [pin]
-        turns = sorted(joint.sign * (limit - joint.value) for limit in limits)
-        return [pymunk.RotaryLimitJoint(a, b, *turns), pin]
+        low, high = sorted(joint.sign * limit for limit in limits)
+        return [pymunk.RotaryLimitJoint(a, b, low, high), pin]
     reach = REACH * links.extent
-    ends = (-reach, reach) if limits is None else tuple(limit - joint.value for limit in limits)
-    groove = [_at(links, hold.a, hold.on_a + end * hold.axis) for end in ends]
+    start, end = (_at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
     # The groove's own solve is only right if neither anchor couples sliding with turning; the
     # anchors of sim.pymunk_links are chosen so.  A RotaryLimitJoint would lock one side a step.
     return [pymunk.GearJoint(a, b, 0.0, 1.0),
-            pymunk.GrooveJoint(a, b, *groove, _at(links, hold.b, hold.on_b))]
+            pymunk.GrooveJoint(a, b, start, end, _at(links, hold.b, hold.on_b))]
 
 
 def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:

@@ -82,11 +82,12 @@ def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
     """
     velocity, acceleration = motion
     poses = []
+    held = (drive and (drive[0], drive[1]), drive and (drive[0], drive[2]))
     for k, time in enumerate((-dt, 0.0)):
         near = pose + time * velocity + 0.5 * time**2 * acceleration
         before = pose + (time - dt) * velocity + 0.5 * (time - dt) ** 2 * acceleration
         move = dt * (velocity + (time - 0.5 * dt) * acceleration)
         rest = (residual(links, before + move) - residual(links, before)
                 - along(lambda p: residual(links, p), before, move))
-        poses.append(close(links, near, drive and (drive[0], drive[1 + k]), rest))
+        poses.append(close(links, near, held[k], rest))
     return poses[0], (poses[1] - poses[0]) / dt

@@ -17,7 +17,7 @@ from sim.pymunk_close import along, close, gaps, joint_value
 from sim.pymunk_links import Joint, Links
 from sim.pymunk_read import Channel, kinetic, unwrapped
 from sim.pymunk_rest import free_directions, pace
-from sim.pymunk_space import FIELDS, add_motor, build, put, taken
+from sim.pymunk_space import FIELDS, Settings, add_motor, build, put, taken
 
 MOVE = 0.05
 """Largest move of the drive [rad] between two rests."""
@@ -69,7 +69,7 @@ class Held:
         for count in range(MOST):
             if self.free and count % 200 == 0:
                 self.dt, self.keep = pace(self.links, self.joint, self.pose)
-            ahead = joint_value(self.joint, self.pose + self.dt * self.velocity)
+            ahead = float(joint_value(self.joint, self.pose + self.dt * self.velocity))
             self.step((value - ahead) / self.dt)
             moved = np.abs(self.velocity).max() * self.dt / scale
             if not np.isfinite(moved):
@@ -112,7 +112,7 @@ class Held:
 
 
 def sweep(links: Links, run: Run, driven: int, channels: dict[str, Channel],
-          settings: dict[str, float]) -> Curves:
+          settings: Settings) -> Curves:
     """Hold the drive at each sample until rest; see `sim.with_pymunk.simulate`."""
     if run.drive is None:
         raise Unsupported("a sweep without a driven joint")
@@ -139,7 +139,7 @@ def sweep(links: Links, run: Run, driven: int, channels: dict[str, Channel],
                   {k: v for k, v in settings.items() if k != "timestep"})
 
 
-def _held(links: Links, joint: Joint, value: float, settings: dict[str, float]) -> Held:
+def _held(links: Links, joint: Joint, value: float, settings: Settings) -> Held:
     """The space at rest with the drive at its first value."""
     pose = close(links, links.pose, (joint, value))
     space = build(links, settings["iterations"], settings["error_bias"])
@@ -160,7 +160,7 @@ def _move(held: Held, target: float) -> None:
 
 def _curve(c: Channel, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:
     if c.order == -2:
-        return effort * c.function
+        return effort * c.factor
     if c.order == -1:
         return kinetic(links, velocity)
     return c.function(pose) if c.order == 0 else along(c.function, pose, velocity)

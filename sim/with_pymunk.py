@@ -8,6 +8,7 @@ from sim.protocol import BadModel, Curves, Run, Unsupported
 from sim.pymunk_duration import duration
 from sim.pymunk_links import read_links
 from sim.pymunk_read import Channel, channel
+from sim.pymunk_space import Settings
 from sim.pymunk_sweep import sweep
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
@@ -74,7 +75,7 @@ def _compile(path: Path) -> mujoco.MjModel:
     return model
 
 
-def _settings(run: Run, model: mujoco.MjModel) -> dict[str, object]:
+def _settings(run: Run, model: mujoco.MjModel) -> Settings:
     unknown = set(run.settings) - set(KNOWN)
     if unknown:
         raise BadModel(f"unknown setting {sorted(unknown)[0]!r} for pymunk; "

@@ -72,6 +72,8 @@ HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></bod
      "tendon 'rope'"),
     (ARM, "", {"gravity": "0 0 -9.81"}, "gravity"),
     (ARM.replace('"arm"/>', '"arm" frictionloss=".1"/>'), "", {}, "frictionloss of joint 'arm'"),
+    (ARM.replace('"arm"/>', '"arm" type="slide" axis="1 0 0" range="0 1"/>'), "", {},
+     "range of slide joint 'arm'"),
     (ARM.replace('"arm"/>', '"arm" stiffness="1 2"/>'), "", {}, "polynomial .*'arm'"),
     (ARM, '<equality><joint name="lock" joint1="arm"/></equality>', {}, "joint equality 'lock'"),
     (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
@@ -200,6 +202,16 @@ def test_sliding_spring_oscillates(tmp_path):
     got = simulate(mjcf(tmp_path, body, sensor), run)
     # leapfrog's phase lag (w dt)^2 / 24 over 20 rad: 8e-5 of 0.1 m
     np.testing.assert_allclose(got.channels["s"], 0.1 - 0.1 * np.cos(10 * got.x), atol=2e-5)
+
+
+def test_hinge_rests_on_its_stop(tmp_path):
+    arm = ARM.replace('"arm"/>', '"arm" range="-.2 1"/>')
+    sensor = '<sensor><jointpos name="arm" joint="arm"/></sensor>'
+    run = Run("duration", np.linspace(0, 2, 21), ("arm",))
+    got = simulate(mjcf(tmp_path, arm, sensor), run).channels["arm"]
+    # the joint enters the stop by up to a step's way, 3e-3 rad, and is let out slowly
+    assert np.abs(got[5:] + 0.2).max() < 4e-3
+    assert abs(got[-1] + 0.2) < 1e-4
 
 
 def pendulum(dt: float):

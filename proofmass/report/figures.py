@@ -1,6 +1,7 @@
 """The figures: the curves over each other, and their distance to the reference."""
 
 from collections.abc import Mapping
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -11,37 +12,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
 
-from proofmass.report.data import Shown, grouped, inputs, readable
+from proofmass.report.data import Shown, grouped, inputs, readable, thin
 from proofmass.report.style import RC, REFERENCE, Look
 from proofmass.report.words import number, pretty
 from sim.protocol import Array
 
 FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn
 HALO = [withStroke(linewidth=2, foreground="white")]
-Line = tuple[Array, Array]
-
-
-def thin(x: Array, y: Array, limit: int) -> Line:
-    """At most about `limit` points of a curve: least and greatest of each stretch, so none is lost.
-
-    >>> x = np.linspace(0, 1, 10_000)
-    >>> y = np.where(x == x[777], 5.0, 0.0)
-    >>> tx, ty = thin(x, y, 400)
-    >>> len(tx) <= 402, ty.max()
-    (True, np.float64(5.0))
-    """
-    if len(x) <= limit:
-        return x, y
-    edges = np.linspace(0, len(x), limit // 2 + 1).astype(int)
-    keep = {0, len(x) - 1}
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
-        part = y[a:b]
-        if np.isfinite(part).any():
-            keep |= {a + int(np.nanargmin(part)), a + int(np.nanargmax(part))}
-        else:
-            keep.add(a)
-    index = np.array(sorted(keep))
-    return x[index], y[index]
+SIDES = ((0.01, "left"), (0.99, "right"), (0.5, "center"))  # labels of tolerances, in turn
 
 
 def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 500) -> None:
@@ -80,8 +58,8 @@ def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> N
     unit, scale = readable(view.case.channels[channel].unit)
     lines = {s: c.channels[channel] * scale for s, c in view.curves.items()
              if channel in c.channels}
-    truth = next(iter(view.truth.values()))
-    panel(ax, view, channel, truth.channels[channel] * scale, lines, style, unit)
+    truth = next(iter(view.truth.values())).channels[channel] * scale
+    panel(ax, view, channel, truth, lines, style, unit)
 
 
 def panel(ax: Axes, view: Shown, title: str, truth: Array, lines: dict[str, Array],
@@ -110,30 +88,30 @@ def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -
         solid = error[error > floor]
         levels.append(float(np.nanpercentile(solid, 5)) / 20 if solid.size else floor)
         tops.append(float(np.nanmax(error, initial=floor)))
-    for c in view.rows:
-        if c.channel == channel and c.allowed > 0 and c.solver in view.curves:
-            ax.axhline(c.allowed, color=style[c.solver].colour, linewidth=0.9,
-                       linestyle=(0, (7, 3)), zorder=2)
-            ax.annotate(f"{c.solver}: {number(c.allowed)} allowed", (0.01, c.allowed),
-                        xycoords=("axes fraction", "data"), xytext=(0, 1.5), fontsize=6.5,
-                        textcoords="offset points", color=style[c.solver].colour, zorder=9, path_effects=HALO)
-            tops.append(c.allowed)
+    checked = [c for c in view.rows
+               if c.channel == channel and c.allowed > 0 and c.solver in view.curves]
+    for c, (where, side) in zip(checked, cycle(SIDES), strict=False):
+        ax.axhline(c.allowed, color=style[c.solver].colour, linewidth=0.9,
+                   linestyle=(0, (7, 3)), zorder=2)
+        ax.annotate(f"{c.solver} ≤ {number(c.allowed)}", (where, c.allowed), ha=side,
+                    xycoords=("axes fraction", "data"), xytext=(0, 1.5), fontsize=6.5, zorder=9,
+                    textcoords="offset points", color=style[c.solver].colour, path_effects=HALO)
+        tops.append(c.allowed)
+        levels.append(c.allowed / 4)  # the level line itself must be inside the panel
     ax.set_yscale("log")
     if levels:
         ax.set_ylim(min(levels), 8 * max(tops))
     else:
-        ax.text(0.5, 0.5, "no solver delivers it", transform=ax.transAxes, ha="center", color="#666")
+        ax.text(0.5, 0.5, "no solver delivers it", transform=ax.transAxes, ha="center")
     ax.set_title(channel)
     ax.set_ylabel(f"|difference| [{pretty(unit)}]")
 
 
 def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
     """All channels of a run as a grid of panels; `what` is "overlay" or "difference"."""
-    rows = grouped(view.case, view.channels)
     driven = inputs(view) if what == "overlay" else {}
-    width = max(map(len, rows))
-    names: list[list[str]] = [[*driven]] * bool(driven) + rows
-    width = max(width, len(names[0]))
+    names = [[*driven]] * bool(driven) + grouped(view.case, view.channels)
+    width = max(map(len, names))
     head = 0.8 if view.lost else 0.62  # room for the legend, and the note below it
     height = 1.75 * len(names) + 0.13 + head
     figure = Figure(figsize=(3.05 * width + 0.3, height))
@@ -166,7 +144,7 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
 def legend(figure: Figure, view: Shown, style: Mapping[str, Look], what: str,
            height: float) -> None:
     """One legend above the grid, and a note that names the solvers without curves."""
-    handles = [Line2D([], [], label="reference", **REFERENCE)] if what == "overlay" else []
+    handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
     handles += [Line2D([], [], label=s, color=style[s].colour, linestyle=style[s].dash,
                        marker=style[s].marker, markerfacecolor="white") for s in view.curves]
     figure.legend(handles=handles, loc="upper left", ncols=len(handles), handlelength=3.2,
@@ -199,5 +177,5 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
 def make(view: Shown, style: Mapping[str, Look], what: str, stem: Path) -> str:
     """Draw and save one figure; return the SVG's text."""
     with rc_context(RC):
-        return save(thumbnail(view, style) if what == "thumbnail" else sheet(view, style, what),
-                    stem, png=what != "thumbnail")
+        small = what == "thumbnail"
+        return save(thumbnail(view, style) if small else sheet(view, style, what), stem, not small)

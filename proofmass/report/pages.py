@@ -24,6 +24,8 @@ from proofmass.report.svg import inline
 from proofmass.report.words import LOST, SYMBOLS, headline, number, spoken
 
 PACKAGES = ("proofmass", "mujoco", "pymunk", "numpy", "scipy")
+HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
+            "duration": "Duration: the motion over time, as each engine steps it"}
 CAPTIONS = {
     "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
     "difference": "Absolute difference to the reference, in SI units as in the table. Dashed level "
@@ -100,7 +102,7 @@ def card(case: Case, views: list[Shown], style: dict[str, Look], folder: Path) -
     stem = f"{slug(case.name)}-thumbnail"
     picture = inline(make(drawn, style, "thumbnail", folder / "figures" / stem), stem,
                      f"{case.name}: {drawn.channels[0]} over {drawn.x_name}") if drawn else ""
-    steps = {s: float(c.settings["timestep"]) for v in views if v.kind == "duration"  # type: ignore[arg-type]
+    steps = {s: float(str(c.settings["timestep"])) for v in views if v.kind == "duration"
              for s, c in v.curves.items() if "timestep" in c.settings}
     bad = [o for o in ("differs", *LOST) if counts[o]]
     return {"name": case.name, "title": case.title, "page": f"{slug(case.name)}.html",
@@ -125,8 +127,7 @@ def part(view: Shown, style: dict[str, Look], folder: Path) -> dict[str, Any]:
             if view.curves else 0, "over": f"{view.x_name} [{view.x_unit}]",
             "lost": [f"{spoken(s)} is not drawn: {c.outcome}. {c.message}"
                      for s, c in view.lost.items()],
-            "what": {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
-                     "duration": "Duration: the motion over time, as each engine steps it"}[view.kind]}
+            "what": HEADINGS[view.kind]}
 
 
 def about() -> list[tuple[str, str]]:

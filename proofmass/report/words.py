@@ -94,8 +94,8 @@ def headline(case: Case, comparisons: Iterable[Comparison],
         return "Not judged: no run could be compared; the input is at fault."
     sweep, duration = by_solver(own, "sweep"), by_solver(own, "duration")
     if any(c.outcome == "differs" for rows in sweep.values() for c in rows):
-        good = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
-        text = (f"The model is the mechanism in {good}, not in every solver: " if good else
+        sound = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
+        text = (f"The model is the mechanism in {sound}, not in every solver: " if sound else
                 "The model is not the mechanism: ")
         text += "; ".join(told(s, rows, " in the sweep") for s, rows in sweep.items()
                           if not clean(rows) and not plain(rows))
@@ -132,8 +132,9 @@ def agreement(good: dict[str, list[Comparison]]) -> str:
     names = listed(map(spoken, counts))
     if all(n == total for n, total in counts.values()):
         return f"all {next(iter(counts.values()))[1]} channels of the sweep agree in {names}"
-    return "in the sweep " + listed(f"{n} of {total} channels agree in {spoken(s)}"
-                                    for s, (n, total) in counts.items())
+    return "the sweep agrees on " + listed(
+        f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {spoken(s)}"
+        for s, (n, total) in counts.items())
 
 
 def told(solver: str, rows: list[Comparison], where: str) -> str:
@@ -171,8 +172,8 @@ def portion(value: float) -> str:
     """A share of the range, in per cent when it is large enough to be seen in a plot.
 
     >>> portion(0.092), portion(3.2e-5), portion(44.4)
-    ('9 %', '3e-5', '44 times')
+    ('9%', '3e-5', '44 times')
     """
     if value >= 2:
         return f"{number(value, 2)} times"
-    return f"{number(100 * value, 1)} %" if value >= 1e-3 else number(value, 1)
+    return f"{number(100 * value, 1)}%" if value >= 1e-3 else number(value, 1)

@@ -1,0 +1,69 @@
+"""What recording costs: a run of proofmass against the bare loop of the same engine and model.
+
+    python -m benchmarks.stepping
+
+Both do the same steps from the same start state with the same drive torque; the bare loop writes
+the torque and steps, the run also reads the sensors at every sample, checks that it is not lost
+and hands over curves.  Interleaved, minimum of the repeats.
+"""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from proofmass.case import load_case
+from proofmass.solve import plan
+from sim.mujoco_model import load
+from sim.mujoco_steps import start, steps_per_sample
+from sim.mujoco_sweep import Linkage
+from sim.protocol import Run
+from sim.with_mujoco import simulate
+
+MODELS = Path(__file__).parent.parent / "models"
+REPEATS = 15
+
+
+def bare(path: Path, run: Run) -> float:
+    """Seconds of the engine alone: torque, step."""
+    model, data = load(path, run)
+    count, step = steps_per_sample(run.x, model.opt.timestep)
+    model.opt.timestep = step
+    times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
+    torque, dof = np.zeros(times.size - 1), 0
+    if run.drive:
+        linkage = Linkage(model, data, run.drive.joint)
+        torque, _ = start(linkage, run, times)
+        dof = linkage.dof
+    applied = data.qfrc_applied
+    began = time.perf_counter()
+    for force in torque:
+        applied[dof] = force
+        mujoco.mj_step(model, data)
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    """Print a row a case and setting."""
+    print(f"{'case':<18}{'solver':<16}{'steps':>8}{'bare [s]':>10}{'run [s]':>10}{'ratio':>8}")
+    for name in ("fourbar", "hacksaw", "pendulum"):
+        case = load_case(MODELS / f"{name}.toml")
+        for solver in case.run["duration"].solvers:
+            if not solver.startswith("mujoco"):
+                continue
+            run = replace(plan(case, "duration", solver))
+            alone, whole, steps = [], [], 0
+            for _ in range(REPEATS):
+                alone.append(bare(case.model_path, run))
+                curves = simulate(case.model_path, run)
+                whole.append(curves.seconds)
+                steps = curves.steps
+            ratio = min(whole) / min(alone)
+            print(f"{name:<18}{solver:<16}{steps:>8}{min(alone):>10.4f}{min(whole):>10.4f}"
+                  f"{ratio:>8.3f}")
+
+
+if __name__ == "__main__":
+    main()

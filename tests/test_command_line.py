@@ -1,0 +1,81 @@
+"""The command line and the pytest plugin: exit codes, JSON, items."""
+
+import json
+
+from typer.testing import CliRunner
+
+from proofmass.cli import app
+from proofmass.terminal import KEYS
+
+
+def run(*args: object):
+    return CliRunner().invoke(app, [str(a) for a in args])
+
+
+def test_exit_0_and_a_json_array_where_all_agree(models):
+    answer = run("check", models / "pendulum.toml", "--json")
+    assert answer.exit_code == 0
+    rows = json.loads(answer.stdout)
+    assert len(rows) == 20  # five channels, four solvers
+    assert all(tuple(row) == KEYS for row in rows)
+    assert {row["outcome"] for row in rows if row["solver"] == "mujoco"} == {"agrees"}
+    assert all(row["allowed"] is None for row in rows if row["solver"] == "mujoco:default")
+    assert rows[0]["would_notice"]["length"] > 0
+
+
+def test_exit_1_where_something_differs(models, edit):
+    edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
+    answer = run("check", models / "pendulum.toml")
+    assert answer.exit_code == 1
+    assert "pendulum duration mujoco angle: differs" in answer.output
+
+
+def test_exit_1_where_a_run_takes_too_long(models, edit):
+    edit("pendulum.toml", "n = 1001", "n = 1001\ntimeout = 1e-3")
+    answer = run("check", models / "pendulum.toml", "--json")
+    assert answer.exit_code == 1
+    rows = json.loads(answer.stdout)
+    assert {row["outcome"] for row in rows} == {"timed out"}
+    assert all(row["error_max"] is None for row in rows)
+
+
+def test_no_argument_means_the_folder_models(models, monkeypatch):
+    monkeypatch.chdir(models.parent)
+    for file in models.glob("*.toml"):
+        if file.stem != "pendulum":
+            file.unlink()
+    answer = run("list")
+    assert answer.exit_code == 0
+    assert "pendulum.xml" in answer.output
+    assert answer.output.count("unchecked: no sidecar") == 2
+
+
+def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    assert answer.exit_code == 0
+    pages = {p.name for p in (tmp_path / "pages").glob("*.html")}
+    assert pages == {"index.html", "pendulum.html"}
+
+
+def test_sidecars_are_pytest_items(models, pytester):
+    result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-v", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=2, skipped=2)
+    one = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::pymunk", "-v",
+                                        "-p", "no:cacheprovider")
+    one.assert_outcomes(passed=1)
+
+
+def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
+    edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
+    result = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::mujoco",
+                                           "-p", "no:cacheprovider")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*duration angle: differs*allowed*"])
+    assert "Traceback" not in result.stdout.str()
+
+
+def test_bad_input_is_a_line_in_pytest(models, edit, pytester):
+    edit("pendulum.toml", "length = 1.0", "lenght = 1.0")
+    result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-p", "no:cacheprovider")
+    result.assert_outcomes(failed=4)
+    result.stdout.fnmatch_lines(["*pendulum.toml: parameters.lenght*known: length*"])

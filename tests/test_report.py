@@ -1,0 +1,222 @@
+"""The report: its verdicts in words, and its pages."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from markupsafe import escape
+
+from proofmass.case import Case, load_case
+from proofmass.check import Result
+from proofmass.compare import Comparison, compare
+from proofmass.errors import InputError
+from proofmass.reference import evaluate, grid, law
+from proofmass.report import headline, write_report
+from proofmass.report.data import thin
+from proofmass.report.style import looks
+from proofmass.report.svg import inline
+from sim.protocol import Curves
+
+MODELS = Path(__file__).parent.parent / "models"
+EVIL = '<script>alert("x")</script> & crank'
+
+
+def case_of(name: str, n: int = 37, **changed: object) -> Case:
+    case = load_case(MODELS / f"{name}.toml")
+    runs = {k: r.model_copy(update={"n": n}) for k, r in case.run.items()}
+    return case.model_copy(update={"run": runs, **changed})
+
+
+def curves_of(case: Case, kind: str, off: float) -> Curves:
+    """What a solver would find that is off by that share of each curve's range."""
+    x, drive_law = grid(case, kind), law(case, kind)
+    state = drive_law(x) if drive_law else None
+    truth = evaluate(case, x, state)
+    channels = {n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x) for n, v in truth.channels.items()
+                if case.channels[n].only in (None, kind)}
+    return Curves(x, channels, drive=state, seconds=0.1, steps=len(x), gap=1e-9,
+                  settings={"timestep": 1e-3})
+
+
+def result_of(case: Case, **off: float) -> Result:
+    """A result of MuJoCo runs (sweep=, duration=) that are off by a share of the range."""
+    result = Result(cases=[case])
+    for kind, share in off.items():
+        curves = curves_of(case, kind, share)
+        result.curves[case.name, kind, "mujoco"] = curves
+        result.comparisons.extend(compare(case, kind, "mujoco", curves))
+    return result
+
+
+def lost(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
+    return [Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
+            for name, c in case.channels.items() if c.only in (None, kind)]
+
+
+@pytest.fixture(scope="module")
+def fourbar() -> Case:
+    return case_of("fourbar")
+
+
+@pytest.fixture(scope="module")
+def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report with everything that can go wrong in it."""
+    folder = tmp_path_factory.mktemp("report")
+    case = fourbar.model_copy(update={"title": EVIL})
+    result = result_of(case, sweep=0.0, duration=1e-3)
+    curves = curves_of(case, "duration", 0.0)
+    broken = dict(curves.channels, rocker=curves.channels["rocker"] * np.nan)
+    del broken["pin.x"]
+    curves = replace(curves, channels=broken, missing={"pin.x": "no such sensor here"})
+    result.curves[case.name, "duration", "mujoco:default"] = curves
+    result.comparisons.extend(compare(case, "duration", "mujoco:default", curves))
+    result.comparisons.extend(lost(case, "duration", "pymunk", "diverged"))
+    result.comparisons.extend(lost(case, "sweep", "pymunk", "timed out"))
+    result.comparisons.append(Comparison("loose", "mujoco", "duration", "", "",
+                                         message="no sidecar; it loads and steps"))
+    result.errors.append(InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>"))
+    return write_report(result, folder).parent
+
+
+def test_all_agree(fourbar: Case) -> None:
+    result = result_of(fourbar, sweep=0.0, duration=0.0)
+    assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
+        "The model is the mechanism: all 11 channels of the sweep agree in MuJoCo. "
+        "MuJoCo agrees at dt = 0.97 ms.")
+
+
+def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
+    result = result_of(fourbar, sweep=0.0)
+    curves = curves_of(fourbar, "duration", 3e-2)
+    rows = compare(fourbar, "duration", "mujoco:default", curves)
+    assert "shown unchecked: MuJoCo default (3% of range off)" in headline(
+        fourbar, [*result.comparisons, *rows])
+
+
+def test_sweep_differs(fourbar: Case) -> None:
+    text = headline(fourbar, result_of(fourbar, sweep=1e-3, duration=0.0).comparisons)
+    assert text.startswith("The model is not the mechanism: MuJoCo differs in the sweep on ")
+    assert text.endswith("do not look at integrators before this is mended.")
+
+
+def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
+    good = result_of(fourbar, sweep=0.0).comparisons
+    bad = [replace(c, solver="pymunk", outcome="differs", error_max=1.0, message="9 x the allowed")
+           for c in good]
+    text = headline(fourbar, [*good, *bad])
+    assert text.startswith("The model is the mechanism in MuJoCo, not in every solver: pymunk diff")
+
+
+def test_duration_differs(fourbar: Case) -> None:
+    text = headline(fourbar, result_of(fourbar, sweep=0.0, duration=1e-3).comparisons)
+    assert text.startswith("The model is the mechanism: all 11 channels")
+    assert "MuJoCo differs over the duration on coupler.angle, rocker, pin.x and 7 more" in text
+
+
+def test_diverged(fourbar: Case) -> None:
+    rows = result_of(fourbar, sweep=0.0).comparisons
+    text = headline(fourbar, [*rows, *lost(fourbar, "duration", "pymunk:default", "diverged")])
+    assert text.endswith("pymunk default diverged over the duration.")
+
+
+def test_no_sweep_and_nothing_run() -> None:
+    case = case_of("pendulum")
+    assert headline(case, result_of(case, duration=0.0).comparisons).startswith(
+        "No sweep, so model and integrator are judged together: MuJoCo agrees")
+    assert headline(case, []).startswith("Not judged")
+
+
+def test_every_channel_and_outcome(report: Path, fourbar: Case) -> None:
+    page = (report / "fourbar.html").read_text(encoding="utf-8")
+    for channel in fourbar.channels:
+        assert f'">{channel} <span class="unit">' in page
+    for outcome in ("✓ agrees", "✗ differs", "○ unchecked", "– unsupported", "⚠ diverged",
+                    "⚠ timed out"):
+        assert outcome in page
+    assert "pymunk is not drawn: diverged. why not" in page
+    assert "no such sensor here" in page
+    assert all(str(escape(t.why)) in page for t in fourbar.tolerance)
+
+
+def test_pages_fetch_nothing_and_name_no_folder(report: Path) -> None:
+    for file in report.glob("*.html"):
+        page = file.read_text(encoding="utf-8")
+        assert not re.search(r"(?:src|href)\s*=\s*[\"']?\s*(?:https?:)?//", page)
+        assert not re.search(r"<script|@import|url\(\s*['\"]?http", page)
+        assert "/home/" not in page
+        assert str(report) not in page
+        assert len(page) < 3e6
+
+
+def test_ids_are_unique_and_links_lead_somewhere(report: Path) -> None:
+    for file in report.glob("*.html"):
+        page = file.read_text(encoding="utf-8")
+        ids = re.findall(r'\sid="([^"]*)"', page)
+        assert len(ids) == len(set(ids))
+        for target in re.findall(r'href="([^"#]+)"', page):
+            assert (report / target).is_file()
+        assert set(re.findall(r'(?:href="|url\()#([\w.-]+)', page)) <= set(ids)
+
+
+def test_special_characters_are_escaped(report: Path) -> None:
+    for name in ("fourbar.html", "index.html"):
+        page = (report / name).read_text(encoding="utf-8")
+        assert "&lt;script&gt;alert(" in page
+        assert "<script" not in page
+    assert "no joint &lt;q&gt;" in (report / "index.html").read_text(encoding="utf-8")
+
+
+def test_index_lists_loose_models_and_faults(report: Path) -> None:
+    page = (report / "index.html").read_text(encoding="utf-8")
+    assert "1 input at fault" in page
+    assert "bad.toml: drive.joint" in page
+    assert "no sidecar; it loads and steps" in page
+    assert page.index("at fault") < page.index('class="cards"') < page.index("without a sidecar")
+
+
+@pytest.mark.parametrize("what", ["overlay", "difference"])
+@pytest.mark.parametrize("kind", ["sweep", "duration"])
+def test_figures_as_svg_and_png(report: Path, kind: str, what: str) -> None:
+    stem = report / "figures" / f"fourbar-{kind}-{what}"
+    assert "<svg" in stem.with_suffix(".svg").read_text(encoding="utf-8")
+    assert stem.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
+    case = case_of("pendulum")
+    failed = Result(cases=[case], comparisons=lost(case, "duration", "pymunk", "crashed"))
+    page = write_report(failed, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
+    assert "pymunk is not drawn: crashed" in page
+    assert "<figure" not in page
+    assert "Not judged" in write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
+    assert "No case was found" in write_report(Result(), tmp_path).read_text(encoding="utf-8")
+
+
+def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
+    case = case_of("pendulum", parameters={"length": 1.0, "mass": 1.0, "gravity": 9.81,
+                                           "amplitude": 0.0})
+    index = write_report(result_of(case, duration=0.0), tmp_path)
+    page = index.with_name("pendulum.html").read_text(encoding="utf-8")
+    assert page.count("<figure") == 2
+    assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
+
+
+def test_thinning_keeps_spikes_and_ends() -> None:
+    x = np.linspace(0, 1, 5001)
+    y = np.where(x == x[1234], 7.0, np.sin(x))
+    tx, ty = thin(x, y, 300)
+    assert len(tx) <= 302
+    assert (tx[0], tx[-1], ty.max()) == (0.0, 1.0, 7.0)
+
+
+def test_solvers_differ_in_colour_and_without_it() -> None:
+    found = looks(["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "a", "b"])
+    assert len({v.colour for v in found.values()}) == 7
+    assert len({(v.dash, v.marker) for v in found.values()}) == 7
+
+
+def test_inline_svg_escapes_its_label() -> None:
+    assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline('<svg viewBox="0 0 1 1"></svg>', "k",
+                                                            'a <b> "c"')
