@@ -5,18 +5,20 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case, Kind, load_case
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.solve import simulate, solve
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
-FAILURES = {Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed",
-            TimedOut: "timed out"}
+Task = tuple[Case, Kind, str] | Path
+FAILURES: dict[type[Exception], str] = {
+    Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed", TimedOut: "timed out"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
 
 
-def run_one(case: Case, kind: str, solver: str) -> tuple[list[Comparison], Curves | None]:
+def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curves | None]:
     """Run and compare one solver; a run that is lost gives comparisons that say so."""
     try:
         curves = solve(case, kind, solver)
@@ -65,7 +67,7 @@ def run_one(case: Case, kind: str, solver: str) -> tuple[list[Comparison], Curve
 
 def step_unchecked(model: Path) -> list[Comparison]:
     """Load and step a model that has no sidecar; it is listed, not judged."""
-    run = Run("duration", np.linspace(0, 0.1, 2), ())
+    run, cost = Run("duration", np.linspace(0, 0.1, 2), ()), dict[str, Any]()
     try:
         curves = isolated(simulate, "mujoco", model, run, timeout=60.0)
         outcome, message = "unchecked", "no sidecar; it loads and steps"
@@ -73,7 +75,7 @@ def step_unchecked(model: Path) -> list[Comparison]:
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
     except tuple(FAILURES) as error:
-        outcome, message, cost = FAILURES[type(error)], str(error), {}
+        outcome, message = FAILURES[type(error)], str(error)
     return [Comparison(model.stem, "mujoco", "duration", "", "", outcome=outcome, message=message,
                        **cost)]
 
@@ -97,18 +99,21 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
         Bad input is collected in `Result.errors`; the other cases still run.
     """
     result = Result()
-    tasks: list[tuple[Case, str, str] | Path] = []
+    tasks: list[Task] = []
     for path in collect(paths, result.errors):
         try:
             if path.suffix == ".xml":
                 tasks.append(path)
                 continue
             case = load_case(path)
+            twin = next((c.file for c in result.cases if c.name == case.name), None)
+            if twin:
+                raise InputError(path, "", f"its name is taken by {twin}; results go by name")
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
             result.cases.append(case)
         except InputError as error:
             result.errors.append(error)
-    outcomes = dict.fromkeys(range(len(tasks)), ([], None))
+    outcomes: dict[int, tuple[list[Comparison], Curves | None]] = {}
     with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         futures = {pool.submit(one_task, task): k for k, task in enumerate(tasks)}
         try:
@@ -124,7 +129,7 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     for k, task in enumerate(tasks):
-        comparisons, curves = outcomes[k]
+        comparisons, curves = outcomes.get(k, ([], None))
         result.comparisons.extend(comparisons)
         if curves is not None and not isinstance(task, Path):
             result.curves[task[0].name, task[1], task[2]] = curves
@@ -142,11 +147,11 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
     return list(found)
 
 
-def one_task(task: tuple[Case, str, str] | Path) -> tuple[list[Comparison], Curves | None]:
+def one_task(task: Task) -> tuple[list[Comparison], Curves | None]:
     """A run of a case, or a look at a model without a sidecar."""
     return (step_unchecked(task), None) if isinstance(task, Path) else run_one(*task)
 
 
-def label(task: tuple[Case, str, str] | Path) -> str:
+def label(task: Task) -> str:
     """What a progress line calls a task."""
     return task.name if isinstance(task, Path) else f"{task[0].name} {task[1]} {task[2]}"

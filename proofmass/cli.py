@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from proofmass.case import load_case
 from proofmass.check import Result, check, collect
@@ -33,9 +34,14 @@ def examine(paths: list[Path] | None, jobs: int | None) -> Result:
             bar.update(task, description=label, completed=done, total=total)
 
         result = check(paths or [Path("models")], jobs, advance)
-    for error in result.errors:
-        errors.print(f"[bold red]error:[/] {error}", markup=True)
+    complain(result.errors)
     return result
+
+
+def complain(found: list[InputError]) -> None:
+    """Bad input, a line each, on standard error."""
+    for error in found:
+        errors.print(Text.assemble(("error: ", "bold red"), str(error)))
 
 
 def show(result: Result, every_channel: bool = False) -> None:
@@ -101,8 +107,7 @@ def list_command(paths: Paths = None) -> None:
         except InputError as error:
             found.append(error)
     console().print(case_table(cases, lone))
-    for error in found:
-        errors.print(f"[bold red]error:[/] {error}")
+    complain(found)
     raise typer.Exit(2 if found else 0)
 
 

@@ -1,13 +1,14 @@
 """Curves against the reference: one `Comparison` for each channel of each solver."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, modes, module_of
 from proofmass.recorded import Recorded
+from proofmass.reference import evaluate, modes, module_of
 from sim.protocol import Array, Curves
 
 NAN = float("nan")
@@ -99,19 +100,21 @@ def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Arr
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     span = float(np.ptp(truth))
     allowed = tolerance.allowed(span) if tolerance else NAN
-    place = {"case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
-             "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps,
-             "gap": curves.gap}
+    place: dict[str, Any] = {
+        "case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
+        "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
     if name not in curves.channels:
         return Comparison(**place, outcome="unsupported", message=curves.missing.get(name, ""))
     error = np.abs(curves.channels[name] - truth)
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     rms = float(np.sqrt(np.mean(error**2)))
-    found = {"error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
-             "nrmse": rms / span if span else NAN,
-             "would_notice": {p: allowed / s[name] for p, s in slopes.items() if s[name] > 0}
-             if tolerance else {}}
-    outcome, message = verdict(float(error[worst]), allowed, unit, tolerance.why if tolerance else "")
+    found: dict[str, Any] = {
+        "error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
+        "nrmse": rms / span if span else NAN,
+        "would_notice": {p: allowed / s[name] for p, s in slopes.items() if s[name] > 0}
+        if tolerance else {}}
+    why = tolerance.why if tolerance else ""
+    outcome, message = verdict(float(error[worst]), allowed, unit, why)
     return Comparison(**place, **found, outcome=outcome, message=message)
 
 
@@ -123,12 +126,12 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str
     >>> verdict(float("nan"), 1e-5, "m", "rounding")[0]
     'differs'
     """
+    if not np.isfinite(error):
+        return "differs", "not a number somewhere on the curve"
     if not why:
         return "unchecked", "no tolerance covers this channel of this solver"
     if error <= allowed:
         return "agrees", why
-    if not np.isfinite(error):
-        return "differs", "not a number somewhere on the curve"
     turns = error / (2 * np.pi)
     if unit == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
         return "differs", f"off by {round(turns)} whole turn(s): count the start pose's angle anew"

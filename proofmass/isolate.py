@@ -13,7 +13,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import IO, Any, cast
 
 
 class Crashed(Exception):
@@ -28,7 +28,7 @@ class Worker:
     """A process that calls functions, one after the other."""
 
     def __init__(self) -> None:
-        self.errors = tempfile.TemporaryFile()
+        self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the worker
         path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "proofmass.isolate"], stdin=subprocess.PIPE,
@@ -37,12 +37,18 @@ class Worker:
     def call(self, function: Callable, args: tuple, timeout: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""
         late = threading.Event()
-        timer = threading.Timer(timeout, lambda: (late.set(), self.process.kill()))
+
+        def give_up() -> None:
+            late.set()
+            self.process.kill()
+
+        timer = threading.Timer(timeout, give_up)
         timer.start()
         try:
-            pickle.dump((function, args), self.process.stdin)
-            self.process.stdin.flush()
-            return pickle.load(self.process.stdout)
+            to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
+            pickle.dump((function, args), to)
+            to.flush()
+            return pickle.load(back)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
             self.process.wait()
             if late.is_set():

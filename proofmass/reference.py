@@ -9,12 +9,11 @@ from types import ModuleType
 import numpy as np
 
 import analytic
-from proofmass.case import Case
+from proofmass.case import Case, Kind
 from proofmass.drive import Law, Samples, State, Steady
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded, read_recorded
 from sim.protocol import Array, Curves
-
 
 read_once = cache(lambda file, changed: read_recorded(file))
 
@@ -31,20 +30,21 @@ def module_of(case: Case) -> ModuleType | Recorded:
     return importlib.import_module(f"analytic.{case.reference}")
 
 
-def grid(case: Case, kind: str) -> Array:
+def grid(case: Case, kind: Kind) -> Array:
     """Where a run is sampled."""
     truth, run, drive = module_of(case), case.run[kind], case.drive
     if isinstance(truth, Recorded):
         return truth.x
+    n = run.n or 0
     if drive is None or drive.to is None:
         end = run.until or (drive.until if drive else None)
-        return np.linspace(0.0, end, run.n)
+        return np.linspace(0.0, end or 0.0, n)
     if kind == "sweep":
-        return np.linspace(drive.start, drive.to, run.n)
-    return np.linspace(0.0, (drive.to - drive.start) / drive.rate, run.n)
+        return np.linspace(drive.start, drive.to, n)
+    return np.linspace(0.0, (drive.to - drive.start) / drive.rate, n)
 
 
-def law(case: Case, kind: str) -> Steady | Law | Samples | None:
+def law(case: Case, kind: Kind) -> Steady | Law | Samples | None:
     """The drive law of a run; None for a free motion."""
     drive, truth = case.drive, module_of(case)
     if drive is None:
@@ -52,7 +52,7 @@ def law(case: Case, kind: str) -> Steady | Law | Samples | None:
     if drive.to is not None:
         return Steady(drive.start, drive.rate, x_is_time=kind == "duration")
     if isinstance(truth, Recorded):
-        return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law))
+        return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law or ()))
     function = getattr(truth, str(drive.law), None)
     if function is None:
         raise InputError(case.file, "drive.law", f"analytic/{case.reference}.py has no function "

@@ -5,7 +5,7 @@ import pkgutil
 from pathlib import Path
 
 import sim
-from proofmass.case import Case
+from proofmass.case import Case, Kind
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import grid, law
@@ -18,7 +18,7 @@ def engines() -> list[str]:
     return [n.removeprefix("with_") for n in names if n.startswith("with_")]
 
 
-def plan(case: Case, kind: str, solver: str) -> Run:
+def plan(case: Case, kind: Kind, solver: str) -> Run:
     """What a simulator is asked to do for one run of a case.
 
     A solver is an engine, or ``engine:variant``.  The variant ``default`` stands for the engine's
@@ -40,7 +40,7 @@ def plan(case: Case, kind: str, solver: str) -> Run:
     return Run(kind, grid(case, kind), channels, drive, case.start, settings)
 
 
-def solve(case: Case, kind: str, solver: str) -> Curves:
+def solve(case: Case, kind: Kind, solver: str) -> Curves:
     """Run a case in a simulator, in a process of its own.
 
     Parameters

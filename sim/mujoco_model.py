@@ -155,7 +155,10 @@ class Recorder:
         self.normal = plane_normal(model)
         self.sensors = {c: self._resolve(c) for c in channels}
         self.samples = samples
-        names = ("sensordata", "qacc", "qpos", "qvel", "site_xpos", "xpos", "xmat")
+        names = ["sensordata", "qacc", "qpos", "qvel"]
+        on_sites = [model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE for i in connects(model)]
+        names += ["site_xpos"] if any(on_sites) else []
+        names += ["xpos", "xmat"] if not all(on_sites) else []
         views = {name: getattr(data, name) for name in names}
         self.rows = {name: np.empty((samples, *view.shape)) for name, view in views.items()}
         self.pairs = [(view, self.rows[name]) for name, view in views.items()]

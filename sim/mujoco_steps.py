@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.mujoco_model import Recorder
 from sim.mujoco_sweep import Linkage
-from sim.protocol import Array, Curves, Diverged, Run, Unsupported
+from sim.protocol import Array, Curves, Diverged, Drive, Run, Unsupported
 
 FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
 W = mujoco.mjtWarning
@@ -28,18 +28,16 @@ def steps_per_sample(x: Array, timestep: float) -> tuple[int, float]:
     return count, float((x[-1] - x[0]) / (x.size - 1) / count)
 
 
-def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
+def start(linkage: Linkage, drive: Drive, times: Array) -> Array:
     """Close the loops at the drive's first value, give every joint its rate, fit the flywheel.
 
     Returns
     -------
-    torque : ndarray (steps,)
-        What to apply at the driven joint in each step.
-    inertia : ndarray (nv, nv)
-        Mass matrix at the start pose, before the flywheel.
+    ndarray (steps,)
+        Torque to apply at the driven joint in each step.
     """
     model, data = linkage.model, linkage.data
-    value, rate, _ = run.drive.law(times)
+    value, rate, _ = drive.law(times)
     tangent = linkage.place(float(value[0]))
     data.qvel[:] = tangent * rate[0]
     inertia = np.zeros((model.nv, model.nv))
@@ -50,7 +48,7 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     pose, speed = data.qpos.copy(), data.qvel.copy()
     mujoco.mj_setConst(model, data)  # the flywheel changes how stiff the engine makes a constraint
     data.qpos[:], data.qvel[:] = pose, speed
-    return flywheel * np.diff(rate) / np.diff(times), inertia
+    return flywheel * np.diff(rate) / np.diff(times)
 
 
 def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
@@ -71,7 +69,7 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage, torque = None, np.zeros(times.size - 1)
     if run.drive:
         linkage = Linkage(model, data, run.drive.joint)
-        torque, _ = start(linkage, run, times)
+        torque = start(linkage, run.drive, times)
     record = Recorder(model, data, run.channels, run.x.size)
     data.time = run.x[0]
     began = time.perf_counter()

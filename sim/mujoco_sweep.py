@@ -72,7 +72,7 @@ class Linkage:
             raise Unsupported(f"{self.model.nv - rank} degree(s) of freedom left when joint "
                               f"{self.joint!r} is held (singular values {values[0]:.2g} to "
                               f"{values[-1]:.2g}): free joints or a singular pose")
-        return solution
+        return np.asarray(solution, dtype=np.float64)
 
     def acceleration(self, velocity: Array, value: float) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
@@ -135,10 +135,11 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         data.qacc[:] = linkage.acceleration(data.qvel, accelerations[k])
         mujoco.mj_inverse(model, data)
         record.sample(k)
+    seconds = time.perf_counter() - began
     channels = record.curves()
     for channel, (index, _) in record.sensors.items():
         if model.sensor_type[index] in MOMENTS:
             gear = model.actuator_gear[model.sensor_objid[index], 0]
             channels[channel] = moments / (gear if model.sensor_type[index] == MOMENTS[0] else 1)
     return Curves(run.x, channels, drive=(values, rates, accelerations),
-                  gap=float(record.gaps().max()), seconds=time.perf_counter() - began, steps=run.x.size)
+                  gap=float(record.gaps().max()), seconds=seconds, steps=run.x.size)

@@ -19,7 +19,7 @@ def models(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def edit(models: Path) -> Callable[..., Path]:
-    """``edit(name, old, new)`` replaces a regular expression, which must match, in a copied file."""
+    """``edit(name, old, new)`` replaces a regular expression, which must match, in a copy."""
 
     def change(name: str, old: str, new: str, count: int = 0) -> Path:
         file = models / name

@@ -58,7 +58,8 @@ def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
 
 
 def test_sidecars_are_pytest_items(models, pytester):
-    result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-v", "-p", "no:cacheprovider")
+    result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-v",
+                                           "-p", "no:cacheprovider")
     result.assert_outcomes(passed=2, skipped=2)
     one = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::pymunk", "-v",
                                         "-p", "no:cacheprovider")

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from proofmass.case import Case
+from proofmass.case import Case, Kind
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
 from proofmass.reference import law
@@ -33,7 +33,7 @@ class Shown:
     """
 
     case: Case
-    kind: str
+    kind: Kind
     rows: list[Comparison]
     curves: dict[str, Curves] = field(default_factory=dict)
     truth: dict[str, Curves] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class Shown:
     @property
     def solvers(self) -> list[str]:
         """The solvers of the run, as the sidecar lists them."""
-        return list(self.case.run[self.kind].solvers)  # type: ignore[index]
+        return list(self.case.run[self.kind].solvers)
 
     @property
     def lost(self) -> dict[str, Comparison]:
@@ -68,17 +68,17 @@ class Shown:
         return np.abs(self.curves[solver].channels[channel] - self.truth[solver].channels[channel])
 
 
-def shown(result: Result, case: Case, kind: str) -> Shown:
+def shown(result: Result, case: Case, kind: Kind) -> Shown:
     """Collect one run of a case from the result."""
     rows = [c for c in result.comparisons if c.case == case.name and c.run == kind]
     curves = {s: result.curves[case.name, kind, s]
-              for s in case.run[kind].solvers  # type: ignore[index]
+              for s in case.run[kind].solvers
               if (case.name, kind, s) in result.curves}
     truth = {s: reference_for(case, c) for s, c in curves.items()}
     return Shown(case, kind, rows, curves, truth, *axis(case, kind))
 
 
-def axis(case: Case, kind: str) -> tuple[str, str, float]:
+def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
     """Name, unit and scale of a run's parameter: time, or the joint that a sweep moves."""
     if kind == "duration" or case.drive is None or case.drive.to is None:
         return "time t", "s", 1.0
