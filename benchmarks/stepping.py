@@ -17,7 +17,7 @@ import numpy as np
 from proofmass.case import load_case
 from proofmass.solve import plan
 from sim.mujoco_model import load
-from sim.mujoco_steps import start, steps_per_sample
+from sim.mujoco_steps import start
 from sim.mujoco_sweep import Linkage
 from sim.protocol import Run
 from sim.with_mujoco import simulate
@@ -29,7 +29,7 @@ REPEATS = 15
 def bare(path: Path, run: Run) -> float:
     """Seconds of the engine alone: torque, step."""
     model, data = load(path, run)
-    count, step = steps_per_sample(run.x, model.opt.timestep)
+    count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     torque, dof = np.zeros(times.size - 1), 0

@@ -12,7 +12,7 @@ import numpy as np
 from pymunk import batch
 
 from sim.protocol import Drive, Run
-from sim.pymunk_duration import SURE, prepared, step_through, steps_per_sample
+from sim.pymunk_duration import SURE, prepared, step_through
 from sim.pymunk_links import read_links
 
 MODEL = Path(__file__).parents[1] / "models" / "fourbar.xml"
@@ -24,7 +24,7 @@ def main(samples: int = 361, repeats: int = 9) -> float:
     drive = Drive("crank", lambda t: (t, np.ones_like(t), np.zeros_like(t)))
     run = Run("duration", np.linspace(0.0, 2 * np.pi, samples), (), drive)
     links = read_links(mujoco.MjModel.from_xml_path(str(MODEL)), run.start, 0)
-    per, dt = steps_per_sample(run.x, SETTINGS["timestep"])
+    per, dt = run.steps(SETTINGS["timestep"])
     bare, recorded = [], []
     for _ in range(repeats):
         for times, with_record in ((bare, False), (recorded, True)):

@@ -54,10 +54,16 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
 
 
 def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curves | None]:
-    """Run and compare one solver; a run that is lost gives comparisons that say so."""
+    """Run and compare one solver; a run that is lost gives comparisons that say so.
+
+    A model that the simulator does not cover is bad input of the sidecar that asked for it.
+    """
     try:
         curves = solve(case, kind, solver)
         return compare(case, kind, solver, curves), curves
+    except Unsupported as error:
+        raise InputError(case.file, f"run.{kind}.solvers", f"{solver} cannot run {case.model}: "
+                         f"{error}; leave it out") from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
     return [Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome,

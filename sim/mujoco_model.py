@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from sim.plane import find_plane
 from sim.protocol import Array, BadModel, Run
 
 S = mujoco.mjtSensor
@@ -152,7 +153,7 @@ class Recorder:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, channels: tuple[str, ...],
                  samples: int):
         self.model = model
-        self.normal = plane_normal(model)
+        self.plane = find_plane(model, data) if any(".angle" in c for c in channels) else None
         self.sensors = {c: self._resolve(c) for c in channels}
         self.samples = samples
         names = ["sensordata", "qacc", "qpos", "qvel"]
@@ -196,25 +197,7 @@ class Recorder:
             return self.rows["qacc"][:, model.jnt_dofadr[model.sensor_objid[index]]]
         if kind == S.mjSENS_FRAMELINACC:
             block = block + model.opt.gravity
-        if part == "angle":
-            x, y = plane_axes(self.normal)
-            return np.unwrap(np.arctan2(block @ y, block @ x))
+        if part == "angle" and self.plane:
+            x, y = self.plane.flat(block).T
+            return np.unwrap(np.arctan2(y, x))
         return block[:, "xyz".index(part) if part else 0]
-
-
-def plane_normal(model: mujoco.MjModel) -> Array:
-    """The axis of the first hinge in the world at the zero pose: the normal of planar motion."""
-    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
-    if not hinges.size:
-        return np.array([0.0, 0.0, 1.0])
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return np.round(data.xaxis[hinges[0]], 15)
-
-
-def plane_axes(normal: Array) -> tuple[Array, Array]:
-    """The two directions that angles in the plane of motion are counted in."""
-    first = np.array([1.0, 0, 0]) if abs(normal[0]) < 0.9 else np.array([0, 1.0, 0])
-    x = first - normal * (first @ normal)
-    x /= np.linalg.norm(x)
-    return x, np.cross(normal, x)

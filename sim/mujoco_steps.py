@@ -12,20 +12,11 @@ import numpy as np
 
 from sim.mujoco_model import Recorder
 from sim.mujoco_sweep import Linkage
-from sim.protocol import Array, Curves, Diverged, Drive, Run, Unsupported
+from sim.protocol import Array, Curves, Diverged, Drive, Run
 
 FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
 W = mujoco.mjtWarning
 FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
-
-
-def steps_per_sample(x: Array, timestep: float) -> tuple[int, float]:
-    """How many steps fit between two samples, and the step [s] that makes them fit exactly."""
-    gap = np.diff(x)
-    if np.ptp(gap) > 1e-9 * gap.mean():
-        raise Unsupported("samples at uneven times in a duration")
-    count = max(1, int(np.ceil(gap.mean() / timestep - 1e-9)))
-    return count, float((x[-1] - x[0]) / (x.size - 1) / count)
 
 
 def start(linkage: Linkage, drive: Drive, times: Array) -> Array:
@@ -63,7 +54,7 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     Diverged
         The engine reset itself, a value is not finite, or a loop came open.
     """
-    count, step = steps_per_sample(run.x, model.opt.timestep)
+    count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage, torque = None, np.zeros(times.size - 1)

@@ -73,6 +73,21 @@ class Run:
     start: str = "start"
     settings: Mapping[str, object] = field(default_factory=dict)
 
+    def steps(self, timestep: float) -> tuple[int, float]:
+        """Whole steps from sample to sample, and the step [s] <= `timestep` that fits them.
+
+        Raises
+        ------
+        Unsupported
+            The samples are not evenly spaced.
+        """
+        spacing = np.diff(self.x)
+        if np.ptp(spacing) > 1e-9 * spacing.mean():
+            raise Unsupported("samples at uneven times in a duration")
+        width = float(self.x[-1] - self.x[0]) / (self.x.size - 1)
+        count = max(1, int(np.ceil(width / timestep - 1e-9)))
+        return count, width / count
+
 
 @dataclass(frozen=True)
 class Curves:

@@ -6,7 +6,7 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from sim.protocol import Array, Curves, Diverged, Run, Unsupported
+from sim.protocol import Array, Curves, Diverged, Run
 from sim.pymunk_close import close, gaps, joint_value
 from sim.pymunk_links import Links
 from sim.pymunk_read import Channel, kinetic, moving, unwrapped
@@ -23,7 +23,7 @@ def duration(links: Links, run: Run, driven: int, channels: dict[str, Channel],
              settings: Settings) -> Curves:
     """Step a mechanism through time; see `sim.with_pymunk.simulate`."""
     began = time.perf_counter()
-    per, dt = steps_per_sample(run.x, settings["timestep"])
+    per, dt = run.steps(settings["timestep"])
     space, motor, rates, back = prepared(links, run, driven, dt, per, settings)
     record = np.zeros(len(rates), bool)
     record[::per] = record[per - 1::per] = True
@@ -39,16 +39,6 @@ def duration(links: Links, run: Run, driven: int, channels: dict[str, Channel],
         drive = (value(states[0]), moving(value, 1, *states, dt), moving(value, 2, *states, dt))
     return Curves(run.x, curves, {}, drive, gap, time.perf_counter() - began, len(rates),
                   {**settings, "timestep": dt})
-
-
-def steps_per_sample(x: Array, timestep: float) -> tuple[int, float]:
-    """Whole steps from sample to sample, and the time step [s] <= `timestep` that fits them."""
-    spacing = np.diff(x)
-    if len(x) < 2 or np.ptp(spacing) > 1e-9 * spacing.mean():
-        raise Unsupported("pymunk runs of a duration need samples at a uniform spacing")
-    width = float(x[-1] - x[0]) / (len(x) - 1)
-    per = max(1, int(np.ceil(width / timestep - 1e-9)))
-    return per, width / per
 
 
 def prepared(links: Links, run: Run, driven: int, dt: float, per: int,

@@ -53,6 +53,13 @@ MODELS = {
                     ["'corssed'", "start, crossed"]),
     "not assembled": ("fourbar.xml", r'qpos="0  1.3502639', 'qpos="0  2.3502639',
                       ["fourbar.xml", "'start'", "'pin'", "open by"]),
+    "not planar": ("fourbar.xml", r'<joint name="rocker"/>',
+                   '<joint name="rocker" axis="0 0.1 1"/>',
+                   ["fourbar.toml", "run.duration.solvers", "pymunk", "'rocker' leaves the plane"]),
+    "a freedom too many": ("fourbar.xml", r'<site name="rocker_end" pos="2.5 0 0"/>',
+                           '<site name="rocker_end" pos="2.5 0 0"/><body name="bob"><joint '
+                           'name="bob"/><inertial pos="0 1 0" mass="1" diaginertia="1 1 1"/>'
+                           '</body>', ["run.sweep.solvers", "mujoco", "1 degree(s) of freedom"]),
     "NaN in the model": ("fourbar.xml", r'pos="0.5 0 0" mass="1"', 'pos="nan 0 0" mass="1"',
                          ["fourbar.xml"]),
 }
