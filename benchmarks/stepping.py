@@ -35,7 +35,7 @@ def bare(path: Path, run: Run) -> float:
     torque, dof = np.zeros(times.size - 1), 0
     if run.drive:
         linkage = Linkage(model, data, run.drive.joint)
-        torque = start(linkage, run.drive, times)
+        torque, _ = start(linkage, run.drive, times)
         dof = linkage.dof
     applied = data.qfrc_applied
     began = time.perf_counter()

@@ -40,7 +40,10 @@ class Law:
 
 @dataclass(frozen=True)
 class Samples:
-    """A recorded drive: exact at its samples, a cubic through value and rate between them."""
+    """A recorded drive: exact at its samples.
+
+    Between them a cubic through value and rate, and a straight line through the accelerations.
+    """
 
     x: Array
     value: Array
@@ -51,4 +54,4 @@ class Samples:
         if np.array_equal(x, self.x):
             return self.value, self.rate, self.acceleration
         spline = CubicHermiteSpline(self.x, self.value, self.rate)
-        return spline(x), spline(x, 1), spline(x, 2)
+        return spline(x), spline(x, 1), np.interp(x, self.x, self.acceleration)

@@ -19,19 +19,21 @@ W = mujoco.mjtWarning
 FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 
-def start(linkage: Linkage, drive: Drive, times: Array) -> Array:
+def start(linkage: Linkage, drive: Drive, times: Array) -> tuple[Array, Array]:
     """Close the loops at the drive's first value, give every joint its rate, fit the flywheel.
 
     Returns
     -------
-    ndarray (steps,)
-        Torque to apply at the driven joint in each step.
+    torque : ndarray (steps,)
+        What to apply at the driven joint in each step: the law's mean acceleration over it.
+    instant : ndarray (steps + 1,)
+        The torque of the law's acceleration at each time, for reading a sample.
     """
     model, data = linkage.model, linkage.data
-    value, rate, _ = drive.law(times)
+    value, rate, acceleration = drive.law(times)
     tangent = linkage.place(float(value[0]))
     data.qvel[:] = tangent * rate[0]
-    inertia = np.zeros((model.nv, model.nv))
+    inertia = np.zeros((model.nv, model.nv))  # before the flywheel
     mujoco.mj_fullM(model, data, inertia)
     flywheel = FLYWHEEL * float(tangent @ inertia @ tangent)
     model.dof_armature[linkage.dof] += flywheel
@@ -39,7 +41,7 @@ def start(linkage: Linkage, drive: Drive, times: Array) -> Array:
     pose, speed = data.qpos.copy(), data.qvel.copy()
     mujoco.mj_setConst(model, data)  # the flywheel changes how stiff the engine makes a constraint
     data.qpos[:], data.qvel[:] = pose, speed
-    return flywheel * np.diff(rate) / np.diff(times)
+    return flywheel * np.diff(rate) / np.diff(times), flywheel * acceleration
 
 
 def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
@@ -57,14 +59,15 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
-    linkage, torque = None, np.zeros(times.size - 1)
+    linkage, torque, instant = None, np.zeros(times.size - 1), np.zeros(times.size)
     if run.drive:
         linkage = Linkage(model, data, run.drive.joint)
-        torque = start(linkage, run.drive, times)
+        torque, instant = start(linkage, run.drive, times)
     record = Recorder(model, data, run.channels, run.x.size)
     data.time = run.x[0]
     began = time.perf_counter()
-    step_through(model, data, record, torque.reshape(-1, count), linkage.dof if linkage else 0)
+    step_through(model, data, record, torque.reshape(-1, count), instant[::count],
+                 linkage.dof if linkage else 0)
     seconds = time.perf_counter() - began
     gap = check(model, data, record, run.x)
     state = None
@@ -76,13 +79,18 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, torque: Array,
-                 dof: int) -> None:
-    """Step over all samples; `torque` has a row for each interval between two of them."""
+                 instant: Array, dof: int) -> None:
+    """Step over all samples; `torque` has a row for each interval between two of them.
+
+    A forward pass at a sample applies the `instant` torque, which is the law's own there; a step
+    applies its mean.
+    """
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
     ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     pose, speed = record.rows["qpos"], record.rows["qvel"]
     for k, forces in enumerate(torque):
         if ahead:
+            applied[dof] = instant[k]
             forward(model, data)
             record.sample(k)
         else:
@@ -96,6 +104,7 @@ def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, t
         for force in others:
             applied[dof] = force
             mj_step(model, data)
+    applied[dof] = instant[-1]
     forward(model, data)
     record.sample(len(torque))
 
