@@ -87,17 +87,18 @@ def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
 
 
 def failures(result: Result) -> Iterator[Text]:
-    """A line for each failure (one for a run that was lost), and the count of all outcomes."""
-    lost: set[tuple[str, str, str]] = set()
-    for c in result.comparisons:
-        if c.outcome in LOOK or (run := (c.case, c.run, c.solver)) in lost:
+    """A line for each run that failed, by its worst channel, and the count of all outcomes."""
+    for (case, run, solver), rows in groupby(result.comparisons,
+                                             lambda c: (c.case, c.run, c.solver)):
+        group = list(rows)
+        bad = [c for c in group if c.outcome not in LOOK]
+        if not bad:
             continue
-        whole = c.outcome != "differs"
-        if whole:
-            lost.add(run)
-        place = f"{FAILED[0]} {c.case} {c.run} {c.solver}" + ("" if whole else f" {c.channel}")
-        worst_at = "" if whole else f"; worst {number(c.error_max)} {c.unit} at {c.at:.6g}"
-        yield Text.assemble((f"{place}: ", "red"), f"{c.outcome}; {c.message}{worst_at}")
+        c = worst(bad)
+        text = c.message if c.outcome != "differs" else (
+            f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
+            f"{number(c.error_max)} {c.unit} at {c.at:.6g}")
+        yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
     counts = {o: sum(c.outcome == o for c in result.comparisons)
               for o in dict.fromkeys(c.outcome for c in result.comparisons)}
     yield Text(", ".join(f"{n} {o}" for o, n in counts.items()) or "nothing to check",

@@ -27,7 +27,7 @@ def test_exit_1_where_something_differs(models, edit):
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
     answer = run("check", models / "pendulum.toml")
     assert answer.exit_code == 1
-    assert "pendulum duration mujoco angle: differs" in answer.output
+    assert "pendulum duration mujoco differs: 5 of 5 channels" in answer.output
 
 
 def test_exit_1_where_a_run_takes_too_long(models, edit):

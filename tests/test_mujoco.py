@@ -43,6 +43,15 @@ def test_softness_is_a_wall_that_no_smaller_step_lowers():
     assert fine / stiff == pytest.approx(4, rel=0.1)  # the loop's gap goes with solref squared
 
 
+def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solref():
+    acceleration = ("m/s^2", "rad/s^2")
+    stiff, soft = (worst("hacksaw", "duration", acceleration, timestep=1e-3,
+                         solref=(k * 1e-3, 1.0)) for k in (5, 7))
+    assert np.log(stiff / soft) / np.log(7 / 5) == pytest.approx(4, abs=0.5)  # softness adds
+    finer = worst("hacksaw", "duration", acceleration, timestep=2.5e-4, solref=(5 * 2.5e-4, 1.0))
+    assert finer == pytest.approx(stiff, rel=0.1)  # the ratio counts, not the step
+
+
 @pytest.mark.parametrize(("integrator", "order", "dt"), [("RK4", 4, 5e-3), ("Euler", 1, 1e-3)])
 def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt):
     errors = [worst("pendulum", "duration", ("rad",), timestep=step, integrator=integrator)
