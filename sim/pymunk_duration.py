@@ -10,7 +10,7 @@ from sim.protocol import Array, Curves, Diverged, Run
 from sim.pymunk_close import close, gaps, joint_value
 from sim.pymunk_links import Links
 from sim.pymunk_read import Channel, kinetic, moving, unwrapped
-from sim.pymunk_space import FIELDS, Settings, add_motor, build, put, taken
+from sim.pymunk_space import FIELDS, Motor, Settings, add_motor, build, put, taken
 from sim.pymunk_start import start_motion, step_back
 
 SURE = 3000
@@ -43,7 +43,7 @@ def duration(links: Links, run: Run, driven: int, channels: dict[str, Channel],
 
 def prepared(links: Links, run: Run, driven: int, dt: float, per: int,
              settings: Settings
-             ) -> tuple[pymunk.Space, pymunk.SimpleMotor | None, Array, Array]:
+             ) -> tuple[pymunk.Space, Motor | None, Array, Array]:
     """The space one step before the start, its motor, a rate for each step, the velocity then."""
     space = build(links, settings["iterations"], settings["error_bias"])
     steps = (len(run.x) - 1) * per
@@ -74,7 +74,7 @@ def _one_more(value: Array, acc: Array, dt: float) -> Array:
     return np.concatenate([[first], value, [last]])
 
 
-def step_through(space: pymunk.Space, dt: float, motor: pymunk.SimpleMotor | None,
+def step_through(space: pymunk.Space, dt: float, motor: Motor | None,
                  rates: Array, record: Array, buffer: batch.Buffer, first: int) -> None:
     """Step once for each rate, and append the state of all bodies after the marked steps.
 

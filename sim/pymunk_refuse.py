@@ -51,16 +51,13 @@ def _joints(model: mujoco.MjModel, driven: int) -> Iterator[str]:
         if int(model.jnt_type[j]) not in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE):
             yield f"{JOINT(int(model.jnt_type[j])).name[6:].lower()} {name}"
             continue
-        if j == driven and model.jnt_type[j] == JOINT.mjJNT_SLIDE:
-            yield f"driven slide {name}"
+        grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
+        if j == driven and model.jnt_type[j] == JOINT.mjJNT_SLIDE and not grounded:
+            yield f"driven slide {name}, which is not on the ground"
         if model.dof_frictionloss[dof] > 0:
             yield f"frictionloss of {name}"
-        if (model.jnt_limited[j] and model.jnt_type[j] == JOINT.mjJNT_SLIDE
-                and not off(model, OFF.mjDSBL_LIMIT)):
-            yield f"range of slide {name}"
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[dof].any():
             yield f"polynomial stiffness or damping of {name}"
-        grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
         if model.dof_armature[dof] > 0 and not (
                 grounded and model.jnt_type[j] == JOINT.mjJNT_HINGE):
             yield f"armature of {name}, which is not a hinge on the ground"

@@ -51,7 +51,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
         held += _hold(loop, links, bodies)
     for constraint in held:
         # a stop that threw a joint out of it in one step would make it bounce
-        if not isinstance(constraint, pymunk.RotaryLimitJoint):
+        if not isinstance(constraint, pymunk.RotaryLimitJoint | pymunk.SlideJoint):
             constraint.error_bias = error_bias
         space.add(constraint)
     return space
@@ -73,10 +73,15 @@ def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
         low, high = sorted(joint.sign * limit for limit in limits)
         return [pymunk.RotaryLimitJoint(a, b, low, high), pin]
     reach = REACH * links.extent
+    stops: list[pymunk.Constraint] = []
+    if limits:
+        low, high = (reach + limit for limit in limits)
+        stops = [pymunk.SlideJoint(a, b, _at(links, hold.a, hold.on_a - reach * hold.axis),
+                                   _at(links, hold.b, hold.on_b), low, high)]
     start, end = (_at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
     # The groove's own solve is only right if neither anchor couples sliding with turning; the
     # anchors of sim.pymunk_links are chosen so.  A RotaryLimitJoint would lock one side a step.
-    return [pymunk.GearJoint(a, b, 0.0, 1.0),
+    return [*stops, pymunk.GearJoint(a, b, 0.0, 1.0),
             pymunk.GrooveJoint(a, b, start, end, _at(links, hold.b, hold.on_b))]
 
 
@@ -95,9 +100,39 @@ def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymun
                                 joint.stiffness, joint.damping)]
 
 
-def add_motor(space: pymunk.Space, links: Links, joint: Joint) -> pymunk.SimpleMotor:
-    """Add the ideal drive of a hinge, last in the solver's order, so that it is met exactly."""
+class Carriage:
+    """The ideal drive of a slide on the ground, with the `rate` of a motor [m/s].
+
+    Chipmunk has no linear motor.  A pin to a body outside the space, which has a velocity and
+    never moves, is one if it may not close its gap: an error bias of 1.
+    """
+
+    def __init__(self, space: pymunk.Space, links: Links, joint: Joint, body: pymunk.Body):
+        assert joint.hold.axis is not None
+        self.axis: Array = joint.hold.axis
+        self.body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        pin = pymunk.PivotJoint(body, self.body, _at(links, joint.hold.b, joint.hold.on_b), (0, 0))
+        pin.error_bias = 1.0
+        space.add(pin)
+
+    @property
+    def rate(self) -> float:
+        """Speed along the slide's axis [m/s]."""
+        return float(np.dot(self.axis, self.body.velocity))
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        self.body.velocity = tuple(rate * self.axis)
+
+
+Motor = pymunk.SimpleMotor | Carriage
+
+
+def add_motor(space: pymunk.Space, links: Links, joint: Joint) -> Motor:
+    """Add the ideal drive of a joint, last in the solver's order, so that it is met exactly."""
     bodies = [*space.bodies, space.static_body]
+    if joint.hold.axis is not None:
+        return Carriage(space, links, joint, bodies[joint.hold.b])
     # rate is that of the first body against the second
     motor = pymunk.SimpleMotor(bodies[joint.hold.b], bodies[joint.hold.a], 0.0)
     motor.max_force = math.inf

@@ -17,10 +17,10 @@ from sim.pymunk_close import along, close, gaps, joint_value
 from sim.pymunk_links import Joint, Links
 from sim.pymunk_read import Channel, kinetic, unwrapped
 from sim.pymunk_rest import free_directions, pace
-from sim.pymunk_space import FIELDS, Settings, add_motor, build, put, taken
+from sim.pymunk_space import FIELDS, Carriage, Motor, Settings, add_motor, build, put, taken
 
 MOVE = 0.05
-"""Largest move of the drive [rad] between two rests."""
+"""Largest move of the drive [rad, or extents] between two rests."""
 STILL = 1e-12
 """Largest remaining move in a step, in extents, that counts as rest at a sample."""
 ROUGH = 1e-6
@@ -28,6 +28,7 @@ ROUGH = 1e-6
 MOST = 20000
 """Steps after which a pose that still moves is given up."""
 NO_ACC = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
+NO_FORCE = "in Chipmunk a driven slide shares its load with the guide"
 NO_RATE = "Chipmunk gives no quasi-static rates of coordinates that springs or gravity hold"
 
 
@@ -38,7 +39,7 @@ class Held:
     links: Links
     joint: Joint
     space: pymunk.Space
-    motor: pymunk.SimpleMotor
+    motor: Motor
     dt: float
     free: bool
     pose: Array
@@ -89,6 +90,7 @@ class Held:
         """
         self.stop()
         self.step(0.0)
+        assert isinstance(self.motor, pymunk.SimpleMotor)
         size = self.motor.impulse / self.dt
         self.stop()
         self.motor.max_force = 0.0
@@ -120,6 +122,8 @@ def sweep(links: Links, run: Run, driven: int, channels: dict[str, Channel],
     value, rate, _ = (np.asarray(v, float) * np.ones(len(run.x)) for v in run.drive.law(run.x))
     held = _held(links, links.joints[driven], float(value[0]), settings)
     missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
+    if isinstance(held.motor, Carriage):
+        missing |= {name: NO_FORCE for name, c in channels.items() if c.order == -2}
     if held.free:
         missing |= {name: NO_RATE for name, c in channels.items() if c.order in (1, -1)}
     wanted = {name: c for name, c in channels.items() if name not in missing}
@@ -153,7 +157,8 @@ def _held(links: Links, joint: Joint, value: float, settings: Settings) -> Held:
 
 def _move(held: Held, target: float) -> None:
     now = float(joint_value(held.joint, held.pose))
-    for value in np.linspace(now, target, int(abs(target - now) / MOVE) + 2)[1:-1]:
+    most = MOVE if held.joint.hold.axis is None else MOVE * held.links.extent
+    for value in np.linspace(now, target, int(abs(target - now) / most) + 2)[1:-1]:
         held.settle(float(value), ROUGH)
     held.settle(target)
 
