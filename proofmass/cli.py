@@ -1,6 +1,5 @@
 """The command line: check, report, list."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -113,8 +112,4 @@ def list_command(paths: Paths = None) -> None:
 
 def main() -> None:
     """Entry point of the command ``proofmass``."""
-    try:
-        app()
-    except KeyboardInterrupt:
-        errors.print("interrupted")
-        sys.exit(130)
+    app()

@@ -156,13 +156,14 @@ class Recorder:
         self.plane = find_plane(model, data) if any(".angle" in c for c in channels) else None
         self.sensors = {c: self._resolve(c) for c in channels}
         self.samples = samples
-        names = ["sensordata", "qacc", "qpos", "qvel"]
+        names = ["qpos", "qvel", "sensordata", "qacc"]
         on_sites = [model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE for i in connects(model)]
         names += ["site_xpos"] if any(on_sites) else []
         names += ["xpos", "xmat"] if not all(on_sites) else []
         views = {name: getattr(data, name) for name in names}
         self.rows = {name: np.empty((samples, *view.shape)) for name, view in views.items()}
-        self.pairs = [(view, self.rows[name]) for name, view in views.items()]
+        pairs = [(view, self.rows[name]) for name, view in views.items()]
+        self.state, self.shown = pairs[:2], pairs[2:]
 
     def _resolve(self, channel: str) -> tuple[int, str]:
         name, _, part = channel.partition(".")
@@ -174,8 +175,18 @@ class Recorder:
         return index, part
 
     def sample(self, k: int) -> None:
-        """Keep what the engine shows now as sample k."""
-        for view, rows in self.pairs:
+        """Keep the state, and what the engine shows of it, as sample k."""
+        self.sample_state(k)
+        self.sample_shown(k)
+
+    def sample_state(self, k: int) -> None:
+        """Keep the state alone; what the engine shows of it comes with the next step."""
+        for view, rows in self.state:
+            rows[k] = view
+
+    def sample_shown(self, k: int) -> None:
+        """Keep sensors, accelerations and places of the state that the last step began with."""
+        for view, rows in self.shown:
             rows[k] = view
 
     def curves(self) -> dict[str, Array]:

@@ -87,23 +87,26 @@ def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, t
     """
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
     ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    pose, speed = record.rows["qpos"], record.rows["qvel"]
-    for k, forces in enumerate(torque):
+    rest = torque.shape[1] - 1  # steps of an interval after its first, at once where they can be
+    steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=1).tolist()
+    for k, forces in enumerate(torque.tolist()):
         if ahead:
             applied[dof] = instant[k]
             forward(model, data)
             record.sample(k)
         else:
-            now = data.qpos.copy(), data.qvel.copy()
-        first, *others = forces
-        applied[dof] = first
+            record.sample_state(k)
+        applied[dof] = forces[0]
         mj_step(model, data)
         if not ahead:
-            record.sample(k)
-            pose[k], speed[k] = now
-        for force in others:
-            applied[dof] = force
-            mj_step(model, data)
+            record.sample_shown(k)
+        if rest and steady[k]:
+            applied[dof] = forces[1]
+            mj_step(model, data, rest)
+        else:
+            for force in forces[1:]:
+                applied[dof] = force
+                mj_step(model, data)
     applied[dof] = instant[-1]
     forward(model, data)
     record.sample(len(torque))
