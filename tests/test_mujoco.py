@@ -52,6 +52,14 @@ def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solre
     assert finer == pytest.approx(stiff, rel=0.1)  # the ratio counts, not the step
 
 
+def test_gravity_leaves_a_floor_in_accelerations_that_neither_step_nor_solref_lowers():
+    acceleration = ("m/s^2", "rad/s^2")
+    floors = [worst("fourbar", "duration", acceleration, timestep=dt, solref=(stiff, 1.0))
+              for dt, stiff in ((1e-3, 0.02), (1e-3, 0.01), (2.5e-4, 0.005))]
+    assert np.ptp(floors) < 0.05 * max(floors)
+    assert 1e-5 < max(floors) < 1e-3  # 1 - 0.9999 of the open loop's fall, times a length
+
+
 @pytest.mark.parametrize(("integrator", "order", "dt"), [("RK4", 4, 5e-3), ("Euler", 1, 1e-3)])
 def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt):
     errors = [worst("pendulum", "duration", ("rad",), timestep=step, integrator=integrator)
