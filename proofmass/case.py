@@ -168,6 +168,10 @@ class Case(Strict):
                 raise ValueError(f"{len(hits)} tolerances cover channel {name!r} of {solver} in "
                                  f"{kind}; exactly one may")
 
+    def channels_of(self, kind: str) -> dict[str, Channel]:
+        """The channels that a run records."""
+        return {n: c for n, c in self.channels.items() if c.only in (None, kind)}
+
     def tolerance_for(self, kind: str, solver: str, name: str) -> Tolerance | None:
         """The tolerance of a channel, or None: it is then shown but not checked."""
         unit = self.channels[name].unit

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.case import Case, Kind, load_case
-from proofmass.compare import Comparison, compare
+from proofmass.compare import GOOD, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.solve import simulate, solve
@@ -33,8 +33,7 @@ class Result:
     @property
     def exit_code(self) -> int:
         """0: all agree; 1: something differs, diverged or crashed; 2: bad input."""
-        bad = {"differs", "diverged", "crashed", "timed out"}
-        return 2 if self.errors else int(any(c.outcome in bad for c in self.comparisons))
+        return 2 if self.errors else int(any(c.outcome not in GOOD for c in self.comparisons))
 
 
 def find(paths: Iterable[Path]) -> Iterator[Path]:
@@ -68,7 +67,7 @@ def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curv
         outcome, message = FAILURES[type(error)], str(error)
     return [Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome,
                        message=message)
-            for name, channel in case.channels.items() if channel.only in (None, kind)], None
+            for name, channel in case.channels_of(kind).items()], None
 
 
 def step_unchecked(model: Path) -> list[Comparison]:

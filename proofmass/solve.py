@@ -36,7 +36,7 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
                          f'[settings."{solver}"]')
     drive_law = law(case, kind)
     drive = Drive(case.drive.joint, drive_law) if case.drive and drive_law else None
-    channels = tuple(n for n, c in case.channels.items() if c.only in (None, kind))
+    channels = tuple(case.channels_of(kind))
     return Run(kind, grid(case, kind), channels, drive, case.start, settings)
 
 

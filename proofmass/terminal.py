@@ -71,8 +71,7 @@ def summary(result: Result, every_channel: bool = False) -> Iterator[Table]:
         for c in group if every_channel else [worst(group)]:
             table.add_row(case if case != last else "", run, solver, outcomes(group, c,
                           every_channel), c.channel, f"{number(c.error_max)} {c.unit}".strip(),
-                          number(c.allowed), number(c.error_max * c.nrmse / c.error_rms)
-                          if c.error_rms else number(c.nrmse), f"{c.seconds:.2f}"
+                          number(c.allowed), number(c.of_range), f"{c.seconds:.2f}"
                           if math.isfinite(c.seconds) else "–", str(c.steps or "–"))
             last = case
     if table.row_count:

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
+from sim.mjcf import compile_model
 from sim.plane import find_plane
 from sim.protocol import Array, BadModel, Run
 
@@ -38,11 +38,7 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     BadModel
         When the file does not compile or lacks something the run names.
     """
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-        check_numbers(path)
-    except (ValueError, mujoco.FatalError) as error:
-        raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+    model = compile_model(path)
     data = mujoco.MjData(model)
     if run.drive:
         named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", run.drive.joint)
@@ -51,15 +47,6 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
         mujoco.mj_resetDataKeyframe(model, data, key)
     configure(model, run.settings)
     return model, data
-
-
-def check_numbers(path: Path) -> None:
-    """Refuse a NaN in the file: MuJoCo's reader puts a zero in its place and only warns."""
-    for element in ElementTree.parse(path).iter():
-        for key, value in element.attrib.items():
-            if "nan" in value.lower().split():
-                raise BadModel(f"{path.name}: <{element.tag} name={element.get('name')!r}>: "
-                               f"{key}={value!r} is not a number")
 
 
 def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:

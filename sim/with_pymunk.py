@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mujoco
 
+from sim.mjcf import compile_model
 from sim.protocol import BadModel, Curves, Run, Unsupported
 from sim.pymunk_duration import duration
 from sim.pymunk_links import read_links
@@ -66,10 +67,7 @@ def simulate(model: Path, run: Run) -> Curves:
 
 
 def _compile(path: Path) -> mujoco.MjModel:
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+    model = compile_model(path)
     if model.njnt == 0:
         raise Unsupported(f"{path.name}: a model without joints")
     return model

@@ -100,6 +100,14 @@ def test_error_in_a_recorded_curve(wrong, models, edit):
     assert any(all(word in line for word in words) for line in found), found
 
 
+def test_a_nan_in_the_model_is_named_by_pymunk_too(models, edit):
+    edit("fourbar.xml", 'pos="0.5 0 0" mass="1"', 'pos="nan 0 0" mass="1"')
+    edit("fourbar.toml", r'"mujoco", ("mujoco:default", )?', "")
+    result = check([models / "fourbar.toml"])
+    assert result.exit_code == 2
+    assert "pos='nan 0 0' is not a number" in str(result.errors[0])
+
+
 def test_a_pose_that_cannot_be_assembled_is_named(models, edit):
     # with a crank of 1.6 the crank pin comes 4.6 from B; coupler and rocker reach 4.5
     edit("fourbar.xml", r'name="coupler" pos="1 0 0"', 'name="coupler" pos="1.6 0 0"')

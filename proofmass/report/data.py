@@ -55,7 +55,7 @@ class Shown:
     @property
     def channels(self) -> list[str]:
         """The channels of this run, in the sidecar's order."""
-        return [n for n, c in self.case.channels.items() if c.only in (None, self.kind)]
+        return list(self.case.channels_of(self.kind))
 
     def place(self, x: float) -> tuple[float, str]:
         """A place on the run's parameter, as people read it."""

@@ -9,7 +9,7 @@ import numpy as np
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison
 from proofmass.report.data import Shown
-from proofmass.report.words import LOST, SYMBOLS, listed, number, pretty, share
+from proofmass.report.words import LOST, SYMBOLS, listed, number, pretty
 
 NAN = float("nan")
 
@@ -51,7 +51,7 @@ def comparisons(view: Shown) -> list[Group]:
     for channel in view.channels:
         rows = [Row(c.solver, c.outcome, SYMBOLS.get(c.outcome, "?"),
                     c.message if c.outcome != "unchecked" else "",
-                    (number(c.error_max), place(view, c.at), number(share(c)),
+                    (number(c.error_max), place(view, c.at), number(c.of_range),
                      number(c.error_rms), number(c.nrmse), number(c.allowed)), *notice(c))
                 for c in view.rows if c.channel == channel]
         groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))

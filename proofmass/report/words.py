@@ -59,11 +59,6 @@ def listed(words: Iterable[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def share(c: Comparison) -> float:
-    """Largest error over the reference curve's range; NaN when it has none."""
-    return c.error_max * c.nrmse / c.error_rms if c.error_rms else c.nrmse
-
-
 def by_solver(comparisons: Iterable[Comparison], run: str) -> dict[str, list[Comparison]]:
     """The comparisons of one run, solver by solver."""
     found: dict[str, list[Comparison]] = {}
@@ -158,7 +153,7 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     """The solvers that are shown but not judged, and how far off they are."""
     found = {}
     for solver, comparisons in rows.items():
-        shares = [s for s in map(share, comparisons) if math.isfinite(s)]
+        shares = [c.of_range for c in comparisons if math.isfinite(c.of_range)]
         if shares:
             found[solver] = f"{spoken(solver)} ({portion(max(shares))} of range off)"
         elif any(c.outcome == "unchecked" for c in comparisons):
