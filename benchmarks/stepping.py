@@ -16,9 +16,9 @@ import numpy as np
 
 from proofmass.case import load_case
 from proofmass.solve import plan
+from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import load
 from sim.mujoco_steps import start
-from sim.mujoco_sweep import Linkage
 from sim.protocol import Run
 from sim.with_mujoco import simulate
 
@@ -33,10 +33,10 @@ def bare(path: Path, run: Run) -> float:
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     torque, dof = np.zeros(times.size - 1), 0
-    if run.drive:
-        linkage = Linkage(model, data, run.drive.joint)
-        torque, _ = start(linkage, run.drive, times)
-        dof = linkage.dof
+    if run.drives:
+        linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+        torque, _ = start(linkage, run, times)
+        torque, dof = torque[:, 0], linkage.dofs[0]
     applied = data.qfrc_applied
     began = time.perf_counter()
     for force in torque:

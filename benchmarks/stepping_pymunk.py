@@ -22,7 +22,7 @@ SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
 def main(samples: int = 361, repeats: int = 9) -> float:
     """Print and return recorded time over bare time, the least of some repeats each."""
     drive = Drive("crank", lambda t: (t, np.ones_like(t), np.zeros_like(t)))
-    run = Run("duration", np.linspace(0.0, 2 * np.pi, samples), (), drive)
+    run = Run("duration", np.linspace(0.0, 2 * np.pi, samples), (), (drive,))
     links = read_links(mujoco.MjModel.from_xml_path(str(MODEL)), run.start, 0)
     per, dt = run.steps(SETTINGS["timestep"])
     bare, recorded = [], []

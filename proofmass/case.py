@@ -33,29 +33,52 @@ class Strict(BaseModel):
 
 
 class DriveTable(Strict):
-    """``[drive]``: the joint that is moved, and how.
+    """``[drive]``, or one of several ``[[drive]]``: a joint that is moved, and how.
 
-    Either ``from``, ``to`` and ``rate`` (constant speed), or ``law`` with ``until``: a function
-    of the reference's module, or three columns of a recorded reference (value, rate, acceleration).
+    One of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and ``period`` (a swing
+    to and fro); ``law`` with ``until``, a function of the reference's module, or three columns of
+    a recorded reference (value, rate, acceleration).  The first drive leads.  Another with ``from``
+    and ``to`` keeps its proportion to the first one's progress (`to` may equal `from`: it is held);
+    one with a joint alone takes its row of the first one's law.
     """
 
     joint: str
     start: float = Field(0.0, alias="from")
     to: float | None = None
-    rate: float = 1.0
+    rate: float | None = None
+    period: float | None = Field(None, gt=0)
     law: str | tuple[str, str, str] | None = None
     until: float | None = Field(None, gt=0)
     parameters: dict[str, float] = {}
 
-    @model_validator(mode="after")
-    def _one_way(self) -> "DriveTable":
+    @property
+    def steady(self) -> bool:
+        """Whether it runs at constant speed, so that a sweep can go by its value."""
+        return self.to is not None and self.period is None
+
+    def check_leader(self) -> None:
+        """Raise ValueError if this table alone does not say how its joint moves."""
         if (self.to is None) == (self.law is None):
-            raise ValueError("give either from, to and rate, or law")
+            raise ValueError("give either from, to and rate, or from, to and period, or law")
+        if self.rate is not None and not self.steady:
+            raise ValueError("rate goes with from and to alone")
         if isinstance(self.law, str) and self.until is None:
             raise ValueError("a law needs until = the last time [s]")
-        if self.to is not None and not (self.to - self.start) * self.rate > 0:
+        if self.to is not None and self.to == self.start:
+            raise ValueError("to must differ from 'from'")
+        if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
             raise ValueError("rate must be non-zero and lead from 'from' to 'to'")
-        return self
+
+    def check_follower(self) -> None:
+        """Raise ValueError if this table says more than a drive after the first one may."""
+        for key in ("rate", "period", "until"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key} belongs to the first drive, which leads")
+
+    @property
+    def speed(self) -> float:
+        """Rate of a steady drive [rad/s or m/s], 1 when the sidecar gives none."""
+        return 1.0 if self.rate is None else self.rate
 
 
 class RunTable(Strict):
@@ -68,9 +91,12 @@ class RunTable(Strict):
 
 
 class Channel(Strict):
-    """``[channels]``: sensor = scale * quantity + shift, in `unit`."""
+    """``[channels]``: sensor = scale * quantity + shift, in `unit`.
 
-    equals: str
+    `equals` names a quantity of the reference, or is a number: then the curve must be constant.
+    """
+
+    equals: str | float
     unit: str
     scale: float = 1.0
     shift: float = 0.0
@@ -127,7 +153,7 @@ class Case(Strict):
     start: str = "start"
     reference: str
     parameters: dict[str, float] = {}
-    drive: DriveTable | None = None
+    drive: tuple[DriveTable, ...] = ()
     run: dict[Kind, RunTable] = Field(min_length=1)
     settings: dict[str, dict[str, Any]] = {}
     channels: dict[str, Channel] = Field(min_length=1)
@@ -142,6 +168,30 @@ class Case(Strict):
     def model_path(self) -> Path:
         """The MJCF file."""
         return self.file.parent / self.model
+
+    @property
+    def leader(self) -> DriveTable | None:
+        """The first drive; None for a free motion."""
+        return self.drive[0] if self.drive else None
+
+    @field_validator("drive", mode="before")
+    @classmethod
+    def _several(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, dict) else value
+
+    @field_validator("drive")
+    @classmethod
+    def _led(cls, drives: tuple[DriveTable, ...]) -> tuple[DriveTable, ...]:
+        for k, drive in enumerate(drives):
+            drive.check_follower() if k else drive.check_leader()
+            if drive.joint in [d.joint for d in drives[:k]]:
+                raise ValueError(f"joint {drive.joint!r} is driven twice")
+            if k and drive.to is not None and drives[0].to is None:
+                raise ValueError(f"joint {drive.joint!r} has from and to, but the first drive has "
+                                 f"none to be in proportion with; leave them out or give a law")
+            if k and drive.to is None and drive.law is None and drives[0].to is not None:
+                raise ValueError(f"joint {drive.joint!r} needs from and to")
+        return drives
 
     @model_validator(mode="after")
     def _consistent(self) -> "Case":

@@ -13,7 +13,7 @@ from proofmass.case import Case, Kind, load_case
 from proofmass.compare import GOOD, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
-from proofmass.solve import simulate, solve
+from proofmass.solve import plan, simulate, solve
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
 Task = tuple[Case, Kind, str] | Path
@@ -68,6 +68,14 @@ def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curv
     return [Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome,
                        message=message)
             for name, channel in case.channels_of(kind).items()], None
+
+
+def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> InputError | None:
+    """The error of a sweep that ended early, at a limit position for one; its curves are kept."""
+    if curves is None or not curves.stopped:
+        return None
+    return InputError(case.file, "drive", f"the {solver} {kind} ends at sample {curves.x.size} of "
+                      f"{plan(case, kind, solver).x.size}, which are kept: {curves.stopped}")
 
 
 def step_unchecked(model: Path) -> list[Comparison]:
@@ -138,6 +146,8 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
         result.comparisons.extend(comparisons)
         if curves is not None and not isinstance(task, Path):
             result.curves[task[0].name, task[1], task[2]] = curves
+            if error := stopped(*task, curves):
+                result.errors.append(error)
     return result
 
 

@@ -28,14 +28,50 @@ class Steady:
 
 
 @dataclass(frozen=True)
+class Swing:
+    """To and fro between two values, at rest at both: a cosine of time."""
+
+    start: float
+    to: float
+    period: float
+
+    def __call__(self, x: Array) -> State:
+        half, w = 0.5 * (self.to - self.start), 2 * np.pi / self.period
+        cosine = np.cos(w * x)
+        return (self.start + half * (1 - cosine), half * w * np.sin(w * x), half * w**2 * cosine)
+
+
+@dataclass(frozen=True)
+class InProportion:
+    """A drive that keeps its share of another's way: start + ratio (value - origin)."""
+
+    leader: Callable[[Array], State]
+    origin: float
+    ratio: float
+    start: float
+
+    def __call__(self, x: Array) -> State:
+        value, rate, acceleration = self.leader(x)
+        return (self.start + self.ratio * (value - self.origin), self.ratio * rate,
+                self.ratio * acceleration)
+
+
+@dataclass(frozen=True)
 class Law:
-    """A function of time that a reference module brings along, such as a motor profile."""
+    """A function of time that a reference module brings along, such as a motor profile.
+
+    A law of several drives gives arrays (drives, n), of which this is one `row`.
+    """
 
     function: Callable[..., State]
     parameters: dict[str, float] = field(default_factory=dict)
+    row: int | None = None
 
     def __call__(self, x: Array) -> State:
-        return self.function(x, **self.parameters)
+        value, rate, acceleration = self.function(x, **self.parameters)
+        if self.row is None:
+            return value, rate, acceleration
+        return value[self.row], rate[self.row], acceleration[self.row]
 
 
 @dataclass(frozen=True)

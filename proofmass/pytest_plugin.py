@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from proofmass.case import Case, load_case
-from proofmass.check import FAILURES, run_one
+from proofmass.check import FAILURES, run_one, stopped
 from proofmass.compare import GOOD, Comparison
 from proofmass.errors import InputError
 
@@ -54,7 +54,10 @@ class SolverItem(pytest.Item):
         comparisons: list[Comparison] = []
         for kind, run in self.case.run.items():
             if self.name in run.solvers:
-                comparisons += run_one(self.case, kind, self.name)[0]
+                found, curves = run_one(self.case, kind, self.name)
+                if error := stopped(self.case, kind, self.name, curves):
+                    raise error
+                comparisons += found
         wrong = [c for c in comparisons if c.outcome not in GOOD]
         if wrong:
             raise Disagreement("\n".join(

@@ -10,11 +10,12 @@ import numpy as np
 
 import analytic
 from proofmass.case import Case, Kind
-from proofmass.drive import Law, Samples, State, Steady
+from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded, read_recorded
 from sim.protocol import Array, Curves
 
+DriveLaw = InProportion | Law | Samples | Steady | Swing
 read_once = cache(lambda file, changed: read_recorded(file))
 
 
@@ -24,40 +25,54 @@ def module_of(case: Case) -> ModuleType | Recorded:
         file = case.file.parent / case.reference
         return read_once(file, file.stat().st_mtime_ns if file.is_file() else None)
     names = [m.name for m in pkgutil.iter_modules(analytic.__path__)]
-    if case.reference not in names:
-        raise InputError(case.file, "reference", f"no closed form {case.reference!r}; there are: "
-                         f"{', '.join(names)}; or name a recorded curve NAME.csv")
-    return importlib.import_module(f"analytic.{case.reference}")
+    if case.reference in names:
+        module = importlib.import_module(f"analytic.{case.reference}")
+        if hasattr(module, "solve"):
+            return module
+    there = [n for n in names if hasattr(importlib.import_module(f"analytic.{n}"), "solve")]
+    raise InputError(case.file, "reference", f"no closed form {case.reference!r}; there are: "
+                     f"{', '.join(there)}; or name a recorded curve NAME.csv")
 
 
 def grid(case: Case, kind: Kind) -> Array:
     """Where a run is sampled."""
-    truth, run, drive = module_of(case), case.run[kind], case.drive
+    truth, run, leader = module_of(case), case.run[kind], case.leader
     if isinstance(truth, Recorded):
         return truth.x
     n = run.n or 0
-    if drive is None or drive.to is None:
-        end = run.until or (drive.until if drive else None)
+    if leader is None or not leader.steady:
+        end = run.until or (leader.until or leader.period if leader else None)
         return np.linspace(0.0, end or 0.0, n)
+    first, last = leader.start, float(leader.to or 0.0)
     if kind == "sweep":
-        return np.linspace(drive.start, drive.to, n)
-    return np.linspace(0.0, (drive.to - drive.start) / drive.rate, n)
+        return np.linspace(first, last, n)
+    return np.linspace(0.0, (last - first) / leader.speed, n)
 
 
-def law(case: Case, kind: Kind) -> Steady | Law | Samples | None:
-    """The drive law of a run; None for a free motion."""
-    drive, truth = case.drive, module_of(case)
-    if drive is None:
-        return None
-    if drive.to is not None:
-        return Steady(drive.start, drive.rate, x_is_time=kind == "duration")
-    if isinstance(truth, Recorded):
-        return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law or ()))
-    function = getattr(truth, str(drive.law), None)
-    if function is None:
-        raise InputError(case.file, "drive.law", f"analytic/{case.reference}.py has no function "
-                         f"{drive.law!r}")
-    return Law(function, dict(drive.parameters))
+def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
+    """The drive laws of a run, one for each drive; none for a free motion."""
+    return tuple(law(case, kind, k) for k in range(len(case.drive)))
+
+
+def law(case: Case, kind: Kind, k: int) -> DriveLaw:
+    """The law of drive number k."""
+    drive, truth, leader = case.drive[k], module_of(case), case.drive[0]
+    if drive.law is not None or drive.to is None:
+        if isinstance(truth, Recorded):
+            return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law or ()))
+        shared = drive.law is None or (k == 0 and any(d.law is None for d in case.drive[1:]))
+        teller = leader if drive.law is None else drive
+        function = getattr(truth, str(teller.law), None)
+        if function is None:
+            raise InputError(case.file, "drive.law", f"analytic/{case.reference}.py has no "
+                             f"function {teller.law!r}")
+        return Law(function, dict(teller.parameters), k if shared else None)
+    if k:
+        ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
+        return InProportion(law(case, kind, 0), leader.start, ratio, drive.start)
+    if drive.period:
+        return Swing(drive.start, drive.to, drive.period)
+    return Steady(drive.start, drive.speed, x_is_time=kind == "duration")
 
 
 def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Curves:
@@ -69,8 +84,8 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
         Names the reference and holds its parameters.
     x : ndarray (n,)
         Time [s] or drive value.
-    state : tuple of three ndarray (n,), or None
-        Drive value, rate and acceleration, *as the drive really moved*; None: a free motion.
+    state : tuple of three ndarray (drives, n), or None
+        Drive values, rates and accelerations, *as the drives really moved*; None: a free motion.
     **changed
         Parameters to use instead of the sidecar's.
 
@@ -83,11 +98,15 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     if isinstance(truth, Recorded):
         quantities = truth.columns
         for name, channel in case.channels.items():
-            column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
+            if isinstance(channel.equals, str):
+                column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
     else:
-        quantities = call(case, truth, (x,) if state is None else state, changed)
+        quantities = call(case, truth, x, state, changed)
     wanted = {}
     for name, channel in case.channels.items():
+        if isinstance(channel.equals, float):
+            wanted[name] = np.full(np.shape(x), channel.scale * channel.equals + channel.shift)
+            continue
         if channel.equals not in quantities:
             raise InputError(case.file, f"channels.{name}.equals", f"no quantity "
                              f"{channel.equals!r}; there are: {', '.join(quantities)}")
@@ -96,17 +115,29 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     return Curves(x, wanted)
 
 
-def call(case: Case, truth: ModuleType, args: tuple, changed: dict) -> dict[str, Array]:
-    """``solve`` of a closed form, with its complaints turned into errors of the sidecar."""
-    parameters = {**case.parameters, **changed}
+def call(case: Case, truth: ModuleType, x: Array, state: State | None,
+         changed: dict[str, float]) -> dict[str, Array]:
+    """``solve`` of a closed form, with its complaints turned into errors of the sidecar.
+
+    One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
+    ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
+    """
     known = [p.name for p in inspect.signature(truth.solve).parameters.values()
              if p.kind is p.KEYWORD_ONLY]
+    own = {"model": case.model_path, "start": case.start,
+           "joints": tuple(d.joint for d in case.drive)}
+    parameters = {**case.parameters, **changed}
+    there = [k for k in known if k not in own]
     for key in parameters:
-        if key not in known:
+        if key not in there:
             raise InputError(case.file, f"parameters.{key}", f"analytic/{case.reference}.py has no "
-                             f"such parameter; known: {', '.join(known)}")
+                             f"such parameter; known: {', '.join(there) or 'none'}")
+    if state is None:
+        args: tuple = (x,)
+    else:
+        args = tuple(part[0] if len(part) == 1 else part for part in map(np.atleast_2d, state))
     try:
-        return truth.solve(*args, **parameters)
+        return truth.solve(*args, **parameters, **{k: v for k, v in own.items() if k in known})
     except (TypeError, ValueError) as error:
         raise InputError(case.file, "parameters", str(error)) from None
 

@@ -8,7 +8,7 @@ import sim
 from proofmass.case import Case, Kind
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, isolated
-from proofmass.reference import grid, law
+from proofmass.reference import grid, laws
 from sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
 
 
@@ -34,10 +34,9 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     elif variant and not settings:
         raise InputError(case.file, f"run.{kind}.solvers", f'{solver!r} needs a table '
                          f'[settings."{solver}"]')
-    drive_law = law(case, kind)
-    drive = Drive(case.drive.joint, drive_law) if case.drive and drive_law else None
+    drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
-    return Run(kind, grid(case, kind), channels, drive, case.start, settings)
+    return Run(kind, grid(case, kind), channels, drives, case.start, settings)
 
 
 def solve(case: Case, kind: Kind, solver: str) -> Curves:

@@ -27,7 +27,7 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     path : Path
         The MJCF file.
     run : Run
-        Names the start key, the driven joint and the settings.
+        Names the start key, the driven joints and the settings.
 
     Returns
     -------
@@ -40,11 +40,13 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """
     model = compile_model(path)
     data = mujoco.MjData(model)
-    if run.drive:
-        named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", run.drive.joint)
+    driven = [named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
     if model.nkey:
         key = named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
         mujoco.mj_resetDataKeyframe(model, data, key)
+    for actuator, joint in enumerate(model.actuator_trnid[:, 0]):
+        if joint in driven:  # its motor is the drive; what is left in ctrl are constant loads
+            data.ctrl[actuator] = 0.0
     configure(model, run.settings)
     return model, data
 
@@ -175,6 +177,11 @@ class Recorder:
         """Keep sensors, accelerations and places of the state that the last step began with."""
         for view, rows in self.shown:
             rows[k] = view
+
+    def cut(self, samples: int) -> None:
+        """Forget all samples from that number on."""
+        self.samples = samples
+        self.rows = {name: rows[:samples] for name, rows in self.rows.items()}
 
     def curves(self) -> dict[str, Array]:
         """All channels over all samples."""

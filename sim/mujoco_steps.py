@@ -1,6 +1,6 @@
-"""Time stepping in MuJoCo, with an ideal drive.
+"""Time stepping in MuJoCo, with ideal drives.
 
-The driven joint gets a flywheel so heavy that nothing in the model can disturb it, and in each
+A driven joint gets a flywheel so heavy that nothing in the model can disturb it, and in each
 step the torque that gives it the law's mean acceleration over that step.  What the joint really
 did is returned beside the curves, so that a comparison can be made at the actual drive state.
 """
@@ -9,39 +9,40 @@ import time
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import Recorder
-from sim.mujoco_sweep import Linkage
-from sim.protocol import Array, Curves, Diverged, Drive, Run
+from sim.protocol import Array, Curves, Diverged, Run
 
 FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
 W = mujoco.mjtWarning
 FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 
-def start(linkage: Linkage, drive: Drive, times: Array) -> tuple[Array, Array]:
-    """Close the loops at the drive's first value, give every joint its rate, fit the flywheel.
+def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
+    """Close the loops at the drives' first values, give every joint its rate, fit the flywheels.
 
     Returns
     -------
-    torque : ndarray (steps,)
-        What to apply at the driven joint in each step: the law's mean acceleration over it.
-    instant : ndarray (steps + 1,)
+    torque : ndarray (steps, drives)
+        What to apply at the driven joints in each step: the law's mean acceleration over it.
+    instant : ndarray (steps + 1, drives)
         The torque of the law's acceleration at each time, for reading a sample.
     """
     model, data = linkage.model, linkage.data
-    value, rate, acceleration = drive.law(times)
-    tangent = linkage.place(float(value[0]))
-    data.qvel[:] = tangent * rate[0]
-    inertia = np.zeros((model.nv, model.nv))  # before the flywheel
+    value, rate, acceleration = (part.T for part in run.motion(times))
+    tangent = linkage.place(value[0])
+    data.qvel[:] = tangent @ rate[0]
+    inertia = np.zeros((model.nv, model.nv))  # before the flywheels
     mujoco.mj_fullM(model, data, inertia)
-    flywheel = FLYWHEEL * float(tangent @ inertia @ tangent)
-    model.dof_armature[linkage.dof] += flywheel
-    model.dof_damping[linkage.dof] = model.dof_frictionloss[linkage.dof] = 0
+    flywheel = FLYWHEEL * np.diag(tangent.T @ inertia @ tangent)
+    model.dof_armature[linkage.dofs] += flywheel
+    model.dof_damping[linkage.dofs] = model.dof_frictionloss[linkage.dofs] = 0
     pose, speed = data.qpos.copy(), data.qvel.copy()
     mujoco.mj_setConst(model, data)  # the flywheel changes how stiff the engine makes a constraint
     data.qpos[:], data.qvel[:] = pose, speed
-    return flywheel * np.diff(rate) / np.diff(times), flywheel * acceleration
+    return flywheel * np.diff(rate, axis=0) / np.diff(times)[:, None], flywheel * acceleration
 
 
 def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
@@ -59,28 +60,29 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
-    linkage, torque, instant = None, np.zeros(times.size - 1), np.zeros(times.size)
-    if run.drive:
-        linkage = Linkage(model, data, run.drive.joint)
-        torque, instant = start(linkage, run.drive, times)
+    linkage, torque, instant = None, np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
+    if run.drives:
+        linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+        torque, instant = start(linkage, run, times)
     record = Recorder(model, data, run.channels, run.x.size)
     data.time = run.x[0]
     began = time.perf_counter()
-    step_through(model, data, record, torque.reshape(-1, count), instant[::count],
-                 linkage.dof if linkage else 0)
+    dofs = linkage.dofs if linkage else np.zeros(0, int)
+    torque = torque.reshape(run.x.size - 1, count, dofs.size)
+    step_through(model, data, record, torque, instant[::count], dofs)
     seconds = time.perf_counter() - began
     gap = check(model, data, record, run.x)
     state = None
     if linkage:
-        rows, dof = record.rows, linkage.dof
-        state = rows["qpos"][:, linkage.adr], rows["qvel"][:, dof], rows["qacc"][:, dof]
+        rows = record.rows
+        state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
     return Curves(run.x, record.curves(), drive=state, gap=gap, seconds=seconds,
                   steps=times.size - 1, settings={"timestep": step})
 
 
 def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, torque: Array,
-                 instant: Array, dof: int) -> None:
-    """Step over all samples; `torque` has a row for each interval between two of them.
+                 instant: Array, dofs: NDArray[np.int32]) -> None:
+    """Step over all samples; `torque` (intervals, steps, drives) has what each step applies.
 
     A forward pass at a sample applies the `instant` torque, which is the law's own there; a step
     applies its mean.
@@ -88,26 +90,26 @@ def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, t
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
     ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     rest = torque.shape[1] - 1  # steps of an interval after its first, at once where they can be
-    steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=1).tolist()
-    for k, forces in enumerate(torque.tolist()):
+    steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=(1, 2)).tolist()
+    for k, forces in enumerate(torque):
         if ahead:
-            applied[dof] = instant[k]
+            applied[dofs] = instant[k]
             forward(model, data)
             record.sample(k)
         else:
             record.sample_state(k)
-        applied[dof] = forces[0]
+        applied[dofs] = forces[0]
         mj_step(model, data)
         if not ahead:
             record.sample_shown(k)
         if rest and steady[k]:
-            applied[dof] = forces[1]
+            applied[dofs] = forces[1]
             mj_step(model, data, rest)
         else:
             for force in forces[1:]:
-                applied[dof] = force
+                applied[dofs] = force
                 mj_step(model, data)
-    applied[dof] = instant[-1]
+    applied[dofs] = instant[-1]
     forward(model, data)
     record.sample(len(torque))
 

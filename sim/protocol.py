@@ -58,8 +58,8 @@ class Run:
         Sensors of the MJCF to record.  ``name`` for a scalar sensor, ``name.x``, ``.y``, ``.z``
         for a component of a vector, ``name.angle`` for the direction of a ``framexaxis`` sensor
         in the plane of motion, unwrapped along the run [rad].
-    drive : Drive or None
-        Prescribed motion; None for a free motion.
+    drives : tuple of Drive
+        Prescribed motions, at the same time; empty for a free motion.
     start : str
         Name of the ``<key>`` that holds the start pose (and the assembly mode).
     settings : mapping
@@ -69,9 +69,21 @@ class Run:
     kind: str
     x: Array
     channels: tuple[str, ...]
-    drive: Drive | None = None
+    drives: tuple[Drive, ...] = ()
     start: str = "start"
     settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def drive(self) -> Drive | None:
+        """The only drive there is, for simulators that know no more than one."""
+        return self.drives[0] if self.drives else None
+
+    def motion(self, x: Array) -> tuple[Array, Array, Array]:
+        """Values, rates and accelerations of all drives at x, each (drives, n)."""
+        rows = [np.broadcast_arrays(*drive.law(x)) for drive in self.drives]
+        value, rate, acceleration = (np.array(part, float).reshape(len(rows), x.size)
+                                     for part in (zip(*rows, strict=True) if rows else [()] * 3))
+        return value, rate, acceleration
 
     def steps(self, timestep: float) -> tuple[int, float]:
         """Whole steps from sample to sample, and the step [s] <= `timestep` that fits them.
@@ -101,8 +113,8 @@ class Curves:
         The recorded curves.
     missing : dict of str to str
         Channels that this simulator cannot deliver in this kind of run, with the reason.
-    drive : tuple of three ndarray (n,), or None
-        Value, rate and acceleration of the driven joint *as it actually moved*.
+    drive : tuple of three ndarray (drives, n), or None
+        Value, rate and acceleration of the driven joints *as they actually moved*.
     gap : float
         Largest distance between two points that a loop should hold together [m].
     seconds : float
@@ -111,6 +123,9 @@ class Curves:
         Engine steps (duration) or pose solutions (sweep).
     settings : dict
         Settings as used, for the record: time step, integrator, ...
+    stopped : str
+        Why a sweep ended before its last sample, at a limit position for one; what was solved
+        until there is in `x` and `channels`.
     """
 
     x: Array
@@ -121,3 +136,4 @@ class Curves:
     seconds: float = 0.0
     steps: int = 0
     settings: dict[str, object] = field(default_factory=dict)
+    stopped: str = ""

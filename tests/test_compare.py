@@ -14,7 +14,8 @@ from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.recorded import read_recorded, si_unit
-from proofmass.reference import evaluate, grid, law
+from proofmass.reference import evaluate, grid
+from proofmass.solve import plan
 from sim.protocol import Curves
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -71,7 +72,7 @@ def test_closed_form_is_the_recorded_hacksaw_curve():
     """Two computations of the same mechanism that know nothing of each other."""
     closed, recorded = (load_case(MODELS / f"{n}.toml") for n in ("hacksaw", "hacksaw_recorded"))
     x = grid(recorded, "sweep")
-    ours = evaluate(closed, x, law(closed, "sweep")(x))
+    ours = evaluate(closed, x, plan(closed, "sweep", "mujoco").motion(x))
     theirs = evaluate(recorded, x, None)
     for name in closed.channels:
         span = np.ptp(theirs.channels[name])
@@ -132,7 +133,7 @@ def test_would_notice_is_the_change_that_uses_the_tolerance_up(models):
     """Bisection-free check: with the parameter off by its would-notice the error is the limit."""
     case = load_case(models / "hacksaw.toml")
     x = grid(case, "sweep")
-    state = law(case, "sweep")(x)
+    state = plan(case, "sweep", "mujoco").motion(x)
     from proofmass.compare import sensitivities
     slope = sensitivities(case, Curves(x, {}, drive=state))["coupler"]["theta3"]
     truth = evaluate(case, x, state).channels["theta3"]

@@ -12,11 +12,12 @@ from proofmass.case import Case, load_case
 from proofmass.check import Result
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, grid, law
+from proofmass.reference import evaluate
 from proofmass.report import headline, write_report
 from proofmass.report.data import thin
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
+from proofmass.solve import plan
 from sim.protocol import Curves
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -31,8 +32,8 @@ def case_of(name: str, n: int = 37, **changed: object) -> Case:
 
 def curves_of(case: Case, kind: str, off: float) -> Curves:
     """What a solver would find that is off by that share of each curve's range."""
-    x, drive_law = grid(case, kind), law(case, kind)
-    state = drive_law(x) if drive_law else None
+    run = plan(case, kind, "mujoco")
+    x, state = run.x, run.motion(run.x) if run.drives else None
     truth = evaluate(case, x, state)
     channels = {n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x) for n, v in truth.channels.items()
                 if case.channels[n].only in (None, kind)}

@@ -28,7 +28,7 @@ def crank_angle(x):
 
 def run_of(kind: str, dt: float = 1e-3) -> Run:
     return Run(kind, np.linspace(0, 2 * np.pi, 201), ("theta2", "omega2"),
-               Drive("slider", there_and_back), settings={"timestep": dt})
+               (Drive("slider", there_and_back),), settings={"timestep": dt})
 
 
 @pytest.mark.parametrize("engine", [with_mujoco, with_pymunk])
@@ -76,6 +76,6 @@ def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
 def test_a_driven_slide_that_rides_on_another_is_refused_by_name(tmp_path):
     file = tmp_path / "slider.xml"
     file.write_text(SLIDER)
-    run = Run("duration", np.linspace(0, 1, 11), ("drop",), Drive("drop", lambda t: (t, t, t)))
+    run = Run("duration", np.linspace(0, 1, 11), ("drop",), (Drive("drop", lambda t: (t, t, t)),))
     with pytest.raises(Unsupported, match="driven slide joint 'drop', which is not on the ground"):
         with_pymunk.simulate(file, run)

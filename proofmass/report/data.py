@@ -9,7 +9,7 @@ import numpy as np
 from proofmass.case import Case, Kind
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
-from proofmass.reference import law
+from proofmass.reference import laws
 from proofmass.report.words import LOST
 from sim.protocol import Array, Curves
 
@@ -80,20 +80,19 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
     """Name, unit and scale of a run's parameter: time, or the joint that a sweep moves."""
-    if kind == "duration" or case.drive is None or case.drive.to is None:
+    if kind == "duration" or case.leader is None or not case.leader.steady:
         return "time t", "s", 1.0
-    if joint_type(case) == "slide":
-        return f"{case.drive.joint} position", "m", 1.0
-    return f"{case.drive.joint} angle", "deg", 180 / np.pi
+    if joint_type(case, case.leader.joint) == "slide":
+        return f"{case.leader.joint} position", "m", 1.0
+    return f"{case.leader.joint} angle", "deg", 180 / np.pi
 
 
-def joint_type(case: Case) -> str:
-    """Type of the driven joint in the MJCF; hinge, MuJoCo's own default, when it is not said."""
+def joint_type(case: Case, name: str) -> str:
+    """Type of a joint in the MJCF; hinge, MuJoCo's own default, when it is not said."""
     try:
         joints = ET.parse(case.model_path).iter("joint")
     except (OSError, ET.ParseError):
         return "hinge"
-    name = case.drive.joint if case.drive else ""
     return next((j.get("type", "hinge") for j in joints if j.get("name") == name), "hinge")
 
 
@@ -121,20 +120,19 @@ def grouped(case: Case, channels: list[str]) -> list[list[str]]:
 
 
 def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
-    """A drive that follows a law: the law, and how each solver's drive really moved."""
-    drive_law = law(view.case, view.kind)
-    if view.case.drive is None or view.case.drive.to is not None or not view.curves:
+    """Drives that do not run steadily: the law, and how each solver's drive really moved."""
+    case, found = view.case, {}
+    if case.leader is None or case.leader.steady or not view.curves:
         return {}
     first = next(iter(view.curves.values()))
-    wanted = drive_law(first.x)  # type: ignore[misc]
-    unit = "m" if joint_type(view.case) == "slide" else "rad"
-    return {
-        f"{view.case.drive.joint}{suffix}": (
-            np.asarray(wanted[k]), {s: c.drive[k] for s, c in view.curves.items() if c.drive}, u)
-        for k, (suffix, u) in enumerate(
-            [(" (drive)", unit), (" rate (drive)", f"{unit}/s"),
-             (" acceleration (drive)", f"{unit}/s^2")])
-    }
+    for row, (drive, law) in enumerate(zip(case.drive, laws(case, view.kind), strict=True)):
+        unit = "m" if joint_type(case, drive.joint) == "slide" else "rad"
+        names = (" (drive)", unit), (" rate (drive)", f"{unit}/s"), (
+            " acceleration (drive)", f"{unit}/s^2")
+        for k, (suffix, u) in enumerate(names):
+            moved = {s: c.drive[k][row] for s, c in view.curves.items() if c.drive}
+            found[f"{drive.joint}{suffix}"] = np.asarray(law(first.x)[k]), moved, u
+    return found
 
 
 def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:

@@ -65,7 +65,7 @@ def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> N
 def panel(ax: Axes, view: Shown, title: str, truth: Array, lines: dict[str, Array],
           style: Mapping[str, Look], unit: str) -> None:
     """A panel of an overlay."""
-    x = next(iter(view.truth.values())).x * view.x_scale
+    x = max((t.x for t in view.truth.values()), key=len) * view.x_scale
     ax.plot(*thin(x, truth, 500), **REFERENCE)
     for solver, y in lines.items():
         draw(ax, view.curves[solver].x * view.x_scale, y, style[solver])
@@ -131,7 +131,7 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
         lowest = max(i for i, line in enumerate(names) if j < len(line))
         axes[lowest, j].set_xlabel(f"{view.x_name} [{view.x_unit}]")
         axes[lowest, j].tick_params(labelbottom=True)
-    x = next(iter(view.truth.values())).x * view.x_scale
+    x = max((t.x for t in view.truth.values()), key=len) * view.x_scale
     axes[0, 0].set_xlim(float(x[0]), float(x[-1]))
     if view.x_unit == "deg" and abs(x[-1] - x[0]) >= 180:
         axes[0, 0].xaxis.set_major_locator(MultipleLocator(90 if abs(x[-1] - x[0]) < 721 else 180))

@@ -1,0 +1,152 @@
+"""A MuJoCo model whose loops are kept closed while some of its joints are driven.
+
+The loops are closed by Newton's method on the engine's own constraint rows, with the driven joints
+held; rates follow from the null space, accelerations from the rows' time derivative:
+
+    J(q) v = 0,   v_drive = rate            J a = -J' v,   a_drive = acceleration
+"""
+
+import mujoco
+import numpy as np
+
+from sim.mujoco_model import anchor_bodies, anchors, loop_gap, pose_of
+from sim.plane import find_plane
+from sim.protocol import Array, BadModel, Unsupported
+
+EQ = mujoco.mjtEq
+SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
+STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
+
+
+class Linkage:
+    """The driven joints `dofs` of a model, and its loops.
+
+    Attributes
+    ----------
+    dofs, adr : ndarray (drives,) of int
+        Where the driven joints stand in ``qvel`` and in ``qpos``.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]):
+        self.model, self.data, self.joints = model, data, joints
+        index = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in joints]
+        self.dofs, self.adr = model.jnt_dofadr[index], model.jnt_qposadr[index]
+        self.units = np.eye(model.nv)[self.dofs]
+        hinge = model.jnt_type[index] == mujoco.mjtJoint.mjJNT_HINGE
+        self.stride = STRIDE * np.where(hinge, 1.0, model.stat.extent)
+        for i in range(model.neq):
+            kind = EQ(model.eq_type[i])
+            if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
+                word = f"{kind.name[5:].lower()} {model.equality(i).name!r}"
+                raise Unsupported(f"equality <{word}> in a sweep; connect and joint are covered")
+
+    def rows(self) -> tuple[Array, Array]:
+        """Residual and Jacobian of the active equalities at the present pose."""
+        mujoco.mj_fwdPosition(self.model, self.data)
+        keep = self.data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        jacobian = np.zeros((self.data.nefc, self.model.nv))
+        if self.data.nefc:
+            jacobian[:] = self.data.efc_J.reshape(self.data.nefc, -1)
+        return self.data.efc_pos[keep].copy(), jacobian[keep]
+
+    def move(self, values: Array, tangent: Array | None = None) -> Array:
+        """Follow the branch to new values of the drives, in strides; returns the tangent there."""
+        far = values - self.data.qpos[self.adr]
+        strides = 1 if tangent is None else int(np.ceil((np.abs(far) / self.stride).max()))
+        for part in np.arange(max(strides, 1))[::-1]:
+            target = values - far * part / max(strides, 1)
+            if tangent is not None:
+                ahead = tangent @ (target - self.data.qpos[self.adr])
+                mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
+            tangent = self.place(target)
+        return np.asarray(tangent)
+
+    def place(self, values: Array) -> Array:
+        """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
+        step = np.inf
+        self.data.qpos[self.adr] = values
+        held = np.zeros(len(values))
+        for _ in range(50):
+            residual, jacobian = self.rows()
+            previous, move = step, self.solve(jacobian, np.append(-residual, held))
+            step = float(np.abs(move).max(initial=0.0))
+            mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
+            self.data.qpos[self.adr] = values
+            if step < SETTLED or not np.isfinite(step) or (step < 1e-9 and step >= previous):
+                break
+        residual, jacobian = self.rows()
+        if not np.abs(residual).max(initial=0.0) < 1e-11 * max(1.0, self.model.stat.extent):
+            open_by = loop_gap(self.model, self.data).max(initial=0.0)
+            raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
+                           f"the loop stays open by {open_by:.3g} m")
+        right = np.vstack([np.zeros((residual.size, len(values))), np.eye(len(values))])
+        return self.solve(jacobian, right)
+
+    def spoken(self, values: Array) -> str:
+        """The driven joints with their values."""
+        return ", ".join(f"{j} = {v:.6g}" for j, v in zip(self.joints, values, strict=True))
+
+    def solve(self, jacobian: Array, right: Array) -> Array:
+        """Least squares, since a planar loop in 3-D carries rows that are always zero."""
+        matrix = np.vstack([jacobian, self.units])
+        solution, _, rank, values = np.linalg.lstsq(matrix, right, rcond=1e-10)
+        if rank < self.model.nv:
+            raise Unsupported(
+                f"{self.model.nv - rank} degree(s) of freedom left when "
+                f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
+                f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose")
+        return np.asarray(solution, dtype=np.float64)
+
+    def acceleration(self, velocity: Array, values: Array) -> Array:
+        """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        _, jacobian = self.rows()
+        drift = [part for i in range(self.model.neq) if self.data.eq_active[i]
+                 for part in self.row_drift(i, velocity)]
+        return self.solve(jacobian, np.append(-np.array(drift), values))
+
+    def row_drift(self, i: int, velocity: Array) -> Array:
+        """J' v of equality number i, in the engine's order of rows."""
+        if self.model.eq_type[i] == EQ.mjEQ_CONNECT:
+            p1, p2 = anchors(self.model, i, pose_of(self.data))
+            b1, b2 = anchor_bodies(self.model, i)
+            return (self.jacobian_rate(p1, b1) - self.jacobian_rate(p2, b2)) @ velocity
+        second = self.model.eq_obj2id[i]
+        if second < 0:
+            return np.zeros(1)
+        dof, adr = self.model.jnt_dofadr[second], self.model.jnt_qposadr[second]
+        poly = np.polynomial.Polynomial(self.model.eq_data[i, :5]).deriv(2)
+        return np.array([-poly(self.data.qpos[adr] - self.model.qpos0[adr]) * velocity[dof] ** 2])
+
+    def jacobian_rate(self, point: Array, body: int) -> Array:
+        """Time derivative of a point's translational Jacobian (3, nv)."""
+        rate = np.zeros((3, self.model.nv))
+        mujoco.mj_jacDot(self.model, self.data, rate, None, point, body)
+        return rate
+
+    def holding_moments(self, tangent: Array) -> Array:
+        """Moment (or force) that each drive must apply at rest, by virtual work (drives,)."""
+        self.data.qvel[:] = 0
+        self.data.qacc[:] = 0
+        mujoco.mj_inverse(self.model, self.data)
+        mujoco.mj_fwdActuation(self.model, self.data)
+        return np.asarray((self.data.qfrc_inverse - self.data.qfrc_actuator) @ tangent)
+
+    def redundant(self) -> str:
+        """What is held more than once at the present pose; empty when nothing is.
+
+        A planar ``connect`` holds two directions, a ``joint`` equality one.
+        """
+        active = [i for i in range(self.model.neq) if self.data.eq_active[i]]
+        try:
+            find_plane(self.model, self.data)
+        except Unsupported:
+            return ""
+        held = sum(2 if self.model.eq_type[i] == EQ.mjEQ_CONNECT else 1 for i in active)
+        matrix = np.vstack([self.rows()[1], self.units])
+        free = held + len(self.joints) - int(np.linalg.matrix_rank(matrix, tol=1e-8))
+        if free <= 0:
+            return ""
+        names = ", ".join(repr(self.model.equality(i).name) for i in active)
+        return (f"over-constrained: the loops {names} and the {len(self.joints)} drive(s) hold "
+                f"{held + len(self.joints)} directions, of which {free} are held already")
