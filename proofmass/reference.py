@@ -7,15 +7,18 @@ from functools import cache
 from types import ModuleType
 
 import numpy as np
+from mujoco import MjModel
 
 import analytic
 from proofmass.case import Case, Kind
 from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded, read_recorded
-from sim.protocol import Array, Curves
+from sim.mjcf import compile_model
+from sim.protocol import Array, BadModel, Curves
 
 DriveLaw = InProportion | Law | Samples | Steady | Swing
+compile_once = cache(lambda file, changed: compile_model(file))
 read_once = cache(lambda file, changed: read_recorded(file))
 
 
@@ -124,8 +127,8 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     """
     known = [p.name for p in inspect.signature(truth.solve).parameters.values()
              if p.kind is p.KEYWORD_ONLY]
-    own = {"model": case.model_path, "start": case.start,
-           "joints": tuple(d.joint for d in case.drive)}
+    own = {"model": lambda: compiled(case), "start": lambda: case.start,
+           "joints": lambda: tuple(d.joint for d in case.drive)}
     parameters = {**case.parameters, **changed}
     there = [k for k in known if k not in own]
     for key in parameters:
@@ -137,9 +140,17 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     else:
         args = tuple(part[0] if len(part) == 1 else part for part in map(np.atleast_2d, state))
     try:
-        return truth.solve(*args, **parameters, **{k: v for k, v in own.items() if k in known})
+        return truth.solve(*args, **parameters, **{k: own[k]() for k in own if k in known})
     except (TypeError, ValueError) as error:
         raise InputError(case.file, "parameters", str(error)) from None
+
+
+def compiled(case: Case) -> MjModel:
+    """The case's compiled MJCF, once for all runs."""
+    try:
+        return compile_once(case.model_path, case.model_path.stat().st_mtime_ns)
+    except BadModel as error:
+        raise InputError(case.model_path, "", str(error)) from None
 
 
 def column(case: Case, truth: Recorded, key: str, name: str, unit: str | None = None) -> Array:

@@ -1,0 +1,201 @@
+r"""Following one assembly mode along the motion of the drives, with proof at every step.
+
+From a closed pose the tangent T predicts the next.  Newton's method from there converges to the
+pose on the *same branch* if the step is short: with β the norm of the inverse Jacobian and L a
+bound of how fast the Jacobian changes, the Newton-Kantorovich theorem holds all the way along the
+step if
+
+    |T Δθ|  <=  1 / (2 β L).
+
+Towards a limit position β grows and the steps shrink in proportion to what is left of the way, so a
+branch ends at its limit position, to rounding.  A change point, where two branches cross, is leapt
+over along the smooth one.
+
+P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2011, theorem 2.1 and section 5.1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic.planar.closure import Drives, freedoms, nearest, newton, rates
+from analytic.planar.loops import lipschitz, loop_jacobian
+from analytic.planar.mechanism import (
+    Array,
+    CannotAssemble,
+    Failure,
+    Mechanism,
+    Mirrored,
+    SingularHere,
+)
+from analytic.planar.motion import move
+
+SHARE = 0.5
+"""Share of the proven step that is taken: the poses between then need fewer Newton steps."""
+NEAR = 1.0 / 6.0
+"""Newton ends within this share of the proven step from where it starts, by the same theorem."""
+CREEP = 1e-5
+"""Steps along the drives that are shorter [rad, or sizes] make it look for a change point."""
+STUCK = 1e-11
+"""Steps that are shorter are the end of the branch."""
+KINK = 0.05
+"""Largest relative change of a velocity over a change point that still counts as smooth."""
+
+
+@dataclass(frozen=True)
+class Knot:
+    """A closed pose, its tangent (joints, drives) in own units, and how far that is proven.
+
+    `orientation` is the sign of the Jacobian's determinant, which a branch keeps, and `regular` its
+    size, which falls to zero in a singular pose.
+    """
+
+    q: Array
+    tangent: Array
+    radius: float
+    orientation: float
+    regular: float
+
+
+class Branch:
+    """One branch of a mechanism, from its start pose on.
+
+    Parameters
+    ----------
+    m : Mechanism
+    names : tuple of str
+        The driven joints, as many as the mechanism has freedoms.
+
+    Raises
+    ------
+    CannotAssemble, Overconstrained, SingularHere
+        The start pose does not close, holds something twice, or leaves a freedom.
+    """
+
+    def __init__(self, m: Mechanism, names: tuple[str, ...]):
+        self.m, self.d = m, Drives.of(m, names)
+        q = nearest(m, m.start.copy())
+        free = freedoms(m, q)
+        if free != len(names):
+            raise SingularHere(f"the mechanism has {free} freedom(s), and {len(names)} driven "
+                               f"joint(s): {', '.join(names)}")
+        self.bound = lipschitz(m, q)
+        self.scale = m.scale[self.d.driven]
+        self.knot = self.at(q)
+        self.last = self.knot
+
+    def follow(self, inputs: Array) -> tuple[Array, Failure | None]:
+        """Follow the branch over inputs (n, drives).
+
+        Returns
+        -------
+        q : ndarray (k, joints)
+            Closed poses, k = n unless the branch ends before.
+        failure : Failure or None
+            Why it ended.
+        """
+        guess, proven = np.empty((len(inputs), len(self.m.joints))), np.empty(len(inputs))
+        done, failure, leap_at = 0, None, CREEP
+        while done < len(inputs):
+            window = inputs[done:done + 4096]
+            near = self.far(window) <= SHARE * self.knot.radius
+            count = len(near) if near.all() else int(np.argmin(near))
+            if count:
+                guess[done:done + count] = self.predict(window[:count])
+                proven[done:done + count] = self.knot.radius
+                done += count
+            try:
+                leap_at = self.advance(window[count - 1] if count else inputs[done], leap_at)
+            except Failure as error:
+                failure = error
+                break
+        q = newton(self.m, guess[:done], self.d) if done else guess[:0]
+        moved = np.linalg.norm((q - guess[:done]) / self.m.scale, axis=1)
+        if not (moved <= NEAR * proven[:done]).all():
+            bad = int(np.argmax(moved > NEAR * proven[:done]))
+            raise Mirrored(f"mirrored at {self.spoken(inputs[bad])}")
+        return q, failure
+
+    def at(self, q: Array) -> Knot:
+        """What is known at a closed pose (joints,)."""
+        m, d = self.m, self.d
+        matrix = loop_jacobian(m, move(m, q[None]), q[None])[0] * m.scale / m.size
+        values = np.linalg.svd(matrix[:, d.following], compute_uv=False)
+        least = float(values.min(initial=1.0))
+        tangent = np.eye(len(m.joints))[:, d.driven]
+        if not least > 1e-14:
+            raise SingularHere(f"singular at {self.spoken(q[d.driven])}")
+        tangent[d.following] = -np.linalg.solve(matrix[:, d.following], matrix[:, d.driven])
+        bound = self.bound if m.hinges.all() else lipschitz(m, q)
+        sign, logarithm = np.linalg.slogdet(matrix[:, d.following])
+        return Knot(q, tangent, 0.5 * least / bound if bound else np.inf, float(sign),
+                    float(np.exp(logarithm)))
+
+    def predict(self, inputs: Array) -> Array:
+        """Poses (n, joints) that the tangent predicts at inputs (n, drives)."""
+        ahead = (inputs - self.knot.q[self.d.driven]) / self.scale
+        q = self.knot.q + (ahead @ self.knot.tangent.T) * self.m.scale
+        q[:, self.d.driven] = inputs
+        return np.asarray(q)
+
+    def far(self, inputs: Array) -> Array:
+        """Length of the predicted moves to inputs (n, drives), in own units (n,)."""
+        return np.linalg.norm((self.predict(inputs) - self.knot.q) / self.m.scale, axis=1)
+
+    def advance(self, inputs: Array, leap_at: float) -> float:
+        """Take one proven step towards inputs (drives,); where it is tiny, look for a leap."""
+        here = self.knot.q[self.d.driven]
+        way = float(np.linalg.norm((inputs - here) / self.scale))
+        if way == 0.0:
+            return leap_at
+        part = min(1.0, SHARE * self.knot.radius / self.far(inputs[None])[0])
+        if part < 1.0 and part * way < leap_at:
+            if self.leap(inputs, way):
+                return CREEP
+            if part * way < STUCK:
+                raise SingularHere(f"limit position at {self.spoken(here)}: the branch goes no "
+                                   f"further in this direction")
+            leap_at *= 0.1
+        self.step(inputs if part == 1.0 else here + part * (inputs - here))
+        return leap_at
+
+    def step(self, inputs: Array) -> None:
+        """Close the loops at inputs within the radius, and stand there."""
+        knot = self.at(newton(self.m, self.predict(inputs[None]), self.d)[0])
+        if knot.orientation != self.knot.orientation:
+            raise Mirrored(f"mirrored at {self.spoken(inputs)}")
+        self.last, self.knot = self.knot, knot
+
+    def leap(self, inputs: Array, way: float) -> bool:
+        """Try to pass a change point on the way to inputs; False if the branch ends there.
+
+        The Jacobian's determinant passes zero at an even pace, which tells how far the change point
+        is.  A second-order step lands as far behind it; if velocities run on smoothly there, and
+        the determinant has changed its sign, it was one.
+        """
+        here, before = self.knot.q[self.d.driven], self.last.q[self.d.driven]
+        lost = self.last.regular - self.knot.regular
+        if lost <= 0.0:
+            return False
+        ahead = 2 * self.knot.regular * float(np.linalg.norm((here - before) / self.scale)) / lost
+        along = (inputs - here) / way * min(ahead, way)
+        one = self.knot.q[None]
+        v, a = rates(self.m, one, self.d, along[None], np.zeros((1, along.size)))
+        guess = one + v + 0.5 * a
+        guess[:, self.d.driven] = here + along
+        try:
+            knot = self.at(newton(self.m, guess, self.d)[0])
+            after, _ = rates(self.m, knot.q[None], self.d, along[None], 0 * along[None])
+        except (CannotAssemble, SingularHere):
+            return False
+        kink = np.linalg.norm((after - v - a) / self.m.scale)
+        if kink > KINK * np.linalg.norm(v / self.m.scale) or (
+                knot.orientation == self.knot.orientation):
+            return False
+        self.last = self.knot = knot
+        return True
+
+    def spoken(self, inputs: Array) -> str:
+        """The driven joints with their values."""
+        names = [self.m.joints[j].name for j in self.d.driven]
+        return ", ".join(f"{n} = {v:.9g}" for n, v in zip(names, inputs, strict=True))

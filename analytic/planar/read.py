@@ -1,0 +1,172 @@
+"""A `Mechanism` from the numbers of a compiled MJCF; none of MuJoCo's own kinematics is used."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from analytic.planar.mechanism import Array, Body, Coupling, Joint, Mechanism, Pin
+
+PARALLEL = 1e-9
+"""Largest sine of the angle at which two directions still count as parallel."""
+OFF = mujoco.mjtDisableBit
+
+
+class Reader:
+    """The reference pose of a compiled model in space, and its plane of motion.
+
+    Attributes
+    ----------
+    at, turn : ndarray (bodies, 3), (bodies, 3, 3)
+        Body frames of the reference pose.
+    e1, e2, normal : ndarray (3,)
+        The plane: e1 is the world's x (its y if x is the normal), the normal the first hinge's
+        axis.
+    """
+
+    def __init__(self, model: Any):
+        self.model = model
+        self.at, self.turn = np.zeros((model.nbody, 3)), np.tile(np.eye(3), (model.nbody, 1, 1))
+        for b in range(1, model.nbody):
+            parent = model.body_parentid[b]
+            self.turn[b] = self.turn[parent] @ rotation(model.body_quat[b])
+            self.at[b] = self.at[parent] + self.turn[parent] @ model.body_pos[b]
+        self.axes = np.einsum("jab,jb->ja", self.turn[model.jnt_bodyid], model.jnt_axis)
+        self.normal = self._normal()
+        x = np.eye(3)[0 if np.linalg.norm(np.cross(self.normal, np.eye(3)[0])) > PARALLEL else 1]
+        e1 = x - (x @ self.normal) * self.normal
+        self.e1 = e1 / np.linalg.norm(e1)
+        self.e2 = np.cross(self.normal, self.e1)
+
+    def _normal(self) -> Array:
+        hinge = self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        if not hinge.any():
+            raise ValueError("a mechanism without hinges has no plane of motion")
+        normal = np.asarray(self.axes[hinge][0])
+        for j, axis in enumerate(self.axes):
+            out = np.linalg.norm(np.cross(normal, axis)) if hinge[j] else abs(normal @ axis)
+            if out > PARALLEL:
+                raise ValueError(f"joint {self.model.joint(j).name!r} leaves the plane of motion")
+        return normal
+
+    def flat(self, vector: Array) -> complex:
+        """A vector's part in the plane, as a complex number."""
+        return complex(vector @ self.e1, vector @ self.e2)
+
+    def point(self, body: int, local: Array) -> complex:
+        """A point of a body, in the reference pose."""
+        return self.flat(self.at[body] + self.turn[body] @ local)
+
+    def joint(self, j: int, ctrl: Array) -> Joint:
+        """Joint number j, with the constant loads that motors give it."""
+        model, dof, adr = self.model, self.model.jnt_dofadr[j], self.model.jnt_qposadr[j]
+        hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+        place = (self.point(model.jnt_bodyid[j], model.jnt_pos[j]) if hinge
+                 else self.flat(self.axes[j]))
+        load = sum(model.actuator_gear[a, 0] * model.actuator_gainprm[a, 0] * ctrl[a]
+                   for a in range(model.nu) if model.actuator_trnid[a, 0] == j)
+        return Joint(
+            model.joint(j).name, bool(hinge), place,
+            float(np.sign(self.axes[j] @ self.normal)) if hinge else 1.0,
+            float(model.qpos0[adr]), self.unless(OFF.mjDSBL_SPRING, model.jnt_stiffness[j]),
+            float(model.qpos_spring[adr]), self.unless(OFF.mjDSBL_DAMPER, model.dof_damping[dof]),
+            float(model.dof_armature[dof]), float(load),
+            (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1])) if model.jnt_limited[j]
+            and self.unless(OFF.mjDSBL_LIMIT, 1.0) else (-np.inf, np.inf))
+
+    def unless(self, flag: int, value: float) -> float:
+        """A number, or zero if the model disables what it stands for."""
+        return 0.0 if self.model.opt.disableflags & int(flag) else float(value)
+
+    def body(self, b: int) -> Body:
+        """Body number b."""
+        model = self.model
+        frame = self.turn[b] @ rotation(model.body_iquat[b])
+        moment = float((self.normal @ frame) ** 2 @ model.body_inertia[b])
+        first = model.body_jntadr[b]
+        joints = tuple(range(first, first + model.body_jntnum[b])) if first >= 0 else ()
+        return Body(model.body(b).name, int(model.body_parentid[b]), joints,
+                    float(model.body_mass[b]), self.point(b, model.body_ipos[b]), moment)
+
+    def pin(self, e: int) -> Pin:
+        """Connect equality number e."""
+        model = self.model
+        one, two = model.eq_obj1id[e], model.eq_obj2id[e]
+        places = model.eq_data[e, :3], model.eq_data[e, 3:6]
+        if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
+            places = model.site_pos[one], model.site_pos[two]
+            one, two = model.site_bodyid[one], model.site_bodyid[two]
+        return Pin(model.equality(e).name, int(one), self.point(one, places[0]),
+                   int(two), self.point(two, places[1]))
+
+    def coupling(self, e: int) -> Coupling:
+        """Joint equality number e."""
+        model = self.model
+        return Coupling(model.equality(e).name, int(model.eq_obj1id[e]), int(model.eq_obj2id[e]),
+                        tuple(float(c) for c in model.eq_data[e, :5]))
+
+
+def rotation(quaternion: Array) -> Array:
+    """Rotation matrix of a unit quaternion (w, x, y, z)."""
+    w, (x, y, z) = quaternion[0], quaternion[1:]
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+
+
+def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
+    """Read a planar mechanism.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        Compiled; only its numbers are read.
+    start : str
+        Name of the key with the start pose; of no meaning in a model without keys.
+
+    Returns
+    -------
+    Mechanism, Reader
+
+    Raises
+    ------
+    ValueError
+        What is not a planar mechanism of hinges, slides, connects and joint equalities; by name.
+    """
+    refuse(model)
+    reader = Reader(model)
+    names = [model.key(k).name for k in range(model.nkey)]
+    if names and start not in names:
+        raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
+    key = names.index(start) if names else -1
+    ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
+    active = [e for e in range(model.neq) if model.eq_active0[e]]
+    connects = [e for e in active if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT]
+    gravity = reader.unless(OFF.mjDSBL_GRAVITY, 1.0) * model.opt.gravity
+    return Mechanism(
+        tuple(reader.body(b) for b in range(model.nbody)),
+        tuple(reader.joint(j, ctrl) for j in range(model.njnt)),
+        tuple(reader.pin(e) for e in connects),
+        tuple(reader.coupling(e) for e in active if e not in connects),
+        reader.flat(gravity),
+        np.array(model.key_qpos[key] if names else model.qpos0),
+        np.array(model.key_qvel[key] if names else np.zeros(model.nv))), reader
+
+
+def refuse(model: Any) -> None:
+    """Raise ValueError, by name, for what a planar mechanism here does not have."""
+    for j in range(model.njnt):
+        if mujoco.mjtJoint(model.jnt_type[j]) not in (mujoco.mjtJoint.mjJNT_HINGE,
+                                                      mujoco.mjtJoint.mjJNT_SLIDE):
+            raise ValueError(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
+        if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[j].any():
+            raise ValueError(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
+        if model.dof_frictionloss[j] > 0:
+            raise ValueError(f"joint {model.joint(j).name!r} has friction")
+    for e in np.flatnonzero(model.eq_active0):
+        kind = mujoco.mjtEq(model.eq_type[e])
+        if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
+            raise ValueError(f"equality {model.equality(e).name!r} is neither connect nor joint")
+    for what, there in {"a tendon": model.ntendon, "a flex": model.nflex, "a mocap body":
+                        model.nmocap, "a fluid": model.opt.density + model.opt.viscosity}.items():
+        if there:
+            raise ValueError(f"the model has {what}")
