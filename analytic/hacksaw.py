@@ -9,7 +9,7 @@ MODES = (1, -1)
 
 def solve(
     angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, *,
-    crank: float, coupler: float, offset: float, mode: int = 1,
+    crank: float, coupler: float, offset: float, mode: int = 1, cutting_force: float = 0.0,
 ) -> dict[str, Array]:
     r"""Motion of the hacksaw linkage whose crank motion is given, in the report's nine curves.
 
@@ -30,6 +30,9 @@ def solve(
         x'' = -r2 (cos(theta2) theta2'^2 + sin(theta2) theta2'') - q theta3'^2 - e theta3''
         r1 = -hypot(x, offset)         theta1 = atan2(-offset, -x)
 
+    The moment that holds the crank against the cutting force is -cutting_force dx/dtheta2, by
+    virtual work; the guide is horizontal, and neither weights nor friction are in it.
+
     r1 is negative by the report's convention, so theta1 points away from the slider: with the
     slider on the left it lies in (-pi/2, 0). r1' and r1'' are not the slider's rates x' and x''.
 
@@ -41,17 +44,18 @@ def solve(
     offset : height of the guide above the crank axis [m], of either sign
     mode : +1 slider left of the crank pin, theta3 = pi - asin(e/r3) (the report's); -1 right of
         it, theta3 = asin(e/r3)
+    cutting_force : constant force on the slider along +x [N]
 
     Returns
     -------
     dict of (...) arrays: r1 [m], theta1, theta3 [rad], each with _rate and _acceleration;
-    slider_x [m], slider_velocity [m/s], slider_acceleration [m/s^2].
+    slider_x [m], slider_velocity [m/s], slider_acceleration [m/s^2]; holding_moment [N m].
 
     Raises
     ------
     ValueError
-        A length not positive (offset: not finite), a mode unknown, or a pose that cannot close:
-        the message gives the first such angle and by how much the coupler is too short.
+        A length not positive (offset, cutting_force: not finite), a mode unknown, or a pose that
+        cannot close: the message gives the first such angle and by how much the coupler misses.
 
     Notes
     -----
@@ -68,6 +72,8 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("r1", "theta1", "theta3")]
     [-0.099672, -0.468422, 2.873694]
     """
+    if not np.isfinite(cutting_force):
+        raise ValueError(f"cutting_force must be finite [N], got {cutting_force}")
     theta, w, dw = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
     px, py, q = _close(theta, crank, coupler, offset, mode)
     e, x, square = offset - py, px + q, (px + q) ** 2 + offset**2
@@ -85,6 +91,7 @@ def solve(
             "theta3": np.arctan2(e, np.abs(q)) if mode < 0 else np.pi - np.arctan2(e, np.abs(q)),
             "theta3_rate": w3, "theta3_acceleration": dw3,
             "slider_x": x, "slider_velocity": v, "slider_acceleration": a,
+            "holding_moment": cutting_force * (py - e * px / q),
         }
     return {name: np.asarray(curve) for name, curve in curves.items()}
 

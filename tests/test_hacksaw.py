@@ -165,6 +165,7 @@ def test_reference_points(row):
     for found, name in zip(law, ("angle", "rate", "acceleration"), strict=True):
         assert found == pytest.approx(row[name], rel=1e-14, abs=1e-14)  # rounding of the time
     pose = hacksaw.solve(*law, **LINK)
+    assert pose.pop("holding_moment") == 0.0  # no cutting force, and no weights in the closed form
     for name, curve in pose.items():
         # rounding of an angle of up to 19 rad, 4e-15, through slopes of up to 10
         assert curve == pytest.approx(row[name], rel=4e-14, abs=4e-14), name
@@ -200,11 +201,15 @@ def test_limits_stroke_and_time_ratio():
     assert turn["r1"].max() <= -reach[1] + 1e-16
 
 
-def test_holding_moment_by_virtual_work():
+@MODES
+def test_holding_moment_by_virtual_work(mode):
     table = DATA["moment"]
-    pose = hacksaw.solve(np.radians(np.arange(0, 360, 30)), 1.0, 0.0, **LINK)
-    moment = -table["force"] * pose["slider_velocity"]
-    np.testing.assert_allclose(moment, table["values"], rtol=0, atol=5.1e-7)  # last printed digit
+    angle = np.radians(np.arange(0, 360, 30))
+    pose = hacksaw.solve(angle, 1.0, 0.0, **LINK, mode=mode, cutting_force=table["force"])
+    if mode == 1:  # the table's; last printed digit
+        np.testing.assert_allclose(pose["holding_moment"], table["values"], rtol=0, atol=5.1e-7)
+    work = -table["force"] * pose["slider_velocity"]  # at unit rate
+    np.testing.assert_allclose(pose["holding_moment"], work, rtol=0, atol=1e-15)  # rounding
 
 
 def test_theta1_is_continuous_where_the_slider_crosses_above_the_axis():
@@ -267,7 +272,7 @@ def test_bad_motor_values():
 @pytest.mark.parametrize(
     ("name", "value"),
     [(n, v) for n in ("crank", "coupler") for v in (0.0, -1.0, np.nan, np.inf)]
-    + [("offset", np.nan), ("offset", np.inf), ("mode", 0)],
+    + [("offset", np.nan), ("offset", np.inf), ("mode", 0), ("cutting_force", np.nan)],
 )
 def test_bad_value_is_named(name, value):
     with pytest.raises(ValueError, match=f"^{name} must be"):

@@ -1,0 +1,143 @@
+"""Misprints of the source documents that no other test shows: the truth, and that it differs.
+
+The register is docs/errata.md; the last test here holds the tests that it names to exist.
+"""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic import grashof, hacksaw, hacksaw_newton
+from analytic.newton_raphson import NotConverged
+from benchmarks import document_scheme as scheme
+
+ROOT = Path(__file__).parent.parent
+SAW = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
+FIVE = scheme.EXAMPLES["five-bar"]
+
+
+# B. Díaz Lozano, TFG, Universidad de Almería 2019
+
+
+def test_full_rank_does_not_mean_that_newton_converges():
+    with pytest.raises(NotConverged) as failure:
+        scheme.position(scheme.fourbar(1.0, 2.0, 3.0, 50.0), (0.1, 1.0, 1.0, 0.2, 0.0))
+    assert set(failure.value.solution.ranks) == {5}  # line 1064: "it will converge"
+
+
+def test_tolerance_of_one_to_the_minus_ten():
+    """Lines 1406-1408 print 1^-10, which is 1; the code has 1e-10."""
+    linkage, start = scheme.EXAMPLES["four-bar"]
+    steps = scheme.position(linkage, start).steps
+    stopped = np.argmax(steps <= 1.0**-10)
+    assert steps[-1] <= 1e-10
+    assert steps[stopped + 1 :].sum() > 0.04  # what would be left of the way [m]
+
+
+def test_the_cosine_row_is_the_singular_one_at_zero():
+    """Lines 4244, 5960, 7819, 9152 choose the rows the wrong way round; the code is right."""
+    q = scheme.position(*scheme.EXAMPLES["four-bar"]).root  # crank angle 0
+    for threshold, rank in ((0.5**0.5, 5), (2.0, 4)):  # sine row; cosine row whatever the angle
+        linkage = scheme.fourbar(1.0, 2.0, 2.5, 3.0, threshold=threshold)
+        assert np.linalg.matrix_rank(linkage.evaluate(q, q)[1], 1e-5) == rank
+
+
+def test_bias_of_figures_58_and_80():
+    """Figure 58 has a minus sign too many, figure 80 a row for the guide, whose bias is zero."""
+    linkage, start = scheme.EXAMPLES["four-bar"]
+    q = scheme.position(linkage, start).root
+    v = scheme.velocity(linkage, q, [1.0])
+    one, two = v[:2], v[2:4]
+    u = two - one
+    true = 2.0 * (two @ u - one @ u)
+    assert linkage.evaluate(q, v)[2][1] == pytest.approx(true, rel=1e-14)  # rounding
+    assert abs(true - 4.0 * two[1] * u[1] - true) > 0.5
+    linkage, start = scheme.EXAMPLES["slider-crank"]
+    q = scheme.position(linkage, start).root
+    v = scheme.velocity(linkage, q, [1.0])
+    assert linkage.evaluate(q, v)[2][2] == 0.0
+    assert 2.0 * v[2:4] @ v[2:4] > 0.9
+
+
+def test_collinear_row_of_figure_89():
+    linkage, start = scheme.EXAMPLES["inverted slider-crank"]
+    q = scheme.position(linkage, start).root
+    (_, y1), (_, y2), (_, y3) = q[:6].reshape(3, 2)
+    row = linkage.evaluate(q, q)[1][3]
+    assert row[[0, 2]] == pytest.approx([y3 - y2, y1 - y3], rel=1e-14)  # rounding
+    printed = [-2.0 * (y2 - y1) + y3 - y1, -y3 - y1]
+    assert np.abs(row[[0, 2]] - printed).min() > 0.5
+
+
+def test_input_accelerations_that_the_solver_overwrites():
+    """Lines 2843, 7262, 10629 set (1, 2); the solver puts (1, 1) in their place."""
+    linkage, start = FIVE
+    q = scheme.position(linkage, start).root
+    v = scheme.velocity(linkage, q, [1.0, 2.0])
+    asked, plotted = (scheme.acceleration(linkage, q, v, [1.0, a]) for a in (2.0, 1.0))
+    assert np.abs(asked - plotted)[2:4].min() > 0.1
+
+
+def test_equal_angles_at_unequal_rates_are_no_motion():
+    """Lines 2756, 2839, 10619: beta = theta drawn with beta' = 2 theta'."""
+    angle, linkage = np.linspace(0.3, 0.31, 11), FIVE[0]
+    gap = {}
+    for ratio in (1.0, 2.0):  # of the angles; that of the rates is 2
+        angles = np.stack([angle, ratio * angle], 1)
+        q, v, _ = scheme.sweep(linkage, FIVE[1], angles, [1.0, 2.0], [0.0, 0.0])
+        slope = (q[2:] - q[:-2]) / 2e-3  # central difference, error step^2
+        gap[ratio] = np.abs(slope - v[1:-1])[:, :6].max()
+    assert gap[2.0] < 1e-4
+    assert gap[1.0] > 0.5
+
+
+def test_pi_of_3_1416():
+    assert 2.0 * 3.1416 - 2.0 * np.pi == pytest.approx(1.47e-5, rel=1e-3)  # three digits
+
+
+def test_ground_length_with_its_sign():
+    """Lines 1275, 4179 sort XB - XA: a ground to the left hides that this linkage is no Grashof."""
+    d, c, b, a = sorted([2.0, 2.0, 2.5, -3.0])
+    assert not b + c < a + d  # the code's test for its warning
+    assert grashof.margin(crank=2.0, coupler=2.0, rocker=2.5, ground=3.0) < 0.0
+
+
+# Power hacksaw report, Universidad Nacional de Colombia
+
+
+def test_error_plots_end_below_the_errors_they_show():
+    """Lines 2297-2339: axes to 1e-15; text line 771 has 1e-14 for the accelerations."""
+    law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
+    found, truth = hacksaw_newton.solve(*law, **SAW), hacksaw.solve(*law, **SAW)
+    for name in ("theta1_acceleration", "theta3_acceleration"):
+        assert 1e-15 < np.abs(found[name] - truth[name]).max() < 1e-13
+
+
+def test_the_axis_of_v_r_clips_its_peak():
+    law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
+    peak = hacksaw.solve(*law, **SAW)["r1_rate"].max()
+    assert peak == pytest.approx(0.604780, abs=5.1e-7)  # six decimals, at this grid
+    assert peak > 0.6  # lines 1845, 2421
+
+
+# The register
+
+
+def test_every_test_that_the_register_names_exists():
+    named = re.findall(r"`(\w+)::(\w+)`", (ROOT / "docs" / "errata.md").read_text())
+    assert len(named) > 30
+    for file, function in named:
+        tree = ast.parse((ROOT / "tests" / f"{file}.py").read_text())
+        names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert function in names, f"tests/{file}.py has no {function}"
+
+
+def test_the_register_names_every_test_here():
+    text = (ROOT / "docs" / "errata.md").read_text()
+    tree = ast.parse(Path(__file__).read_text())
+    tests = [node.name for node in tree.body
+             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")][:-2]
+    assert [name for name in tests if f"`test_errata::{name}`" not in text] == []
