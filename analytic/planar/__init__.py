@@ -96,12 +96,14 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     """
     mechanism, reader = _read(model, start)
     if joints:
-        driven = [np.atleast_2d(np.asarray(x, float)).T for x in (value, rate, acceleration)]
+        values = np.atleast_2d(np.asarray(value, float))
         branch = Branch(mechanism, joints)
-        q, failure = branch.follow(driven[0])
+        q, failure = branch.follow(values.T)
         if failure is not None:
             raise failure
-        v, a = rates(mechanism, q, branch.d, driven[1], driven[2])
+        moving = (np.broadcast_to(np.asarray(x, float), values.shape).T
+                  for x in (rate, acceleration))
+        v, a = rates(mechanism, q, branch.d, *moving)
         moments = dict(zip(joints, holding(mechanism, q, branch.d).T, strict=True))
     else:
         q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))

@@ -30,9 +30,9 @@ from analytic.planar.mechanism import (
 )
 from analytic.planar.motion import move
 
-SHARE = 0.5
+SHARE = 0.8
 """Share of the proven step that is taken: the poses between then need fewer Newton steps."""
-NEAR = 1.0 / 6.0
+NEAR = 0.4
 """Newton ends within this share of the proven step from where it starts, by the same theorem."""
 CREEP = 1e-5
 """Steps along the drives that are shorter [rad, or sizes] make it look for a change point."""
@@ -148,7 +148,7 @@ class Branch:
         way = float(np.linalg.norm((inputs - here) / self.scale))
         if way == 0.0:
             return leap_at
-        part = min(1.0, SHARE * self.knot.radius / self.far(inputs[None])[0])
+        part = min(1.0, SHARE * self.knot.radius / float(self.far(inputs[None])[0] or way))
         if part < 1.0 and part * way < leap_at:
             if self.leap(inputs, way):
                 return CREEP
@@ -163,7 +163,8 @@ class Branch:
         """Close the loops at inputs within the radius, and stand there."""
         knot = self.at(newton(self.m, self.predict(inputs[None]), self.d)[0])
         if knot.orientation != self.knot.orientation:
-            raise Mirrored(f"mirrored at {self.spoken(inputs)}")
+            wrong = Mirrored("mirrored") if self.knot.radius > CREEP else SingularHere("singular")
+            raise type(wrong)(f"{wrong} at {self.spoken(inputs)}")
         self.last, self.knot = self.knot, knot
 
     def leap(self, inputs: Array, way: float) -> bool:

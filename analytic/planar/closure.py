@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from analytic.planar.loops import bias, gap, loop_jacobian, residual
 from analytic.planar.mechanism import (
@@ -91,9 +92,10 @@ def nearest(m: Mechanism, q: Array) -> Array:
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
     if m.rows and not gap(m, q)[0] < CLOSED * m.size:
-        open_by, name = gap(m, q)
+        best = least_squares(lambda q: residual(m, move(m, q[None]), q[None])[0], m.start)
+        open_by, name = gap(m, best.x)
         raise CannotAssemble(f"cannot be assembled from the start pose: loop {name!r} stays open "
-                             f"by {open_by:.3g} m")
+                             f"by {open_by:.3g} m at best")
     return q
 
 
