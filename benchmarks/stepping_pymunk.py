@@ -1,4 +1,4 @@
-"""What recording costs: a recorded run against the bare loop (motor rate, step) of its space.
+"""What recording costs: a recorded run against the bare loop (drive, step) of its space.
 
     python -m benchmarks.stepping_pymunk [samples]
 """
@@ -12,8 +12,9 @@ import numpy as np
 from pymunk import batch
 
 from sim.protocol import Drive, Run
-from sim.pymunk_duration import SURE, prepared, step_through
+from sim.pymunk_drive import aim
 from sim.pymunk_links import read_links
+from sim.pymunk_steps import SURE, prepared, step_through
 
 MODEL = Path(__file__).parents[1] / "models" / "fourbar.xml"
 SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
@@ -23,26 +24,25 @@ def main(samples: int = 361, repeats: int = 9) -> float:
     """Print and return recorded time over bare time, the least of some repeats each."""
     drive = Drive("crank", lambda t: (t, np.ones_like(t), np.zeros_like(t)))
     run = Run("duration", np.linspace(0.0, 2 * np.pi, samples), (), (drive,))
-    links = read_links(mujoco.MjModel.from_xml_path(str(MODEL)), run.start, 0)
+    links = read_links(mujoco.MjModel.from_xml_path(str(MODEL)), run.start, (0,))
     per, dt = run.steps(SETTINGS["timestep"])
     bare, recorded = [], []
     for _ in range(repeats):
         for times, with_record in ((bare, False), (recorded, True)):
-            space, motor, rates, _ = prepared(links, run, 0, dt, per, SETTINGS)
-            motor.rate = rates[0]
-            record = np.zeros(len(rates), bool)
+            space, drives, targets, _ = prepared(links, run, per, {**SETTINGS, "timestep": dt})
+            record = np.zeros(len(targets), bool)
             record[::per] = record[per - 1 :: per] = True
             began = time.perf_counter()
             if with_record:
-                step_through(space, dt, motor, rates, record, batch.Buffer(), SURE)
+                step_through(space, dt, drives, targets, record, batch.Buffer(), SURE)
             else:
                 step = space.step
-                for rate in rates.tolist():
-                    motor.rate = rate
+                for target in targets.tolist():
+                    aim(drives, target)
                     step(dt)
             times.append(time.perf_counter() - began)
     ratio = min(recorded) / min(bare)
-    print(f"{len(rates)} steps, {per} a sample: bare {min(bare):.4f} s, "
+    print(f"{len(targets)} steps, {per} a sample: bare {min(bare):.4f} s, "
           f"recorded {min(recorded):.4f} s, ratio {ratio:.3f}")
     return ratio
 

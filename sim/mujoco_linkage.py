@@ -82,6 +82,18 @@ class Linkage:
         right = np.vstack([np.zeros((residual.size, len(values))), np.eye(len(values))])
         return self.solve(jacobian, right)
 
+    def release(self) -> None:
+        """Close the loops with the least change of the joints, and make the rates fit them."""
+        for _ in range(50):
+            residual, jacobian = self.rows()
+            move = -np.linalg.lstsq(jacobian, residual, rcond=1e-10)[0]
+            mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
+            if np.abs(move).max(initial=0.0) < SETTLED:
+                break
+        jacobian = self.rows()[1]
+        rates = self.data.qvel
+        rates -= np.linalg.lstsq(jacobian, jacobian @ rates, rcond=1e-10)[0]
+
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""
         return ", ".join(f"{j} = {v:.6g}" for j, v in zip(self.joints, values, strict=True))

@@ -23,6 +23,8 @@ FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     """Close the loops at the drives' first values, give every joint its rate, fit the flywheels.
 
+    Without drives the loops are closed as near to the start pose as can be.
+
     Returns
     -------
     torque : ndarray (steps, drives)
@@ -31,6 +33,9 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
         The torque of the law's acceleration at each time, for reading a sample.
     """
     model, data = linkage.model, linkage.data
+    if not run.drives:
+        linkage.release()
+        return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
     tangent = linkage.place(value[0])
     data.qvel[:] = tangent @ rate[0]
@@ -60,20 +65,18 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
-    linkage, torque, instant = None, np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
-    if run.drives:
-        linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
-        torque, instant = start(linkage, run, times)
+    linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+    torque, instant = start(linkage, run, times)
     record = Recorder(model, data, run.channels, run.x.size)
     data.time = run.x[0]
     began = time.perf_counter()
-    dofs = linkage.dofs if linkage else np.zeros(0, int)
+    dofs = linkage.dofs
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
     step_through(model, data, record, torque, instant[::count], dofs)
     seconds = time.perf_counter() - began
     gap = check(model, data, record, run.x)
     state = None
-    if linkage:
+    if run.drives:
         rows = record.rows
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
     return Curves(run.x, record.curves(), drive=state, gap=gap, seconds=seconds,

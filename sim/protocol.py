@@ -73,11 +73,6 @@ class Run:
     start: str = "start"
     settings: Mapping[str, object] = field(default_factory=dict)
 
-    @property
-    def drive(self) -> Drive | None:
-        """The only drive there is, for simulators that know no more than one."""
-        return self.drives[0] if self.drives else None
-
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""
         rows = [np.broadcast_arrays(*drive.law(x)) for drive in self.drives]

@@ -1,85 +1,34 @@
-"""Holds and joints as functions of the links' poses, and closing the loops of a start pose.
-
-Derivatives are complex steps (value at ``pose + i h direction``): exact to rounding.
-"""
-
-from collections.abc import Callable
+"""Closing the loops of a pose, and saying by how much they miss where that cannot be done."""
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from sim.protocol import Array, BadModel
-from sim.pymunk_links import Hold, Joint, Links
+from sim.pymunk_links import Links
+from sim.pymunk_pose import bound, gaps, jacobian, residual, values
 
-STEP = 1e-30
-
-
-def turned(angle: Array, vector: Array) -> Array:
-    """A vector (2,) turned by angles (...), as (..., 2)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]], axis=-1)
+MOVE = 0.05
+"""Largest move of a drive [rad, or extents] between two poses, so that a branch is kept."""
 
 
-def _apart(hold: Hold, pose: Array) -> Array:
-    """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
-    a, b = pose[..., hold.a, :], pose[..., hold.b, :]
-    return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
+def stages(links: Links, now: Array, then: Array) -> Array:
+    """Values of the drives (stages, drives) on the way to new ones, in moves of at most MOVE."""
+    scale = [1.0 if joint.hold.axis is None else links.extent for joint in links.drives]
+    count = int(np.max(abs(then - now) / scale, initial=0.0) / MOVE) + 1
+    return np.linspace(now, then, count + 1)[1:]
 
 
-def _rows(hold: Hold, pose: Array) -> Array:
-    apart = _apart(hold, pose)
-    if hold.axis is None:
-        return apart
-    across = turned(pose[..., hold.a, 2], np.array([-hold.axis[1], hold.axis[0]]))
-    return np.stack([(across * apart).sum(-1), pose[..., hold.b, 2] - pose[..., hold.a, 2]], -1)
-
-
-def residual(links: Links, pose: Array) -> Array:
-    """How far all holds are from held (..., rows), of poses (..., links + 1, 3)."""
-    return np.concatenate([_rows(hold, pose) for hold in links.holds], axis=-1)
-
-
-def gaps(links: Links, pose: Array) -> Array:
-    """Distance by which each hold is open [m] (..., holds), of poses (..., links + 1, 3)."""
-    open_by = []
-    for hold in links.holds:
-        rows = _rows(hold, pose)
-        open_by.append(np.linalg.norm(rows, axis=-1) if hold.axis is None else abs(rows[..., 0]))
-    return np.stack(open_by, axis=-1)
-
-
-def joint_value(joint: Joint, pose: Array) -> Array:
-    """A joint's coordinate [rad or m] (...), continuous from its value in the start pose."""
-    hold = joint.hold
-    if hold.axis is None:
-        return joint.value + joint.sign * (pose[..., hold.b, 2] - pose[..., hold.a, 2])
-    along = turned(pose[..., hold.a, 2], hold.axis)
-    return joint.value + (along * _apart(hold, pose)).sum(-1)
-
-
-def along(function: Callable[[Array], Array], pose: Array, velocity: Array) -> Array:
-    """Derivative of a function of the pose along a velocity."""
-    return np.imag(function(pose + 1j * STEP * velocity)) / STEP
-
-
-def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
-    """Derivatives of a function of one pose with respect to the links' coordinates."""
-    size = 3 * (len(pose) - 1)
-    units = np.zeros((size, *pose.shape))
-    units.reshape(size, -1)[:, :size] = np.eye(size)
-    return np.moveaxis(along(function, pose, units), 0, -1)
-
-
-def close(links: Links, pose: Array, drive: tuple[Joint, float] | None = None,
-          target: Array | float = 0.0) -> Array:
-    """Move a pose by Newton until the holds' residual is the target and the drive at its value.
+def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -> Array:
+    """Move a pose by Newton until all holds are closed and the drives have their values.
 
     Parameters
     ----------
     links : Links
     pose : ndarray (links + 1, 3)
-    drive : (Joint, float), optional
-        Joint and value [rad] it must have; approached in steps of 0.05 rad.
-    target : ndarray (rows,), optional
+    drives : ndarray (drives,)
+        Values [rad or m] of the driven joints; approached in moves of at most `MOVE`.
+    rest : ndarray (rows + drives,), optional
+        What is to remain of each hold and drive.
 
     Returns
     -------
@@ -90,38 +39,49 @@ def close(links: Links, pose: Array, drive: tuple[Joint, float] | None = None,
     BadModel
         The loops cannot be closed here.
     """
-    if drive is None:
-        return _newton(lambda p: residual(links, p) - target, pose, links.extent)
-    joint, value = drive
-    now = float(joint_value(joint, pose))
-    for part in np.linspace(now, value, int(abs(value - now) / 0.05) + 2)[1:]:
-        def error(p: Array, part: float = float(part)) -> Array:
-            driven = joint_value(joint, p)[..., None] - part
-            return np.concatenate([residual(links, p) - target, driven], axis=-1)
-
-        pose = _newton(error, pose, links.extent)
+    for stage in stages(links, values(links.drives, pose), drives):
+        pose = _newton(links, pose, stage, rest)
     return pose
 
 
-def _newton(function: Callable[[Array], Array], pose: Array, extent: float) -> Array:
+def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Array:
     best, least = pose, np.inf
     for _ in range(40):
-        error = function(pose)
+        error = _error(links, pose, drives) - rest
         size = np.abs(error).max(initial=0.0)
         if not size < least:
             break
         best, least = pose, size
-        step = np.linalg.lstsq(jacobian(function, pose), error, rcond=1e-12)[0]
+        step = np.linalg.lstsq(jacobian(lambda p: bound(links, p), pose), error, rcond=1e-12)[0]
         pose = pose - np.append(step, np.zeros(3)).reshape(pose.shape)
-    if least > 1e-9 * max(extent, 1.0):
-        raise BadModel(f"the loops cannot be closed at the start: {least:.2g} m remain open")
+    closed = 1e-9 * max(links.extent, 1.0)
+    if least > closed:
+        missed = _missed(links, best, drives)
+        raise BadModel(f"the loops cannot be closed at {named(links, drives) or 'the start'}" + (
+            f", open by {missed:.2g} m" if missed > closed else ": a singular pose before it"))
     return best
 
 
-def potential(links: Links, pose: Array) -> Array:
-    """Energy [J] (...) of gravity and joint springs, as the engine's links carry it."""
-    weight = links.mass[:, None] * links.gravity
-    energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
-    for joint in links.joints:
-        energy = energy + 0.5 * joint.stiffness * (joint_value(joint, pose) - joint.rest) ** 2
-    return energy
+def named(links: Links, drives: Array) -> str:
+    """Values of the drives with their names."""
+    return ", ".join(f"{j.name} = {v:.6g}" for j, v in zip(links.drives, drives, strict=True))
+
+
+def _error(links: Links, pose: Array, drives: Array) -> Array:
+    error = bound(links, pose)
+    error[..., error.shape[-1] - len(drives):] -= drives
+    return error
+
+
+def _missed(links: Links, pose: Array, drives: Array) -> float:
+    """The gap [m] of the loops at their closest, with joints and drives held."""
+    tree = residual(links, pose).size - 2 * len(links.loops)
+    weight = np.full(bound(links, pose).size, 1e4)
+    weight[tree: tree + 2 * len(links.loops)] = 1.0
+    ground = pose[-1:]
+
+    def error(flat: Array) -> Array:
+        return weight * _error(links, np.vstack([flat.reshape(-1, 3), ground]), drives)
+
+    fit = least_squares(error, pose[:-1].ravel(), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    return float(gaps(links, np.vstack([fit.x.reshape(-1, 3), ground])).max())

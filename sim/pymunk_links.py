@@ -31,7 +31,10 @@ class Hold:
 
 @dataclass(frozen=True)
 class Joint:
-    """A hinge or slide: its hold, value in the start pose, sense about the normal, spring."""
+    """A hinge or slide: its hold, value in the start pose, sense about the normal, and its loads.
+
+    ``load`` is a constant moment [N m] or force [N] on the second link against the first.
+    """
 
     name: str
     hold: Hold
@@ -41,6 +44,7 @@ class Joint:
     stiffness: float
     rest: float
     damping: float
+    load: float
     limits: tuple[float, float] | None
 
 
@@ -54,6 +58,8 @@ class Links:
         Centres of mass [m]; a pose is (links + 1, 3): centres [m] and turns since the start [rad].
     mass, moment : ndarray (links,)
         [kg], [kg m2] about the centre, along the normal.
+    driven : tuple of int
+        Ids of the joints with a prescribed motion, in the run's order.
     """
 
     model: mujoco.MjModel
@@ -64,9 +70,15 @@ class Links:
     mass: Array
     moment: Array
     joints: tuple[Joint, ...]
+    driven: tuple[int, ...]
     loops: tuple[Hold, ...]
     gravity: Array
     extent: float
+
+    @property
+    def drives(self) -> tuple[Joint, ...]:
+        """The joints with a prescribed motion."""
+        return tuple(self.joints[j] for j in self.driven)
 
     @property
     def holds(self) -> tuple[Hold, ...]:
@@ -79,7 +91,7 @@ class Links:
         return np.column_stack([self.centre, np.zeros(len(self.centre))])
 
 
-def read_links(model: mujoco.MjModel, key: str, driven: int) -> Links:
+def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Links:
     """Read the links of a compiled planar model in the pose of a keyframe.
 
     Parameters
@@ -87,8 +99,8 @@ def read_links(model: mujoco.MjModel, key: str, driven: int) -> Links:
     model : mujoco.MjModel
     key : str
         Name of the keyframe.
-    driven : int
-        Id of the joint with a prescribed motion, -1 for none.
+    driven : tuple of int
+        Ids of the joints with a prescribed motion.
 
     Returns
     -------
@@ -102,37 +114,38 @@ def read_links(model: mujoco.MjModel, key: str, driven: int) -> Links:
         No such keyframe, or its pose leaves a loop open.
     """
     refuse(model, driven)
-    data = _kinematics(model, key)
+    data = _at_key(model, key)
     plane = find_plane(model, data)
     refuse_gravity(model, plane)
     roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
     of_body = np.array([len(roots) if w == 0 else int(np.searchsorted(roots, w))
                         for w in model.body_weldid])
     centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
-    joints = tuple(_joint(model, data, plane, of_body, centre, j, driven)
+    joints = tuple(_joint(model, data, plane, of_body, centre, j, j in driven)
                    for j in range(model.njnt))
     loops = _loops(model, data, plane, of_body, centre)
     gravity = 0.0 if off(model, OFF.mjDSBL_GRAVITY) else plane.flat(model.opt.gravity)
     extent = _extent(joints, loops, centre, model)
     _check_closed(loops, centre, extent, key)
-    return Links(model, data, plane, of_body, centre, mass, moment, joints, loops,
-                 gravity * np.ones(2), extent)
+    return Links(model, data, plane, of_body, centre, mass, moment, joints,
+                 driven, loops, gravity * np.ones(2), extent)
 
 
-def _kinematics(model: mujoco.MjModel, key: str) -> mujoco.MjData:
-    """Frames of all bodies at the keyframe; a model without any starts at its zero pose."""
+def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
+    """Frames and motor forces at the keyframe; a model without any starts at its zero pose."""
     names = [model.key(k).name for k in range(model.nkey)]
     data = mujoco.MjData(model)
     if names:
         if key not in names:
             raise BadModel(f"no key '{key}'; the model has {', '.join(names)}")
         mujoco.mj_resetDataKeyframe(model, data, names.index(key))
-    mujoco.mj_kinematics(model, data)
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdActuation(model, data)
     return data
 
 
 def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
-           centre: Array, j: int, driven: int) -> Joint:
+           centre: Array, j: int, driven: bool) -> Joint:
     body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
     a, b = of_body[model.body_parentid[body]], of_body[body]
     point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
@@ -144,12 +157,13 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
     else:
         sign = float(np.sign(data.xaxis[j] @ plane.normal))
         hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
-    limited = model.jnt_limited[j] and j != driven and not (
+    limited = model.jnt_limited[j] and not driven and not (
         off(model, OFF.mjDSBL_LIMIT) or off(model, OFF.mjDSBL_CONSTRAINT))
     return Joint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
                  0.0 if off(model, OFF.mjDSBL_SPRING) else float(model.jnt_stiffness[j]),
                  float(model.qpos_spring[at]),
                  0.0 if off(model, OFF.mjDSBL_DAMPER) else float(model.dof_damping[dof]),
+                 0.0 if driven else float(data.qfrc_actuator[dof]),
                  (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1])) if limited else None)
 
 

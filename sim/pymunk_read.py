@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from sim.protocol import Array, BadModel
-from sim.pymunk_close import along, joint_value, turned
 from sim.pymunk_links import Links
+from sim.pymunk_pose import along, joint_value, turned
 from sim.pymunk_refuse import OFF, off
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -22,12 +22,13 @@ Pose = Callable[[Array], Array]
 class Channel:
     """One channel: a function of the pose and how often to differentiate it by time.
 
-    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the drive's effort,
-    which `factor` turns into the sensor's.
+    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the effort of a drive,
+    given by its place among the drives, which `factor` turns into the sensor's.
     """
 
     order: int
     function: Pose
+    drive: int = 0
     factor: float = 1.0
 
 
@@ -35,7 +36,7 @@ def _still(pose: Array) -> Array:
     return np.zeros(pose.shape[:-2])
 
 
-def channel(links: Links, name: str, driven: int) -> Channel | str:
+def channel(links: Links, name: str) -> Channel | str:
     """Find what a channel name means.
 
     Parameters
@@ -43,8 +44,6 @@ def channel(links: Links, name: str, driven: int) -> Channel | str:
     links : Links
     name : str
         ``sensor``, ``sensor.x``, ``.y``, ``.z`` or ``sensor.angle``.
-    driven : int
-        Id of the driven joint, -1 for none.
 
     Returns
     -------
@@ -72,10 +71,10 @@ def channel(links: Links, name: str, driven: int) -> Channel | str:
         return "a sensor with a reference frame is not rebuilt for pymunk"
     if kind in ORDER:
         return Channel(ORDER[kind], _frame(links, s, part))
-    return _scalar(links, s, driven)
+    return _scalar(links, s)
 
 
-def _scalar(links: Links, s: int, driven: int) -> Channel | str:
+def _scalar(links: Links, s: int) -> Channel | str:
     model, obj = links.model, links.model.sensor_objid[s]
     kind = S(int(model.sensor_type[s]))
     user = kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT
@@ -87,11 +86,19 @@ def _scalar(links: Links, s: int, driven: int) -> Channel | str:
     if kind == S.mjSENS_E_KINETIC:
         return Channel(-1, _still)
     if kind in FORCES:
-        joint = obj if kind == S.mjSENS_JOINTACTFRC else model.actuator_trnid[obj, 0]
-        if joint == driven >= 0:
-            gear = 1.0 if kind == S.mjSENS_JOINTACTFRC else float(model.actuator_gear[obj, 0])
-            return Channel(-2, _still, 1.0 / gear)
+        return _force(links, kind, obj)
     return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
+
+
+def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
+    """What a joint's drive must do, or the constant force of the motors on a joint without one."""
+    model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
+    joint = obj if of_joint else model.actuator_trnid[obj, 0]
+    if joint in links.driven:
+        gear = 1.0 if of_joint else float(model.actuator_gear[obj, 0])
+        return Channel(-2, _still, links.driven.index(joint), 1.0 / gear)
+    force = links.joints[joint].load if of_joint else float(links.data.actuator_force[obj])
+    return Channel(0, lambda pose: np.full(pose.shape[:-2], force))
 
 
 def _frame(links: Links, s: int, part: str) -> Pose:

@@ -12,21 +12,21 @@ JOINT, EQ, TRN = mujoco.mjtJoint, mujoco.mjtEq, mujoco.mjtTrn
 OFF = mujoco.mjtDisableBit
 
 
-def refuse(model: mujoco.MjModel, driven: int) -> None:
+def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     """Raise `Unsupported` if the model holds something that the rebuild would drop silently.
 
     Parameters
     ----------
     model : mujoco.MjModel
-    driven : int
-        Id of the joint with a prescribed motion, -1 for none.
+    driven : tuple of int
+        Ids of the joints with a prescribed motion.
 
     Raises
     ------
     Unsupported
         With every reason, each naming its element.
     """
-    reasons = [*_joints(model, driven), *_bodies(model), *_equalities(model),
+    reasons = [*_joints(model), *_bodies(model), *_equalities(model),
                *_actuators(model, driven), *_contacts(model), *_others(model)]
     if reasons:
         raise Unsupported("; ".join(reasons))
@@ -45,15 +45,13 @@ def off(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
     return bool(model.opt.disableflags & int(bit))
 
 
-def _joints(model: mujoco.MjModel, driven: int) -> Iterator[str]:
+def _joints(model: mujoco.MjModel) -> Iterator[str]:
     for j in range(model.njnt):
         name, dof = f"joint '{model.joint(j).name}'", model.jnt_dofadr[j]
         if int(model.jnt_type[j]) not in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE):
             yield f"{JOINT(int(model.jnt_type[j])).name[6:].lower()} {name}"
             continue
         grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
-        if j == driven and model.jnt_type[j] == JOINT.mjJNT_SLIDE and not grounded:
-            yield f"driven slide {name}, which is not on the ground"
         if model.dof_frictionloss[dof] > 0:
             yield f"frictionloss of {name}"
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[dof].any():
@@ -81,14 +79,15 @@ def _equalities(model: mujoco.MjModel) -> Iterator[str]:
             yield f"{kind} equality '{model.equality(e).name}'"
 
 
-def _actuators(model: mujoco.MjModel, driven: int) -> Iterator[str]:
+def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
     on_joint = (TRN.mjTRN_JOINT, TRN.mjTRN_JOINTINPARENT)
     for a in range(model.nactuator):
         joint = model.actuator_trnid[a, 0] if int(model.actuator_trntype[a]) in on_joint else -1
-        if joint == driven >= 0:
+        if joint in driven:
             continue
         plain = (model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-                 and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
+                 and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+                 and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE)
         if joint < 0 or not plain or model.actuator_damping[a].any() or model.actuator_armature[a]:
             yield f"actuator '{model.actuator(a).name}', which is no motor on a joint"
 

@@ -3,38 +3,36 @@
 import numpy as np
 
 from sim.protocol import Array
-from sim.pymunk_close import close, jacobian, joint_value, potential, residual
-from sim.pymunk_links import Joint, Links
+from sim.pymunk_close import close
+from sim.pymunk_links import Links
+from sim.pymunk_pose import bound, jacobian, potential, values
 
 SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 NUDGE = 1e-3
 """Displacement for second differences of the energy, in extents or radians."""
 
 
-def free_directions(links: Links, joint: Joint, pose: Array) -> Array:
-    """Directions in which a pose can move with the drive held, as columns of unit modal mass."""
-    def held(p: Array) -> Array:
-        return np.append(residual(links, p), joint_value(joint, p)[..., None], -1)
-
+def free_directions(links: Links, pose: Array) -> Array:
+    """Directions in which a pose can move with the drives held, as columns of unit modal mass."""
     root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
-    _, sizes, modes = np.linalg.svd(jacobian(held, pose) / root)
+    _, sizes, modes = np.linalg.svd(jacobian(lambda p: bound(links, p), pose) / root)
     rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
     return modes[rank:].T / root[:, None]
 
 
-def pace(links: Links, joint: Joint, pose: Array) -> tuple[float, float]:
+def pace(links: Links, pose: Array) -> tuple[float, float]:
     """Time step [s] and share of velocity kept in a step that bring a pose to rest soon.
 
     The step is a third of what the fastest free coordinate allows, the damping critical for the
     slowest; both from second differences of the energy along the closed poses.
     """
-    free = free_directions(links, joint, pose)
-    value = float(joint_value(joint, pose))
+    free = free_directions(links, pose)
+    drives = values(links.drives, pose)
     count = free.shape[1]
 
     def energy(part: Array) -> float:
         move = np.append(free @ part, np.zeros(3)).reshape(pose.shape)
-        return float(potential(links, close(links, pose + move, (joint, value))))
+        return float(potential(links, close(links, pose + move, drives)))
 
     sizes = NUDGE / np.abs(free / np.tile([links.extent, links.extent, 1.0], len(pose) - 1)
                            [:, None]).max(axis=0)

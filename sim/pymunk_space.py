@@ -1,6 +1,5 @@
 """A pymunk space built from links, and reading all its bodies at once."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ REACH = 100.0
 
 
 def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
-    """Build the space: a body for each link, in order, a constraint for each hold and spring.
+    """Build the space: a body for each link, in order, constraints for holds, springs and loads.
 
     Parameters
     ----------
@@ -32,7 +31,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     Returns
     -------
     pymunk.Space
-        At rest in the start pose, without a motor.
+        At rest in the start pose, without drives.
     """
     space = pymunk.Space()
     space.gravity = tuple(links.gravity)
@@ -46,7 +45,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     bodies.append(space.static_body)
     held = []
     for joint in links.joints:
-        held += [*_spring(joint, links, bodies), *_hold(joint.hold, links, bodies, joint)]
+        held += [*_springs(joint, links, bodies), *_hold(joint.hold, links, bodies, joint)]
     for loop in links.loops:
         held += _hold(loop, links, bodies)
     for constraint in held:
@@ -57,7 +56,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     return space
 
 
-def _at(links: Links, link: int, local: Array) -> tuple[float, float]:
+def at(links: Links, link: int, local: Array) -> tuple[float, float]:
     """An anchor in the body's own coordinates; the static body's are the world's."""
     return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))
 
@@ -67,7 +66,7 @@ def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
     a, b = bodies[hold.a], bodies[hold.b]
     limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
     if hold.axis is None:
-        pin = pymunk.PivotJoint(a, b, _at(links, hold.a, hold.on_a), _at(links, hold.b, hold.on_b))
+        pin = pymunk.PivotJoint(a, b, at(links, hold.a, hold.on_a), at(links, hold.b, hold.on_b))
         if joint is None or limits is None:
             return [pin]
         low, high = sorted(joint.sign * limit for limit in limits)
@@ -76,68 +75,43 @@ def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
     stops: list[pymunk.Constraint] = []
     if limits:
         low, high = (reach + limit for limit in limits)
-        stops = [pymunk.SlideJoint(a, b, _at(links, hold.a, hold.on_a - reach * hold.axis),
-                                   _at(links, hold.b, hold.on_b), low, high)]
-    start, end = (_at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
+        stops = [pymunk.SlideJoint(a, b, at(links, hold.a, hold.on_a - reach * hold.axis),
+                                   at(links, hold.b, hold.on_b), low, high)]
+    start, end = (at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
     # The groove's own solve is only right if neither anchor couples sliding with turning; the
     # anchors of sim.pymunk_links are chosen so.  A RotaryLimitJoint would lock one side a step.
     return [*stops, pymunk.GearJoint(a, b, 0.0, 1.0),
-            pymunk.GrooveJoint(a, b, start, end, _at(links, hold.b, hold.on_b))]
+            pymunk.GrooveJoint(a, b, start, end, at(links, hold.b, hold.on_b))]
 
 
-def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
-    if joint.stiffness == 0 and joint.damping == 0:
-        return []
+def _springs(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
+    """The spring of a joint, and its load as a spring with a force that does not change."""
+    springs: list[pymunk.Constraint] = []
+    if joint.stiffness or joint.damping:
+        springs.append(_spring(joint, links, bodies))
+    if joint.load:
+        load = _spring(joint, links, bodies)
+        if isinstance(load, pymunk.DampedRotarySpring):
+            load.torque_func = lambda spring, angle: joint.sign * joint.load
+        else:
+            load.force_func = lambda spring, length: joint.load
+        load.damping = 0.0
+        springs.append(load)
+    return springs
+
+
+def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body]
+            ) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
     hold = joint.hold
     a, b = bodies[hold.a], bodies[hold.b]
     rest = joint.rest - joint.value
     if hold.axis is None:
         # Chipmunk's rest angle is that of a against b.
-        return [pymunk.DampedRotarySpring(a, b, -joint.sign * rest, joint.stiffness, joint.damping)]
+        return pymunk.DampedRotarySpring(a, b, -joint.sign * rest, joint.stiffness, joint.damping)
     far = REACH * links.extent
-    return [pymunk.DampedSpring(a, b, _at(links, hold.a, hold.on_a - far * hold.axis),
-                                _at(links, hold.b, hold.on_b), far + rest,
-                                joint.stiffness, joint.damping)]
-
-
-class Carriage:
-    """The ideal drive of a slide on the ground, with the `rate` of a motor [m/s].
-
-    Chipmunk has no linear motor.  A pin to a body outside the space, which has a velocity and
-    never moves, is one if it may not close its gap: an error bias of 1.
-    """
-
-    def __init__(self, space: pymunk.Space, links: Links, joint: Joint, body: pymunk.Body):
-        assert joint.hold.axis is not None
-        self.axis: Array = joint.hold.axis
-        self.body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        pin = pymunk.PivotJoint(body, self.body, _at(links, joint.hold.b, joint.hold.on_b), (0, 0))
-        pin.error_bias = 1.0
-        space.add(pin)
-
-    @property
-    def rate(self) -> float:
-        """Speed along the slide's axis [m/s]."""
-        return float(np.dot(self.axis, self.body.velocity))
-
-    @rate.setter
-    def rate(self, rate: float) -> None:
-        self.body.velocity = tuple(rate * self.axis)
-
-
-Motor = pymunk.SimpleMotor | Carriage
-
-
-def add_motor(space: pymunk.Space, links: Links, joint: Joint) -> Motor:
-    """Add the ideal drive of a joint, last in the solver's order, so that it is met exactly."""
-    bodies = [*space.bodies, space.static_body]
-    if joint.hold.axis is not None:
-        return Carriage(space, links, joint, bodies[joint.hold.b])
-    # rate is that of the first body against the second
-    motor = pymunk.SimpleMotor(bodies[joint.hold.b], bodies[joint.hold.a], 0.0)
-    motor.max_force = math.inf
-    space.add(motor)
-    return motor
+    return pymunk.DampedSpring(a, b, at(links, hold.a, hold.on_a - far * hold.axis),
+                               at(links, hold.b, hold.on_b), far + rest,
+                               joint.stiffness, joint.damping)
 
 
 def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:

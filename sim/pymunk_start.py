@@ -3,13 +3,14 @@
 import numpy as np
 
 from sim.protocol import Array
-from sim.pymunk_close import along, close, jacobian, joint_value, potential, residual
-from sim.pymunk_links import Joint, Links
+from sim.pymunk_close import close
+from sim.pymunk_links import Links
+from sim.pymunk_pose import along, bound, jacobian, potential, residual, values
 
 
-def start_motion(links: Links, pose: Array, drive: tuple[Joint, float, float] | None
+def start_motion(links: Links, pose: Array, rate: Array, acceleration: Array
                  ) -> tuple[Array, Array]:
-    """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drive.
+    """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drives.
 
     Joints without drive start with the keyframe's rates as far as the loops allow.
 
@@ -17,33 +18,27 @@ def start_motion(links: Links, pose: Array, drive: tuple[Joint, float, float] | 
     ----------
     links : Links
     pose : ndarray (links + 1, 3)
-    drive : (Joint, rate [rad/s], acceleration [rad/s2]) or None
+    rate, acceleration : ndarray (drives,)
+        Of the drives [rad/s or m/s], [rad/s2 or m/s2].
     """
     def held(p: Array) -> Array:
-        rows = residual(links, p)
-        return rows if drive is None else np.append(rows, joint_value(drive[0], p)[..., None], -1)
+        return bound(links, p)
 
-    def values(p: Array) -> Array:
-        return np.stack([joint_value(joint, p) for joint in links.joints], axis=-1)
-
-    rows, rates = jacobian(held, pose), jacobian(values, pose)
-    tree = jacobian(lambda p: np.append(residual(links, p), values(p), -1), pose)
-    wanted = np.append(np.zeros(tree.shape[0] - len(rates)), [j.rate for j in links.joints])
+    rows, rates = jacobian(held, pose), jacobian(lambda p: values(links.joints, p), pose)
+    closed = np.zeros(len(rows) - len(rate))
+    tree = np.vstack([jacobian(lambda p: residual(links, p), pose), rates])
+    wanted = np.append(closed, [joint.rate for joint in links.joints])
     velocity = np.linalg.lstsq(tree, wanted, rcond=1e-12)[0]
-    moving = np.zeros(len(rows))
-    if drive is not None:
-        moving[-1] = drive[1]
     mass = np.diag(np.column_stack([links.mass, links.mass, links.moment]).ravel())
-    velocity = velocity + _held(mass, rows, np.zeros(len(mass)), moving - rows @ velocity)
+    lacking = np.append(closed, rate) - rows @ velocity
+    velocity = velocity + _held(mass, rows, np.zeros(len(mass)), lacking)
     full = _padded(velocity)
     h = 1e-5 / (1e-5 + np.abs(velocity).max())
     turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
-    needed = -turning @ velocity
-    if drive is not None:
-        needed[-1] += drive[2]
     damping = np.array([joint.damping for joint in links.joints])
     force = -jacobian(lambda p: potential(links, p), pose)
     force = force - rates.T @ (damping * (rates @ velocity))
+    needed = np.append(closed, acceleration) - turning @ velocity
     return full, _padded(_held(mass, rows, force, needed))
 
 
@@ -59,10 +54,10 @@ def _padded(links_only: Array) -> Array:
 
 
 def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
-              drive: tuple[Joint, float, float] | None) -> tuple[Array, Array]:
+              drives: Array) -> tuple[Array, Array]:
     """The state one step before the start, as if the engine had been running all along.
 
-    Chipmunk closes the holds to first order, ``C(x) + dt J(x) v = 0``, so that a moving hold
+    Chipmunk meets holds and drives to first order, ``C(x) + dt J(x) v = 0``, so that a moving one
     stays open by the rest, a constant times dt^2.  A start without this gap would jump by it.
 
     Parameters
@@ -73,7 +68,8 @@ def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
     motion : (velocity, acceleration)
     dt : float
         Time step [s].
-    drive : (Joint, value at -dt, value at 0) or None
+    drives : ndarray (2, drives)
+        Values of the drives at -dt and at 0.
 
     Returns
     -------
@@ -82,12 +78,11 @@ def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
     """
     velocity, acceleration = motion
     poses = []
-    held = (drive and (drive[0], drive[1]), drive and (drive[0], drive[2]))
-    for k, time in enumerate((-dt, 0.0)):
+    for time, value in zip((-dt, 0.0), drives, strict=True):
         near = pose + time * velocity + 0.5 * time**2 * acceleration
         before = pose + (time - dt) * velocity + 0.5 * (time - dt) ** 2 * acceleration
         move = dt * (velocity + (time - 0.5 * dt) * acceleration)
-        rest = (residual(links, before + move) - residual(links, before)
-                - along(lambda p: residual(links, p), before, move))
-        poses.append(close(links, near, held[k], rest))
+        rest = (bound(links, before + move) - bound(links, before)
+                - along(lambda p: bound(links, p), before, move))
+        poses.append(close(links, near, value, rest))
     return poses[0], (poses[1] - poses[0]) / dt

@@ -14,7 +14,7 @@ from sim.pymunk_sweep import sweep
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
 KNOWN = ("timestep", "iterations", "error_bias", "defaults")
-NO_EFFORT = "Chipmunk gives the size of a motor's impulse without its sign: sweeps only"
+NO_EFFORT = "Chipmunk gives the size of a drive's impulse without its sign: sweeps only"
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -26,16 +26,20 @@ def simulate(model: Path, run: Run) -> Curves:
         The MJCF file.
     run : Run
         What to do; see `sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that whole
-        steps fit between samples (a sweep has no use for it); ``iterations`` of the solver, 100 in
-        a duration and 500 in a sweep; ``error_bias``, the share of a gap left after a second, 0;
-        ``defaults = True`` for Chipmunk's own 10 and 0.9**60.
+        steps fit between samples (a sweep has no use for it); ``iterations`` of the solver: 100 in
+        a duration and 500 in a sweep, and more where it needs them; ``error_bias``, the share of
+        a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and 0.9**60.
+
+    Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
+    joints act with the constant force of their ``ctrl`` in the start key.
 
     Second order in time, but for joint damping: Chipmunk's dampers are first order.
 
     Returns
     -------
     Curves
-        The channels over ``run.x``, the actual drive state, the largest gap and the cost.
+        The channels over ``run.x``, the actual drive state, the largest gap and the cost.  A sweep
+        stops where the loops cannot be closed any further, and says so.
 
     Raises
     ------
@@ -47,21 +51,15 @@ def simulate(model: Path, run: Run) -> Curves:
         The run was lost.
     """
     compiled = _compile(model)
-    driven = -1
-    if run.drive is not None:
-        names = [compiled.joint(j).name for j in range(compiled.njnt)]
-        if run.drive.joint not in names:
-            raise BadModel(f"no joint '{run.drive.joint}'; the model has {', '.join(names)}")
-        driven = names.index(run.drive.joint)
+    links = read_links(compiled, run.start, _driven(compiled, run))
     settings = _settings(run, compiled)
-    links = read_links(compiled, run.start, driven)
-    found = {name: channel(links, name, driven) for name in run.channels}
+    found = {name: channel(links, name) for name in run.channels}
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
     wanted = {name: c for name, c in found.items() if isinstance(c, Channel)}
     if run.kind == "duration":
         missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
         wanted = {name: c for name, c in wanted.items() if c.order != -2}
-    curves = (sweep if run.kind == "sweep" else duration)(links, run, driven, wanted, settings)
+    curves = (sweep if run.kind == "sweep" else duration)(links, run, wanted, settings)
     curves.missing.update(missing)
     return curves
 
@@ -73,6 +71,14 @@ def _compile(path: Path) -> mujoco.MjModel:
     return model
 
 
+def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
+    names = [model.joint(j).name for j in range(model.njnt)]
+    for drive in run.drives:
+        if drive.joint not in names:
+            raise BadModel(f"no joint '{drive.joint}'; the model has {', '.join(names)}")
+    return tuple(names.index(drive.joint) for drive in run.drives)
+
+
 def _settings(run: Run, model: mujoco.MjModel) -> Settings:
     unknown = set(run.settings) - set(KNOWN)
     if unknown:
@@ -80,6 +86,6 @@ def _settings(run: Run, model: mujoco.MjModel) -> Settings:
                        f"known: {', '.join(KNOWN)}")
     own = bool(run.settings.get("defaults", False))
     tuned = {"timestep": float(model.opt.timestep),
-             "iterations": 10 if own else 500 if run.kind == "sweep" else 100,
+             "iterations": 10 if own else 500 if run.kind == "sweep" else None,
              "error_bias": CHIPMUNK_BIAS if own else 0.0}
     return tuned | {k: v for k, v in run.settings.items() if k != "defaults"}

@@ -75,6 +75,8 @@ HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></bod
     (ARM.replace('"arm"/>', '"arm" stiffness="1 2"/>'), "", {}, "polynomial .*'arm'"),
     (ARM, '<equality><joint name="lock" joint1="arm"/></equality>', {}, "joint equality 'lock'"),
     (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
+    (ARM, '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>', {},
+     "actuator 'lag'"),
     (ARM.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
         "</body>", '<geom name="tip" size=".1" pos="0 -1 0"/></body>'), "", {"flag": ""},
      "contact of geoms"),
@@ -97,23 +99,23 @@ def test_bad_names():
     with pytest.raises(BadModel, match=r"'begin'.*start"):
         simulate(model, Run("duration", x, (), start="begin"))
     with pytest.raises(BadModel, match=r"'wheel'.*pivot"):
-        simulate(model, Run("duration", x, (), Drive("wheel", lambda t: (t, t, t))))
+        simulate(model, Run("duration", x, (), (Drive("wheel", lambda t: (t, t, t)),)))
 
 
 def test_open_start_pose(edit):
     file = edit("fourbar.xml", "qpos=\"0  1.35", "qpos=\"0  0.35")
     with pytest.raises(BadModel, match=r"start pose of key 'start' .* loop 'pin' is open by"):
-        simulate(file, Run("sweep", np.linspace(0, 1, 5), (), turning()))
+        simulate(file, Run("sweep", np.linspace(0, 1, 5), (), (turning(),)))
 
 
 ROCKER = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pin.y")
 
 
 def fourbar_errors(dt: float, model: Path = MODELS / "fourbar.xml", kind: str = "duration"):
-    run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, turning(),
+    run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),),
               settings={"timestep": dt})
     curves = simulate(model, run)
-    truth = fourbar.solve(*curves.drive, **LENGTHS)
+    truth = fourbar.solve(*(d[0] for d in curves.drive), **LENGTHS)
     pairs = zip(ROCKER, ("rocker_angle", "rocker_rate", "rocker_acceleration", "coupler_angle",
                          "pin_y"), strict=True)
     return [np.abs(curves.channels[mine] - truth[theirs]).max()
@@ -135,9 +137,9 @@ def test_sweep_is_exact():
 
 
 def test_holding_moment_and_missing_accelerations():
-    run = Run("sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", ROCKER[2]), turning())
+    run = Run("sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", ROCKER[2]), (turning(),))
     curves = simulate(MODELS / "fourbar.xml", run)
-    truth = fourbar.solve(curves.drive[0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0,
+    truth = fourbar.solve(curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0,
                           rocker_mass=2.5)["holding_moment"]
     # rounding of impulses: 1e-13 N m measured on 20 N m
     np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10)
@@ -164,8 +166,8 @@ def turned_model(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("kind", ["sweep", "duration"])
 def test_another_plane_gives_the_same(tmp_path, kind):
     channels = ("rocker", "rocker_rate", "coupler.angle", "pin.x")
-    run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), turning())
-    there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), turning())
+    run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning(),))
+    there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), (turning(),))
     flat, upright = simulate(MODELS / "fourbar.xml", run), simulate(turned_model(tmp_path), there)
     pairs = [*((c, c, 1) for c in channels), ("pin.y", "pin.z", 1),
              ("coupler_rate.z", "coupler_rate.y", -1)]
@@ -183,7 +185,7 @@ def test_spring_angle(tmp_path):
     sensor = ('<sensor><jointpos name="arm" joint="arm"/>'
               '<jointactuatorfrc name="moment" joint="crank"/></sensor>')
     x = np.array([0.0, 0.2])
-    run = Run("sweep", x, ("arm", "moment"), Drive("crank", lambda t: (t, 0 * t, 0 * t)))
+    run = Run("sweep", x, ("arm", "moment"), (Drive("crank", lambda t: (t, 0 * t, 0 * t)),))
     got = simulate(mjcf(tmp_path, arm, sensor), run).channels
     q = np.array(got["arm"])
     # rest is called at moves of 1e-12 a step; slow sinking multiplies that by some ten steps
@@ -235,17 +237,17 @@ def test_pendulum():
 
 
 def test_too_few_iterations_diverge():
-    run = Run("duration", np.linspace(0, 7, 71), ("rocker",), turning(),
+    run = Run("duration", np.linspace(0, 7, 71), ("rocker",), (turning(),),
               settings={"iterations": 3})
     with pytest.raises(Diverged, match="lost at time"):
         simulate(MODELS / "fourbar.xml", run)
 
 
 def test_defaults_are_softer_and_recorded():
-    run = Run("duration", np.linspace(0, 6, 61), ("rocker",), turning(),
+    run = Run("duration", np.linspace(0, 6, 61), ("rocker",), (turning(),),
               settings={"defaults": True})
     curves = simulate(MODELS / "fourbar.xml", run)
     assert curves.settings["iterations"] == 10
     assert curves.settings["error_bias"] == (1 - 0.1) ** 60
-    gap = simulate(MODELS / "fourbar.xml", Run("duration", run.x, (), turning())).gap
+    gap = simulate(MODELS / "fourbar.xml", Run("duration", run.x, (), (turning(),))).gap
     assert curves.gap > 10 * gap  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim import with_mujoco, with_pymunk
-from sim.protocol import Drive, Run, Unsupported
+from sim.protocol import Drive, Run
 
 HACKSAW = Path(__file__).parent.parent / "models" / "hacksaw.xml"
 CRANK, COUPLER, OFFSET = 0.075, 0.17, 0.045
@@ -73,9 +73,24 @@ def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
     assert drop[-1] == pytest.approx(-0.5, abs=1e-3)
 
 
-def test_a_driven_slide_that_rides_on_another_is_refused_by_name(tmp_path):
+def test_a_driven_slide_that_rides_on_another_leaves_it_at_rest(tmp_path):
     file = tmp_path / "slider.xml"
-    file.write_text(SLIDER)
-    run = Run("duration", np.linspace(0, 1, 11), ("drop",), (Drive("drop", lambda t: (t, t, t)),))
-    with pytest.raises(Unsupported, match="driven slide joint 'drop', which is not on the ground"):
-        with_pymunk.simulate(file, run)
+    file.write_text(SLIDER.replace("</sensor>", '<jointpos name="base" joint="base"/></sensor>'))
+    run = Run("duration", np.linspace(0, 1, 11), ("drop", "base"),
+              (Drive("drop", lambda t: (t**2, 2 * t, 2 + 0 * t)),))
+    curves = with_pymunk.simulate(file, run)
+    np.testing.assert_allclose(curves.channels["drop"], run.x**2, atol=1e-14)  # rounding
+    np.testing.assert_allclose(curves.channels["base"], 0, atol=1e-14)
+
+
+def test_a_driven_slide_carries_only_what_acts_along_it(tmp_path):
+    """Block of 2 kg on an incline of 30 degrees, with its centre beside the guide."""
+    file = tmp_path / "incline.xml"
+    file.write_text("""<mujoco><option gravity="0 -9.81 0"/><worldbody><body euler="0 0 30">
+      <joint name="s" type="slide" axis="1 0 0"/>
+      <inertial pos=".3 .2 0" mass="2" diaginertia="1 1 1"/></body></worldbody>
+      <sensor><jointactuatorfrc name="force" joint="s"/></sensor></mujoco>""")
+    run = Run("sweep", np.linspace(0, 1, 3), ("force",),
+              (Drive("s", lambda x: (x, 1 + 0 * x, 0 * x)),))
+    force = with_pymunk.simulate(file, run).channels["force"]
+    np.testing.assert_allclose(force, 2 * 9.81 * 0.5, rtol=1e-12)  # rounding
