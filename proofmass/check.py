@@ -146,8 +146,8 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
         result.comparisons.extend(comparisons)
         if curves is not None and not isinstance(task, Path):
             result.curves[task[0].name, task[1], task[2]] = curves
-            if error := stopped(*task, curves):
-                result.errors.append(error)
+            if early := stopped(*task, curves):
+                result.errors.append(early)
     return result
 
 

@@ -138,11 +138,12 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     if state is None:
         args: tuple = (x,)
     else:
-        args = tuple(part[0] if len(part) == 1 else part for part in map(np.atleast_2d, state))
+        args = tuple(part[0] if len(part) == 1 else part for part in state)
     try:
         return truth.solve(*args, **parameters, **{k: own[k]() for k in own if k in known})
     except (TypeError, ValueError) as error:
-        raise InputError(case.file, "parameters", str(error)) from None
+        key = "parameters" if parameters else "drive" if case.drive else "model"
+        raise InputError(case.file, key, str(error)) from None
 
 
 def compiled(case: Case) -> MjModel:

@@ -18,7 +18,7 @@ SIDECARS = {
     "empty reason": ("pendulum.toml", r'why = ".*"', 'why = " "', ["tolerance.0", "reason"]),
     "reason left out": ("pendulum.toml", r"why = .*", "", ["tolerance.0.why", "missing"]),
     "no such reference": ("fourbar.toml", r'reference = "fourbar"', 'reference = "fourbra"',
-                          ["reference", "'fourbra'", "fourbar, hacksaw, pendulum"]),
+                          ["reference", "'fourbra'", "there are: ", "fourbar, ", "pendulum, planar, "]),
     "no such curve": ("hacksaw_recorded.toml", r'"hacksaw_recorded.csv"', '"inventor.csv"',
                       ["inventor.csv", "no such recorded curve"]),
     "no such quantity": ("fourbar.toml", r'"rocker_angle"', '"rocker"',

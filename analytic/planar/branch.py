@@ -38,6 +38,8 @@ CREEP = 1e-5
 """Steps along the drives that are shorter [rad, or sizes] make it look for a change point."""
 STUCK = 1e-11
 """Steps that are shorter are the end of the branch."""
+UNSURE = 1e-5
+"""Proven step [rad, or sizes] of a start pose below which its rounding may choose the branch."""
 KINK = 0.05
 """Largest relative change of a velocity over a change point that still counts as smooth."""
 
@@ -81,8 +83,10 @@ class Branch:
                                f"joint(s): {', '.join(names)}")
         self.bound = lipschitz(m, q)
         self.scale = m.scale[self.d.driven]
-        self.knot = self.at(q)
-        self.last = self.knot
+        self.knot = self.last = self.at(q)
+        if not self.knot.radius > UNSURE:
+            raise SingularHere(f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
+                               f"chooses no branch: start elsewhere")
 
     def follow(self, inputs: Array) -> tuple[Array, Failure | None]:
         """Follow the branch over inputs (n, drives).

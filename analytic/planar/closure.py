@@ -82,13 +82,12 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
 
 
 def nearest(m: Mechanism, q: Array) -> Array:
-    """Close the loops of one pose (joints,) with the least change of all its joints."""
+    """Close the loops of one pose (joints,) with the least change of all its joints [rad, m]."""
     for _ in range(50):
         motion = move(m, q[None])
         open_by = residual(m, motion, q[None])[0]
-        matrix = loop_jacobian(m, motion, q[None])[0] * m.scale
-        step = np.linalg.lstsq(matrix, open_by, rcond=RANK)[0]
-        q = q - step * m.scale
+        step = np.linalg.lstsq(loop_jacobian(m, motion, q[None])[0], open_by, rcond=RANK)[0]
+        q = q - step
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
     if m.rows and not gap(m, q)[0] < CLOSED * m.size:
@@ -97,6 +96,12 @@ def nearest(m: Mechanism, q: Array) -> Array:
         raise CannotAssemble(f"cannot be assembled from the start pose: loop {name!r} stays open "
                              f"by {open_by:.3g} m at best")
     return q
+
+
+def fitting(m: Mechanism, q: Array, v: Array) -> Array:
+    """Rates (joints,) that keep the loops of a closed pose closed, with the least change of v."""
+    matrix = loop_jacobian(m, move(m, q[None]), q[None])[0]
+    return np.asarray(v - np.linalg.lstsq(matrix, matrix @ v, rcond=RANK)[0])
 
 
 def freedoms(m: Mechanism, q: Array) -> int:

@@ -17,7 +17,7 @@ F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equation
 import numpy as np
 from scipy.integrate import DOP853
 
-from analytic.planar.closure import CLOSED, freedoms, nearest
+from analytic.planar.closure import CLOSED, fitting, freedoms, nearest
 from analytic.planar.forces import applied, inertial, mass
 from analytic.planar.loops import bias, loop_jacobian, residual
 from analytic.planar.mechanism import Array, CannotAssemble, Mechanism, SingularHere
@@ -41,7 +41,8 @@ class Chart:
         self.m, self.q, self.at = m, q, q
         matrix = loop_jacobian(m, move(m, q[None]), q[None])[0] * m.scale / m.size
         self.normal = np.linalg.svd(matrix)[2][m.rows:]
-        self.into, self.stretch = self.normal.T * m.scale[:, None], 1.0
+        self.into: Array = self.normal.T * m.scale[:, None]
+        self.stretch = 1.0
         self.z = np.zeros(len(self.normal))
 
     def close(self, z: Array) -> tuple[Array, Motion]:
@@ -74,7 +75,7 @@ class Chart:
         inverse = np.linalg.inv(self.matrix(q, motion))
         self.stretch = float(np.linalg.norm(inverse[:, m.rows:], 2))
         inverse *= m.scale[:, None]
-        self.into = into = inverse[:, m.rows:]
+        self.into = into = np.asarray(inverse[:, m.rows:])
         v = into @ u
         still = move(m, q[None], v[None], np.zeros((1, v.size)))
         gamma = -inverse[:, :m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
@@ -99,8 +100,8 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
     q = nearest(m, m.start.copy())
     if not freedoms(m, q):
         raise SingularHere("the mechanism has no freedom")
-    chart = Chart(m, q)
-    y = np.concatenate([np.zeros(len(chart.normal)), chart.normal @ (m.start_rate / m.scale)])
+    chart, v = Chart(m, q), fitting(m, q, m.start_rate)
+    y = np.concatenate([np.zeros(len(chart.normal)), chart.normal @ (v / m.scale)])
     found, first = [chart.motion(y)[:3]], None
     solver = DOP853(chart.slope, times[0], y, times[-1], rtol=ACCURACY, atol=ACCURACY)
     while len(found) < len(times):
