@@ -172,7 +172,10 @@ def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
     if misfit(case, curves, truth) <= 0.1:
         return
     for mode in modes(case):
-        other = evaluate(case, curves.x, curves.drive, mode=mode)
+        try:
+            other = evaluate(case, curves.x, curves.drive, mode=mode)
+        except InputError:  # a mode that is not there at these poses
+            continue
         if misfit(case, curves, other) < 0.01:
             raise InputError(case.file, "start", f"key {case.start!r} assembles the model in mode "
                              f"{mode:+d}, parameters.mode says {case.parameters['mode']:+.0f}; "
