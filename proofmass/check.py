@@ -13,6 +13,7 @@ from proofmass.case import Case, Kind, load_case
 from proofmass.compare import GOOD, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.mobility import mobility
 from proofmass.solve import plan, simulate, solve
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
@@ -57,6 +58,7 @@ def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curv
 
     A model that the simulator does not cover is bad input of the sidecar that asked for it.
     """
+    mobility(case)
     try:
         curves = solve(case, kind, solver)
         return compare(case, kind, solver, curves), curves

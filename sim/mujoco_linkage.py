@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from sim.mujoco_model import anchor_bodies, anchors, loop_gap, pose_of
-from sim.plane import find_plane
 from sim.protocol import Array, BadModel, Unsupported
 
 EQ = mujoco.mjtEq
@@ -50,16 +49,20 @@ class Linkage:
         return self.data.efc_pos[keep].copy(), jacobian[keep]
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
-        """Follow the branch to new values of the drives, in strides; returns the tangent there."""
+        """Follow the branch to new values of the drives, in strides; returns the tangent there.
+
+        `tangent` is that of the present pose; without it the pose is closed first.
+        """
+        if tangent is None:
+            tangent = self.place(self.data.qpos[self.adr])
         far = values - self.data.qpos[self.adr]
-        strides = 1 if tangent is None else int(np.ceil((np.abs(far) / self.stride).max()))
-        for part in np.arange(max(strides, 1))[::-1]:
-            target = values - far * part / max(strides, 1)
-            if tangent is not None:
-                ahead = tangent @ (target - self.data.qpos[self.adr])
-                mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
+        strides = int(np.ceil((np.abs(far) / self.stride).max()))
+        for part in np.arange(strides)[::-1]:
+            target = values - far * part / strides
+            ahead = tangent @ (target - self.data.qpos[self.adr])
+            mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
             tangent = self.place(target)
-        return np.asarray(tangent)
+        return tangent
 
     def place(self, values: Array) -> Array:
         """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
@@ -143,22 +146,3 @@ class Linkage:
         mujoco.mj_inverse(self.model, self.data)
         mujoco.mj_fwdActuation(self.model, self.data)
         return np.asarray((self.data.qfrc_inverse - self.data.qfrc_actuator) @ tangent)
-
-    def redundant(self) -> str:
-        """What is held more than once at the present pose; empty when nothing is.
-
-        A planar ``connect`` holds two directions, a ``joint`` equality one.
-        """
-        active = [i for i in range(self.model.neq) if self.data.eq_active[i]]
-        try:
-            find_plane(self.model, self.data)
-        except Unsupported:
-            return ""
-        held = sum(2 if self.model.eq_type[i] == EQ.mjEQ_CONNECT else 1 for i in active)
-        matrix = np.vstack([self.rows()[1], self.units])
-        free = held + len(self.joints) - int(np.linalg.matrix_rank(matrix, tol=1e-8))
-        if free <= 0:
-            return ""
-        names = ", ".join(repr(self.model.equality(i).name) for i in active)
-        return (f"over-constrained: the loops {names} and the {len(self.joints)} drive(s) hold "
-                f"{held + len(self.joints)} directions, of which {free} are held already")

@@ -37,7 +37,7 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
         linkage.release()
         return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
-    tangent = linkage.place(value[0])
+    tangent = linkage.move(value[0])
     data.qvel[:] = tangent @ rate[0]
     inertia = np.zeros((model.nv, model.nv))  # before the flywheels
     mujoco.mj_fullM(model, data, inertia)

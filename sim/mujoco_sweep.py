@@ -24,7 +24,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     Raises
     ------
     BadModel
-        The loops cannot be closed at the first values of the drives, or hold something twice.
+        The loops cannot be closed at the first values of the drives.
     Unsupported
         Freedoms are left when the drives are held, or an equality is of another kind.
     """
@@ -35,7 +35,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     record = Recorder(model, data, run.channels, run.x.size)
     moments, stopped, done = np.empty((run.x.size, len(run.drives))), "", run.x.size
     began = time.perf_counter()
-    tangent, redundant = None, ""
+    tangent = None
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in state), strict=True)):
         try:
             tangent = linkage.move(values, tangent)
@@ -49,8 +49,6 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
             break
         mujoco.mj_inverse(model, data)
         record.sample(k)
-        if k < 2 and (redundant := linkage.redundant() if k == 0 or redundant else "") and k == 1:
-            raise BadModel(redundant)
     seconds = time.perf_counter() - began
     record.cut(done)
     channels = record.curves()

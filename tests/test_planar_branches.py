@@ -79,8 +79,7 @@ def test_success_is_on_the_branch_and_failure_at_a_limit(linkage):
     """Over a turn that may have limits: what is kept is the closed form; what is not has none."""
     try:
         follower = branch(linkage.model)
-    except SingularHere as error:
-        assert "start pose" in str(error)
+    except SingularHere:
         assert np.sin(linkage.solve(linkage.way[0, 0])["transmission_angle"]) < 1e-3
         return
     q, failure = follower.follow(linkage.way)

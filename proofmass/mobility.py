@@ -1,0 +1,40 @@
+"""How many freedoms a planar model has, and whether its loops hold something twice."""
+
+from functools import cache
+
+from mujoco import MjModel
+
+from analytic.planar import Overconstrained, read
+from analytic.planar.closure import freedoms, nearest
+from proofmass.case import Case
+from proofmass.errors import InputError
+from proofmass.reference import compiled
+
+
+def mobility(case: Case) -> int | None:
+    """Freedoms of a case's model in its start pose: joints less independent loop equations.
+
+    Returns
+    -------
+    int or None
+        None for what is no planar linkage, and for a start pose that does not close: the engines
+        say what is wrong with it.
+
+    Raises
+    ------
+    InputError
+        The loops are over-constrained: forces in them would not be determined.
+    """
+    try:
+        return freedoms_of(compiled(case), case.start)
+    except Overconstrained as error:
+        raise InputError(case.model_path, "", str(error)) from None
+    except ValueError:
+        return None
+
+
+@cache
+def freedoms_of(model: MjModel, start: str) -> int:
+    """Freedoms of a compiled model, found once for all runs."""
+    mechanism, _ = read(model, start)
+    return freedoms(mechanism, nearest(mechanism, mechanism.start))
