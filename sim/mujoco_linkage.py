@@ -13,7 +13,9 @@ from sim.mujoco_model import anchor_bodies, anchors, loop_gap, pose_of
 from sim.protocol import Array, BadModel, Unsupported
 
 EQ = mujoco.mjtEq
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
+NEAR = 1e-8  # [m or rad] the last Newton step where the drives are held: its square is left
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
 
 
@@ -42,11 +44,8 @@ class Linkage:
     def rows(self) -> tuple[Array, Array]:
         """Residual and Jacobian of the active equalities at the present pose."""
         mujoco.mj_fwdPosition(self.model, self.data)
-        keep = self.data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        jacobian = np.zeros((self.data.nefc, self.model.nv))
-        if self.data.nefc:
-            jacobian[:] = self.data.efc_J.reshape(self.data.nefc, -1)
-        return self.data.efc_pos[keep].copy(), jacobian[keep]
+        keep = self.data.efc_type == EQUALITY
+        return self.data.efc_pos[keep], self.data.efc_J.reshape(-1, self.model.nv)[keep]
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.
@@ -66,24 +65,21 @@ class Linkage:
 
     def place(self, values: Array) -> Array:
         """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
-        step = np.inf
         self.data.qpos[self.adr] = values
-        held = np.zeros(len(values))
         for _ in range(50):
             residual, jacobian = self.rows()
-            previous, move = step, self.solve(jacobian, np.append(-residual, held))
-            step = float(np.abs(move).max(initial=0.0))
+            move = -self.invert(jacobian)[:, : residual.size] @ residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
-            if step < SETTLED or not np.isfinite(step) or (step < 1e-9 and step >= previous):
+            if not np.abs(move).max(initial=0.0) > NEAR:
                 break
         residual, jacobian = self.rows()
         if not np.abs(residual).max(initial=0.0) < 1e-11 * max(1.0, self.model.stat.extent):
             open_by = loop_gap(self.model, self.data).max(initial=0.0)
             raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
                            f"the loop stays open by {open_by:.3g} m")
-        right = np.vstack([np.zeros((residual.size, len(values))), np.eye(len(values))])
-        return self.solve(jacobian, right)
+        self.inverse = self.invert(jacobian)
+        return self.inverse[:, residual.size :]
 
     def release(self) -> None:
         """Close the loops with the least change of the joints, and make the rates fit them."""
@@ -101,24 +97,27 @@ class Linkage:
         """The driven joints with their values."""
         return ", ".join(f"{j} = {v:.6g}" for j, v in zip(self.joints, values, strict=True))
 
-    def solve(self, jacobian: Array, right: Array) -> Array:
-        """Least squares, since a planar loop in 3-D carries rows that are always zero."""
-        matrix = np.vstack([jacobian, self.units])
-        solution, _, rank, values = np.linalg.lstsq(matrix, right, rcond=1e-10)
+    def invert(self, jacobian: Array) -> Array:
+        """Pseudo-inverse of the loops' rows and, below them, the drives' (nv, rows + drives).
+
+        Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
+        that are always zero, hence no plain inverse.
+        """
+        left, values, right = np.linalg.svd(np.vstack([jacobian, self.units]), full_matrices=False)
+        rank = int((values > 1e-10 * values[0]).sum())
         if rank < self.model.nv:
             raise Unsupported(
                 f"{self.model.nv - rank} degree(s) of freedom left when "
                 f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose")
-        return np.asarray(solution, dtype=np.float64)
+        return np.asarray((right.T / values) @ left.T)
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
         mujoco.mj_fwdVelocity(self.model, self.data)
-        _, jacobian = self.rows()
-        drift = [part for i in range(self.model.neq) if self.data.eq_active[i]
+        drift = [-part for i in range(self.model.neq) if self.data.eq_active[i]
                  for part in self.row_drift(i, velocity)]
-        return self.solve(jacobian, np.append(-np.array(drift), values))
+        return np.asarray(self.inverse @ [*drift, *values])
 
     def row_drift(self, i: int, velocity: Array) -> Array:
         """J' v of equality number i, in the engine's order of rows."""

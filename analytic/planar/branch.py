@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.planar.closure import Drives, freedoms, nearest, newton, rates
+from analytic.planar.closure import BLOCK, Drives, freedoms, nearest, newton, rates
 from analytic.planar.loops import lipschitz, loop_jacobian
 from analytic.planar.mechanism import (
     Array,
@@ -99,11 +99,12 @@ class Branch:
             Why it ended.
         """
         guess, proven = np.empty((len(inputs), len(self.m.joints))), np.empty(len(inputs))
-        done, failure, leap_at = 0, None, CREEP
+        done, failure, leap_at, room = 0, None, CREEP, 16
         while done < len(inputs):
-            window = inputs[done:done + 4096]
+            window = inputs[done:done + room]
             near = self.far(window) <= SHARE * self.knot.radius
             count = len(near) if near.all() else int(np.argmin(near))
+            room = min(max(16, 2 * count), BLOCK)  # one step reaches about as far as the last
             if count:
                 guess[done:done + count] = self.predict(window[:count])
                 proven[done:done + count] = self.knot.radius

@@ -26,6 +26,8 @@ RANK = 1e-9
 """Singular values below this share of the largest count as zero."""
 CLOSED = 1e-12
 """Loops that are open by less, in sizes of the mechanism, are closed: rounding of their sums."""
+BLOCK = 4096
+"""Poses solved at once: their arrays stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,13 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
         No convergence; says how far the loops stay open.
     """
     q = q.copy()
+    for k in range(0, len(q), BLOCK):
+        _close(m, q[k:k + BLOCK], d, steps)
+    return q
+
+
+def _close(m: Mechanism, q: Array, d: Drives, steps: int) -> None:
+    """Newton's method on poses (n, joints), in place."""
     for _ in range(steps):
         motion = move(m, q)
         matrix = (loop_jacobian(m, motion, q) * m.scale)[..., d.following]
@@ -78,7 +87,6 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
     if not left.max(initial=0.0) < CLOSED:
         open_by, name = gap(m, q[int(np.argmax(np.where(np.isfinite(left), left, np.inf)))])
         raise CannotAssemble(f"loop {name!r} stays open by {open_by:.3g} m")
-    return q
 
 
 def nearest(m: Mechanism, q: Array) -> Array:
@@ -137,12 +145,18 @@ def rates(m: Mechanism, q: Array, d: Drives, rate: Array,
     """
     v, a = np.zeros_like(q), np.zeros_like(q)
     v[:, d.driven], a[:, d.driven] = rate, acceleration
+    for k in range(0, len(q), BLOCK):
+        _rates(m, d, *(x[k:k + BLOCK] for x in (q, v, a)))
+    return v, a
+
+
+def _rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
+    """Fill in the rates and accelerations of the joints that follow, (n, joints), in place."""
     matrix = loop_jacobian(m, move(m, q), q)
     solve = np.linalg.inv(matrix[..., d.following])
-    v[:, d.following] = -_times(solve, _times(matrix[..., d.driven], rate))
+    v[:, d.following] = -_times(solve, _times(matrix[..., d.driven], v[:, d.driven]))
     drift = bias(m, move(m, q, v, np.zeros_like(q)), q, v)
-    a[:, d.following] = -_times(solve, _times(matrix[..., d.driven], acceleration) + drift)
-    return v, a
+    a[:, d.following] = -_times(solve, _times(matrix[..., d.driven], a[:, d.driven]) + drift)
 
 
 def _times(matrix: Any, vector: Any) -> Array:
