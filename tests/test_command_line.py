@@ -47,7 +47,8 @@ def test_no_argument_means_the_folder_models(models, monkeypatch):
     answer = run("list")
     assert answer.exit_code == 0
     assert "pendulum.xml" in answer.output
-    assert answer.output.count("unchecked: no sidecar") == 2
+    others = sum(file.stem != "pendulum" for file in models.glob("*.xml"))
+    assert answer.output.count("unchecked: no sidecar") == others
 
 
 def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):

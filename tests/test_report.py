@@ -14,7 +14,10 @@ from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.report import headline, write_report
-from proofmass.report.data import thin
+from proofmass.report.data import input_rows, inputs, shown, thin
+from proofmass.report.drawing import SHEETS, pictured, tracks
+from proofmass.report.figures import tolerances
+from proofmass.report.paths import path, paths
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.solve import plan
@@ -58,7 +61,9 @@ def lost(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
 
 @pytest.fixture(scope="module")
 def fourbar() -> Case:
-    return case_of("fourbar")
+    case = case_of("fourbar")
+    few = ["coupler.angle", "rocker", "pin.x", "pin.y", "rocker_rate", "holding_moment"]
+    return case.model_copy(update={"channels": {n: case.channels[n] for n in few}})
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +78,8 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     curves = replace(curves, channels=broken, missing={"pin.x": "no such sensor here"})
     result.curves[case.name, "duration", "mujoco:default"] = curves
     result.comparisons.extend(compare(case, "duration", "mujoco:default", curves))
-    result.comparisons.extend(lost(case, "duration", "pymunk", "diverged"))
-    result.comparisons.extend(lost(case, "sweep", "pymunk", "timed out"))
+    for kind, outcome in ("duration", "diverged"), ("sweep", "timed out"):
+        result.comparisons.extend(lost(case, kind, "pymunk", outcome))
     result.comparisons.append(Comparison("loose", "mujoco", "duration", "", "",
                                          message="no sidecar; it loads and steps"))
     result.errors.append(InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>"))
@@ -84,7 +89,8 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_all_agree(fourbar: Case) -> None:
     result = result_of(fourbar, sweep=0.0, duration=0.0)
     assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
-        "The model is the mechanism: all 11 channels of the sweep agree in MuJoCo. "
+        f"The model is the mechanism: all {len(fourbar.channels)} channels of the sweep agree in "
+        "MuJoCo. "
         "MuJoCo agrees at dt = 0.97 ms.")
 
 
@@ -112,8 +118,8 @@ def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
 
 def test_duration_differs(fourbar: Case) -> None:
     text = headline(fourbar, result_of(fourbar, sweep=0.0, duration=1e-3).comparisons)
-    assert text.startswith("The model is the mechanism: all 11 channels")
-    assert "MuJoCo differs over the duration on coupler.angle, rocker, pin.x and 7 more" in text
+    assert text.startswith(f"The model is the mechanism: all {len(fourbar.channels)} channels")
+    assert "differs over the duration on coupler.angle, rocker, pin.x and 2 more" in text
 
 
 def test_diverged(fourbar: Case) -> None:
@@ -174,13 +180,14 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
     assert "1 input at fault" in page
     assert "bad.toml: drive.joint" in page
     assert "no sidecar; it loads and steps" in page
-    assert page.index("at fault") < page.index('class="cards"') < page.index("without a sidecar")
+    assert page.index("at fault</h2>") < page.index('class="cards"')
+    assert page.index('class="cards"') < page.index("without a sidecar")
 
 
-@pytest.mark.parametrize("what", ["overlay", "difference"])
-@pytest.mark.parametrize("kind", ["sweep", "duration"])
-def test_figures_as_svg_and_png(report: Path, kind: str, what: str) -> None:
-    stem = report / "figures" / f"fourbar-{kind}-{what}"
+@pytest.mark.parametrize("name", ["mechanism", *(
+    f"{kind}-{what}" for kind in ("sweep", "duration") for what in SHEETS)])
+def test_figures_as_svg_and_png(report: Path, name: str) -> None:
+    stem = report / "figures" / f"fourbar-{name}"
     assert "<svg" in stem.with_suffix(".svg").read_text(encoding="utf-8")
     assert stem.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
@@ -190,7 +197,7 @@ def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
     failed = Result(cases=[case], comparisons=lost(case, "duration", "pymunk", "crashed"))
     page = write_report(failed, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
     assert "pymunk is not drawn: crashed" in page
-    assert "<figure" not in page
+    assert page.count("<figure") == 1  # the mechanism: it needs no solver
     assert "Not judged" in write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
     assert "No case was found" in write_report(Result(), tmp_path).read_text(encoding="utf-8")
 
@@ -200,7 +207,7 @@ def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
                                            "amplitude": 0.0})
     index = write_report(result_of(case, duration=0.0), tmp_path)
     page = index.with_name("pendulum.html").read_text(encoding="utf-8")
-    assert page.count("<figure") == 2
+    assert page.count("<figure") == 3  # mechanism, overlay, difference
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
 
 
@@ -221,3 +228,73 @@ def test_solvers_differ_in_colour_and_without_it() -> None:
 def test_inline_svg_escapes_its_label() -> None:
     assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline('<svg viewBox="0 0 1 1"></svg>', "k",
                                                             'a <b> "c"')
+
+
+@pytest.mark.parametrize(("name", "words"), [
+    ("fivebar", ["left", "right", "left_crank", "right_coupler", "tip"]),
+    ("hacksaw", ["ray_length", "slider_pin", "crank_pin", "coupler", "slide, dashed: its guide"])])
+def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path: Path) -> None:
+    write_report(Result(cases=[case_of(name)]), tmp_path)
+    svg = (tmp_path / "figures" / f"{name}-mechanism.svg").read_text(encoding="utf-8")
+    found = {w for text in re.findall(r">([^<>]+)</t", svg) for w in (text, text.rstrip(","))}
+    assert set(words) <= found
+
+
+def test_a_path_is_its_two_channels() -> None:
+    case = case_of("fivebar")
+    view, (shape, _) = shown(result_of(case, sweep=0.01), case, "sweep"), pictured(case)
+    assert paths(view, shape) == ["tip"]
+    for curves in (view.curves["mujoco"], view.longest):
+        found = path(curves, "tip", shape)
+        assert np.array_equal(found[:, 0], curves.channels["tip.x"])
+        assert np.array_equal(found[:, 1], curves.channels["tip.y"])
+    assert np.array_equal(tracks([view], shape)["tip"], path(view.longest, "tip", shape))
+
+
+def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
+    result = result_of(fourbar, sweep=0.0)
+    whole = result.curves[fourbar.name, "sweep", "mujoco"]
+    short = replace(whole, x=whole.x[:20], stopped="the loop stays open",
+                    channels={n: c[:20] for n, c in whole.channels.items()},
+                    drive=tuple(part[:, :20] for part in whole.drive or ()))
+    result.comparisons.extend([replace(c, solver="pymunk") for c in result.comparisons])
+    for order in ("mujoco", "pymunk"), ("pymunk", "mujoco"):  # whichever solver comes first
+        for solver, curves in zip(order, (whole, short), strict=True):
+            result.curves[fourbar.name, "sweep", solver] = curves
+        page = write_report(result, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+        assert re.search(r" ends at 190 deg, 20 of 37 samples, .* the loop stays open\.", page)
+        assert page.count(" ends at ") == 1
+
+
+def test_own_numbers_as_reference_and_a_law(report: Path, tmp_path: Path) -> None:
+    case = case_of("peaucellier")
+    write_report(Result(cases=[case]), tmp_path)
+    page = (tmp_path / "peaucellier.html").read_text(encoding="utf-8")
+    assert "It holds the engine to account, not the drawing" in page
+    assert "must = 0.8625 m</span>" in page
+    rows = [replace(c, outcome="agrees") for c in lost(case, "sweep", "mujoco", "diverged")]
+    assert headline(case, rows).startswith("The model moves as its own numbers say: all 9 ch")
+    assert "not the drawing" not in (report / "fourbar.html").read_text(encoding="utf-8")
+
+
+def test_headline_says_why_channels_are_missing(fourbar: Case) -> None:
+    rows = result_of(fourbar, sweep=0.0).comparisons
+    rows[0] = replace(rows[0], outcome="unsupported", message="no inverse dynamics")
+    assert f"{len(rows) - 1} of {len(rows)} channels in MuJoCo (no inverse dynamics)." in headline(
+        fourbar, rows)
+
+
+def test_inputs_of_several_drives() -> None:
+    fivebar, circle = case_of("fivebar"), case_of("fivebar_circle")
+    for case, rows in (fivebar, [["left (drive)", "right (drive)"]]), (circle, [
+            [f"{side}{what} (drive)" for side in ("left", "right")]
+            for what in ("", " rate", " acceleration")]):
+        view = shown(result_of(case, sweep=0.0), case, "sweep")
+        assert input_rows(view, list(inputs(view))) == rows
+
+
+def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
+    view = shown(result_of(fourbar, sweep=0.0), fourbar, "sweep")
+    view.curves["pymunk"] = view.curves["mujoco"]
+    view.rows.extend([replace(c, solver="pymunk") for c in view.rows])
+    assert list(tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from analytic.planar.branch import Branch
-from analytic.planar.closure import rates
+from analytic.planar.closure import Drives, rates
 from analytic.planar.forces import holding
 from analytic.planar.free import free_motion
 from analytic.planar.mechanism import (
@@ -97,14 +97,11 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     mechanism, reader = _read(model, start)
     if joints:
         values = np.atleast_2d(np.asarray(value, float))
-        branch = Branch(mechanism, joints)
-        q, failure = branch.follow(values.T)
-        if failure is not None:
-            raise failure
+        q, d = _swept(mechanism, joints, values.shape, values.tobytes())
         moving = (np.broadcast_to(np.asarray(x, float), values.shape).T
                   for x in (rate, acceleration))
-        v, a = rates(mechanism, q, branch.d, *moving)
-        moments = dict(zip(joints, holding(mechanism, q, branch.d).T, strict=True))
+        v, a = rates(mechanism, q, d, *moving)
+        moments = dict(zip(joints, holding(mechanism, q, d).T, strict=True))
     else:
         q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
         moments = {}
@@ -117,5 +114,21 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 
-_read = lru_cache(maxsize=16)(read)
-_free = lru_cache(maxsize=16)(lambda mechanism, times: free_motion(mechanism, np.array(times)))
+@lru_cache(maxsize=32)
+def _swept(mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int],
+           values: bytes) -> tuple[Array, Drives]:
+    """Closed poses over the drives' values; kept, since a report asks for them again."""
+    branch = Branch(mechanism, joints)
+    q, failure = branch.follow(np.frombuffer(values).reshape(shape).T)
+    if failure is not None:
+        raise failure
+    return q, branch.d
+
+
+@lru_cache(maxsize=32)
+def _free(mechanism: Mechanism, times: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """A free motion, which every solver of a case is held to."""
+    return free_motion(mechanism, np.array(times))
+
+
+_read = lru_cache(maxsize=32)(read)

@@ -153,7 +153,10 @@ def rates(m: Mechanism, q: Array, d: Drives, rate: Array,
 def _rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
     """Fill in the rates and accelerations of the joints that follow, (n, joints), in place."""
     matrix = loop_jacobian(m, move(m, q), q)
-    solve = np.linalg.inv(matrix[..., d.following])
+    try:
+        solve = np.linalg.inv(matrix[..., d.following])
+    except np.linalg.LinAlgError:
+        raise SingularHere("the drives do not determine the rates at one of the poses") from None
     v[:, d.following] = -_times(solve, _times(matrix[..., d.driven], v[:, d.driven]))
     drift = bias(m, move(m, q, v, np.zeros_like(q)), q, v)
     a[:, d.following] = -_times(solve, _times(matrix[..., d.driven], a[:, d.driven]) + drift)

@@ -1,7 +1,8 @@
 """The report: self-contained pages that say in one line what agrees, and why the rest does not.
 
 `write_report` is all that the rest of the project needs.  `words` holds the sentences and the
-numbers, `tables` the rows, `figures` the curves (SVG and PNG), `pages` puts them into `templates/`.
+numbers, `tables` the rows, `figures` the curves, `paths` and `mechanism` what moves in the plane;
+`drawing` draws them (SVG and PNG), `pages` puts them into `templates/`.
 """
 
 from proofmass.report.pages import write_report

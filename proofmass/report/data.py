@@ -2,14 +2,13 @@
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
 from proofmass.case import Case, Kind
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
-from proofmass.reference import laws
+from proofmass.reference import grid, laws
 from proofmass.report.words import LOST
 from sim.protocol import Array, Curves
 
@@ -56,6 +55,16 @@ class Shown:
     def channels(self) -> list[str]:
         """The channels of this run, in the sidecar's order."""
         return list(self.case.channels_of(self.kind))
+
+    @property
+    def longest(self) -> Curves:
+        """The reference where a solver came farthest; a sweep may stop at a limit position."""
+        return max(self.truth.values(), key=lambda truth: len(truth.x))
+
+    @property
+    def grid(self) -> Array:
+        """Where the run is sampled if no solver stops early."""
+        return grid(self.case, self.kind)
 
     def place(self, x: float) -> tuple[float, str]:
         """A place on the run's parameter, as people read it."""
@@ -120,19 +129,28 @@ def grouped(case: Case, channels: list[str]) -> list[list[str]]:
 
 
 def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
-    """Drives that do not run steadily: the law, and how each solver's drive really moved."""
+    """Drives that are not plain from the axis: the law, and how each solver's drive really moved.
+
+    One steady drive is the axis itself; of several steady ones the positions are enough.
+    """
     case, found = view.case, {}
-    if case.leader is None or case.leader.steady or not view.curves:
+    if case.leader is None or not view.curves or (case.leader.steady and len(case.drive) == 1):
         return {}
-    first = next(iter(view.curves.values()))
     for row, (drive, law) in enumerate(zip(case.drive, laws(case, view.kind), strict=True)):
         unit = "m" if joint_type(case, drive.joint) == "slide" else "rad"
         names = (" (drive)", unit), (" rate (drive)", f"{unit}/s"), (
             " acceleration (drive)", f"{unit}/s^2")
-        for k, (suffix, u) in enumerate(names):
+        for k, (suffix, u) in enumerate(names[: 1 if case.leader.steady else 3]):
             moved = {s: c.drive[k][row] for s, c in view.curves.items() if c.drive}
-            found[f"{drive.joint}{suffix}"] = np.asarray(law(first.x)[k]), moved, u
+            found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
     return found
+
+
+def input_rows(view: Shown, names: list[str]) -> list[list[str]]:
+    """The drives' panels row by row: one drive on one row, several side by side, order by order."""
+    each = max(len(names) // max(len(view.case.drive), 1), 1)
+    rows = [names[k::each] for k in range(each)] if len(names) > each else [names]
+    return [row[k : k + 4] for row in rows for k in range(0, len(row), 4)]
 
 
 def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
@@ -146,13 +164,11 @@ def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
     """
     if len(x) <= limit:
         return x, y
-    edges = np.linspace(0, len(x), limit // 2 + 1).astype(int)
-    keep = {0, len(x) - 1}
-    for a, b in pairwise(edges):
-        part = y[a:b]
-        if np.isfinite(part).any():
-            keep |= {a + int(np.nanargmin(part)), a + int(np.nanargmax(part))}
-        else:
-            keep.add(a)
-    index = np.array(sorted(keep))
+    each = -(-len(x) // (limit // 2))
+    rest = -len(x) % each
+    stretches = np.append(y, np.full(rest, np.nan)).reshape(-1, each)
+    first, hollow = np.arange(0, len(x) + rest, each), np.isnan(stretches)
+    least = first + np.where(hollow, np.inf, stretches).argmin(axis=1)
+    most = first + np.where(hollow, -np.inf, stretches).argmax(axis=1)
+    index = np.unique(np.concatenate([[0, len(x) - 1], least, most]))
     return x[index], y[index]

@@ -1,34 +1,47 @@
 """The figures: the curves over each other, and their distance to the reference."""
 
 from collections.abc import Mapping
-from itertools import cycle
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
+from PIL import Image
 
-from proofmass.report.data import Shown, grouped, inputs, readable, thin
-from proofmass.report.style import RC, REFERENCE, Look
+from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin
+from proofmass.report.style import REFERENCE, Look
+from proofmass.report.svg import compact
 from proofmass.report.words import number, pretty
 from sim.protocol import Array
 
 FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn
-HALO = [withStroke(linewidth=2, foreground="white")]
-SIDES = ((0.01, "left"), (0.99, "right"), (0.5, "center"))  # labels of tolerances, in turn
+DPI = 150
+PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.4}
+POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 500) -> None:
+def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 300) -> None:
     """One solver's curve; markers are staggered so that curves on each other all show."""
     x, y = thin(x, np.where(np.isfinite(y), y, np.nan), limit)
     every = max(len(x) // 7, 1)
     ax.plot(x, y, color=look.colour, linestyle=look.dash, marker=look.marker,
             markevery=(min(look.number * every // 6 + every // 4, len(x) - 1), every),
             markerfacecolor="white", markeredgewidth=0.8, zorder=3 + look.number / 10)
+
+
+def every(points: Array, limit: int) -> Array:
+    """At most `limit` of the points (n, 2) of a path, its first and last among them.
+
+    >>> every(np.zeros((1000, 2)), 400).shape
+    (400, 2)
+    """
+    if len(points) <= limit:
+        return points
+    return np.asarray(points[np.linspace(0, len(points) - 1, limit).round().astype(int)])
 
 
 def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
@@ -50,7 +63,7 @@ def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
     ax.set_ylim(*bounds)
     if out:
         ax.text(0.99, 0.99, "off the scale: " + ", ".join(out), transform=ax.transAxes,
-                ha="right", va="top", fontsize=6.5, color="#8a1c1c", zorder=9, path_effects=HALO)
+                ha="right", va="top", fontsize=6.5, color="#8a1c1c", zorder=9, bbox=PAPER)
 
 
 def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> None:
@@ -58,63 +71,101 @@ def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> N
     unit, scale = readable(view.case.channels[channel].unit)
     lines = {s: c.channels[channel] * scale for s, c in view.curves.items()
              if channel in c.channels}
-    truth = next(iter(view.truth.values())).channels[channel] * scale
-    panel(ax, view, channel, truth, lines, style, unit)
+    panel(ax, view, channel, view.longest.channels[channel] * scale, lines, style, unit)
 
 
 def panel(ax: Axes, view: Shown, title: str, truth: Array, lines: dict[str, Array],
           style: Mapping[str, Look], unit: str) -> None:
-    """A panel of an overlay."""
-    x = max((t.x for t in view.truth.values()), key=len) * view.x_scale
-    ax.plot(*thin(x, truth, 500), **REFERENCE)
+    """A panel of an overlay; `truth` is on the longest x of the run's solvers."""
+    ax.plot(*thin(view.longest.x * view.x_scale, truth, 300), **REFERENCE)
     for solver, y in lines.items():
         draw(ax, view.curves[solver].x * view.x_scale, y, style[solver])
     limits(ax, truth, lines)
+    ends(ax, view, style)
     ax.set_title(title)
     ax.set_ylabel(f"[{pretty(unit)}]")
+
+
+def ends(ax: Axes, view: Shown, style: Mapping[str, Look]) -> None:
+    """Where a solver stopped before the run's last sample."""
+    for solver, curves in view.curves.items():
+        if curves.stopped:
+            ax.axvline(float(curves.x[-1]) * view.x_scale, color=style[solver].colour,
+                       linewidth=0.9, linestyle=(0, (1, 2)), zorder=2)
 
 
 def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> None:
     """Absolute differences of a channel on a log axis, with each tolerance as a dashed line."""
     unit = view.case.channels[channel].unit
-    levels, tops = [], []
+    levels, tops = list[float](), list[float]()
     for solver in view.curves:
         error = view.error(solver, channel)
         if error is None:
             continue
         floor = FLOOR * (float(np.ptp(view.truth[solver].channels[channel])) or 1.0)
         error = np.where(np.isfinite(error), np.maximum(error, floor), np.nan)
-        draw(ax, view.curves[solver].x * view.x_scale, error, style[solver], 320)
+        draw(ax, view.curves[solver].x * view.x_scale, error, style[solver], 120)
         solid = error[error > floor]
         levels.append(float(np.nanpercentile(solid, 5)) / 20 if solid.size else floor)
         tops.append(float(np.nanmax(error, initial=floor)))
-    checked = [c for c in view.rows
-               if c.channel == channel and c.allowed > 0 and c.solver in view.curves]
-    for c, (where, side) in zip(checked, cycle(SIDES), strict=False):
-        ax.axhline(c.allowed, color=style[c.solver].colour, linewidth=0.9,
-                   linestyle=(0, (7, 3)), zorder=2)
-        ax.annotate(f"{c.solver} ≤ {number(c.allowed)}", (where, c.allowed), ha=side,
-                    xycoords=("axes fraction", "data"), xytext=(0, 1.5), fontsize=6.5, zorder=9,
-                    textcoords="offset points", color=style[c.solver].colour, path_effects=HALO)
-        tops.append(c.allowed)
-        levels.append(c.allowed / 4)  # the level line itself must be inside the panel
-    ax.set_yscale("log")
+    allowed = tolerances(view, channel)
+    levels += [level / 4 for level in allowed]  # the level line itself must be inside the panel
     if levels:
-        ax.set_ylim(min(levels), 8 * max(tops))
+        decades(ax, min(levels), 8 * max([*tops, *allowed]))
     else:
+        ax.set_yticks([])
         ax.text(0.5, 0.5, "no solver delivers it", transform=ax.transAxes, ha="center")
+    name_tolerances(ax, allowed, style)
+    ends(ax, view, style)
     ax.set_title(channel)
     ax.set_ylabel(f"|difference| [{pretty(unit)}]")
+
+
+def decades(ax: Axes, low: float, high: float) -> None:
+    """A logarithmic axis with a few powers of ten, written as such."""
+    ax.set_yscale("log")
+    ax.yaxis.set_major_locator(LogLocator(numticks=5))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_formatter(FuncFormatter(
+        lambda value, _: "10" + f"{round(np.log10(value))}".translate(POWERS)))
+    ax.set_ylim(low, high)
+
+
+def tolerances(view: Shown, channel: str) -> dict[float, list[str]]:
+    """The allowed errors of a channel, and the solvers that each is for."""
+    found: dict[float, list[str]] = {}
+    for c in view.rows:
+        if c.channel == channel and c.allowed > 0 and c.solver in view.curves:
+            same = next((a for a in found if abs(a - c.allowed) < 1e-3 * a), c.allowed)
+            found.setdefault(same, []).append(c.solver)
+    return found
+
+
+def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[str, Look]) -> None:
+    """A dashed level line for each tolerance, named where another name does not stand yet."""
+    low, high = np.log(ax.get_ylim())
+    taken: list[tuple[float, bool]] = []
+    for level in sorted(allowed, reverse=True):
+        colour = style[allowed[level][0]].colour if len(allowed[level]) == 1 else "#333333"
+        ax.axhline(level, color=colour, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
+        height = (np.log(level) - low) / (high - low)
+        free = [(height + shift, right) for shift in (0.01, -0.105) for right in (False, True)
+                if all(abs(height + shift - y) > 0.1 or right != r for y, r in taken)]
+        if free:  # else the table has it
+            taken.append(free[0])
+            ax.text(0.99 if free[0][1] else 0.01, free[0][0], f"{', '.join(allowed[level])} ≤ "
+                    f"{number(level)}", transform=ax.transAxes, fontsize=6.5, color=colour,
+                    ha="right" if free[0][1] else "left", va="bottom", zorder=9, bbox=PAPER)
 
 
 def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
     """All channels of a run as a grid of panels; `what` is "overlay" or "difference"."""
     driven = inputs(view) if what == "overlay" else {}
-    names = [[*driven]] * bool(driven) + grouped(view.case, view.channels)
+    names = input_rows(view, list(driven)) + grouped(view.case, view.channels)
     width = max(map(len, names))
     head = 0.8 if view.lost else 0.62  # room for the legend, and the note below it
     height = 1.75 * len(names) + 0.13 + head
-    figure = Figure(figsize=(3.05 * width + 0.3, height))
+    figure = Figure(figsize=(3.05 * width + 0.36, height))
     axes = figure.subplots(len(names), width, squeeze=False, sharex=True)
     for row, line in zip(axes, names, strict=True):
         for k, ax in enumerate(row):
@@ -131,12 +182,16 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
         lowest = max(i for i, line in enumerate(names) if j < len(line))
         axes[lowest, j].set_xlabel(f"{view.x_name} [{view.x_unit}]")
         axes[lowest, j].tick_params(labelbottom=True)
-    x = max((t.x for t in view.truth.values()), key=len) * view.x_scale
+    for ax in figure.axes:  # fixed: looking for room takes as long as drawing
+        ax.xaxis.set_label_coords(0.5, -0.22)
+        ax.yaxis.set_label_coords(-0.215, 0.5)
+        ax.yaxis.get_offset_text().set(x=1, ha="right")
+    x = view.grid * view.x_scale
     axes[0, 0].set_xlim(float(x[0]), float(x[-1]))
     if view.x_unit == "deg" and abs(x[-1] - x[0]) >= 180:
         axes[0, 0].xaxis.set_major_locator(MultipleLocator(90 if abs(x[-1] - x[0]) < 721 else 180))
     legend(figure, view, style, what, height)
-    figure.subplots_adjust(left=0.62 / (3.05 * width), right=1 - 0.1 / (3.05 * width),
+    figure.subplots_adjust(left=0.68 / (3.05 * width), right=1 - 0.1 / (3.05 * width),
                            bottom=0.42 / height, top=1 - head / height, wspace=0.3, hspace=0.38)
     return figure
 
@@ -155,27 +210,24 @@ def legend(figure: Figure, view: Shown, style: Mapping[str, Look], what: str,
 
 
 def thumbnail(view: Shown, style: Mapping[str, Look]) -> Figure:
-    """One overlay in small, for the index."""
-    figure = Figure(figsize=(3.2, 1.9))
-    overlay(figure.add_axes((0.2, 0.21, 0.77, 0.66)), view, view.channels[0], style)
-    figure.axes[0].set_xlabel(f"{view.x_name} [{view.x_unit}]")
-    figure.axes[0].margins(x=0)
+    """One overlay in small, for the index, where a mechanism cannot be drawn."""
+    figure = Figure(figsize=(1.8, 1.3))
+    overlay(figure.add_axes((0.24, 0.14, 0.74, 0.7)), view, view.channels[0], style)
+    figure.axes[0].set_ylabel("")
     return figure
 
 
 def save(figure: Figure, stem: Path, png: bool = True) -> str:
-    """Write STEM.svg and STEM.png; return the SVG's text."""
-    figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
-    if png:
-        figure.savefig(stem.with_suffix(".png"))
-    text = stem.with_suffix(".svg").read_text(encoding="utf-8")
-    text = text.replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
+    """Write STEM.svg and STEM.png, the latter with a palette; return the SVG's text."""
+    file = BytesIO()
+    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = compact(file.getvalue().decode().replace(
+        "'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif"))
     stem.with_suffix(".svg").write_text(text, encoding="utf-8")
+    if png:
+        figure.dpi, canvas = DPI, FigureCanvasAgg(figure)
+        canvas.draw()
+        pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        few = pixels.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        few.save(stem.with_suffix(".png"), dpi=(DPI, DPI))
     return text
-
-
-def make(view: Shown, style: Mapping[str, Look], what: str, stem: Path) -> str:
-    """Draw and save one figure; return the SVG's text."""
-    with rc_context(RC):
-        small = what == "thumbnail"
-        return save(thumbnail(view, style) if small else sheet(view, style, what), stem, not small)

@@ -5,6 +5,7 @@ import platform
 import re
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,16 +19,19 @@ from proofmass.check import Result
 from proofmass.errors import InputError
 from proofmass.report import tables
 from proofmass.report.data import Shown, shown
-from proofmass.report.figures import make
-from proofmass.report.style import Look, looks
+from proofmass.report.drawing import SHEETS, Drawings, drawn
+from proofmass.report.families import families
+from proofmass.report.style import looks
 from proofmass.report.svg import inline
-from proofmass.report.words import LOST, SYMBOLS, headline, number, spoken
+from proofmass.report.words import LOST, SYMBOLS, from_model, headline, number, spoken
 
 PACKAGES = ("proofmass", "mujoco", "pymunk", "numpy", "scipy")
 HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
             "duration": "Duration: the motion over time, as each engine steps it"}
 CAPTIONS = {
     "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
+    "paths": "Where measured points run, to one scale across and up: reference (thick, pale) and "
+             "solvers on top of it.",
     "difference": "Absolute difference to the reference, in SI units as in the table. Dashed level "
                   "lines: what the tolerance allows. Exact zeros run into the lower edge.",
 }
@@ -55,18 +59,28 @@ def write_report(result: Result, folder: Path | str,
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     style, env, facts = looks(c.solver for c in result.comparisons), environment(), about()
     cards = []
-    for k, case in enumerate(result.cases):
-        views = [shown(result, case, kind) for kind in ("sweep", "duration") if kind in case.run]
-        cards.append(card(case, views, style, folder))
-        page = env.get_template("case.html").render(
-            case=case, card=cards[-1], parts=[part(v, style, folder) for v in views], style=style,
-            reasons=tables.reasons(case), about=facts,
-            unnoticed=tables.unnoticed(case, [c for v in views for c in v.rows]))
-        (folder / cards[-1]["page"]).write_text(page, encoding="utf-8")
-        progress(case.name, k + 1, len(result.cases))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        views = {case.name: [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
+                 for case in result.cases}
+        futures = [pool.submit(drawn, case, views[case.name], style, folder / "figures",
+                               slug(case.name)) for case in result.cases]
+        for k, (case, future) in enumerate(zip(result.cases, futures, strict=True)):
+            drawings, faults = future.result(), faults_of(case, result)
+            cards.append(card(case, views[case.name], drawings, faults))
+            page = env.get_template("case.html").render(
+                case=case, card=cards[-1], style=style, about=facts, faults=faults,
+                parts=[part(v, drawings) for v in views[case.name]],
+                mechanism=mechanism(case, drawings), note=drawings.note,
+                own_numbers=from_model(case),
+                laws=any(tables.law(case, name) for name in case.channels),
+                reasons=tables.reasons(case),
+                unnoticed=tables.unnoticed(case, [c for v in views[case.name] for c in v.rows]))
+            (folder / cards[-1]["page"]).write_text(page, encoding="utf-8")
+            progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
     index.write_text(env.get_template("index.html").render(
-        cards=cards, style=style, about=facts, errors=[complaint(e) for e in result.errors],
+        families=families(result.cases, cards), style=style, about=facts,
+        states=Counter(c["state"] for c in cards), errors=[complaint(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel]), encoding="utf-8")
     return index
 
@@ -94,37 +108,53 @@ def complaint(error: InputError) -> str:
     return str(error).replace(str(error.file), error.file.name)
 
 
-def card(case: Case, views: list[Shown], style: dict[str, Look], folder: Path) -> dict[str, Any]:
+def faults_of(case: Case, result: Result) -> list[str]:
+    """What is wrong with a case's own files, a sweep that ended early among it."""
+    return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
+
+
+def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) -> dict[str, Any]:
     """A case in short: verdict, counts, thumbnail."""
     rows = [c for v in views for c in v.rows]
     counts = Counter(c.outcome for c in rows)
-    drawn = next((v for v in views if v.curves), None)
-    stem = f"{slug(case.name)}-thumbnail"
-    picture = inline(make(drawn, style, "thumbnail", folder / "figures" / stem), stem,
-                     f"{case.name}: {drawn.channels[0]} over {drawn.x_name}") if drawn else ""
+    picture = drawings.figures.get("thumbnail")
     steps = {s: float(str(c.settings["timestep"])) for v in views if v.kind == "duration"
              for s, c in v.curves.items() if "timestep" in c.settings}
-    bad = [o for o in ("differs", *LOST) if counts[o]]
+    bad = faults or not rows or any(counts[o] for o in ("differs", *LOST))
     return {"name": case.name, "title": case.title, "page": f"{slug(case.name)}.html",
             "headline": headline(case, rows, steps),
-            "state": "bad" if bad or not rows else "good" if counts["agrees"] else "open",
-            "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]],
-            "picture": Markup(picture)}
+            "state": "bad" if bad else "good" if counts["agrees"] else "open",
+            "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]], "faults": len(faults),
+            "picture": Markup(inline(picture, f"{slug(case.name)}-thumbnail", case.name))
+            if picture else ""}
 
 
-def part(view: Shown, style: dict[str, Look], folder: Path) -> dict[str, Any]:
+def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
+    """The drawing of the mechanism for the page; None if there is none."""
+    if "mechanism" not in drawings.figures:
+        return None
+    stem = f"{slug(case.name)}-mechanism"
+    label = f"{case.name}: the mechanism at several poses, its joints and links by name"
+    return {"svg": Markup(inline(drawings.figures["mechanism"], stem, label)), "stem": stem}
+
+
+def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
     """All that a page shows of one run."""
     figures = []
-    for what, caption in CAPTIONS.items() if view.curves else ():
-        stem = f"{slug(view.case.name)}-{view.kind}-{what}"
-        svg = make(view, style, what, folder / "figures" / stem)
-        label = (f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
-                 f"{view.x_name}; numbers in the table below")
-        figures.append({"svg": Markup(inline(svg, stem, label)), "caption": caption, "stem": stem})
+    for what in SHEETS:
+        if svg := drawings.figures.get(f"{view.kind}-{what}"):
+            stem = f"{slug(view.case.name)}-{view.kind}-{what}"
+            label = (f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
+                     f"{view.x_name}; numbers in the table below")
+            figures.append({"svg": Markup(inline(svg, stem, label)), "caption": CAPTIONS[what],
+                            "stem": stem})
     return {"kind": view.kind, "figures": figures, "groups": tables.comparisons(view),
             "extrema": tables.extrema(view) if view.curves else [], "costs": tables.costs(view),
-            "missing": tables.missing(view), "n": len(next(iter(view.curves.values())).x)
-            if view.curves else 0, "over": f"{view.x_name} [{view.x_unit}]",
+            "missing": tables.missing(view), "n": len(view.grid) if view.curves else 0,
+            "over": f"{view.x_name} [{view.x_unit}]",
+            "stopped": [f"{spoken(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
+                        f"{len(view.grid)} samples, which are kept (dotted line in the figures): "
+                        f"{c.stopped}" for s, c in view.curves.items() if c.stopped],
             "lost": [f"{spoken(s)} is not drawn: {c.outcome}. {c.message}"
                      for s, c in view.lost.items()],
             "what": HEADINGS[view.kind]}

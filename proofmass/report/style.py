@@ -47,6 +47,7 @@ RC: dict[Any, Any] = {
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # looking for a free place takes as long as drawing
     "axes.labelsize": 8,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -60,13 +61,12 @@ RC: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "ytick.minor.size": 0,
+    "xtick.bottom": False,  # the grid shows where they are
+    "ytick.left": False,
     "lines.linewidth": 1.1,
+    "path.simplify_threshold": 0.2,
     "lines.markersize": 3.2,
     "legend.frameon": False,
-    "savefig.dpi": 160,
     "svg.fonttype": "none",
     "svg.hashsalt": "proofmass",
 }

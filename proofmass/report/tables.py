@@ -29,11 +29,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Group:
-    """The rows of one channel."""
+    """The rows of one channel; `law` is the number that it must equal, if it is one."""
 
     channel: str
     unit: str
     rows: tuple[Row, ...]
+    law: str = ""
 
 
 def place(view: Shown, x: float) -> str:
@@ -54,8 +55,17 @@ def comparisons(view: Shown) -> list[Group]:
                     (number(c.error_max), place(view, c.at), number(c.of_range),
                      number(c.error_rms), number(c.nrmse), number(c.allowed)), *notice(c))
                 for c in view.rows if c.channel == channel]
-        groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
+        groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows),
+                            law(view.case, channel)))
     return groups
+
+
+def law(case: Case, channel: str) -> str:
+    """The constant that a channel must equal, with its unit; empty when it is a quantity."""
+    c = case.channels[channel]
+    if isinstance(c.equals, str):
+        return ""
+    return f"= {number(c.scale * c.equals + c.shift, 6)} {pretty(c.unit)}"
 
 
 def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
@@ -79,8 +89,7 @@ def extrema(view: Shown) -> list[Group]:
     """
     groups = []
     for channel in view.channels:
-        truth = next(iter(view.truth.values())).channels[channel]
-        x = next(iter(view.truth.values())).x
+        truth, x = view.longest.channels[channel], view.longest.x
         low, high = ends(truth)
         rows = [Row("reference", "", "", "", (number(truth[low], 6), place(view, x[low]),
                                               number(truth[high], 6), place(view, x[high])))]

@@ -1,10 +1,14 @@
 """The sentences and numbers of the report."""
 
+import inspect
 import math
 from collections.abc import Iterable, Mapping
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
+from proofmass.errors import InputError
+from proofmass.recorded import Recorded
+from proofmass.reference import module_of
 
 LOST = ("diverged", "crashed", "timed out")
 SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
@@ -68,6 +72,15 @@ def by_solver(comparisons: Iterable[Comparison], run: str) -> dict[str, list[Com
     return found
 
 
+def from_model(case: Case) -> bool:
+    """Whether the reference moves the model's own numbers: a wrong length is wrong in both."""
+    try:
+        truth = module_of(case)
+    except InputError:
+        return False
+    return not isinstance(truth, Recorded) and "model" in inspect.signature(truth.solve).parameters
+
+
 def headline(case: Case, comparisons: Iterable[Comparison],
              steps: Mapping[str, float] | None = None) -> str:
     """The verdict on a case in one line: what agrees, what does not, and why.
@@ -88,17 +101,20 @@ def headline(case: Case, comparisons: Iterable[Comparison],
     if not own:
         return "Not judged: no run could be compared; the input is at fault."
     sweep, duration = by_solver(own, "sweep"), by_solver(own, "duration")
+    true, false = ("The model is the mechanism", "The model is not the mechanism")
+    if from_model(case):
+        true, false = ("The model moves as its own numbers say",
+                       "The model does not move as its own numbers and laws say")
     if any(c.outcome == "differs" for rows in sweep.values() for c in rows):
         sound = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
-        text = (f"The model is the mechanism in {sound}, not in every solver: " if sound else
-                "The model is not the mechanism: ")
+        text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
         text += "; ".join(told(s, rows, " in the sweep") for s, rows in sweep.items()
                           if not clean(rows) and not plain(rows))
         return text + "; do not look at integrators before this is mended."
     if not sweep:
         first = "No sweep, so model and integrator are judged together"
     elif good := {s: rows for s, rows in sweep.items() if clean(rows)}:
-        first = f"The model is the mechanism: {agreement(good)}"
+        first = f"{true}: {agreement(good)}"
     else:
         first = "The sweep was not checked, so model and integrator are judged together"
     parts = [told(s, rows, " in the sweep") for s, rows in sweep.items()
@@ -107,7 +123,8 @@ def headline(case: Case, comparisons: Iterable[Comparison],
                    " over the duration")
               for s, rows in duration.items() if not plain(rows)]
     parts += unchecked({s: rows for s, rows in duration.items() if plain(rows)})
-    return first + (". " if sweep and parts else ": " if parts else "") + "; ".join(parts) + "."
+    joint = "" if not parts else ". " if first.startswith(true) else ": "
+    return first + joint + "; ".join(parts) + "."
 
 
 def clean(rows: list[Comparison]) -> bool:
@@ -122,14 +139,20 @@ def plain(rows: list[Comparison]) -> bool:
 
 
 def agreement(good: dict[str, list[Comparison]]) -> str:
-    """How many channels of the sweep agree, for the solvers that agree."""
+    """How many channels of the sweep agree, for the solvers that agree, and why not all."""
     counts = {s: (sum(c.outcome == "agrees" for c in rows), len(rows)) for s, rows in good.items()}
     names = listed(map(spoken, counts))
     if all(n == total for n, total in counts.values()):
         return f"all {next(iter(counts.values()))[1]} channels of the sweep agree in {names}"
     return "the sweep agrees on " + listed(
         f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {spoken(s)}"
-        for s, (n, total) in counts.items())
+        f"{why(good[s])}" for s, (n, total) in counts.items())
+
+
+def why(rows: list[Comparison]) -> str:
+    """What a solver cannot deliver, in brackets; empty when nothing is amiss."""
+    found = dict.fromkeys(c.message for c in rows if c.outcome == "unsupported" and c.message)
+    return f" ({'; '.join(found)})" if found else ""
 
 
 def told(solver: str, rows: list[Comparison], where: str) -> str:

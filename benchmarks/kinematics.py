@@ -1,0 +1,165 @@
+"""Poses per second of position, velocity and acceleration: one table, ratios from one run.
+
+    uv run --group bench python -m benchmarks.kinematics [rounds]
+
+Closed forms, the general solver, the document's own scheme, pylinkage, and quasi-static sweeps of
+the two simulators, on the drives of the sidecars.  Before anything is timed, what comes from
+elsewhere is held against the closed form.  The simulators also load the model and read its sensors.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic import fivebar_inverse, fourbar, slider_crank, threeprr_inverse
+from analytic.planar.branch import Branch
+from analytic.planar.closure import rates
+from analytic.planar.read import read
+from benchmarks import document_scheme, fourbar_newton, with_pylinkage
+from benchmarks.timing import Row, measure
+from proofmass.case import Case, load_case
+from proofmass.reference import call, compiled, module_of
+from proofmass.solve import plan, simulate
+from sim.protocol import Run
+
+Array = NDArray[np.float64]
+MODELS = Path(__file__).parent.parent / "models"
+CLOSED = {"fourbar": "four-bar", "slider_crank": "slider-crank", "fivebar": "five-bar",
+          "inverted_slider_crank": "inverted slider-crank", "hacksaw": "hacksaw",
+          "inverted_slider_crank_classic": "swinging block", "threeprr": "3PRR"}
+GENERAL = {**CLOSED, "peaucellier": "Peaucellier cell", "watt": "Watt six-bar"}
+MANY, SAMPLES, FEW = 1_000_000, (361, 10_000, 100_000), 500
+MOST = {"threeprr": 100_000}  # finds the zeros of a polynomial of degree six at every pose
+BARS: dict[str, Any] = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
+SLIDER: dict[str, Any] = {"crank": 1.0, "coupler": 2.0}
+
+
+def sized(name: str, n: int) -> tuple[Case, Run]:
+    """A sidecar's sweep with another number of samples."""
+    case = load_case(MODELS / f"{name}.toml")
+    table = case.run["sweep"].model_copy(update={"n": n})
+    case = case.model_copy(update={"run": {"sweep": table}})
+    return case, plan(case, "sweep", "mujoco")
+
+
+def closed_form(name: str, n: int) -> Callable[[], dict[str, Array]]:
+    """The closed form of a sidecar at all its poses, every curve that it has."""
+    case, run = sized(name, n)
+    module = cast(ModuleType, module_of(case))
+    return partial(call, case, module, run.x, run.motion(run.x), {})
+
+
+def general(name: str, n: int) -> Callable[[], object]:
+    """The general solver on a sidecar's model: joint values, rates, accelerations."""
+    case, run = sized(name, n)
+    value, rate, acceleration = (part.T for part in run.motion(run.x))
+    mechanism, _ = read(compiled(case), case.start)
+
+    def work() -> object:
+        branch = Branch(mechanism, tuple(drive.joint for drive in case.drive))
+        poses, failure = branch.follow(value)
+        if failure is not None:
+            raise failure
+        return rates(mechanism, poses, branch.d, rate, acceleration)
+
+    return work
+
+
+def lengths(name: str) -> dict[str, Any]:
+    """The parameters of a sidecar that an inverse closed form has too."""
+    other = ("mode", "gravity")
+    return {k: v for k, v in load_case(MODELS / f"{name}.toml").parameters.items()
+            if k not in other and not k.endswith("_mass")}
+
+
+def inverses() -> Iterator[Row]:
+    """Inverse kinematics, on the way that the direct closed form gives."""
+    found = closed_form("fivebar", SAMPLES[-1])()
+    tip = [np.array([found[f"tip_{order}{axis}"] for axis in "xy"]) for order in ("", "v", "a")]
+    yield Row("five-bar", "closed form, inverse", "p v a", SAMPLES[-1],
+              partial(fivebar_inverse.solve, *tip, **lengths("fivebar")))
+    found = closed_form("threeprr", SAMPLES[-1])()
+    pose = [np.array([found[axis + order] for axis in ("x", "y", "psi")])
+            for order in ("", "_rate", "_acceleration")]
+    yield Row("3PRR", "closed form, inverse", "p v a", SAMPLES[-1],
+              partial(threeprr_inverse.solve, *pose, **lengths("threeprr")))
+
+
+def document() -> Iterator[Row]:
+    """The document's linkages by its scheme, and the four-bar with its equations written out."""
+    turn, arc = np.linspace(0.0, 2.0 * np.pi, FEW), np.linspace(0.0, 0.1, FEW)[:, None]
+    for name, (linkage, start) in document_scheme.EXAMPLES.items():
+        first = document_scheme.position(linkage, start).root
+        ones = (1.0,) * linkage.inputs
+        angles = first[-linkage.inputs :] + arc
+        yield Row(name, "document's scheme, Python", "p v a", FEW, partial(
+            document_scheme.sweep, linkage, first, angles, ones, [0.0] * linkage.inputs))
+    near, truth = np.array([1.4375, 1.95]), pin(fourbar.solve(turn, **BARS), "pin")
+    error = np.abs(fourbar_newton.sweep(turn, near) - truth).max()
+    assert error < 1e-12, error  # rounding through condition numbers up to 17
+    yield Row("four-bar", "the same, equations written out", "p v a", FEW,
+              partial(fourbar_newton.sweep, turn, near))
+
+
+def pin(pose: dict[str, Array], name: str) -> Array:
+    """Position, velocity and acceleration of a point (3, n, 2)."""
+    return np.array([np.stack([pose[f"{name}_{order}x"], pose[f"{name}_{order}y"]], axis=1)
+                     for order in ("", "v", "a")])
+
+
+def pylinkage() -> Iterator[Row]:
+    """The two linkages that the document and pylinkage have in common."""
+    def bars(angle: Array) -> Array:
+        return pin(fourbar.solve(angle, **BARS), "pin")
+
+    def slider(angle: Array) -> Array:
+        return pin(slider_crank.solve(angle, **SLIDER), "slider")
+
+    for name, build, truth in (("four-bar", with_pylinkage.fourbar, bars),
+                               ("slider-crank", with_pylinkage.slider_crank, slider)):
+        error = with_pylinkage.difference(build, truth)
+        assert error < 1e-8, error  # its crank turns by adding up 100 000 steps: 2e-10 here
+        yield from with_pylinkage.rows(name, build)
+
+
+def simulators() -> Iterator[Row]:
+    """Sweeps in the two engines, with the samples of the sidecar."""
+    for name in ("fourbar", "slider_crank", "fivebar"):
+        case = load_case(MODELS / f"{name}.toml")
+        for engine, gives in (("mujoco", "p v a h"), ("pymunk", "p v h")):
+            run = plan(case, "sweep", engine)
+            yield Row(CLOSED[name], f"{engine} sweep", gives, run.x.size,
+                      partial(simulate, engine, case.model_path, run))
+
+
+def table(rows: list[Row]) -> None:
+    """Print the rows by mechanism, the closed form first."""
+    base = {row.mechanism: row.speed for row in reversed(rows) if row.method == "closed form"}
+    print(f"{'mechanism':22}{'method':36}{'gives':9}{'poses':>9}{'wall [s]':>10}{'CPU [s]':>9}"
+          f"{'poses/s':>12}{'closed form is':>16}")
+    for mechanism in dict.fromkeys(row.mechanism for row in rows):
+        for row in (row for row in rows if row.mechanism == mechanism):
+            ratio = f"{base[mechanism] / row.speed:,.1f} x" if mechanism in base else "-"
+            print(f"{mechanism:22}{row.method:36}{row.gives:9}{row.poses:9,}{row.wall:10.4f}"
+                  f"{row.own:9.4f}{row.speed:12,.0f}{ratio:>16}")
+
+
+def main(rounds: int = 5) -> None:
+    rows = [Row(word, "closed form", "p v a h", n, closed_form(name, n))
+            for name, word in CLOSED.items() for n in (SAMPLES[-1], MANY) if n <= MOST.get(name, n)]
+    rows += [*inverses(), *document(), *pylinkage(), *simulators()]
+    rows += [Row(word, "general solver", "p v a", n, general(name, n))
+             for name, word in GENERAL.items() for n in SAMPLES]
+    measure(rows, rounds)
+    print("least of", rounds, "interleaved rounds, one thread; poses/s and ratios by CPU time")
+    table(rows)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

@@ -1,0 +1,66 @@
+"""pylinkage 1.3, used as its README recommends: components, dyads, `simulation.Linkage`.
+
+It turns a crank by equal steps, and every pose starts from the last.  `step` is its loop in Python,
+`step_fast` the same compiled by numba, each with a variant that gives velocities and accelerations.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from pylinkage.actuators import Crank
+from pylinkage.components import Ground
+from pylinkage.dyads import RRPDyad, RRRDyad
+from pylinkage.simulation import Linkage
+
+from benchmarks.timing import Row
+
+Array = NDArray[np.float64]
+FEW, MANY = 10_000, 100_000
+
+
+def fourbar(poses: int) -> Linkage:
+    """Crank 1, coupler 2, rocker 2.5, ground 3; its last component is the rocker's pin."""
+    base, far = Ground(0.0, 0.0), Ground(3.0, 0.0)
+    crank = Crank(anchor=base, radius=1.0, angular_velocity=2.0 * np.pi / poses)
+    rocker = RRRDyad(anchor1=crank.output, anchor2=far, distance1=2.0, distance2=2.5)
+    return turning(Linkage([base, far, crank, rocker]), crank)
+
+
+def slider_crank(poses: int) -> Linkage:
+    """Crank 1, coupler 2, guide along x; its last component is the slider."""
+    base, near, far = Ground(0.0, 0.0), Ground(2.0, 0.0), Ground(3.0, 0.0)
+    crank = Crank(anchor=base, radius=1.0, angular_velocity=2.0 * np.pi / poses)
+    slider = RRPDyad(revolute_anchor=crank.output, line_anchor1=near, line_anchor2=far,
+                     distance=2.0)
+    return turning(Linkage([base, near, far, crank, slider]), crank)
+
+
+def turning(linkage: Linkage, crank: Crank) -> Linkage:
+    """Set the crank's rate for the velocity analysis to 1 rad/s."""
+    linkage.set_input_velocity(crank, omega=1.0)
+    return linkage
+
+
+def angles(poses: int) -> Array:
+    """Where the poses are: the first is one step behind the start."""
+    return np.linspace(0.0, 2.0 * np.pi, poses + 1)[1:]
+
+
+def rows(mechanism: str, build: Callable[[int], Linkage]) -> list[Row]:
+    """All ways to move one linkage once round."""
+    slow, fast = build(FEW), build(MANY)
+    return [
+        Row(mechanism, "pylinkage step", "p", FEW, lambda: list(slow.step(FEW))),
+        Row(mechanism, "pylinkage step_with_derivatives", "p v a", FEW,
+            lambda: list(slow.step_with_derivatives(FEW))),
+        Row(mechanism, "pylinkage step_fast, numba", "p", MANY, lambda: fast.step_fast(MANY)),
+        Row(mechanism, "pylinkage step_fast_with_kinematics", "p v a", MANY,
+            lambda: fast.step_fast_with_kinematics(MANY)),
+    ]
+
+
+def difference(build: Callable[[int], Linkage], truth: Callable[[Array], Array]) -> float:
+    """Largest error of position, velocity and acceleration of a turn; truth gives (3, n, 2)."""
+    found = np.array(build(MANY).step_fast_with_kinematics(MANY))[:, :, -1]
+    return float(np.abs(found - truth(angles(MANY))).max())

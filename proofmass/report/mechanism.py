@@ -1,0 +1,266 @@
+"""The mechanism drawn to scale at several poses, with the names of the MJCF on one of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from proofmass.case import Case
+from proofmass.report.data import joint_type
+from proofmass.report.labels import Label, place
+from proofmass.report.poses import clearest
+from proofmass.report.words import number
+from sim.picture import Picture
+from sim.protocol import Array
+
+INK, SOFT, BODY, TRACK = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0"
+WIDE, HIGH = 430.0, 300.0  # [pt] room for the drawing itself
+MARGIN = 46.0  # [pt] left and below it, for the axes' names
+COLOURS = {"joint": INK, "link": BODY, "path": TRACK}
+SIGNS = {"hinge": "o", "slide": "s", "pin": "o"}
+WORDS = {"hinge": "hinge", "slide": "slide, dashed: its guide", "pin": "loop (connect)"}
+Tracks = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What is drawn, from `low` to `high` [m], at `points` a metre."""
+
+    low: Array
+    high: Array
+    points: float
+
+    def on_paper(self, places: Array) -> Array:
+        """Places in the drawing [m] as points of the paper."""
+        return (places - self.low) * self.points
+
+
+def scale_for(picture: Picture, tracks: Tracks, wide: float, high: float, pad: float) -> Scale:
+    """A scale at which all poses and paths have room, with `pad` points around."""
+    outlines = [o for link in picture.links for o in link.outlines]
+    everything = [*outlines, *(m.at for m in picture.marks), *tracks.values(),
+                  *(m.guide for m in picture.marks if m.guide is not None)]
+    cloud = np.concatenate([e.reshape(-1, 2) for e in everything])
+    low, high_end = np.nanmin(cloud, axis=0), np.nanmax(cloud, axis=0)
+    span = np.maximum(high_end - low, 1e-3 * (high_end - low).max() or 1.0)
+    points = float(min((wide - 2 * pad) / span[0], (high - 2 * pad) / span[1]))
+    middle, half = 0.5 * (low + high_end), 0.5 * span + pad / points
+    half[1] = max(half[1], 60.0 / points)  # room for the support of a mechanism that lies flat
+    return Scale(middle - half, middle + half, points)
+
+
+def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
+    """The figure: poses light to dark, the named one in black, paths dashed, a legend beside it.
+
+    Parameters
+    ----------
+    case : Case
+        Names the drives.
+    picture : Picture
+        From `sim.picture.picture`.
+    tracks : mapping of str to ndarray (n, 2)
+        Paths of measured points [m], by name.
+    """
+    scale = scale_for(picture, tracks, WIDE, HIGH, 34.0)
+    wide, high = (scale.high - scale.low) * scale.points
+    lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 6 + len(tracks)
+    full = max(high, 12.5 * lines)
+    size = np.array([MARGIN + wide + 210, MARGIN + full])
+    figure = Figure(figsize=tuple(size / 72))
+    ax = figure.add_axes((MARGIN / size[0], (size[1] - high - 6) / size[1],
+                          wide / size[0], high / size[1]))
+    ax.set(xlim=(scale.low[0], scale.high[0]), ylim=(scale.low[1], scale.high[1]),
+           xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
+           ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]")
+    main = clearest(picture)
+    for path in tracks.values():
+        ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+    poses(ax, picture, main, scale)
+    names(ax, picture, main, tracks, scale)
+    legend(figure, case, picture, main, tracks, (MARGIN + wide + 12) / size[0])
+    return figure
+
+
+def small(picture: Picture, tracks: Tracks) -> Figure:
+    """The same as a thumbnail: no axes, no names."""
+    scale = scale_for(picture, tracks, 130.0, 96.0, 8.0)
+    wide, high = (scale.high - scale.low) * scale.points
+    figure = Figure(figsize=(wide / 72, high / 72))
+    ax = figure.add_axes((0, 0, 1, 1))
+    ax.set(xlim=(scale.low[0], scale.high[0]), ylim=(scale.low[1], scale.high[1]))
+    ax.axis("off")
+    for path in tracks.values():
+        ax.plot(*path.T, color=TRACK, linewidth=0.8, zorder=3)
+    poses(ax, picture, clearest(picture), scale, 0.55)
+    return figure
+
+
+def shade(picture: Picture, k: int) -> str:
+    """Grey of pose number k: the later, the darker."""
+    level = 0.87 - 0.27 * k / max(len(picture.x) - 1, 1)
+    return f"{level:.2f}"
+
+
+def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0) -> None:
+    """All bodies, joints and guides."""
+    for outline in picture.ground.outlines:
+        ax.fill(*outline[0].T, facecolor="#d5d9de", edgecolor=SOFT, linewidth=1.0, zorder=1)
+    for k in sorted(range(len(picture.x)), key=lambda k: (k == main, k)):
+        named = k == main
+        colour, width = (INK, 2.2 * size) if named else (shade(picture, k), 1.3 * size)
+        for outline in (o[k] for link in picture.links for o in link.outlines):
+            ax.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=width,
+                    solid_capstyle="round", zorder=6 if named else 4 + k / 100)
+            if len(outline) > 2:
+                ax.fill(*outline.T, color=colour, alpha=0.12, linewidth=0, zorder=3.5)
+    for mark in picture.marks:
+        if mark.guide is not None:
+            guide(ax, mark.guide[main], mark.ground, scale, size)
+        elif mark.ground:
+            support(ax, mark.at[main], scale, size)
+    order = {"slide": 0, "pin": 1, "hinge": 2}
+    for mark in sorted(picture.marks, key=lambda m: (m.driven, order[m.kind])):
+        sign(ax, mark.kind, mark.driven, mark.at[main], size)
+
+
+def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> None:
+    """The sign of a joint: filled when it is driven, with a dot when it closes a loop."""
+    ax.plot(*at, SIGNS[kind], markersize=(7.5 if kind == "slide" else 5.5) * size, color=INK,
+            markerfacecolor=INK if driven else "white", markeredgewidth=1.2 * size,
+            zorder=8 + driven)
+    if kind == "pin":
+        ax.plot(*at, "o", markersize=1.6 * size, color=INK, zorder=9.5)
+
+
+def support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
+    """A fixed pivot: a triangle that stands on hatched ground."""
+    unit = 9.5 * size / scale.points
+    foot = at + unit * np.array([[-0.8, -1.3], [0.8, -1.3]])
+    ax.fill(*np.vstack([at[None], foot]).T, facecolor="white", edgecolor=SOFT,
+            linewidth=1.0 * size, zorder=5)
+    hatch(ax, foot[0] - [0.4 * unit, 0], foot[1] + [0.4 * unit, 0], scale, size)
+
+
+def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> None:
+    """The guide of a slide: on the ground hatched, on a moving body dashed."""
+    along = ends[1] - ends[0]
+    length = np.linalg.norm(along)
+    along = along / length if length else np.array([1.0, 0.0])
+    reach = 12.0 * size / scale.points * ground
+    one, two = ends[0] - reach * along, ends[1] + reach * along
+    ax.plot(*np.stack([one, two]).T, color=SOFT, linewidth=1.0 * size, zorder=2.5,
+            linestyle=(0, (6, 2)))
+    if ground:
+        below = np.array([along[1], -along[0]])
+        below *= -1 if below[1] > 1e-9 or (abs(below[1]) <= 1e-9 and below[0] > 0) else 1
+        shift = 7.0 * size / scale.points * below
+        hatch(ax, one + shift, two + shift, scale, size)
+
+
+def hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
+    """The sign of fixed ground: a line with short strokes below it."""
+    along = two - one
+    length = float(np.linalg.norm(along))
+    along = along / length * (1 if along[0] >= 0 else -1)
+    start = one if (two - one) @ along > 0 else two
+    step, below = 3.6 * max(size, 0.7) / scale.points, np.array([along[1], -along[0]])
+    tops = start + along * np.arange(0.5 * step, length, step)[:, None]
+    strokes = np.stack([tops, tops + 0.9 * step * (below - along), np.full_like(tops, np.nan)], 1)
+    ax.plot(*np.stack([one, two]).T, color=SOFT, linewidth=1.2 * size, zorder=2.6)
+    ax.plot(*strokes.reshape(-1, 2).T, color=SOFT, linewidth=0.7 * size, zorder=2.6)
+
+
+def names(ax: Axes, picture: Picture, main: int, tracks: Tracks, scale: Scale) -> None:
+    """Names of joints, loops, links and paths, each once, on the clearest pose."""
+    labels = joint_labels(picture, main, scale) + link_labels(picture, main, scale)
+    for name, path in tracks.items():
+        there = scale.on_paper(path[np.isfinite(path).all(axis=1)])
+        labels.append(Label(name, there[:: max(len(there) // 12, 1)], 7.5, "path"))
+    points, weights = in_sight(picture, main, tracks, scale)
+    box = np.stack([np.zeros(2), scale.on_paper(scale.high)])
+    for label, middle in zip(labels, place(labels, points, weights, box), strict=True):
+        x, y = middle / scale.points + scale.low
+        ax.text(x, y, label.text, ha="center", va="center", fontsize=label.size,
+                color=COLOURS[label.kind], zorder=12, linespacing=1.05,
+                style="italic" if label.kind == "link" else "normal",
+                bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6})
+
+
+def joint_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
+    """One label for all joints and loops that are always at the same place."""
+    groups: list[tuple[Array, list[str]]] = []
+    for mark in picture.marks:
+        if mark.name:
+            for at, found in groups:
+                if np.abs(at - mark.at).max() * scale.points < 1.0:
+                    found += [mark.name] * (mark.name not in found)
+                    break
+            else:
+                groups.append((mark.at, [mark.name]))
+    return [Label(",\n".join(found), scale.on_paper(at[main : main + 1])) for at, found in groups]
+
+
+def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
+    """A label for each body, along its longest edge."""
+    found = []
+    for link in picture.links:
+        edges = [edge for o in link.outlines
+                 for edge in zip(o[main], np.roll(o[main], -1, axis=0), strict=True)]
+        if edges and link.name:
+            one, two = max(edges, key=lambda edge: float(np.linalg.norm(edge[1] - edge[0])))
+            shares = np.array([0.5, 0.38, 0.62, 0.25, 0.75])[:, None]
+            found.append(Label(link.name, scale.on_paper(one + shares * (two - one)), 7.5, "link"))
+    return found
+
+
+def in_sight(picture: Picture, main: int, tracks: Tracks, scale: Scale) -> tuple[Array, Array]:
+    """Points (n, 2) of the paper that names should not hide, and how much each matters."""
+    points, weights = [scale.on_paper(m.at[main : main + 1]) for m in picture.marks], []
+    weights += [np.full(1, 8.0)] * len(points)
+    for k in range(len(picture.x)):
+        for outline in (scale.on_paper(o[k]) for link in picture.links for o in link.outlines):
+            for one, two in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+                count = int(np.linalg.norm(two - one) / 4) + 1
+                points.append(one + np.linspace(0, 1, count)[:, None] * (two - one))
+                weights.append(np.full(count, 1.0 if k == main else 0.08))
+    for path in tracks.values():
+        points.append(scale.on_paper(path[np.isfinite(path).all(axis=1)]))
+        weights.append(np.full(len(points[-1]), 0.1))
+    return np.concatenate(points), np.concatenate(weights)
+
+
+def legend(figure: Figure, case: Case, picture: Picture, main: int, tracks: Tracks,
+           left: float) -> None:
+    """The poses with their inputs, and what the signs mean."""
+    rows: list[Any] = [Line2D([], [], color=INK if k == main else shade(picture, k),
+                   linewidth=2.2 if k == main else 1.3, label=spoken(case, picture, k)
+                   + (" (named)" if k == main else "")) for k in range(len(picture.x))]
+    kinds = [k for k in WORDS if any(m.kind == k for m in picture.marks)]
+    signs = [Line2D([], [], linestyle="", marker=SIGNS[k], color=INK, markerfacecolor="white",
+                    markersize=5.5, label=WORDS[k]) for k in kinds]
+    dot = Line2D([], [], linestyle="", marker="o", color=INK, markersize=1.6)
+    rows += [(line, dot) if k == "pin" else line for k, line in zip(kinds, signs, strict=True)]
+    if any(m.driven for m in picture.marks):
+        rows.append(Line2D([], [], linestyle="", marker="o", color=INK, label="filled: driven"))
+    rows.append(Line2D([], [], color=SOFT, linewidth=1.2, label="hatched: ground"))
+    rows += [Line2D([], [], color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)),
+                    label=f"path of {name}") for name in tracks]
+    words = [(row[0] if isinstance(row, tuple) else row).get_label() for row in rows]
+    figure.legend(rows, words, loc="upper left", bbox_to_anchor=(left, 1.0), fontsize=7.5,
+                  handlelength=2.2, labelspacing=0.45)
+
+
+def spoken(case: Case, picture: Picture, k: int) -> str:
+    """The drives at pose number k; the time where they do not run steadily or are none."""
+    words = []
+    for drive, value in zip(case.drive, picture.inputs[:, k], strict=True):
+        slide = joint_type(case, drive.joint) == "slide"
+        words.append(f"{drive.joint} " + (f"{number(value)} m" if slide else
+                                          f"{np.degrees(value):.0f}°".replace("-0°", "0°")))
+    if case.leader is None or not case.leader.steady:
+        words.insert(0, f"t {number(picture.x[k])} s")
+    return ",\n".join(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))
