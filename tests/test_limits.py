@@ -1,9 +1,15 @@
 """Sweeps that meet a limit position or hold something twice: said, and nothing lost."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from proofmass.case import load_case
 from proofmass.check import check
+from proofmass.mobility import mobility
+
+MODELS = Path(__file__).parent.parent / "models"
 
 LIMIT = np.arccos((4 + 9 - 4.5**2) / 12)
 """Crank angle [rad] at which coupler and rocker of (2, 2, 2.5, 3) are in line: 2.219516."""
@@ -30,6 +36,16 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
     assert f"the {solver} sweep ends at sample {curves.x.size} of 201, which are kept" in said
     assert "crank = 2.2" in said
     assert "open by" in said
+
+
+@pytest.mark.parametrize(("name", "freedoms"), {
+    "fourbar": 1, "fivebar": 2, "slider_crank": 1, "inverted_slider_crank": 2,  # as printed
+    "inverted_slider_crank_classic": 1, "threeprr": 3, "watt": 1, "stephenson": 1,
+    "peaucellier": 1,  # Gruebler: 3 (n - 1) - 2 pairs, with n links and as many single pairs
+    "pendulum": 1, "change_point": 1}.items())
+def test_mobility_is_grueblers(name, freedoms):
+    """The printed ones: B. Diaz Lozano 2019, text lines 1180, 2320, 3023, 3450."""
+    assert mobility(load_case(MODELS / f"{name}.toml")) == freedoms
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

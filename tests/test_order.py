@@ -7,7 +7,7 @@ from benchmarks.order import cases, study
 
 CASES = {case.name: case for case in cases("pymunk", [])}
 SINGULAR = pytest.mark.xfail(strict=True, reason="a smaller step comes nearer to the change point, "
-                             "where the loop is singular: its 1000 iterations leave it open")
+                             "where the loop is singular: 3000 iterations leave it open")
 # A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a
 # tenth take at most 0.2 away.
 ORDER = 1.8

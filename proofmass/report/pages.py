@@ -17,6 +17,7 @@ from markupsafe import Markup
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.errors import InputError
+from proofmass.mobility import mobility
 from proofmass.report import tables
 from proofmass.report.data import Shown, shown
 from proofmass.report.drawing import SHEETS, Drawings, drawn
@@ -71,7 +72,7 @@ def write_report(result: Result, folder: Path | str,
                 case=case, card=cards[-1], style=style, about=facts, faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
                 mechanism=mechanism(case, drawings), note=drawings.note,
-                own_numbers=from_model(case),
+                own_numbers=from_model(case), freedoms=freedoms(case),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
                 unnoticed=tables.unnoticed(case, [c for v in views[case.name] for c in v.rows]))
@@ -83,6 +84,14 @@ def write_report(result: Result, folder: Path | str,
         states=Counter(c["state"] for c in cards), errors=[complaint(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel]), encoding="utf-8")
     return index
+
+
+def freedoms(case: Case) -> int | None:
+    """Mobility of the case's model; None where it is no planar linkage, or at fault."""
+    try:
+        return mobility(case)
+    except InputError:
+        return None
 
 
 def environment() -> Environment:
