@@ -135,7 +135,7 @@ def test_a_nan_in_the_model_is_named_by_pymunk_too(models, edit):
 def test_a_pose_that_cannot_be_assembled_is_named(models, edit):
     # with a crank of 1.6 the crank pin comes 4.6 from B; coupler and rocker reach 4.5
     edit("fourbar.xml", r'name="coupler" pos="1 0 0"', 'name="coupler" pos="1.6 0 0"')
-    edit("fourbar.xml", r'qpos="0  1.3502630658740633 2.2459278597319283"', 'qpos="0 1.6226 2.2160"')
+    edit("fourbar.xml", r'qpos="0  1.35026.* 2.2459.*"', 'qpos="0 1.6226 2.2160"')
     found = messages(models, "fourbar.xml")
     assert any("cannot be assembled at crank = 2." in line and "open by" in line
                for line in found), found
