@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from analytic import fivebar_inverse
+from analytic.domain import unwrapped
 from analytic.fivebar_inverse import Array, Complex, check, cross, dot, inputs, twice_area
-from analytic.fourbar import _unwrapped
 
 MODES = (1, -1)
 
@@ -123,9 +123,9 @@ def solve(
     curves = {
         "tip_x": tip.real, "tip_y": tip.imag, "tip_vx": v.real, "tip_vy": v.imag,
         "tip_ax": dv.real, "tip_ay": dv.imag,
-        "left_coupler_angle": _unwrapped(np.atleast_1d(np.angle(a))),
+        "left_coupler_angle": unwrapped(np.atleast_1d(np.angle(a))),
         "left_coupler_rate": alpha, "left_coupler_acceleration": ddalpha,
-        "right_coupler_angle": _unwrapped(np.atleast_1d(np.angle(b))),
+        "right_coupler_angle": unwrapped(np.atleast_1d(np.angle(b))),
         "right_coupler_rate": beta, "right_coupler_acceleration": ddbeta,
         "left_moment": left_moment, "right_moment": right_moment,
         "pin_distance": np.abs(d), "assembly": area / (left_coupler * right_coupler),

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.fourbar import _unwrapped
+from analytic.domain import finite, not_negative, one_of, positive, unwrapped
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -93,7 +93,7 @@ def _side(
         lever = -mode * area
         rate = dot(a, v) / lever
         second = (dot(a, dv) + rate**2 * dot(a, p) + np.abs(v - 1j * rate * p) ** 2) / lever
-    angle = _unwrapped(np.atleast_1d(np.angle(s))) + mode * np.arctan2(area, side)
+    angle = unwrapped(np.atleast_1d(np.angle(s))) + mode * np.arctan2(area, side)
     return {name: angle, f"{name}_rate": rate, f"{name}_acceleration": second}, a
 
 
@@ -149,15 +149,13 @@ def check(**values: float) -> None:
     """ValueError that names the parameter at fault, if one is; the name's end says what it is."""
     for name, value in values.items():
         if name.endswith("mode"):
-            good, need = value in MODES, f"one of {MODES}"
+            one_of(MODES, **{name: value})
         elif name.endswith("_x"):
-            good, need = bool(np.isfinite(value)), "finite [m]"
+            finite(**{name: value})
         elif name.endswith("_mass"):
-            good, need = 0.0 <= value < np.inf, "zero or positive [kg]"
+            not_negative(**{name: value})
         else:
-            good, need = 0.0 < value < np.inf, "a positive finite length [m]"
-        if not good:
-            raise ValueError(f"{name} must be {need}, got {value}")
+            positive(**{name: value})
 
 
 def inputs(*values: ArrayLike) -> list[Array]:

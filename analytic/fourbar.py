@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analytic.domain import finite, not_negative, one_of, positive, unwrapped
+
 Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]  # a value with its first and second derivative by the angle
 MODES = (1, -1)
-TURN = 2.0 * np.pi
 
 
 def solve(
@@ -92,9 +93,10 @@ def solve(
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
     masses = {"crank_mass": crank_mass, "coupler_mass": coupler_mass, "rocker_mass": rocker_mass}
-    _check(lengths, mode)
-    _check_loads(masses, point_along=point_along, point_across=point_across,
-                 rocker_load=rocker_load)
+    positive(**lengths)
+    one_of(MODES, mode=mode)
+    not_negative(**masses)
+    finite(point_along=point_along, point_across=point_across, rocker_load=rocker_load)
     inputs = np.broadcast_arrays(*(np.asarray(x, float) for x in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
@@ -107,9 +109,9 @@ def solve(
             crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx
         ) - rocker_load * b1
         curves = {
-            "coupler_angle": _unwrapped(np.arctan2(ay, ax)),
+            "coupler_angle": unwrapped(np.arctan2(ay, ax)),
             "coupler_rate": a_motion[0], "coupler_acceleration": a_motion[1],
-            "rocker_angle": _unwrapped(np.arctan2(by, bx)),
+            "rocker_angle": unwrapped(np.arctan2(by, bx)),
             "rocker_rate": b_motion[0], "rocker_acceleration": b_motion[1],
             **_tip("pin", (bx, by, *b_motion), start=ground),
             **_tip("point", (px, py, w, dw),
@@ -138,23 +140,6 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
 def _slack(crank: float, coupler: float, rocker: float, ground: float) -> float:
     """Rounding of a sum or difference of the four lengths [m]."""
     return 4.0 * float(np.finfo(float).eps) * (crank + coupler + rocker + ground)
-
-
-def _check(lengths: dict[str, float], mode: int = 1) -> None:
-    for name, length in lengths.items():
-        if not 0.0 < length < np.inf:
-            raise ValueError(f"{name} must be a positive finite length [m], got {length}")
-    if mode not in MODES:
-        raise ValueError(f"mode must be one of {MODES}, got {mode}")
-
-
-def _check_loads(masses: dict[str, float], **others: float) -> None:
-    for name, mass in masses.items():
-        if not 0.0 <= mass < np.inf:
-            raise ValueError(f"{name} must be zero or positive [kg], got {mass}")
-    for name, value in others.items():
-        if not np.isfinite(value):
-            raise ValueError(f"{name} must be finite, got {value}")
 
 
 def _close(
@@ -218,8 +203,3 @@ def _tip(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, A
     ), strict=True))
     return {f"{name}_x": start + x, f"{name}_y": y, f"{name}_vx": vx, f"{name}_vy": vy,
             f"{name}_ax": ax, f"{name}_ay": ay}
-
-
-def _unwrapped(angle: Array) -> Array:
-    turns = np.rint(np.diff(angle, axis=-1, prepend=angle[..., :1]) / TURN)
-    return angle - TURN * np.cumsum(turns, axis=-1)

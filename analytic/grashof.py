@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.fourbar import _check, _slack, margins
+from analytic.domain import one_of, positive
+from analytic.fourbar import MODES, _slack, margins
 
 Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
@@ -25,7 +26,7 @@ def margin(*, crank: float, coupler: float, rocker: float, ground: float) -> flo
     0.5
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
-    _check(lengths)
+    positive(**lengths)
     shortest, p, q, longest = sorted(lengths.values())
     if longest > shortest + p + q:
         name = max(lengths, key=lambda bar: lengths[bar])
@@ -114,7 +115,8 @@ def dead_centres(
     [[310.7514, 128.6822], [-114.6243, -161.8051]]
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
-    _check(lengths, mode)
+    positive(**lengths)
+    one_of(MODES, mode=mode)
     margin(**lengths)
     e = np.array([coupler + crank, abs(coupler - crank)])
     room = np.minimum(ground + rocker - e, e - abs(ground - rocker))  # of the triangle A-B-Q

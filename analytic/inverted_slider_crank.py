@@ -6,8 +6,8 @@ The classic form, in which the slider turns on a fixed pivot, is in `swinging_bl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.fourbar import _unwrapped
-from analytic.slider_crank import _check, _slack
+from analytic.domain import finite, not_negative, one_of, positive, unwrapped
+from analytic.slider_crank import _slack
 
 Array = NDArray[np.float64]
 Plane = NDArray[np.complex128]
@@ -86,8 +86,10 @@ def solve(
     """
     masses = {"crank_mass": crank_mass, "bar_mass": bar_mass, "rod_mass": rod_mass,
               "slider_mass": slider_mass}
-    _check({"crank": crank, "rod": rod}, masses,
-           {"bar": bar, "ground_x": ground_x, "ground_y": ground_y, "gravity": gravity}, mode)
+    positive(crank=crank, rod=rod)
+    not_negative(**masses)
+    finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
+    one_of(MODES, mode=mode)
     if bar < 0.0:
         raise ValueError(f"bar must be zero or positive [m], got {bar}")
     inputs = _inputs(angle, rate, acceleration)
@@ -99,7 +101,7 @@ def solve(
     u = mode * _direction(apart[0], _slack(crank, bar, abs(ground)), a1, a2)
     s, (slip, slip2) = mode * np.abs(apart[0]), (d / u for d in apart[1:])
     v, w = slip.real, slip.imag / s
-    rod_angle, dw = _unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
+    rod_angle, dw = unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
     end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
     swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
     curves = {

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.fourbar import _unwrapped
+from analytic.domain import finite, not_negative, one_of, positive, unwrapped
 
 Array = NDArray[np.float64]
 MODES = (1, -1)
@@ -87,8 +87,10 @@ def solve(
     [2.81927027, -0.696111, -1.18002816]
     """
     masses = {"crank_mass": crank_mass, "coupler_mass": coupler_mass, "slider_mass": slider_mass}
-    _check({"crank": crank, "coupler": coupler}, masses,
-           {"slider_load": slider_load, "gravity": gravity}, mode)
+    positive(crank=crank, coupler=coupler)
+    not_negative(**masses)
+    finite(slider_load=slider_load, gravity=gravity)
+    one_of(MODES, mode=mode)
     start, offset = _guide(guide_x, guide_y, guide_angle)
     slack = _slack(crank, coupler, start, offset)
     inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
@@ -107,7 +109,7 @@ def solve(
             "slide": s, "slide_rate": v, "slide_acceleration": a,
             "slider_x": guide_x + s * cos, "slider_y": guide_y + s * sin,
             "slider_vx": v * cos, "slider_vy": v * sin, "slider_ax": a * cos, "slider_ay": a * sin,
-            "coupler_angle": _unwrapped(np.arctan2(ay, ax)),
+            "coupler_angle": unwrapped(np.arctan2(ay, ax)),
             "coupler_rate": k1 * w, "coupler_acceleration": k1 * dw + k2 * w**2,
             "transmission_angle": np.arctan2(np.abs(q), -h),
             "holding_moment": gravity * lift - slider_load * s1,
@@ -136,7 +138,8 @@ def dead_points(
     >>> [round(float(x), 6) for x in (*angles, *slides)]
     [0.0, 3.141593, 3.0, 1.0]
     """
-    _check({"crank": crank, "coupler": coupler}, {}, {}, mode)
+    positive(crank=crank, coupler=coupler)
+    one_of(MODES, mode=mode)
     start, offset = _guide(guide_x, guide_y, guide_angle)
     reach = np.array([coupler + crank, coupler - crank])
     if reach[1] == 0.0 or abs(offset) > abs(reach[1]) + _slack(crank, coupler, start, offset):
@@ -147,27 +150,9 @@ def dead_points(
     return guide_angle + (angle if mode > 0 else np.pi - angle), mode * run - start
 
 
-def _check(
-    lengths: dict[str, float], masses: dict[str, float], others: dict[str, float], mode: int
-) -> None:
-    for name, length in lengths.items():
-        if not 0.0 < length < np.inf:
-            raise ValueError(f"{name} must be a positive finite length [m], got {length}")
-    for name, mass in masses.items():
-        if not 0.0 <= mass < np.inf:
-            raise ValueError(f"{name} must be zero or positive [kg], got {mass}")
-    for name, value in others.items():
-        if not np.isfinite(value):
-            raise ValueError(f"{name} must be finite, got {value}")
-    if mode not in MODES:
-        raise ValueError(f"mode must be one of {MODES}, got {mode}")
-
-
 def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
     """Place of the guide's point along the guide, and distance of the guide to the left of A."""
-    for name, value in (("guide_x", x), ("guide_y", y), ("guide_angle", angle)):
-        if not np.isfinite(value):
-            raise ValueError(f"{name} must be finite, got {value}")
+    finite(guide_x=x, guide_y=y, guide_angle=angle)
     return (float(x * np.cos(angle) + y * np.sin(angle)),
             float(y * np.cos(angle) - x * np.sin(angle)))
 

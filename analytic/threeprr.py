@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic import threeprr_inverse
-from analytic.fourbar import _unwrapped
+from analytic.domain import not_negative, unwrapped
 from analytic.threeprr_inverse import (
     CORNERS,
     GUIDES,
@@ -93,9 +93,7 @@ def solve(
     where = {"side": side, "leg": leg, "guide2_x": guide2_x, "guide3_x": guide3_x,
              "guide3_y": guide3_y}
     check(**where, mode=mode, modes=MODES)
-    for name, mass in (("platform", platform_mass), ("leg", leg_mass), ("slider", slider_mass)):
-        if not 0.0 <= mass < np.inf:
-            raise ValueError(f"{name}_mass must be zero or positive [kg], got {mass}")
+    not_negative(platform_mass=platform_mass, leg_mass=leg_mass, slider_mass=slider_mass)
     shape, (s, ds, dds) = three(sliders, rate, acceleration)
     point, psi, singularity = _chosen(s, mode, where)
     e, arm = legs(origins(guide2_x, guide3_x, guide3_y) + s * GUIDES, point, psi, side)
@@ -123,7 +121,7 @@ def solve(
         curves |= {name.format(k + 1): row for k, row in enumerate(rows)}
     curves = {name: curve.reshape(shape) for name, curve in curves.items()}
     angles = ("psi", "leg_angle_1", "leg_angle_2", "leg_angle_3")
-    return curves | {name: _unwrapped(curves[name]) for name in angles if shape}
+    return curves | {name: unwrapped(curves[name]) for name in angles if shape}
 
 
 def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Array, Array]:

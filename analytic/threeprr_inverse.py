@@ -5,6 +5,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analytic.domain import finite, one_of, positive
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 SIGNS = tuple(product((1, -1), repeat=3))
@@ -132,14 +134,9 @@ def determinant(e: Complex, moment: Array) -> Array:
 def check(side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float,
           mode: int = 1, modes: tuple[int, ...] = MODES) -> None:
     """ValueError that names the first parameter out of its domain."""
-    for name, length in (("side", side), ("leg", leg)):
-        if not 0.0 < length < np.inf:
-            raise ValueError(f"{name} must be a positive finite length [m], got {length}")
-    for name, place in (("guide2_x", guide2_x), ("guide3_x", guide3_x), ("guide3_y", guide3_y)):
-        if not np.isfinite(place):
-            raise ValueError(f"{name} must be finite [m], got {place}")
-    if mode not in modes:
-        raise ValueError(f"mode must be one of {modes}, got {mode}")
+    positive(side=side, leg=leg)
+    finite(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
+    one_of(modes, mode=mode)
 
 
 def three(value: ArrayLike, *derivatives: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:

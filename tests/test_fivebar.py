@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analytic import fivebar, fivebar_inverse, fourbar
+from tests.spectral import assert_close, derivative
 
 LINK = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0,
         "left_x": 0.0, "right_x": 2.0}
@@ -34,19 +35,6 @@ def always_assembled(draw):
                "left_coupler": (total + difference) / 2.0,
                "right_coupler": (total - difference) / 2.0}
     return {name: scale * length for name, length in lengths.items()}
-
-
-def derivative(curve):
-    """Spectral derivative of a curve sampled on GRID."""
-    wave = 1j * np.fft.fftfreq(GRID.size, 1.0 / GRID.size)
-    wave[GRID.size // 2] = 0.0
-    return np.fft.ifft(wave * np.fft.fft(curve)).real
-
-
-def assert_close(actual, expected, tolerance):
-    """Largest error within `tolerance` times the largest value of the expected curve."""
-    error = np.abs(actual - expected).max() / np.abs(expected).max()
-    assert error <= tolerance, f"error {error:.3g} of the largest value"
 
 
 def points(angle, pose, link):

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analytic import hacksaw
+from tests.spectral import assert_close, derivative
 
 DATA = json.loads((Path(__file__).parent / "data" / "hacksaw_published.json").read_text())
 LINK = {name: DATA["lengths"][name] for name in ("crank", "coupler", "offset")}
@@ -28,19 +29,6 @@ def full_turn_links(draw):
     offset = crank * draw(st.just(0.0) | st.floats(0.05, 2.0) | st.floats(-2.0, -0.05))
     coupler = (crank + abs(offset)) * draw(st.floats(1.15, 4.0))
     return {"crank": scale * crank, "coupler": scale * coupler, "offset": scale * offset}
-
-
-def derivative(curve):
-    """Spectral derivative of a curve sampled on GRID."""
-    wave = 1j * np.fft.fftfreq(GRID.size, 1.0 / GRID.size)
-    wave[GRID.size // 2] = 0.0
-    return np.fft.ifft(wave * np.fft.fft(curve)).real
-
-
-def assert_close(actual, expected, tolerance):
-    """Largest error within `tolerance` times the largest value of the expected curve."""
-    error = np.abs(actual - expected).max() / np.abs(expected).max()
-    assert error <= tolerance, f"error {error:.3g} of the largest value"
 
 
 def residuals(law, pose, link):

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analytic import inverted_slider_crank
+from tests.spectral import assert_close, derivative
 
 DATA = json.loads((Path(__file__).parent / "data" / "slider_cranks.json").read_text())
 THESIS = DATA["inverted_slider_crank"]
@@ -32,19 +33,6 @@ def links(draw):
     return {"crank": scale * reach * share, "bar": scale * reach * (1.0 - share),
             "rod": scale * draw(st.floats(0.5, 3.0)), "ground_x": ground.real,
             "ground_y": ground.imag}
-
-
-def derivative(curve):
-    """Spectral derivative of a curve sampled on GRID."""
-    wave = 1j * np.fft.fftfreq(GRID.size, 1.0 / GRID.size)
-    wave[GRID.size // 2] = 0.0
-    return np.fft.ifft(wave * np.fft.fft(curve)).real
-
-
-def assert_close(actual, expected, tolerance):
-    """Largest error within `tolerance` times the largest value of the expected curve."""
-    error = np.abs(actual - expected).max() / np.abs(expected).max()
-    assert error <= tolerance, f"error {error:.3g} of the largest value"
 
 
 def vectors(pose, name):

@@ -1,0 +1,50 @@
+"""What every closed form needs: parameters within their domain, and angles without jumps."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+TURN = 2.0 * np.pi
+
+
+def positive(**lengths: float) -> None:
+    """ValueError that names the first length that is not positive and finite.
+
+    >>> positive(crank=1.0, coupler=-2.0)
+    Traceback (most recent call last):
+    ValueError: coupler must be a positive finite length [m], got -2.0
+    """
+    for name, length in lengths.items():
+        if not 0.0 < length < np.inf:
+            raise ValueError(f"{name} must be a positive finite length [m], got {length}")
+
+
+def not_negative(**masses: float) -> None:
+    """ValueError that names the first mass that is negative or not finite."""
+    for name, mass in masses.items():
+        if not 0.0 <= mass < np.inf:
+            raise ValueError(f"{name} must be zero or positive [kg], got {mass}")
+
+
+def finite(**values: float) -> None:
+    """ValueError that names the first value that is not finite."""
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise ValueError(f"{name} must be finite, got {value}")
+
+
+def one_of(modes: tuple[int, ...], **mode: float) -> None:
+    """ValueError for an assembly mode that there is not."""
+    for name, value in mode.items():
+        if value not in modes:
+            raise ValueError(f"{name} must be one of {modes}, got {value}")
+
+
+def unwrapped(angle: Array) -> Array:
+    """Angles [rad] made continuous along the last axis by whole turns; the first stays.
+
+    >>> unwrapped(np.array([3.0, -3.0])).round(3)
+    array([3.   , 3.283])
+    """
+    turns = np.rint(np.diff(angle, axis=-1, prepend=angle[..., :1]) / TURN)
+    return np.asarray(angle - TURN * np.cumsum(turns, axis=-1))
