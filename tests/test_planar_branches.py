@@ -68,6 +68,13 @@ def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
         assert np.abs(found[name] - truth[truth_name]).max() < 1e-14 / near**power
 
 
+def test_condition_grows_like_the_inverse_distance_from_a_change_point():
+    near = np.array([1e-2, 1e-3, 1e-4])
+    found = solve(np.pi - near, model=four_bar(1, 2, 2, 3), joints=("crank",))["condition"]
+    assert (found[1:] / found[:-1]) == pytest.approx([10.0, 10.0], rel=1e-3)  # next term: distance
+    assert solve([np.pi / 2], model=four_bar(1, 2, 2.5, 3), joints=("crank",))["condition"][0] < 10
+
+
 def test_a_sample_on_the_change_point_is_singular():
     with pytest.raises(SingularHere, match=r"crank = 3\.1415"):
         solve(np.array([0.0, np.pi, 4.0]), model=four_bar(1, 2, 2, 3), joints=("crank",))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from analytic.planar.branch import Branch
-from analytic.planar.closure import Drives, rates
+from analytic.planar.closure import Drives, condition, rates
 from analytic.planar.forces import holding
 from analytic.planar.free import free_motion
 from analytic.planar.mechanism import (
@@ -64,7 +64,8 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     Returns
     -------
     dict of str to ndarray (n,)
-        By channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...
+        By channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; and of a
+        driven linkage ``condition``, by which rounding grows in a pose.
 
     Raises
     ------
@@ -102,15 +103,16 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
                   for x in (rate, acceleration))
         v, a = rates(mechanism, q, d, *moving)
         moments = dict(zip(joints, holding(mechanism, q, d).T, strict=True))
+        own = {"condition": condition(mechanism, q, d)}
     else:
         q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
-        moments = {}
+        moments, own = {}, {}
     for k, joint in enumerate(mechanism.joints):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
             raise ValueError(f"joint {joint.name!r} leaves its range {joint.range} at sample "
                              f"{int(np.argmax(out))}; stops are not covered")
-    found = quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a), moments)
+    found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a), moments)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 

@@ -162,5 +162,12 @@ def _rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
     a[:, d.following] = -_times(solve, _times(matrix[..., d.driven], a[:, d.driven]) + drift)
 
 
+def condition(m: Mechanism, q: Array, d: Drives) -> Array:
+    """Condition of closed poses (n,): how much rounding grows in them; infinite where singular."""
+    if not d.following.size:
+        return np.ones(len(q))
+    return np.asarray(np.linalg.cond(scaled_jacobian(m, q)[..., d.following]))
+
+
 def _times(matrix: Any, vector: Any) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])
