@@ -13,7 +13,7 @@ from proofmass.report import write_report
 from proofmass.report.drawing import pictured
 from proofmass.report.families import families
 from proofmass.report.svg import compact
-from sim.picture import picture
+from sim.picture_poses import picture
 from sim.protocol import Run
 
 MODELS = Path(__file__).parent.parent / "models"

@@ -15,7 +15,8 @@ from proofmass.report.paths import path, path_sheet, paths
 from proofmass.report.poses import distinct
 from proofmass.report.style import RC, Look
 from proofmass.solve import plan
-from sim.picture import Picture, picture
+from sim.picture import Picture
+from sim.picture_poses import picture
 from sim.protocol import Array
 
 SECONDS = 300.0  # until the drawings of a case are given up

@@ -61,7 +61,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     case : Case
         Names the drives.
     picture : Picture
-        From `sim.picture.picture`.
+        From `sim.picture_poses.picture`.
     tracks : mapping of str to ndarray (n, 2)
         Paths of measured points [m], by name.
     """
