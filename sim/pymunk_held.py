@@ -20,6 +20,8 @@ from sim.pymunk_pose import along, gaps, jacobian, potential, values
 from sim.pymunk_rest import free_directions, pace
 from sim.pymunk_space import FIELDS, Settings, build, put, taken
 
+FAR = 3.0
+"""Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
 STILL = 1e-12
 """Largest remaining move in a step, in extents, that counts as rest at a sample."""
 ROUGH = 1e-6
@@ -41,7 +43,8 @@ class Held:
     """A space whose drives are held: the state of a sweep between its samples.
 
     ``usual`` and ``most`` are iterations of the solver in a step: at first, and used so far;
-    ``keep`` is the share of velocity that free coordinates keep.
+    ``keep`` is the share of velocity that free coordinates keep; ``past`` are the drives' values
+    and the pose of the rest before this one.
     """
 
     links: Links
@@ -54,6 +57,7 @@ class Held:
     usual: int
     most: int = 0
     keep: float = 0.0
+    past: tuple[Array, Array] | None = None
 
     def step(self, target: Array) -> None:
         """One engine step with the drives aimed at their values; keeps the state it leaves.
@@ -83,6 +87,8 @@ class Held:
         Diverged
             They can, but Chipmunk does not come to rest.
         """
+        rest = values(self.links.drives, self.pose), self.pose
+        self.ahead(target)
         calm, began = 0, self.pose
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
@@ -96,12 +102,26 @@ class Held:
                 break
             calm = calm + 1 if moved < max(still, ROUNDING * self.space.iterations) else 0
             if calm > 2:
-                self.most = max(self.most, self.space.iterations)
+                self.most, self.past = max(self.most, self.space.iterations), rest
                 return
         close(self.links, began, target)
         gap = gaps(self.links, self.pose).max()
         raise Diverged(f"drives at {np.round(target, 4).tolist()}: not at rest after {count + 1} "
                        f"steps, loops open by {gap:.3g} m")
+
+    def ahead(self, target: Array) -> None:
+        """Begin where the last two rests point to, if the drives go on in the same direction.
+
+        Nearer to the next rest, and on the smooth branch where two of them cross.
+        """
+        if self.past is None or self.free:
+            return
+        here = values(self.links.drives, self.pose)
+        before, way = here - self.past[0], target - here
+        share = float(way @ before) / float(before @ before or 1.0)
+        straight = np.abs(way - share * before).max() <= 1e-3 * np.abs(way).max()
+        if straight and 0 < share <= FAR:
+            self.pose = self.pose + share * (self.pose - self.past[1])
 
     def _doubt(self, began: Array, target: Array) -> None:
         """Ask whether the loops can be closed; if so, begin there, with a more patient solver."""
