@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analytic import fivebar_inverse
+from analytic import fivebar_inverse, fivebar_workspace
 from analytic.domain import unwrapped
 from analytic.fivebar_inverse import Array, Complex, check, cross, dot, inputs, twice_area
 
@@ -174,3 +174,13 @@ def circle(
     angle, speed, change = (np.stack([pose[f"left{part}"], pose[f"right{part}"]])
                             for part in ("", "_rate", "_acceleration"))
     return angle, speed, change
+
+
+def facts(*, left_crank: float, left_coupler: float, right_coupler: float, right_crank: float,
+          left_x: float, right_x: float, **_: float) -> dict[str, str]:
+    """Which crank angles can be assembled, in words, for a report."""
+    share = fivebar_workspace.unassembled_share(
+        left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
+        right_crank=right_crank, left_x=left_x, right_x=right_x)
+    return {"crank angles": "any two can be assembled" if share < 1e-12 else
+            f"{100 * share:.2f} % of all pairs cannot be assembled"}

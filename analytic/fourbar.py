@@ -122,6 +122,14 @@ def solve(
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
 
 
+def facts(*, crank: float, coupler: float, rocker: float, ground: float,
+          **_: float) -> dict[str, str]:
+    """Grashof class, limits and time ratio for a report: `grashof.facts`."""
+    from analytic import grashof  # it builds on this module
+
+    return grashof.facts(crank=crank, coupler=coupler, rocker=rocker, ground=ground)
+
+
 def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple[float, float]:
     """(c + r)^2 - (crank + ground)^2 and (crank - ground)^2 - (c - r)^2 [m^2], to rounding.
 

@@ -177,6 +177,25 @@ def transmission_range(
     return _limits(inner, outer, 4.0 * coupler * rocker)
 
 
+def facts(*, crank: float, coupler: float, rocker: float, ground: float) -> dict[str, str]:
+    """What a drawing's lengths amount to, in words and degrees, for a report.
+
+    >>> facts(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)["time ratio"]
+    '1.0233'
+    """
+    lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
+    low, high = np.degrees(crank_range(**lengths))
+    least, most = np.degrees(transmission_range(**lengths))
+    found = {"Grashof class": f"{classify(**lengths)}, margin {margin(**lengths):.4g} m",
+             "crank": "turns fully" if (low, high) == (0.0, 180.0) else
+             f"reaches {low:.2f}° to {high:.2f}° on either side",
+             "transmission angle": f"{least:.2f}° to {most:.2f}°"}
+    if classify(**lengths) == "crank-rocker":
+        found["rocker swings"] = f"{np.degrees(swing(**lengths)):.2f}°"
+        found["time ratio"] = f"{time_ratio(**lengths):.4f}"
+    return found
+
+
 def _limits(sine: float, cosine: float, whole: float) -> tuple[float, float]:
     """Angles with sin^2(first/2) = sine/whole, cos^2(second/2) = cosine/whole, cut to [0, pi]."""
     first, second = np.sqrt(np.clip([sine / whole, cosine / whole], 0.0, 1.0))

@@ -150,6 +150,20 @@ def dead_points(
     return guide_angle + (angle if mode > 0 else np.pi - angle), mode * run - start
 
 
+def facts(*, crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
+          guide_angle: float = 0.0, mode: int = 1, **_: float) -> dict[str, str]:
+    """Stroke and dead points in words and degrees, for a report.
+
+    >>> facts(crank=1.0, coupler=2.0)["stroke"]
+    '2 m'
+    """
+    angles, slides = dead_points(crank=crank, coupler=coupler, guide_x=guide_x, guide_y=guide_y,
+                                 guide_angle=guide_angle, mode=mode)
+    first, second = np.degrees(angles)
+    return {"stroke": f"{abs(slides[0] - slides[1]):.6g} m",
+            "dead points": f"crank at {first:.2f}° and {second:.2f}°"}
+
+
 def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
     """Place of the guide's point along the guide, and distance of the guide to the left of A."""
     finite(guide_x=x, guide_y=y, guide_angle=angle)

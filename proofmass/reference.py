@@ -146,6 +146,15 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
         raise InputError(case.file, key, str(error)) from None
 
 
+def facts(case: Case) -> dict[str, str]:
+    """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
+    tell = getattr(module_of(case), "facts", None)
+    try:
+        return tell(**case.parameters) if tell else {}
+    except (TypeError, ValueError):  # the parameters are at fault, which the runs have said
+        return {}
+
+
 def compiled(case: Case) -> MjModel:
     """The case's compiled MJCF, once for all runs."""
     try:

@@ -14,6 +14,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from proofmass import reference
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.errors import InputError
@@ -72,7 +73,7 @@ def write_report(result: Result, folder: Path | str,
                 case=case, card=cards[-1], style=style, about=facts, faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
                 mechanism=mechanism(case, drawings), note=drawings.note,
-                own_numbers=from_model(case), freedoms=freedoms(case),
+                own_numbers=from_model(case), freedoms=freedoms(case), knowledge=known(case),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
                 unnoticed=tables.unnoticed(case, [c for v in views[case.name] for c in v.rows]))
@@ -92,6 +93,14 @@ def freedoms(case: Case) -> int | None:
         return mobility(case)
     except InputError:
         return None
+
+
+def known(case: Case) -> dict[str, str]:
+    """What the reference says of the mechanism as a whole; nothing when the case is at fault."""
+    try:
+        return reference.facts(case)
+    except InputError:
+        return {}
 
 
 def environment() -> Environment:
