@@ -1,4 +1,4 @@
-"""What the pages say of a mechanism as a whole: freedoms, Grashof class, stroke, share of angles."""
+"""What the pages say of a mechanism: freedoms, Grashof class, stroke, share of crank angles."""
 
 from pathlib import Path
 
