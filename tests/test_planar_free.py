@@ -121,6 +121,14 @@ def test_a_structure_does_not_move():
         solve([0.0, 1.0], model=hinge("", more))
 
 
+def test_bodies_that_may_touch_are_refused():
+    geoms = '<geom size="0.1"/>'
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>{geoms}<body pos="1 0 0">
+      <joint name="a"/>{geoms}</body></worldbody></mujoco>""")
+    with pytest.raises(ValueError, match="contacts are not covered by a free motion"):
+        solve([0.0, 1.0], model=model)
+
+
 def test_a_stop_on_the_way_is_refused():
     with pytest.raises(ValueError, match=r"joint 'a' leaves its range \(-1.0, 1.0\) at sample 15"):
         solve(np.linspace(0, 1, 21), model=hinge('range="-1 1" limited="true"', "",

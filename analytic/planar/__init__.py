@@ -28,7 +28,7 @@ from analytic.planar.mechanism import (
 )
 from analytic.planar.motion import move
 from analytic.planar.quantities import quantities
-from analytic.planar.read import read
+from analytic.planar.read import read, refuse_contacts
 
 __all__ = ["Branch", "CannotAssemble", "Failure", "Mechanism", "Mirrored", "Overconstrained",
            "SingularHere", "read", "solve"]
@@ -105,6 +105,7 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
         moments = dict(zip(joints, holding(mechanism, q, d).T, strict=True))
         own = {"condition": condition(mechanism, q, d)}
     else:
+        refuse_contacts(model)
         q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
         moments, own = {}, {}
     for k, joint in enumerate(mechanism.joints):

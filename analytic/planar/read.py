@@ -170,3 +170,12 @@ def refuse(model: Any) -> None:
                         model.nmocap, "a fluid": model.opt.density + model.opt.viscosity}.items():
         if there:
             raise ValueError(f"the model has {what}")
+
+
+def refuse_contacts(model: Any) -> None:
+    """Raise ValueError if bodies of the model may touch, which a free motion does not cover."""
+    off = model.opt.disableflags & (int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_CONSTRAINT))
+    touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
+    if not off and (np.unique(touchable).size > 1 or model.npair):
+        raise ValueError('contacts are not covered by a free motion: give <option> a '
+                         '<flag contact="disable"/>')
