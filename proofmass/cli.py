@@ -46,7 +46,7 @@ def complain(found: list[InputError]) -> None:
 def show(result: Result, every_channel: bool = False) -> None:
     """Print the table, the failures, and the count."""
     out = console()
-    for table in summary(result, every_channel):
+    for table in summary(result, every_channel, out.width):
         out.print(table)
     for line in failures(result):
         out.print(line, soft_wrap=True)

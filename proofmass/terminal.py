@@ -31,7 +31,7 @@ def as_json(comparisons: Iterable[Comparison]) -> str:
 def console() -> Console:
     """Standard output; as wide as the tables need when it is not a screen."""
     shown = Console(highlight=False)
-    return shown if shown.is_terminal else Console(highlight=False, width=140)
+    return shown if shown.is_terminal else Console(highlight=False, width=240)
 
 
 def number(value: float) -> str:
@@ -57,22 +57,28 @@ def worst(group: list[Comparison]) -> Comparison:
     return max(group, key=rank)
 
 
-def summary(result: Result, every_channel: bool = False) -> Iterator[Table]:
-    """A table with one row for each solver of each run, or for each channel."""
+def summary(result: Result, every_channel: bool = False, width: int = 240) -> Iterator[Table]:
+    """A table with one row for each solver of each run, or for each channel.
+
+    On a screen of less than 140 columns it leaves out share of range, seconds and steps.
+    """
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("case", "run", "solver", "outcome", "channel"):
         table.add_column(name, no_wrap=True)
-    for name in ("worst error", "allowed", "of range", "s", "steps"):
-        table.add_column(name, justify="right", no_wrap=True)
+    numbers = {"worst error": 17, "allowed": 8, "of range": 8, "s": 4, "steps": 5}
+    kept = len(numbers) if width >= 140 else 2
+    for name, wide in list(numbers.items())[:kept]:
+        table.add_column(name, justify="right", no_wrap=True, min_width=wide)  # numbers stay whole
     last = ""
     for (case, run, solver), rows in groupby(result.comparisons,
                                              lambda c: (c.case, c.run, c.solver)):
         group = list(rows)
         for c in group if every_channel else [worst(group)]:
-            table.add_row(case if case != last else "", run, solver, outcomes(group, c,
-                          every_channel), c.channel, f"{number(c.error_max)} {c.unit}".strip(),
-                          number(c.allowed), number(c.of_range), f"{c.seconds:.2f}"
-                          if math.isfinite(c.seconds) else "–", str(c.steps or "–"))
+            figures = [f"{number(c.error_max)} {c.unit}".strip(), number(c.allowed),
+                       number(c.of_range), f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
+                       str(c.steps or "–")]
+            table.add_row(case if case != last else "", run, solver,
+                          outcomes(group, c, every_channel), c.channel, *figures[:kept])
             last = case
     if table.row_count:
         yield table
