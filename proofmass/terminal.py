@@ -63,12 +63,12 @@ def summary(result: Result, every_channel: bool = False, width: int = 240) -> It
     On a screen of less than 140 columns it leaves out share of range, seconds and steps.
     """
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("case", "run", "solver", "outcome", "channel"):
-        table.add_column(name, no_wrap=True)
-    numbers = {"worst error": 17, "allowed": 8, "of range": 8, "s": 4, "steps": 5}
+    for name in ("case", "run", "solver", "outcome", "channel"):  # only names give way
+        table.add_column(name, no_wrap=name not in ("case", "channel"), overflow="fold")
+    numbers = ("worst error", "allowed", "of range", "s", "steps")
     kept = len(numbers) if width >= 140 else 2
-    for name, wide in list(numbers.items())[:kept]:
-        table.add_column(name, justify="right", no_wrap=True, min_width=wide)  # numbers stay whole
+    for name in numbers[:kept]:
+        table.add_column(name, justify="right", no_wrap=True)
     last = ""
     for (case, run, solver), rows in groupby(result.comparisons,
                                              lambda c: (c.case, c.run, c.solver)):
