@@ -16,6 +16,7 @@ EQ = mujoco.mjtEq
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
 NEAR = 1e-8  # [m or rad] the last Newton step where the drives are held: its square is left
+UNSURE = 1e5  # [rad or m per m] a pose that moves so much for a gap is singular, to rounding
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
 
 
@@ -50,17 +51,28 @@ class Linkage:
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.
 
-        `tangent` is that of the present pose; without it the pose is closed first.
+        `tangent` is that of the present pose; without it the pose is closed first.  A stride that
+        ends in a singular pose, where the tangent is not sure, is taken with the next one.
         """
         if tangent is None:
             tangent = self.place(self.data.qpos[self.adr])
         far = values - self.data.qpos[self.adr]
         strides = int(np.ceil((np.abs(far) / self.stride).max()))
         for part in np.arange(strides)[::-1]:
-            target = values - far * part / strides
+            target, before = values - far * part / strides, self.data.qpos.copy()
             ahead = tangent @ (target - self.data.qpos[self.adr])
             mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
-            tangent = self.place(target)
+            try:
+                there = self.place(target)
+                sure = np.abs(self.inverse).max() < UNSURE
+            except (BadModel, Unsupported):
+                if not part:
+                    raise
+                sure = False
+            if part and not sure:
+                self.data.qpos[:] = before
+            else:
+                tangent = there
         return tangent
 
     def place(self, values: Array) -> Array:

@@ -35,6 +35,17 @@ def test_sweep_is_the_closed_form_to_rounding(name):
     assert worst(name, "sweep", EVERYTHING) < 1e-13  # 100 roundings of the largest term
 
 
+@pytest.mark.parametrize("samples", [63, 75, 83, 107])
+def test_a_stride_that_ends_on_a_change_point_is_taken_with_the_next(samples):
+    """Half of these sample widths is a stride, and one of its ends is pi or 3 pi."""
+    case = load_case(MODELS / "change_point.toml")
+    run = plan(case, "sweep", "mujoco")
+    curves = simulate(case.model_path, replace(run, x=np.linspace(0, 4 * np.pi, samples)))
+    truth = evaluate(case, curves.x, curves.drive)
+    for name in ("rocker", "coupler.angle"):  # rounding over the sine of 0.06
+        assert np.abs(curves.channels[name] - truth.channels[name]).max() < 1e-12
+
+
 def test_softness_is_a_wall_that_no_smaller_step_lowers():
     coarse = worst("hacksaw", "duration", POSITION, timestep=1e-3, solref=(0.02, 1.0))
     fine = worst("hacksaw", "duration", POSITION, timestep=2.5e-4, solref=(0.02, 1.0))
