@@ -6,8 +6,6 @@ import pytest
 from benchmarks.order import cases, study
 
 CASES = {case.name: case for case in cases("pymunk", [])}
-SINGULAR = pytest.mark.xfail(strict=True, reason="a smaller step comes nearer to the change point, "
-                             "where the loop is singular: 3000 iterations leave it open")
 # A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a
 # tenth take at most 0.2 away.
 ORDER = 1.8
@@ -18,8 +16,7 @@ WALL = 2e-7
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=SINGULAR if name == "change_point" else ()) for name in CASES])
+@pytest.mark.parametrize("name", CASES)
 def test_pymunk_is_second_order(name):
     found = study(CASES[name], "pymunk", levels=2)
     assert found.errors, "no channel was compared"
