@@ -3,11 +3,13 @@
 import numpy as np
 
 
-def derivative(curve: np.ndarray) -> np.ndarray:
+def derivative(curve: np.ndarray, order: int = 1) -> np.ndarray:
     """Spectral derivative of a curve sampled evenly over one period of 2 pi, an even number."""
-    wave = 1j * np.fft.fftfreq(curve.size, 1.0 / curve.size)
-    wave[curve.size // 2] = 0.0
-    return np.fft.ifft(wave * np.fft.fft(curve)).real
+    count = curve.shape[-1]
+    wave = 1j * np.fft.fftfreq(count, 1.0 / count)
+    wave[count // 2] = 0.0
+    slope = np.fft.ifft(wave**order * np.fft.fft(curve))
+    return slope if np.iscomplexobj(curve) else slope.real
 
 
 def assert_close(actual: np.ndarray, expected: np.ndarray, tolerance: float) -> None:

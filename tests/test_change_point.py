@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from test_fourbar import GRID, MODES, TURN, assert_close, check_laws, derivative
+from test_fourbar import GRID, MODES, TURN, assert_close, check_laws
 from test_grashof import named
 
 from analytic import fourbar, grashof
+from tests.spectral import derivative
 
 OUTER = named([1.0, 2.0, 2.0, 3.0])  # in line at pi: crank + ground = coupler + rocker
 INNER = named([1.0, 1.5, 2.5, 2.0])  # in line at 0: ground - crank = rocker - coupler

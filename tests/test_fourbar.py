@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analytic import fourbar
+from tests.spectral import derivative
 
 DATA = json.loads((Path(__file__).parent / "data" / "four_bar.json").read_text())
 THESIS = DATA["cases"][0]
@@ -30,14 +31,6 @@ def crank_rockers(draw):
     coupler, rocker = (total + difference) / 2.0, (total - difference) / 2.0
     return {"crank": scale * crank, "coupler": scale * coupler, "rocker": scale * rocker,
             "ground": scale}
-
-
-def derivative(curve, order=1):
-    """Spectral derivative of a curve sampled on GRID."""
-    wave = 1j * np.fft.fftfreq(GRID.size, 1.0 / GRID.size)
-    wave[GRID.size // 2] = 0.0
-    slope = np.fft.ifft(wave**order * np.fft.fft(curve))
-    return slope if np.iscomplexobj(curve) else slope.real
 
 
 def assert_close(actual, expected, tolerance):

@@ -25,20 +25,10 @@ def agrees(linkage: Linkage) -> None:
         assert error.max() < 1e-12 * max(1.0, np.abs(truth[quantity]).max()), channel
 
 
+@pytest.mark.parametrize("mechanisms", [15, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_it_agrees_with_the_closed_form(family):
-    @settings(RELAXED, max_examples=15)
-    @given(FAMILIES[family])
-    def run(linkage):
-        agrees(linkage)
-
-    run()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", FAMILIES)
-def test_it_agrees_with_the_closed_form_on_a_thousand_mechanisms(family):
-    @settings(RELAXED, max_examples=1000)
+def test_it_agrees_with_the_closed_form(family, mechanisms):
+    @settings(RELAXED, max_examples=mechanisms)
     @given(FAMILIES[family])
     def run(linkage):
         agrees(linkage)

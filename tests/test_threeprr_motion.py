@@ -5,6 +5,7 @@ import pytest
 
 from analytic import threeprr, threeprr_inverse
 from analytic.threeprr_poses import poses
+from tests.spectral import assert_close, derivative
 from tests.threeprr_tables import (
     DATA,
     POSE,
@@ -29,19 +30,6 @@ HEAVY = {"platform_mass": 2.0, "leg_mass": 0.7, "slider_mass": 0.5, "load_x": 3.
          "load_moment": 1.5}
 
 
-def derivative(curve):
-    """Spectral derivative by time of curves sampled on GRID, period 1."""
-    wave = 1j * TURN * np.fft.fftfreq(GRID.size, 1.0 / GRID.size)
-    wave[GRID.size // 2] = 0.0
-    return np.fft.ifft(wave * np.fft.fft(curve)).real
-
-
-def assert_close(actual, expected, tolerance):
-    """Largest error within `tolerance` times the largest expected value."""
-    error = np.abs(actual - expected).max() / np.abs(expected).max()
-    assert error <= tolerance, f"error {error:.3g} of the largest value"
-
-
 @pytest.mark.parametrize("table", [TABLE3, TABLE4], ids=("table 3", "table 4"))
 def test_inverse_tables(table):
     pose, where = table["pose"], table["where"]
@@ -62,15 +50,16 @@ def test_inverse_tables(table):
 def test_rates_are_derivatives(leg_mode):
     law = threeprr.circle(GRID, **CIRCLE, **WHERE, leg_mode=leg_mode)
     for k in range(3):
-        assert_close(derivative(law[0][k]), law[1][k], 1e-12)  # rounding times wave number 128
-        assert_close(derivative(law[1][k]), law[2][k], 1e-12)
+        # rounding times wave number 128
+        assert_close(TURN * derivative(law[0][k]), law[1][k], 1e-12)
+        assert_close(TURN * derivative(law[1][k]), law[2][k], 1e-12)
     wanted = CIRCLE["psi"] + CIRCLE["swing"] * np.sin(TURN * GRID)
     pose = next(p for p in (threeprr.solve(*law, **WHERE, mode=m) for m in (1, -1))
                 if np.allclose(p["psi"], wanted))
     for name in (*POSE, "leg_angle_1", "leg_angle_2", "leg_angle_3"):
         # rounding times wave number 128 over the smallest determinant
-        assert_close(derivative(pose[name]), pose[f"{name}_rate"], 1e-10)
-        assert_close(derivative(pose[f"{name}_rate"]), pose[f"{name}_acceleration"], 1e-10)
+        assert_close(TURN * derivative(pose[name]), pose[f"{name}_rate"], 1e-10)
+        assert_close(TURN * derivative(pose[f"{name}_rate"]), pose[f"{name}_acceleration"], 1e-10)
     centre = np.mean(corners(*(pose[n] for n in POSE), WHERE["side"]), axis=0)
     off = centre - CIRCLE["centre_x"] - 1j * CIRCLE["centre_y"]
     np.testing.assert_allclose(off, CIRCLE["radius"] * np.exp(1j * TURN * GRID), atol=1e-14)

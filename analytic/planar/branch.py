@@ -18,8 +18,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.planar.closure import BLOCK, Drives, freedoms, nearest, newton, rates
-from analytic.planar.loops import lipschitz, loop_jacobian
+from analytic.planar.closure import (
+    BLOCK,
+    Drives,
+    freedoms,
+    nearest,
+    newton,
+    rates,
+    scaled_jacobian,
+)
+from analytic.planar.loops import lipschitz
 from analytic.planar.mechanism import (
     Array,
     CannotAssemble,
@@ -28,7 +36,6 @@ from analytic.planar.mechanism import (
     Mirrored,
     SingularHere,
 )
-from analytic.planar.motion import move
 
 SHARE = 0.8
 """Share of the proven step that is taken: the poses between then need fewer Newton steps."""
@@ -76,7 +83,7 @@ class Branch:
 
     def __init__(self, m: Mechanism, names: tuple[str, ...]):
         self.m, self.d = m, Drives.of(m, names)
-        q = nearest(m, m.start.copy())
+        q = nearest(m, m.start)
         free = freedoms(m, q)
         if free != len(names):
             raise SingularHere(f"the mechanism has {free} freedom(s), and {len(names)} driven "
@@ -124,7 +131,7 @@ class Branch:
     def at(self, q: Array) -> Knot:
         """What is known at a closed pose (joints,)."""
         m, d = self.m, self.d
-        matrix = loop_jacobian(m, move(m, q[None]), q[None])[0] * m.scale / m.size
+        matrix = scaled_jacobian(m, q[None])[0]
         values = np.linalg.svd(matrix[:, d.following], compute_uv=False)
         least = float(values.min(initial=1.0))
         tangent = np.eye(len(m.joints))[:, d.driven]
@@ -168,8 +175,9 @@ class Branch:
         """Close the loops at inputs within the radius, and stand there."""
         knot = self.at(newton(self.m, self.predict(inputs[None]), self.d)[0])
         if knot.orientation != self.knot.orientation:
-            wrong = Mirrored("mirrored") if self.knot.radius > CREEP else SingularHere("singular")
-            raise type(wrong)(f"{wrong} at {self.spoken(inputs)}")
+            if self.knot.radius > CREEP:
+                raise Mirrored(f"mirrored at {self.spoken(inputs)}")
+            raise SingularHere(f"singular at {self.spoken(inputs)}")
         self.last, self.knot = self.knot, knot
 
     def leap(self, inputs: Array, way: float) -> bool:

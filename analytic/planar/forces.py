@@ -7,39 +7,41 @@ from analytic.planar.loops import loop_jacobian
 from analytic.planar.mechanism import Array, Complex, Mechanism
 from analytic.planar.motion import Motion, jacobian, move
 
+Carried = list[tuple[int, Complex, Array]]
 
-def carriers(m: Mechanism, motion: Motion) -> list[tuple[int, Complex, Array]]:
+
+def carriers(m: Mechanism, motion: Motion) -> Carried:
     """Bodies with inertia: number, Jacobian of the centre (n, joints), of the turn (joints,)."""
     turning = m.moved_by * m.hinges * m.signs
     return [(b, jacobian(m, motion, b, motion.point(b, body.centre)), turning[b])
             for b, body in enumerate(m.bodies) if b and (body.mass or body.moment)]
 
 
-def applied(m: Mechanism, motion: Motion, q: Array, v: Array | float = 0.0) -> Array:
+def applied(m: Mechanism, carried: Carried, q: Array, v: Array | float = 0.0) -> Array:
     """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
     rest, stiffness, damping, load = (
         np.array([getattr(j, key) for j in m.joints])
         for key in ("rest", "stiffness", "damping", "load"))
     force = load - stiffness * (q - rest) - damping * v
-    for b, centre, _ in carriers(m, motion):
+    for b, centre, _ in carried:
         force = force + m.bodies[b].mass * (centre.conj() * m.gravity).real
     return np.asarray(force)
 
 
-def mass(m: Mechanism, motion: Motion) -> Array:
+def mass(m: Mechanism, carried: Carried) -> Array:
     """Mass matrix of the joints, loops open (n, joints, joints)."""
     total = np.diag([j.armature for j in m.joints])[None]
-    for b, centre, turn in carriers(m, motion):
+    for b, centre, turn in carried:
         body = m.bodies[b]
         total = total + body.mass * (centre.conj()[:, :, None] * centre[:, None, :]).real
         total = total + body.moment * np.outer(turn, turn)
     return np.asarray(total)
 
 
-def inertial(m: Mechanism, motion: Motion, a: Array) -> Array:
+def inertial(m: Mechanism, carried: Carried, motion: Motion, a: Array) -> Array:
     """What accelerates the bodies of a motion, as forces on the joints (n, joints)."""
     force = np.array([j.armature for j in m.joints]) * a
-    for b, centre, turn in carriers(m, motion):
+    for b, centre, turn in carried:
         body = m.bodies[b]
         pull = motion.point(b, body.centre, 2)[:, None]
         force = force + body.mass * (centre.conj() * pull).real
@@ -53,7 +55,7 @@ def holding(m: Mechanism, q: Array, d: Drives) -> Array:
     Virtual work: for each drive, what the applied forces do along the motion that it allows.
     """
     motion = move(m, q)
-    force = applied(m, motion, q)
+    force = applied(m, carriers(m, motion), q)
     force[:, d.driven] -= [m.joints[j].load for j in d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     tangent = -np.linalg.solve(matrix[..., d.following], matrix[..., d.driven])

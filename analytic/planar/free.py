@@ -17,8 +17,8 @@ F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equation
 import numpy as np
 from scipy.integrate import DOP853
 
-from analytic.planar.closure import CLOSED, fitting, freedoms, nearest
-from analytic.planar.forces import applied, inertial, mass
+from analytic.planar.closure import CLOSED, fitting, freedoms, nearest, scaled_jacobian
+from analytic.planar.forces import applied, carriers, inertial, mass
 from analytic.planar.loops import bias, loop_jacobian, residual
 from analytic.planar.mechanism import Array, CannotAssemble, Mechanism, SingularHere
 from analytic.planar.motion import Motion, move
@@ -39,8 +39,7 @@ class Chart:
 
     def __init__(self, m: Mechanism, q: Array):
         self.m, self.q, self.at = m, q, q
-        matrix = loop_jacobian(m, move(m, q[None]), q[None])[0] * m.scale / m.size
-        self.normal = np.linalg.svd(matrix)[2][m.rows:]
+        self.normal = np.linalg.svd(scaled_jacobian(m, q[None])[0])[2][m.rows:]
         self.into: Array = self.normal.T * m.scale[:, None]
         self.stretch = 1.0
         self.z = np.zeros(len(self.normal))
@@ -80,9 +79,14 @@ class Chart:
         still = move(m, q[None], v[None], np.zeros((1, v.size)))
         gamma = -inverse[:, :m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
         drift = move(m, q[None], v[None], gamma[None])
-        force = applied(m, drift, q[None], v[None]) - inertial(m, drift, gamma[None])
-        bend = np.linalg.solve(into.T @ mass(m, drift)[0] @ into, into.T @ force[0])
+        carried = carriers(m, drift)
+        force = applied(m, carried, q[None], v[None]) - inertial(m, carried, drift, gamma[None])
+        bend = np.linalg.solve(into.T @ mass(m, carried)[0] @ into, into.T @ force[0])
         return q, v, into @ bend + gamma, bend
+
+    def state(self, v: Array) -> Array:
+        """The state y of the pose where the plane touches, at rates v (joints,)."""
+        return np.concatenate([np.zeros(len(self.normal)), self.normal @ (v / self.m.scale)])
 
     def slope(self, _: float, y: Array) -> Array:
         """Rate of the state."""
@@ -97,13 +101,12 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
     CannotAssemble, SingularHere, Overconstrained
         The start pose; or the motion meets a pose where freedoms appear.
     """
-    q = nearest(m, m.start.copy())
+    q = nearest(m, m.start)
     if not freedoms(m, q):
         raise SingularHere("the mechanism has no freedom")
     chart, v = Chart(m, q), fitting(m, q, m.start_rate)
-    y = np.concatenate([np.zeros(len(chart.normal)), chart.normal @ (v / m.scale)])
-    found, first = [chart.motion(y)[:3]], None
-    solver = DOP853(chart.slope, times[0], y, times[-1], rtol=ACCURACY, atol=ACCURACY)
+    found = [chart.motion(chart.state(v))[:3]]
+    solver = DOP853(chart.slope, times[0], chart.state(v), times[-1], rtol=ACCURACY, atol=ACCURACY)
     while len(found) < len(times):
         message = solver.step()
         if solver.status == "failed":
@@ -113,9 +116,8 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
             found.append(chart.motion(inside(times[len(found)]))[:3])
         q, v, _, _ = chart.motion(solver.y)
         if chart.stretch > TILT and solver.status == "running":
-            chart, first = Chart(m, q), solver.h_abs
-            y = np.concatenate([np.zeros(len(chart.normal)), chart.normal @ (v / m.scale)])
-            solver = DOP853(chart.slope, solver.t, y, times[-1], rtol=ACCURACY, atol=ACCURACY,
-                            first_step=min(first, times[-1] - solver.t))
+            chart = Chart(m, q)
+            solver = DOP853(chart.slope, solver.t, chart.state(v), times[-1], rtol=ACCURACY,
+                            atol=ACCURACY, first_step=min(solver.h_abs, times[-1] - solver.t))
     q, v, a = (np.array(part) for part in zip(*found, strict=True))
     return q, v, a
