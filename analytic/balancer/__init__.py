@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from analytic.balancer.design import Balancer, balancer
 from analytic.balancer.follow import Trail, follow
 from analytic.balancer.path import Path, along
+from analytic.balancer.summary import facts, marks
 from analytic.balancer.targets import TARGETS
 from analytic.balancer.targets import target as target_of
 from analytic.domain import Array
@@ -13,7 +14,8 @@ from analytic.domain import Array
 MODES = (1, -1)
 MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
 
-__all__ = ["MODES", "Balancer", "Path", "Trail", "along", "balancer", "follow", "solve"]
+__all__ = ["MODES", "Balancer", "Path", "Trail", "along", "balancer", "facts", "follow", "marks",
+           "solve"]
 
 
 def solve(

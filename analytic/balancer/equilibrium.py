@@ -140,7 +140,8 @@ def tangent(b: Balancer, p: Point) -> tuple[Array, Index]:
     pull = np.zeros_like(p.unknowns)  # of the residual with alpha
     e = windings(b, p.alpha, p.unknowns[:, : b.segments])
     pull[:, 0] = b.slopes(e)[:, 0]
-    sign = np.linalg.slogdet(matrix)[0] * (-1.0) ** (p.side != 0).sum(axis=-1)
+    with np.errstate(invalid="ignore"):  # a lost equilibrium is not stable
+        sign = np.linalg.slogdet(matrix)[0] * (-1.0) ** (p.side != 0).sum(axis=-1)
     return -solved(matrix, pull), np.asarray(sign > 0)
 
 

@@ -49,7 +49,8 @@ def along(b: Balancer, trail: Trail, alpha: Array) -> Path:
     alpha = np.asarray(alpha, float)
     count, width = len(b), alpha.size
     design, angle = np.repeat(np.arange(count), width), np.tile(alpha, count)
-    known = np.abs(angle) <= np.abs(np.repeat(trail.reach, width)) * (1 + 1e-15)
+    reach = np.where(np.isfinite(b.rest).all(axis=-1), np.abs(trail.reach), -1.0)
+    known = np.abs(angle) <= np.repeat(reach, width) * (1 + 1e-15)
     each = b[design[known]]
     found, _ = solve(each, guess(trail, design[known], angle[known]))
     rates, _ = tangent(each, found)
