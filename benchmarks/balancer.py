@@ -1,0 +1,59 @@
+"""Moment-angle curves of balancers: followed, alone and in a batch, against the thesis's grid.
+
+    python -m benchmarks.balancer [rounds]
+"""
+
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from analytic.balancer import along, balancer, follow, grid, grid4, solve
+from analytic.balancer.measures import precision_points
+from analytic.domain import Array
+from benchmarks.timing import Row, measure
+from tests.balancer_table import parameters, rows
+
+BATCH = 1000
+LINES = {"3 segments": ("1766", 90), "3 segments, preload": ("1745", 90),
+         "3 segments, contact": ("1860", 90), "4 segments": ("1744", 15),
+         "4 segments, two preloads": ("1747", 15)}
+
+
+def varied(given: dict[str, float]) -> dict[str, Array]:
+    """A batch of designs around one, each number within 3 percent of its own."""
+    rng = np.random.default_rng(0)
+    spread = 1.0 + rng.uniform(-0.03, 0.03, (len(given), BATCH))
+    return {name: value * spread[k] for k, (name, value) in enumerate(given.items())}
+
+
+def ways(name: str, line: str, count: int) -> Iterator[Row]:
+    """The ways to get the curve of one row of the thesis."""
+    given, angle = parameters(rows()[line]), precision_points(count)
+    search = grid if rows()[line]["segments"] == 3 else grid4
+    many = varied(given)
+
+    def batch() -> None:
+        chains = balancer(**many)
+        along(chains, follow(chains, np.pi / 2), angle)
+
+    yield Row(name, "followed, exact, alone", "", 1, lambda: solve(angle, **given))
+    yield Row(name, f"followed, exact, {BATCH} at once", "", BATCH, batch)
+    what = "90 x 1000" if count == 90 else "15 x 150 x 150"
+    yield Row(name, f"thesis's grid, {what}", "", 1, lambda: search.minimise(angle, **given))
+
+
+def main(rounds: int = 5) -> None:
+    found = [row for name, (line, count) in LINES.items() for row in ways(name, line, count)]
+    measure(found, rounds)
+    print(f"least of {rounds} interleaved rounds, one thread; milliseconds of CPU a curve")
+    base = {row.mechanism: row.own / row.poses for row in found if row.method.startswith("thesis")}
+    print(f"{'balancer':28}{'method':34}{'ms a curve':>12}{'of the grid':>14}")
+    for row in found:
+        own = row.own / row.poses
+        print(f"{row.mechanism:28}{row.method:34}{1e3 * own:12.3f}"
+              f"{own / base[row.mechanism]:14.3f}")
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
