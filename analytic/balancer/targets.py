@@ -79,7 +79,7 @@ def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Tar
     Notes
     -----
     Piecewise cubic Hermite interpolation (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
-    Error O(h^3) or better for monotone data, O(h^2) near an extreme between samples.
+    Error O(h^3) in the distance of the samples, O(h^2) next to an extreme.
 
     Examples
     --------
