@@ -16,6 +16,7 @@ EQ = mujoco.mjtEq
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
 NEAR = 1e-8  # [m or rad] the last Newton step where the drives are held: its square is left
+CLOSED = 1e-11  # of the extent, or of 1 m: what may stay open of a loop
 UNSURE = 1e5  # [rad or m per m] a pose that moves so much for a gap is singular, to rounding
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
 
@@ -86,7 +87,7 @@ class Linkage:
             if not np.abs(move).max(initial=0.0) > NEAR:
                 break
         residual, jacobian = self.rows()
-        if not np.abs(residual).max(initial=0.0) < 1e-11 * max(1.0, self.model.stat.extent):
+        if not np.abs(residual).max(initial=0.0) < CLOSED * max(1.0, self.model.stat.extent):
             open_by = loop_gap(self.model, self.data).max(initial=0.0)
             raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
                            f"the loop stays open by {open_by:.3g} m")
@@ -104,6 +105,11 @@ class Linkage:
         jacobian = self.rows()[1]
         rates = self.data.qvel
         rates -= np.linalg.lstsq(jacobian, jacobian @ rates, rcond=1e-10)[0]
+
+    def freedoms(self) -> int:
+        """Freedoms left at the present pose when the drives are held."""
+        rows = np.vstack([self.rows()[1], self.units])
+        return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
 
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""

@@ -56,10 +56,11 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
 
     `timestep`, `integrator`, `iterations`, `tolerance` replace the option of that name; `solref`
     and `solimp` replace those of every equality; ``defaults = True`` first puts back the values
-    that MuJoCo has when the model says nothing.
+    that MuJoCo has when the model says nothing; ``settled`` chooses the kind of a sweep.
     """
     merged = {**(ENGINE_DEFAULTS if settings.get("defaults") else {}), **settings}
     merged.pop("defaults", None)
+    merged.pop("settled", None)
     for key, value in merged.items():
         if key == "integrator":
             names = {n[6:].lower(): v for n, v in mujoco.mjtIntegrator.__members__.items()}
@@ -72,7 +73,7 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
         elif key in ("timestep", "iterations", "tolerance"):
             setattr(model.opt, key, value)
         else:
-            known = "timestep, integrator, iterations, tolerance, solref, solimp, defaults"
+            known = "timestep, integrator, iterations, tolerance, solref, solimp, settled, defaults"
             raise BadModel(f"unknown setting {key!r} for mujoco; known: {known}")
 
 

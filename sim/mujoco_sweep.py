@@ -2,7 +2,8 @@
 
 The holding moment is virtual work: the engine's inverse dynamics at rest, projected on the motion
 that the drive allows.  The engine's own ``qfrc_inverse`` at the drive is not it: on a closed loop
-it leaves out what the loop carries.
+it leaves out what the loop carries.  Freedoms that the drives leave come to rest between springs,
+weights and stops; see `sim.mujoco_rest`, and `sim.mujoco_settled` for the engine's own way there.
 """
 
 import time
@@ -10,29 +11,39 @@ import time
 import mujoco
 import numpy as np
 
-from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import Recorder
-from sim.protocol import Array, BadModel, Curves, Run, Unsupported
+from sim.mujoco_reading import drive_moments, withhold
+from sim.mujoco_rest import Resting, linkage_of
+from sim.mujoco_settled import settled
+from sim.protocol import BadModel, Curves, Run, Unsupported
 
-S = mujoco.mjtSensor
-MOMENTS = (int(S.mjSENS_ACTUATORFRC), int(S.mjSENS_JOINTACTFRC))
+ACC = int(mujoco.mjtStage.mjSTAGE_ACC)
+NO_ACC = "springs, weights or stops bring the model to rest: a path of rests has no accelerations"
 
 
 def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Follow the drives over ``run.x`` and read every sensor at every pose.
 
+    It stops where the loops cannot be closed any further, or where the rest of the freedoms that
+    are left folds or becomes unstable.  With the setting ``settled`` the engine steps in time.
+
     Raises
     ------
     BadModel
-        The loops cannot be closed at the first values of the drives.
+        The loops cannot be closed at the first values of the drives, or the start pose is an
+        unstable equilibrium.
     Unsupported
-        Freedoms are left when the drives are held, or an equality is of another kind.
+        Freedoms are left that nothing brings to rest near the start pose, or an equality is of
+        another kind.
     """
     if not run.drives:
         raise BadModel("a sweep needs a [drive]: the joint that is moved")
+    if run.settings.get("settled"):
+        return settled(model, data, run)
     state = run.motion(run.x)
-    linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+    linkage = linkage_of(model, data, tuple(d.joint for d in run.drives))
     record = Recorder(model, data, run.channels, run.x.size)
+    missing = withhold(record, ACC, NO_ACC) if isinstance(linkage, Resting) else {}
     moments, stopped, done = np.empty((run.x.size, len(run.drives))), "", run.x.size
     began = time.perf_counter()
     tangent = None
@@ -54,21 +65,5 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     channels = record.curves()
     channels |= drive_moments(model, linkage, record, moments[:done])
     value, rate, acceleration = (part[:, :done] for part in state)
-    return Curves(run.x[:done], channels, drive=(value, rate, acceleration),
+    return Curves(run.x[:done], channels, missing, drive=(value, rate, acceleration),
                   gap=float(record.gaps().max()), seconds=seconds, steps=done, stopped=stopped)
-
-
-def drive_moments(model: mujoco.MjModel, linkage: Linkage, record: Recorder,
-                  moments: Array) -> dict[str, Array]:
-    """Holding moments (n, drives) in place of the force sensors of the driven joints."""
-    dofs, found = linkage.dofs.tolist(), {}
-    for channel, (index, _) in record.sensors.items():
-        if model.sensor_type[index] not in MOMENTS:
-            continue
-        on_actuator = model.sensor_type[index] == MOMENTS[0]
-        place = model.sensor_objid[index]
-        joint = model.actuator_trnid[place, 0] if on_actuator else place
-        if model.jnt_dofadr[joint] in dofs:
-            gear = model.actuator_gear[place, 0] if on_actuator else 1.0
-            found[channel] = moments[:, dofs.index(model.jnt_dofadr[joint])] / gear
-    return found

@@ -1,0 +1,124 @@
+"""Sweep in which MuJoCo itself comes to rest at every sample: its steps, soft loops and limits.
+
+Neither inertia nor damping changes a rest, but both change the way to it, and inertia the softness:
+the stiffness of MuJoCo's constraints goes with the inertia behind them, so that a force F opens one
+by
+
+    (1 - d) F T^2 / m      (d, T: the constraint's solimp and time constant, m: inertia)
+
+Every joint therefore gets the armature with which its own stiffness swings PACE radians in a step,
+and the damping that is critical for the slowest freedom.  With solimp 0.9999 and a time constant of
+two to five steps a moment is then off by 1e-7 to 1e-6 of its size; MuJoCo's default solref and
+solimp of limits (`solreflimit`, `solimplimit`) let it be off by 1e-2.
+"""
+
+import copy
+import time
+
+import mujoco
+import numpy as np
+import scipy.linalg
+
+from sim.mujoco_balance import DEPENDENT
+from sim.mujoco_linkage import Linkage
+from sim.mujoco_model import Recorder
+from sim.mujoco_reading import drive_moments, withhold
+from sim.mujoco_rest import Resting
+from sim.mujoco_steps import FATAL
+from sim.protocol import Array, Curves, Diverged, Run
+
+VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
+PACE = 0.015  # [rad] phase in a step of a joint that swings on its own stiffness
+FAINT = 1e-3  # of the largest stiffness: joints with less swing slower
+FLYWHEEL = 1e12  # times the largest inertia: a drive drifts by rounding until rest
+GLIDE = 100  # steps in which the drives move by a STRIDE
+BLOCK = 50  # steps between two looks at the speed
+STILL = 1e-9  # [rad/s or m/s] the fastest joint at rest
+MOST = 400_000  # steps until a sample is given up
+
+
+def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+    """Hold the drives at each sample of ``run.x`` until nothing moves, and read every sensor.
+
+    Raises
+    ------
+    Diverged
+        The engine reset itself, or does not come to rest.
+    """
+    linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+    weigh(linkage)
+    record = Recorder(model, data, run.channels, run.x.size)
+    missing = withhold(record, VELOCITY, NO_RATE)
+    value = run.motion(run.x)[0]
+    moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
+    for k, values in enumerate(value.T):
+        steps += glide(linkage, values) + calm(linkage, values)
+        moments[k] = holding_moments(linkage)
+        record.sample(k)
+    seconds = time.perf_counter() - began
+    channels = record.curves() | drive_moments(model, linkage, record, moments)
+    return Curves(run.x, channels, missing, (value, 0 * value, 0 * value),
+                  float(record.gaps().max(initial=0.0)), seconds, steps,
+                  {"timestep": model.opt.timestep})
+
+
+def weigh(linkage: Linkage) -> None:
+    """Give the joints their armature and damping, and the drives their flywheels."""
+    model, data, dofs = linkage.model, linkage.data, linkage.dofs
+    rest = Resting(copy.copy(model), copy.copy(data), linkage.joints, linkage.freedoms())
+    rest.settle()
+    stiffness = rest.balance.stiffness
+    null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=DEPENDENT)
+    own = np.abs(np.diag(stiffness))
+    pace = PACE / model.opt.timestep
+    model.dof_armature += np.maximum(own, FAINT * own.max()) / pace**2
+    linkage.rows()
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    squares = scipy.linalg.eigvalsh(null.T @ stiffness @ null, null.T @ inertia @ null)
+    slowest = np.sqrt(np.abs(squares).min(initial=pace**2))
+    model.dof_damping += 2 * slowest * np.diag(inertia)
+    model.dof_armature[dofs] += FLYWHEEL * inertia.max()
+    model.dof_damping[dofs] = 0
+    pose = data.qpos.copy()
+    mujoco.mj_setConst(model, data)  # inertia changes how stiff the engine makes a constraint
+    data.qpos[:], data.qvel[:] = pose, 0
+
+
+def glide(linkage: Linkage, values: Array) -> int:
+    """Move the drives to their values at a constant speed; the number of steps."""
+    model, data = linkage.model, linkage.data
+    way = values - data.qpos[linkage.adr]
+    steps = int(np.ceil(GLIDE * (np.abs(way) / linkage.stride).max()))
+    if steps:
+        data.qvel[linkage.dofs] = way / (steps * model.opt.timestep)
+        mujoco.mj_step(model, data, steps)
+    return steps
+
+
+def calm(linkage: Linkage, values: Array) -> int:
+    """Step with the drives held until nothing moves; the number of steps."""
+    model, data = linkage.model, linkage.data
+    before = np.inf
+    for steps in range(BLOCK, MOST, BLOCK):
+        data.qpos[linkage.adr], data.qvel[linkage.dofs] = values, 0
+        mujoco.mj_step(model, data, BLOCK)
+        speed = np.abs(data.qvel).max()
+        lost = [w.name[7:].lower() for w in FATAL if data.warning[w].number]
+        if lost:
+            raise Diverged(f"MuJoCo warning {lost[0]}; lost at {linkage.spoken(values)}")
+        if max(speed, before) < STILL:
+            return steps
+        before = speed
+    joint = model.joint(model.dof_jntid[np.abs(data.qvel).argmax()]).name
+    raise Diverged(f"not at rest after {steps} steps at {linkage.spoken(values)}: joint {joint!r} "
+                   f"moves at {speed:.2g} (rad/s or m/s)")
+
+
+def holding_moments(linkage: Linkage) -> Array:
+    """What must act on the driven joints at rest, besides the engine's own constraints."""
+    data = linkage.data
+    mujoco.mj_forward(linkage.model, data)
+    forces = data.qfrc_bias - data.qfrc_passive - data.qfrc_constraint - data.qfrc_actuator
+    return forces[linkage.dofs]
