@@ -7,29 +7,13 @@ which quantity, how close, and why that close.  Unknown keys are errors.
 import tomllib
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from proofmass.errors import InputError
-
-Kind = Literal["sweep", "duration"]
-
-
-class Strict(BaseModel):
-    """A table of the sidecar: unknown keys are errors that list the known ones."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True,
-                              allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known(cls, table: Any) -> Any:
-        known = [f.alias or name for name, f in cls.model_fields.items()]
-        for key in table if isinstance(table, dict) else ():
-            if key not in known and key not in cls.model_fields:
-                raise ValueError(f"unknown key {key!r}; known: {', '.join(known)}")
-        return table
+from proofmass.strict import Kind, Strict
+from proofmass.view import Beside, View
 
 
 class DriveTable(Strict):
@@ -49,7 +33,7 @@ class DriveTable(Strict):
     period: float | None = Field(None, gt=0)
     law: str | tuple[str, str, str] | None = None
     until: float | None = Field(None, gt=0)
-    parameters: dict[str, float] = {}
+    parameters: dict[str, float] = Field({})
 
     @property
     def steady(self) -> bool:
@@ -152,12 +136,14 @@ class Case(Strict):
     model: str
     start: str = "start"
     reference: str
-    parameters: dict[str, float] = {}
+    parameters: dict[str, float | str] = Field({})
     drive: tuple[DriveTable, ...] = ()
     run: dict[Kind, RunTable] = Field(min_length=1)
-    settings: dict[str, dict[str, Any]] = {}
+    settings: dict[str, dict[str, Any]] = Field({})
     channels: dict[str, Channel] = Field(min_length=1)
     tolerance: tuple[Tolerance, ...] = ()
+    view: tuple[View, ...] = ()
+    beside: dict[str, Beside] = Field({})
 
     @property
     def name(self) -> str:
@@ -174,7 +160,7 @@ class Case(Strict):
         """The first drive; None for a free motion."""
         return self.drive[0] if self.drive else None
 
-    @field_validator("drive", mode="before")
+    @field_validator("drive", "view", mode="before")
     @classmethod
     def _several(cls, value: Any) -> Any:
         return (value,) if isinstance(value, dict) else value
@@ -211,6 +197,24 @@ class Case(Strict):
             for solver in run.solvers:
                 self._overlap(kind, solver)
         return self
+
+    @model_validator(mode="after")
+    def _drawable(self) -> "Case":
+        for view in self.view:
+            self.run_of(view)
+        if self.beside and not self.view:
+            raise ValueError("beside is drawn in views; give a [[view]]")
+        return self
+
+    def run_of(self, view: View) -> Kind:
+        """The run that a view shows: the one it names, else the first that records its channels."""
+        runs = self.run if view.run is None else [view.run]
+        names = [n for n in (view.x, *view.y) if n in self.channels]
+        for kind in (k for k in runs if k in self.run):
+            if all(self.channels[n].only in (None, kind) for n in names):
+                return kind
+        raise ValueError(f"view {view.title!r}: no run.{view.run or '*'} records its channels "
+                         f"{', '.join(names) or '(it names none)'}")
 
     def _overlap(self, kind: Kind, solver: str) -> None:
         for name, channel in self.channels.items():
@@ -256,7 +260,7 @@ def load_case(file: Path | str) -> Case:
         raise InputError(file, "", f"not TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        key = ".".join(str(part) for part in first["loc"] if part not in ("float", "str"))
         wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
         raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
     if not case.model_path.is_file():

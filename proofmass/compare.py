@@ -9,6 +9,7 @@ from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import evaluate, modes, module_of
+from proofmass.seen import check_views
 from sim.protocol import Array, Curves
 
 NAN = float("nan")
@@ -88,10 +89,11 @@ def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Compariso
     Raises
     ------
     InputError
-        The model is assembled in another mode than the sidecar says.
+        The model is assembled in another mode than the sidecar says; a view cannot be drawn.
     """
     truth = reference_for(case, curves)
     check_branch(case, curves, truth)
+    check_views(case, run, curves)
     slopes = sensitivities(case, curves)
     return [
         one(case, run, solver, name, curves, truth.channels[name], slopes)
@@ -147,13 +149,13 @@ def sensitivities(case: Case, curves: Curves, h: float = 1e-6) -> dict[str, dict
     """For each parameter, how much each channel's curve moves for a relative change of 1.
 
     Central differences of the closed form; empty for a recorded curve, which has no parameters.
-    Parameters that are zero, and the assembly mode, have no relative change.
+    Words, parameters that are zero, and the assembly mode have no relative change.
     """
     if isinstance(module_of(case), Recorded):
         return {}
     slopes = {}
     for key, value in case.parameters.items():
-        if key == "mode" or value == 0:
+        if isinstance(value, str) or key == "mode" or value == 0:
             continue
         try:
             up, down = (evaluate(case, curves.x, curves.drive, **{key: value * (1 + s * h)})
@@ -178,8 +180,8 @@ def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
             continue
         if misfit(case, curves, other) < 0.01:
             raise InputError(case.file, "start", f"key {case.start!r} assembles the model in mode "
-                             f"{mode:+d}, parameters.mode says {case.parameters['mode']:+.0f}; "
-                             f"change one of the two")
+                             f"{mode:+d}, parameters.mode says "
+                             f"{float(case.parameters['mode']):+.0f}; change one of the two")
 
 
 def misfit(case: Case, curves: Curves, truth: Curves) -> float:

@@ -97,30 +97,44 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     Curves
         One curve a channel, under the channel's name.
     """
+    known = quantities(case, x, state, {**case.parameters, **changed})
+    return Curves(x, channels(case, x, known))
+
+
+def quantities(case: Case, x: Array, state: State | None, parameters: dict[str, float | str],
+               key: str = "parameters") -> dict[str, Array]:
+    """All that the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
+
+    `x` and `state` are those of `evaluate`.
+    """
     truth = module_of(case)
-    if isinstance(truth, Recorded):
-        quantities = truth.columns
-        for name, channel in case.channels.items():
-            if isinstance(channel.equals, str):
-                column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
-    else:
-        quantities = call(case, truth, x, state, changed)
-    wanted = {}
+    if not isinstance(truth, Recorded):
+        return call(case, truth, x, state, parameters, key)
+    if parameters:
+        raise InputError(case.file, key, "the reference is a recorded curve, which has none")
+    return {name: values[: np.size(x)] for name, values in truth.columns.items()}
+
+
+def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
+    """What each channel must be, from the reference's quantities."""
+    truth, wanted = module_of(case), {}
     for name, channel in case.channels.items():
         if isinstance(channel.equals, float):
             wanted[name] = np.full(np.shape(x), channel.scale * channel.equals + channel.shift)
             continue
-        if channel.equals not in quantities:
+        if isinstance(truth, Recorded):
+            column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
+        elif channel.equals not in known:
             raise InputError(case.file, f"channels.{name}.equals", f"no quantity "
-                             f"{channel.equals!r}; there are: {', '.join(quantities)}")
-        value = np.broadcast_to(quantities[channel.equals], np.shape(x))
+                             f"{channel.equals!r}; there are: {', '.join(known)}")
+        value = np.broadcast_to(known[channel.equals], np.shape(x))
         wanted[name] = channel.scale * value + channel.shift
-    return Curves(x, wanted)
+    return wanted
 
 
 def call(case: Case, truth: ModuleType, x: Array, state: State | None,
-         changed: dict[str, float]) -> dict[str, Array]:
-    """``solve`` of a closed form, with its complaints turned into errors of the sidecar.
+         parameters: dict[str, float | str], key: str = "parameters") -> dict[str, Array]:
+    """``solve`` of a closed form, with its complaints turned into errors of the sidecar at `key`.
 
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
@@ -129,11 +143,10 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
              if p.kind is p.KEYWORD_ONLY]
     own = {"model": lambda: compiled(case), "start": lambda: case.start,
            "joints": lambda: tuple(d.joint for d in case.drive)}
-    parameters = {**case.parameters, **changed}
     there = [k for k in known if k not in own]
-    for key in parameters:
-        if key not in there:
-            raise InputError(case.file, f"parameters.{key}", f"analytic/{case.reference}.py has no "
+    for name in parameters:
+        if name not in there:
+            raise InputError(case.file, f"{key}.{name}", f"analytic/{case.reference}.py has no "
                              f"such parameter; known: {', '.join(there) or 'none'}")
     if state is None:
         args: tuple = (x,)
@@ -142,15 +155,16 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     try:
         return truth.solve(*args, **parameters, **{k: own[k]() for k in own if k in known})
     except (TypeError, ValueError) as error:
-        key = "parameters" if parameters else "drive" if case.drive else "model"
+        key = key if parameters else "drive" if case.drive else "model"
         raise InputError(case.file, key, str(error)) from None
 
 
-def facts(case: Case) -> dict[str, str]:
+def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
     tell = getattr(module_of(case), "facts", None)
+    parameters = case.parameters if beside is None else case.beside[beside].parameters
     try:
-        return tell(**case.parameters) if tell else {}
+        return tell(**parameters) if tell else {}
     except (TypeError, ValueError):  # the parameters are at fault, which the runs have said
         return {}
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import load
+from sim.mujoco_rest import linkage_of
 from sim.picture import Picture
 from sim.picture_scene import Scene
 from sim.protocol import Array, BadModel, Run, Unsupported
@@ -59,7 +59,7 @@ def follow(model: mujoco.MjModel, data: mujoco.MjData,
 
 def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[None]:
     """Put the model into each pose that the drives want."""
-    linkage, tangent = Linkage(model, data, tuple(d.joint for d in run.drives)), None
+    linkage, tangent = linkage_of(model, data, tuple(d.joint for d in run.drives)), None
     for values in run.motion(run.x)[0].T:
         tangent = linkage.move(values, tangent)
         yield

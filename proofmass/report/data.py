@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -151,6 +152,19 @@ def input_rows(view: Shown, names: list[str]) -> list[list[str]]:
     each = max(len(names) // max(len(view.case.drive), 1), 1)
     rows = [names[k::each] for k in range(each)] if len(names) > each else [names]
     return [row[k : k + 4] for row in rows for k in range(0, len(row), 4)]
+
+
+def ways(x: Array) -> list[tuple[slice, bool]]:
+    """The stretches of a curve on which x rises or falls, and whether it rises.
+
+    >>> ways(np.array([0.0, 1.0, 2.0, 2.0, 1.0]))
+    [(slice(0, 4, None), True), (slice(3, 5, None), False)]
+    """
+    steps = np.nan_to_num(np.diff(x))
+    moving = np.flatnonzero(np.abs(steps) > 1e-9 * np.nanmax(np.abs(steps), initial=0.0))
+    turns = moving[1:][np.diff(np.sign(steps[moving])) != 0]
+    edges = [0, *turns.tolist(), len(x) - 1]
+    return [(slice(a, b + 1), bool(x[b] >= x[a])) for a, b in pairwise(edges)]
 
 
 def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:

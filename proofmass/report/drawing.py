@@ -14,6 +14,8 @@ from proofmass.report.mechanism import mechanism, small
 from proofmass.report.paths import path, path_sheet, paths
 from proofmass.report.poses import distinct
 from proofmass.report.style import RC, Look
+from proofmass.report.view_sheet import view_sheet
+from proofmass.report.views import Viewed
 from proofmass.solve import plan
 from sim.picture import Picture
 from sim.picture_poses import picture
@@ -31,15 +33,16 @@ class Drawings:
     note: str = ""
 
 
-def drawn(case: Case, views: list[Shown], style: dict[str, Look], folder: Path,
+def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look], folder: Path,
           slug: str) -> Drawings:
     """Draw everything of a case and save it as ``folder/slug-….svg`` and ``.png``.
 
-    Names are ``mechanism``, ``thumbnail`` and, for each run with curves, ``RUN-overlay``,
-    ``RUN-paths``, ``RUN-difference``.
+    Names are ``mechanism``, ``thumbnail``, for each run with curves ``RUN-overlay``, ``RUN-paths``,
+    ``RUN-difference``, and ``view-1`` and so on.
     """
     shape, note = pictured(case)
-    return Drawings(isolated(draw, case, views, style, folder, slug, shape, timeout=SECONDS), note)
+    figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)
+    return Drawings(figures, note)
 
 
 def pictured(case: Case) -> tuple[Picture | None, str]:
@@ -52,26 +55,28 @@ def pictured(case: Case) -> tuple[Picture | None, str]:
         return None, str(error)
 
 
-def draw(case: Case, views: list[Shown], style: dict[str, Look], folder: Path, slug: str,
-         shape: Picture | None) -> dict[str, str]:
+def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look],
+         folder: Path, slug: str, shape: Picture | None) -> dict[str, str]:
     """What `drawn` does in the other process."""
-    found, views = {}, [v for v in views if v.curves]
+    found, runs = {}, [r for r in runs if r.curves]
     with rc_context(RC):
         if shape:
-            along = tracks(views, shape)
+            along = tracks(runs, shape)
             stem = folder / f"{slug}-mechanism"
             found["mechanism"] = save(mechanism(case, shape, along), stem)
             found["thumbnail"] = save(small(shape, along), stem.with_name(f"{slug}-thumbnail"),
                                       png=False)
-        elif views:
-            found["thumbnail"] = save(thumbnail(views[0], style), folder / f"{slug}-thumbnail",
+        elif runs:
+            found["thumbnail"] = save(thumbnail(runs[0], style), folder / f"{slug}-thumbnail",
                                       png=False)
-        for view in views:
-            for what in sheets(view, shape):
-                name = f"{view.kind}-{what}"
-                figure = (path_sheet(view, shape, style) if shape and what == "paths" else
-                          sheet(view, style, what))
+        for run in runs:
+            for what in sheets(run, shape):
+                name = f"{run.kind}-{what}"
+                figure = (path_sheet(run, shape, style) if shape and what == "paths" else
+                          sheet(run, style, what))
                 found[name] = save(figure, folder / f"{slug}-{name}")
+        for k, view in enumerate(views, 1):
+            found[f"view-{k}"] = save(view_sheet(view, style), folder / f"{slug}-view-{k}")
     return found
 
 

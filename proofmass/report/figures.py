@@ -1,6 +1,6 @@
 """The figures: the curves over each other, and their distance to the reference."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import BytesIO
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
 from PIL import Image
 
-from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin
+from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin, ways
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
 from proofmass.report.words import number, pretty
@@ -25,12 +25,17 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 300) -> None:
-    """One solver's curve; markers are staggered so that curves on each other all show."""
-    x, y = thin(x, np.where(np.isfinite(y), y, np.nan), limit)
-    every = max(len(x) // 7, 1)
-    ax.plot(x, y, color=look.colour, linestyle=look.dash, marker=look.marker,
-            markevery=(min(look.number * every // 6 + every // 4, len(x) - 1), every),
-            markerfacecolor="white", markeredgewidth=0.8, zorder=3 + look.number / 10)
+    """One solver's curve; markers are staggered so that curves on each other all show.
+
+    Where x falls, on the way back of a loop, they are filled.
+    """
+    for way, rises in ways(x):
+        part_x, part = thin(x[way], np.where(np.isfinite(y[way]), y[way], np.nan), limit)
+        every = max(len(part) // 7, 1)
+        ax.plot(part_x, part, color=look.colour, linestyle=look.dash, marker=look.marker,
+                markevery=(min(look.number * every // 6 + every // 4, len(part) - 1), every),
+                markerfacecolor="white" if rises else look.colour, markeredgewidth=0.8,
+                zorder=3 + look.number / 10)
 
 
 def every(points: Array, limit: int) -> Array:
@@ -66,21 +71,22 @@ def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
                 ha="right", va="top", fontsize=6.5, color="#8a1c1c", zorder=9, bbox=PAPER)
 
 
-def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> None:
+def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look],
+            others: Iterable[Array] = ()) -> None:
     """A channel: the reference thick and pale, the solvers thin on top of it."""
     unit, scale = readable(view.case.channels[channel].unit)
     lines = {s: c.channels[channel] * scale for s, c in view.curves.items()
              if channel in c.channels}
-    panel(ax, view, channel, view.longest.channels[channel] * scale, lines, style, unit)
+    panel(ax, view, channel, view.longest.channels[channel] * scale, lines, style, unit, others)
 
 
 def panel(ax: Axes, view: Shown, title: str, truth: Array, lines: dict[str, Array],
-          style: Mapping[str, Look], unit: str) -> None:
-    """A panel of an overlay; `truth` is on the longest x of the run's solvers."""
+          style: Mapping[str, Look], unit: str, others: Iterable[Array] = ()) -> None:
+    """A panel of an overlay with room for `others`; `truth` is on the longest x of its solvers."""
     ax.plot(*thin(view.longest.x * view.x_scale, truth, 300), **REFERENCE)
     for solver, y in lines.items():
         draw(ax, view.curves[solver].x * view.x_scale, y, style[solver])
-    limits(ax, truth, lines)
+    limits(ax, np.concatenate([truth, *others]), lines)
     ends(ax, view, style)
     ax.set_title(title)
     ax.set_ylabel(f"[{pretty(unit)}]")
@@ -112,10 +118,10 @@ def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -
     levels += [level / 4 for level in allowed]  # the level line itself must be inside the panel
     if levels:
         decades(ax, min(levels), 8 * max([*tops, *allowed]))
+        name_tolerances(ax, allowed, style)
     else:
         ax.set_yticks([])
         ax.text(0.5, 0.5, "no solver delivers it", transform=ax.transAxes, ha="center")
-    name_tolerances(ax, allowed, style)
     ends(ax, view, style)
     ax.set_title(channel)
     ax.set_ylabel(f"|difference| [{pretty(unit)}]")

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from proofmass.case import Case
+from proofmass.reference import compiled
 from proofmass.report.data import joint_type
 from proofmass.report.labels import Label, place
 from proofmass.report.poses import clearest
@@ -17,12 +18,15 @@ from proofmass.report.words import number
 from sim.picture import Picture
 from sim.protocol import Array
 
-INK, SOFT, BODY, TRACK = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0"
+INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"
 WIDE, HIGH = 430.0, 300.0  # [pt] room for the drawing itself
 MARGIN = 46.0  # [pt] left and below it, for the axes' names
 COLOURS = {"joint": INK, "link": BODY, "path": TRACK}
 SIGNS = {"hinge": "o", "slide": "s", "pin": "o"}
 WORDS = {"hinge": "hinge", "slide": "slide, dashed: its guide", "pin": "loop (connect)"}
+TURN = np.linspace(0.0, 5 * np.pi, 60)
+FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] where a pivot stands on the ground
+SPIRAL = (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)  # [pt]
 Tracks = Mapping[str, Array]
 
 
@@ -67,7 +71,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     """
     scale = scale_for(picture, tracks, WIDE, HIGH, 34.0)
     wide, high = (scale.high - scale.low) * scale.points
-    lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 6 + len(tracks)
+    lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 7 + len(tracks)
     full = max(high, 12.5 * lines)
     size = np.array([MARGIN + wide + 210, MARGIN + full])
     figure = Figure(figsize=tuple(size / 72))
@@ -80,8 +84,12 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     for path in tracks.values():
         ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
     poses(ax, picture, main, scale)
-    names(ax, picture, main, tracks, scale)
-    legend(figure, case, picture, main, tracks, (MARGIN + wide + 12) / size[0])
+    coils = [mark.at[main] + SPIRAL / scale.points for mark in picture.marks
+             if mark.kind == "hinge" and mark.name in sprung(case)]
+    for coil in coils:
+        ax.plot(*coil.T, color=COIL, linewidth=1.0, zorder=7)
+    names(ax, picture, main, tracks, coils, scale)
+    legend(figure, case, picture, main, tracks, bool(coils), (MARGIN + wide + 12) / size[0])
     return figure
 
 
@@ -174,13 +182,22 @@ def hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
     ax.plot(*strokes.reshape(-1, 2).T, color=SOFT, linewidth=0.7 * size, zorder=2.6)
 
 
-def names(ax: Axes, picture: Picture, main: int, tracks: Tracks, scale: Scale) -> None:
+def sprung(case: Case) -> set[str]:
+    """Joints with a spring of their own."""
+    model = compiled(case)
+    curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
+    return {model.joint(j).name for j in np.flatnonzero((model.jnt_stiffness != 0) | curved)}
+
+
+def names(ax: Axes, picture: Picture, main: int, tracks: Tracks, coils: list[Array],
+          scale: Scale) -> None:
     """Names of joints, loops, links and paths, each once, on the clearest pose."""
     labels = joint_labels(picture, main, scale) + link_labels(picture, main, scale)
     for name, path in tracks.items():
         there = scale.on_paper(path[np.isfinite(path).all(axis=1)])
         labels.append(Label(name, there[:: max(len(there) // 12, 1)], 7.5, "path"))
-    points, weights = in_sight(picture, main, tracks, scale)
+    feet = [m.at[main] + FOOT / scale.points for m in picture.marks if m.ground]
+    points, weights = in_sight(picture, main, [*tracks.values(), *coils, *feet], scale)
     box = np.stack([np.zeros(2), scale.on_paper(scale.high)])
     for label, middle in zip(labels, place(labels, points, weights, box), strict=True):
         x, y = middle / scale.points + scale.low
@@ -217,7 +234,8 @@ def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
     return found
 
 
-def in_sight(picture: Picture, main: int, tracks: Tracks, scale: Scale) -> tuple[Array, Array]:
+def in_sight(picture: Picture, main: int, lines: list[Array],
+             scale: Scale) -> tuple[Array, Array]:
     """Points (n, 2) of the paper that names should not hide, and how much each matters."""
     points, weights = [scale.on_paper(m.at[main : main + 1]) for m in picture.marks], []
     weights += [np.full(1, 8.0)] * len(points)
@@ -227,14 +245,14 @@ def in_sight(picture: Picture, main: int, tracks: Tracks, scale: Scale) -> tuple
                 count = int(np.linalg.norm(two - one) / 4) + 1
                 points.append(one + np.linspace(0, 1, count)[:, None] * (two - one))
                 weights.append(np.full(count, 1.0 if k == main else 0.08))
-    for path in tracks.values():
+    for path in lines:
         points.append(scale.on_paper(path[np.isfinite(path).all(axis=1)]))
         weights.append(np.full(len(points[-1]), 0.1))
     return np.concatenate(points), np.concatenate(weights)
 
 
 def legend(figure: Figure, case: Case, picture: Picture, main: int, tracks: Tracks,
-           left: float) -> None:
+           coiled: bool, left: float) -> None:
     """The poses with their inputs, and what the signs mean."""
     rows: list[Any] = [Line2D([], [], color=INK if k == main else shade(picture, k),
                    linewidth=2.2 if k == main else 1.3, label=spoken(case, picture, k)
@@ -246,6 +264,8 @@ def legend(figure: Figure, case: Case, picture: Picture, main: int, tracks: Trac
     rows += [(line, dot) if k == "pin" else line for k, line in zip(kinds, signs, strict=True)]
     if any(m.driven for m in picture.marks):
         rows.append(Line2D([], [], linestyle="", marker="o", color=INK, label="filled: driven"))
+    if coiled:
+        rows.append(Line2D([], [], color=COIL, linewidth=1.0, label="spiral: torsion spring"))
     rows.append(Line2D([], [], color=SOFT, linewidth=1.2, label="hatched: ground"))
     rows += [Line2D([], [], color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)),
                     label=f"path of {name}") for name in tracks]

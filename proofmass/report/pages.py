@@ -25,6 +25,7 @@ from proofmass.report.drawing import SHEETS, Drawings, drawn
 from proofmass.report.families import families
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
+from proofmass.report.views import Viewed, all_viewed, caption
 from proofmass.report.words import LOST, SYMBOLS, from_model, headline, number, spoken
 
 PACKAGES = ("proofmass", "mujoco", "pymunk", "numpy", "scipy")
@@ -64,14 +65,17 @@ def write_report(result: Result, folder: Path | str,
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         views = {case.name: [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
                  for case in result.cases}
-        futures = [pool.submit(drawn, case, views[case.name], style, folder / "figures",
-                               slug(case.name)) for case in result.cases]
+        own_views = {case.name: all_viewed(case, views[case.name]) for case in result.cases}
+        futures = [pool.submit(drawn, case, views[case.name], own_views[case.name], style,
+                               folder / "figures", slug(case.name)) for case in result.cases]
         for k, (case, future) in enumerate(zip(result.cases, futures, strict=True)):
             drawings, faults = future.result(), faults_of(case, result)
             cards.append(card(case, views[case.name], drawings, faults))
             page = env.get_template("case.html").render(
                 case=case, card=cards[-1], style=style, about=facts, faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
+                seen=[seen(case, k, v, drawings) for k, v in enumerate(own_views[case.name], 1)],
+                beside=tables.side_by_side(case) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
                 own_numbers=from_model(case), freedoms=freedoms(case), knowledge=known(case),
                 laws=any(tables.law(case, name) for name in case.channels),
@@ -154,6 +158,15 @@ def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
     stem = f"{slug(case.name)}-mechanism"
     label = f"{case.name}: the mechanism at several poses, its joints and links by name"
     return {"svg": Markup(inline(drawings.figures["mechanism"], stem, label)), "stem": stem}
+
+
+def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]:
+    """Number k of a case's views for its page."""
+    stem = f"{slug(case.name)}-view-{k}"
+    text = caption(view)
+    label = f"{case.name}, {view.view.title}, over {view.over.x_name}: {text}"
+    return {"svg": Markup(inline(drawings.figures[f"view-{k}"], stem, label)), "stem": stem,
+            "caption": text}
 
 
 def part(view: Shown, drawings: Drawings) -> dict[str, Any]:

@@ -24,7 +24,10 @@ def distinct(picture: Picture, count: int = 6) -> Picture:
     after = apart[last + 1 : last + 1 + n // 10, 0]  # back at the first pose soon after the last?
     closed = bool(after.size and after.min() <= SAME)
     end = last + 1 + int(after.argmin()) if closed else last
-    spread = np.linspace(0, end, count + closed)[:count].round().astype(int)
+    way = np.cumsum(np.abs(np.diff(picture.inputs, prepend=picture.inputs[:, :1])).sum(axis=0))
+    way = way if way[end] else np.arange(len(picture.x))  # a free motion: evenly in time
+    wanted = np.linspace(0, way[end], count + closed)[:count]
+    spread = np.abs(way[: end + 1, None] - wanted).argmin(axis=0)
     chosen: list[int] = []
     for k in spread.tolist():
         if all(apart[k, j] > SAME for j in chosen):

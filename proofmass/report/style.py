@@ -34,7 +34,8 @@ KNOWN = {
     "mujoco:default": Look("#56B4E9", (0, (1.2, 1.2)), "^", 2),
     "pymunk:default": Look("#E69F00", (0, (5, 1.5, 1, 1.5)), "v", 3),
     "mujoco:fine": Look("#009E73", (0, (8, 2)), "D", 4),
-    "pymunk:fine": Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 5),
+    "mujoco:settled": Look("#882255", (0, (2, 1)), "d", 5),
+    "pymunk:fine": Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
 }
 SPARE = [(c, d, m) for m, (d, c) in zip(
     "Xp*h<>Xp*h<>", product([(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],

@@ -11,6 +11,7 @@ SIZE = re.compile(r'<svg [^>]*?viewBox="([^"]*)"[^>]*>')
 USED = re.compile(r'(?:href="|url\()#([\w.-]+)')
 ID = re.compile(r' id="([^"]*)"')
 STYLE = re.compile(r' style="([^"]*)"')
+TAG = re.compile(r"<[^>]*>")
 LONG = re.compile(r"(-?\d+\.\d\d)\d+")
 POLYLINE = re.compile(r' d="(M[^"QCz]*)"')
 STEP = re.compile(r"([ML]) (-?[\d.e+-]+) (-?[\d.e+-]+)")
@@ -34,7 +35,8 @@ def compact(text: str) -> str:
     used = {name: f"i{k}" for k, name in enumerate(dict.fromkeys(USED.findall(text)))}
     text = ID.sub(lambda m: f' id="{used[m[1]]}"' if m[1] in used else "", text)
     text = USED.sub(lambda m: m[0].replace("#" + m[1], f"#{used[m[1]]}"), text)
-    text = re.sub(r"\n\s*", "\n", LONG.sub(r"\1", text))
+    text = TAG.sub(lambda m: LONG.sub(r"\1", m[0]), text)
+    text = re.sub(r"\n\s*", "\n", text)
     return classes(ungrouped(text)).strip()
 
 

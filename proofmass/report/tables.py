@@ -8,6 +8,7 @@ import numpy as np
 
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison
+from proofmass.reference import facts
 from proofmass.report.data import Shown
 from proofmass.report.words import LOST, SYMBOLS, listed, number, pretty
 
@@ -79,7 +80,8 @@ def unnoticed(case: Case, rows: list[Comparison]) -> list[str]:
     """Parameters that no checked channel depends on, not even on a change of 100 %."""
     seen = {p for c in rows if c.outcome in ("agrees", "differs")
             for p, change in c.would_notice.items() if change < 1}
-    return [p for p in case.parameters if p != "mode" and p not in seen]
+    return [p for p, value in case.parameters.items()
+            if p != "mode" and p not in seen and not isinstance(value, str)]
 
 
 def extrema(view: Shown) -> list[Group]:
@@ -104,6 +106,18 @@ def extrema(view: Shown) -> list[Group]:
             rows.append(Row(solver, "", "", "", tuple(cells)))
         groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
     return groups
+
+
+def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
+    """The case and the parameter sets beside it: heads, then rows of facts and of parameters."""
+    heads = [case.name, *case.beside]
+    told = [facts(case), *(facts(case, name) for name in case.beside)]
+    given = [{key: value if isinstance(value, str) else number(value, 6)
+              for key, value in parameters.items()}
+             for parameters in (case.parameters, *(b.parameters for b in case.beside.values()))]
+    return heads, [[[key, *(one.get(key, "—") for one in sets)]
+                    for key in dict.fromkeys(key for one in sets for key in one)]
+                   for sets in (told, given)]
 
 
 def ends(y: np.ndarray) -> tuple[int, int]:

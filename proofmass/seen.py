@@ -1,0 +1,126 @@
+"""What a view shows of the reference: its curves by name, their units, and places worth a mark."""
+
+from dataclasses import dataclass
+
+import mujoco
+
+from proofmass.case import Case
+from proofmass.errors import InputError
+from proofmass.recorded import Recorded
+from proofmass.reference import channels, compiled, module_of, quantities
+from proofmass.view import View
+from sim.protocol import Array, Curves
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Values (n,) and units of all that a view names, and where on x something happens."""
+
+    values: dict[str, Array]
+    units: dict[str, str]
+    marks: dict[str, float]
+
+
+def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> Seen:
+    """The reference in a view, at the state that the drives really had in a run.
+
+    Parameters
+    ----------
+    case, view
+        Which view of which case.
+    curves : Curves
+        Of a solver; only its x and its drives are used.
+    beside : str, optional
+        A parameter set of the case to take instead of its own.
+
+    Returns
+    -------
+    Seen
+
+    Raises
+    ------
+    InputError
+        A name that is no channel, no driven joint and no quantity of the reference; a unit that
+        nobody tells; parameters of which the reference says that they cannot be.
+    """
+    recorded = isinstance(module_of(case), Recorded)
+    state = None if recorded else curves.drive
+    parameters, key = case.parameters, "parameters"
+    if beside is not None:
+        parameters, key = case.beside[beside].parameters, f"beside.{beside!r}.parameters"
+    known = quantities(case, curves.x, state, parameters, key)
+    moved = {d.joint: curves.drive[0][k] for k, d in enumerate(case.drive) if curves.drive}
+    there = {**known, **moved, **channels(case, curves.x, known)}
+    values, units = {}, {}
+    for key, names in named(view).items():
+        for name in names:
+            if name not in there:
+                raise InputError(case.file, place(case, view, key), f"nothing is called {name!r}; "
+                                 f"there are channels, driven joints and quantities: "
+                                 f"{', '.join(there)}")
+            values[name], units[name] = there[name], unit(case, view, key, name)
+    return Seen(values, units, marks(case, view))
+
+
+def named(view: View) -> dict[str, tuple[str, ...]]:
+    """The names that a view uses, key by key."""
+    return {"x": (view.x,), "y": view.y, "stack": view.stack,
+            "dashed": (view.dashed,) if view.dashed is not None else ()}
+
+
+def place(case: Case, view: View, key: str) -> str:
+    """Where a key of a view stands in the sidecar."""
+    return f"view.{case.view.index(view)}.{key}"
+
+
+def unit(case: Case, view: View, key: str, name: str) -> str:
+    """Unit of a name: its channel's, its joint's, that of a channel which equals it, or as told.
+
+    What is `dashed` is else in the unit of what it is held against.
+    """
+    truth, given = module_of(case), "x_unit" if key == "x" else "unit"
+    if name in case.channels:
+        return case.channels[name].unit
+    if name in [d.joint for d in case.drive]:
+        slides = compiled(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
+        return "m" if slides else "rad"
+    if isinstance(truth, Recorded):
+        return truth.units[name]
+    told = next((c.unit for c in case.channels.values() if c.equals == name), getattr(view, given))
+    if told is None and key == "dashed":
+        return unit(case, view, "y", view.y[0])
+    if told is None:
+        raise InputError(case.file, place(case, view, given), f"missing: no channel equals {name!r}"
+                         f", so its unit must be told, such as {given} = \"N m\"")
+    return told
+
+
+def marks(case: Case, view: View) -> dict[str, float]:
+    """Places on x by what happens there, told by the sidecar or by the reference's module."""
+    if not isinstance(view.marks, str):
+        return dict(view.marks)
+    key = place(case, view, "marks")
+    tell = getattr(module_of(case), view.marks, None)
+    if not callable(tell):
+        raise InputError(case.file, key, f"analytic/{case.reference}.py has no function "
+                         f"{view.marks!r}")
+    if case.leader is None or view.x != case.leader.joint:
+        raise InputError(case.file, key, f"{view.marks}() tells places of the first drive, so x "
+                         f"must be that joint, not {view.x!r}")
+    try:
+        return {word: float(x) for word, x in tell(**case.parameters).items()}
+    except (TypeError, ValueError) as error:
+        raise InputError(case.file, key, str(error)) from None
+
+
+def check_views(case: Case, run: str, curves: Curves) -> None:
+    """Raise InputError if a view of that run cannot be drawn."""
+    for view in case.view:
+        if case.run_of(view) == run:
+            for beside in (None, *case.beside):
+                found = seen(case, view, curves, beside)
+            both = {found.units[n] for n in (*view.y, *view.stack, view.dashed) if n}
+            if len(both) > 1 and (view.stack or view.dashed):
+                key = "stack" if view.stack else "dashed"
+                raise InputError(case.file, place(case, view, key), f"one axis, but units "
+                                 f"{', '.join(sorted(both))}")

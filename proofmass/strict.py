@@ -1,0 +1,23 @@
+"""What every table of a sidecar has in common."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, model_validator
+
+Kind = Literal["sweep", "duration"]
+
+
+class Strict(BaseModel):
+    """A table of the sidecar: unknown keys are errors that list the known ones."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True,
+                              allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, table: Any) -> Any:
+        known = [f.alias or name for name, f in cls.model_fields.items()]
+        for key in table if isinstance(table, dict) else ():
+            if key not in known and key not in cls.model_fields:
+                raise ValueError(f"unknown key {key!r}; known: {', '.join(known)}")
+        return table

@@ -1,0 +1,50 @@
+"""Views: curves over something else than the run's own x, such as a moment over an angle.
+
+The x of a run must rise; what is swept up and back runs over time, and its loop is a view.
+"""
+
+from typing import Any
+
+from pydantic import Field, field_validator, model_validator
+
+from proofmass.strict import Kind, Strict
+
+
+class View(Strict):
+    """``[[view]]``: a figure of the report.
+
+    Names are channels, driven joints, or quantities of the reference.  `y` is drawn as the
+    reference and every solver, a panel each; `stack` piles up quantities of the reference and draws
+    their sum as a line.  `dashed` is held beside `y`, a target for one.  `marks` are places on x by
+    what happens there, or a function of the reference's module that tells them of its parameters.
+    `unit` and `x_unit` are those of names that no channel knows.
+    """
+
+    title: str = Field(min_length=1)
+    x: str
+    y: tuple[str, ...] = ()
+    stack: tuple[str, ...] = ()
+    dashed: str | None = None
+    marks: str | dict[str, float] = Field({})
+    unit: str | None = None
+    x_unit: str | None = None
+    run: Kind | None = None
+
+    @field_validator("y", "stack", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "View":
+        if bool(self.y) == bool(self.stack):
+            raise ValueError("give either y or stack")
+        if self.dashed is not None and len(self.y) != 1:
+            raise ValueError("dashed goes with one y")
+        return self
+
+
+class Beside(Strict):
+    """``[beside.NAME]``: another parameter set of the same reference, drawn thin in every view."""
+
+    parameters: dict[str, float | str]
