@@ -67,7 +67,7 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
         teller = leader if drive.law is None else drive
         function = getattr(truth, str(teller.law), None)
         if function is None:
-            raise InputError(case.file, "drive.law", f"analytic/{case.reference}.py has no "
+            raise InputError(case.file, "drive.law", f"analytic.{case.reference} has no "
                              f"function {teller.law!r}")
         return Law(function, dict(teller.parameters), k if shared else None)
     if k:
@@ -146,7 +146,7 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     there = [k for k in known if k not in own]
     for name in parameters:
         if name not in there:
-            raise InputError(case.file, f"{key}.{name}", f"analytic/{case.reference}.py has no "
+            raise InputError(case.file, f"{key}.{name}", f"analytic.{case.reference} has no "
                              f"such parameter; known: {', '.join(there) or 'none'}")
     if state is None:
         args: tuple = (x,)

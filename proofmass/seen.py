@@ -102,7 +102,7 @@ def marks(case: Case, view: View) -> dict[str, float]:
     key = place(case, view, "marks")
     tell = getattr(module_of(case), view.marks, None)
     if not callable(tell):
-        raise InputError(case.file, key, f"analytic/{case.reference}.py has no function "
+        raise InputError(case.file, key, f"analytic.{case.reference} has no function "
                          f"{view.marks!r}")
     if case.leader is None or view.x != case.leader.joint:
         raise InputError(case.file, key, f"{view.marks}() tells places of the first drive, so x "
