@@ -2,23 +2,26 @@
 
 With all velocity taken out in every step, a step of Chipmunk is one Newton step of the holds in
 the metric of the masses, so a linkage without free coordinates rests after a few of them.  Free
-coordinates (springs, hanging bodies) sink to rest under critical damping.
+coordinates (springs, hanging bodies) go down the slope of the energy, by the step's square over
+their mass: `sim.pymunk_rest.stride` chooses steps after which they rest as soon.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pymunk
 from pymunk import batch
 
-from sim.protocol import Array, Diverged
-from sim.pymunk_close import close
+from sim.protocol import Array, BadModel, Diverged
+from sim.pymunk_close import close, named
 from sim.pymunk_drive import Motor, add_drives, aim
 from sim.pymunk_links import Links
+from sim.pymunk_modes import free_directions
 from sim.pymunk_patience import enough
-from sim.pymunk_pose import along, gaps, jacobian, potential, values
-from sim.pymunk_rest import free_directions, pace
+from sim.pymunk_pose import along, bound, gaps, jacobian, potential, values
+from sim.pymunk_rest import rest, stride
 from sim.pymunk_space import FIELDS, Settings, build, put, taken
+from sim.pymunk_stops import Stops, ease, find_stops, way_back
 
 FAR = 3.0
 """Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
@@ -27,8 +30,8 @@ STILL = 1e-12
 ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch."""
 DOUBT = 12
-"""Steps after which it is asked whether the loops can be closed at all."""
-MOST = {True: 20000, False: 200}
+"""Steps after which it is asked whether the loops can be closed at all, and where it rests."""
+MOST = {True: 1000, False: 200}
 """Steps after which a pose that still moves is given up, with and without free coordinates."""
 LEFT = 1e-3
 """Share of an error that a more patient solver may leave in a step."""
@@ -36,46 +39,59 @@ PATIENT = 10**6
 """Iterations that it may have."""
 ROUNDING = 1e-16
 """What an iteration adds to the move in a step, in extents."""
+AGREED = 1e-6
+"""Share by which a step may differ from its repetition: stops and steps of all lengths ask more of
+the solver than it does at once."""
+AGAIN = 100
+"""Times a step is repeated at most."""
 
 
 @dataclass
 class Held:
     """A space whose drives are held: the state of a sweep between its samples.
 
-    ``usual`` and ``most`` are iterations of the solver in a step: at first, and used so far;
-    ``keep`` is the share of velocity that free coordinates keep; ``past`` are the drives' values
-    and the pose of the rest before this one.
+    ``velocity`` is what the last step gave to the pose, which stood still; ``calm`` is the step [s]
+    for a pose without free coordinates; ``usual`` and ``most`` are iterations of the solver in a
+    step: at first, and used so far; ``past`` are the drives' values and the pose of the rest before
+    this one.
     """
 
     links: Links
     space: pymunk.Space
     drives: list[Motor]
-    dt: float
+    stops: Stops
+    calm: float
     free: bool
     pose: Array
-    velocity: Array
     usual: int
+    dt: float = 0.0
+    velocity: Array = field(default_factory=lambda: np.zeros(1))
     most: int = 0
-    keep: float = 0.0
     past: tuple[Array, Array] | None = None
 
-    def step(self, target: Array) -> None:
-        """One engine step with the drives aimed at their values; keeps the state it leaves.
+    @property
+    def rounding(self) -> float:
+        """What the solver's iterations add to the move in a step, in extents."""
+        return ROUNDING * self.space.iterations
 
-        The bodies move on with their velocity and `keep` a share of it.  Chipmunk's own damping
-        would not do: it acts after the springs' impulses and weakens them.
+    def step(self, target: Array) -> None:
+        """One engine step from rest with the drives aimed at their values: finds the velocity.
+
+        With free coordinates it is repeated until the solver, which goes on from its last impulses,
+        agrees with itself.
         """
         aim(self.drives, target.tolist())
-        kept = self.keep * self.velocity
-        put(self.space, self.pose + self.dt * (self.velocity - kept), kept)
-        self.space.step(self.dt)
-        buffer = batch.Buffer()
-        batch.get_space_bodies(self.space, FIELDS, buffer)
-        (self.pose,), (self.velocity,) = taken(buffer, self.links)
-
-    def stop(self) -> None:
-        """Take all velocity out without moving."""
-        self.velocity = np.zeros_like(self.velocity)
+        ease(self.stops, self.pose, self.dt)
+        noise = self.rounding * self.links.extent / self.dt
+        for _ in range(AGAIN if self.free else 1):
+            last = self.velocity
+            put(self.space, self.pose, np.zeros_like(self.pose))
+            self.space.step(self.dt)
+            buffer = batch.Buffer()
+            batch.get_space_bodies(self.space, FIELDS, buffer)
+            _, (self.velocity,) = taken(buffer, self.links)
+            if np.abs(self.velocity - last).max() <= AGREED * np.abs(self.velocity).max() + noise:
+                break
 
     def settle(self, target: Array, still: float = STILL) -> None:
         """Step until nothing moves and the drives have their values.
@@ -83,28 +99,30 @@ class Held:
         Raises
         ------
         BadModel
-            The loops cannot be closed there.
+            The loops cannot be closed there, or stops are in the way.
         Diverged
             They can, but Chipmunk does not come to rest.
         """
-        rest = values(self.links.drives, self.pose), self.pose
+        last = values(self.links.drives, self.pose), self.pose
         self.ahead(target)
         calm, began = 0, self.pose
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
-            if self.free and count % 200 == 0:
-                self.dt, self.keep = pace(self.links, self.pose)
-            if count == DOUBT:
+            if count % DOUBT == 0 < count and (self.free or count == DOUBT):
                 self._doubt(began, target)
+            self.dt = stride(self.links, self.pose, self.calm) if self.free else self.calm
             self.step(target)
+            self.pose = self.pose + self.dt * self.velocity
             moved = np.abs(self.velocity).max() * self.dt / self.links.extent
             if not np.isfinite(moved):
                 break
-            calm = calm + 1 if moved < max(still, ROUNDING * self.space.iterations) else 0
+            calm = calm + 1 if moved < max(still, self.rounding) else 0
             if calm > 2:
-                self.most, self.past = max(self.most, self.space.iterations), rest
+                self._free_of_stops(target)
+                self.most, self.past = max(self.most, self.space.iterations), last
                 return
         close(self.links, began, target)
+        self._free_of_stops(target)
         gap = gaps(self.links, self.pose).max()
         raise Diverged(f"drives at {np.round(target, 4).tolist()}: not at rest after {count + 1} "
                        f"steps, loops open by {gap:.3g} m")
@@ -114,7 +132,7 @@ class Held:
 
         Nearer to the next rest, and on the smooth branch where two of them cross.
         """
-        if self.past is None or self.free:
+        if self.past is None:
             return
         here = values(self.links.drives, self.pose)
         before, way = here - self.past[0], target - here
@@ -124,13 +142,26 @@ class Held:
             self.pose = self.pose + share * (self.pose - self.past[1])
 
     def _doubt(self, began: Array, target: Array) -> None:
-        """Ask whether the loops can be closed; if so, begin there, with a more patient solver."""
-        there = close(self.links, began, target)
-        if not self.free:
-            needed = enough(self.links, there[None], LEFT)
+        """Ask whether the loops can be closed; if so, begin there, with a more patient solver.
+
+        Free coordinates begin where they are at rest by the energy.
+        """
+        if self.free:
+            there = close(self.links, self.pose, target)
+            self.pose = rest(self.links, there, target, self.calm)
+        else:
+            self.pose = close(self.links, began, target)
+            needed = enough(self.links, self.pose[None], LEFT)
             self.space.iterations = min(max(self.usual, needed), PATIENT)
-            self.pose = there
-            self.stop()
+
+    def _free_of_stops(self, target: Array) -> None:
+        """Raise `BadModel` if joints on their stops keep loops open or drives from their values."""
+        off = max(gaps(self.links, self.pose).max(),
+                  np.abs(values(self.links.drives, self.pose) - target).max())
+        names = [f"'{joint.name}'" for joint, _ in self.stops if way_back(joint, self.pose)]
+        if names and off > ROUGH * self.links.extent:
+            raise BadModel(f"joint {', '.join(names)} is on its stop before "
+                           f"{named(self.links, target)}")
 
     def efforts(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
@@ -139,22 +170,17 @@ class Held:
         a step: the joint falls the way that the drive held it back from.
         """
         here = values(self.links.drives, self.pose)
-        self.stop()
         self.step(here)
         size = np.array([drive.impulse for drive in self.drives]) / self.dt
         return -size * np.sign([self._fall(k, here)[k] for k in range(len(size))])
 
     def _fall(self, k: int, here: Array) -> Array:
         """Rates of the driven joints after a step without the k-th drive."""
-        self.stop()
         self.step(here)
-        self.stop()
         self.drives[k].max_force = 0.0
         self.step(here)
         self.drives[k].max_force = float("inf")
-        falls = along(lambda p: values(self.links.drives, p), self.pose, self.velocity)
-        self.stop()
-        return falls
+        return along(lambda p: values(self.links.drives, p), self.pose, self.velocity)
 
     def rates(self, rate: Array) -> Array:
         """The engine's velocities (links + 1, 3) for rates of the drives, in a pose at rest."""
@@ -164,26 +190,33 @@ class Held:
         ahead = values(self.links.drives, self.pose) + self.dt * rate / size
         for _ in range(MOST[False]):
             last = self.velocity
-            self.stop()
             self.step(ahead)
             if np.abs(self.velocity - last).max() < STILL * np.abs(self.velocity).max():
                 break
-        velocity = self.velocity
-        self.stop()
-        return size * velocity
+        return size * self.velocity
 
 
 def hold(links: Links, target: Array, settings: Settings) -> Held:
-    """The space with its drives at their first values."""
-    pose = close(links, links.pose, target)
+    """The space with its drives at their first values.
+
+    With free coordinates it is still in the start pose: they are to follow the drives at rest.
+    """
     space = build(links, settings["iterations"], settings["error_bias"])
-    free = free_directions(links, pose).shape[1] > 0
-    return Held(links, space, add_drives(space, links), _calm(links, pose), free, pose,
-                np.zeros_like(pose), settings["iterations"])
+    pose = close(links, links.pose, values(links.drives, links.pose))
+    free = len(free_directions(links, jacobian(lambda p: bound(links, p), pose))) > 0
+    pose = pose if free else close(links, links.pose, target)
+    return Held(links, space, add_drives(space, links), find_stops(links, space),
+                _calm(links, pose), free, pose, settings["iterations"])
 
 
 def _calm(links: Links, pose: Array) -> float:
-    """The step [s] in which the loads' rounding and a gap of rounding size make equal noise."""
-    force = jacobian(lambda p: potential(links, p), pose).reshape(-1, 3)
-    pull = np.abs(force / np.column_stack([links.mass, links.mass, links.moment / links.extent]))
+    """The step [s] in which the loads' rounding and a gap of rounding size make equal noise.
+
+    Springs count as if wound by a radian or an extent: they may be slack where the sweep begins.
+    """
+    wound = [abs(joint.stiffness[0]) * (links.extent if joint.hold.axis is not None else 1.0)
+             for joint in links.joints]
+    force = (np.abs(jacobian(lambda p: values(links.joints, p), pose)).T @ wound
+             + np.abs(jacobian(lambda p: potential(links, p), pose))).reshape(-1, 3)
+    pull = force / np.column_stack([links.mass, links.mass, links.moment / links.extent])
     return float(np.sqrt(links.extent / pull.max())) if pull.any() else 1.0

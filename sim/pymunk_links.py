@@ -10,6 +10,10 @@ from sim.protocol import Array, BadModel
 from sim.pymunk_inertia import inertias
 from sim.pymunk_refuse import OFF, off, refuse, refuse_gravity
 
+HAIR = 1e-12
+"""How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
+stops hold a joint only beyond them, and let one fall in anew that they put back to the last digit.
+"""
 OPEN = 0.05
 """Largest gap of a loop in the start pose, as a share of the mechanism's extent."""
 
@@ -33,7 +37,9 @@ class Hold:
 class Joint:
     """A hinge or slide: its hold, value in the start pose, sense about the normal, and its loads.
 
-    ``load`` is a constant moment [N m] or force [N] on the second link against the first.
+    ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
+    that at ``rest``; ``load`` is a constant moment [N m] or force [N] on the second link against
+    the first.
     """
 
     name: str
@@ -41,11 +47,21 @@ class Joint:
     value: float
     sign: float
     rate: float
-    stiffness: float
+    stiffness: tuple[float, float, float]
     rest: float
     damping: float
     load: float
     limits: tuple[float, float] | None
+
+    def spring_force(self, value: float) -> float:
+        """Moment [N m] or force [N] of the spring on the second link against the first."""
+        x, (k, a, b) = value - self.rest, self.stiffness
+        return -x * (k + x * (a + x * b))
+
+    def spring_energy(self, value: Array) -> Array:
+        """Energy [J] of the spring."""
+        x, (k, a, b) = value - self.rest, self.stiffness
+        return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
 
 
 @dataclass(frozen=True)
@@ -160,11 +176,17 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
     limited = model.jnt_limited[j] and not driven and not (
         off(model, OFF.mjDSBL_LIMIT) or off(model, OFF.mjDSBL_CONSTRAINT))
     return Joint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
-                 0.0 if off(model, OFF.mjDSBL_SPRING) else float(model.jnt_stiffness[j]),
-                 float(model.qpos_spring[at]),
+                 _stiffness(model, j), float(model.qpos_spring[at]),
                  0.0 if off(model, OFF.mjDSBL_DAMPER) else float(model.dof_damping[dof]),
                  0.0 if driven else float(data.qfrc_actuator[dof]),
-                 (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1])) if limited else None)
+                 tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None)
+
+
+def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
+    if off(model, OFF.mjDSBL_SPRING):
+        return 0.0, 0.0, 0.0
+    square, cube = model.jnt_stiffnesspoly[j].tolist()
+    return float(model.jnt_stiffness[j]), square, cube
 
 
 def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,

@@ -86,5 +86,5 @@ def potential(links: Links, pose: Array) -> Array:
     energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
     for joint in links.joints:
         value = joint_value(joint, pose)
-        energy = energy + 0.5 * joint.stiffness * (value - joint.rest) ** 2 - joint.load * value
+        energy = energy + joint.spring_energy(value) - joint.load * value
     return energy

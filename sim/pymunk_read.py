@@ -145,7 +145,7 @@ def _potential(links: Links, pose: Array) -> Array:
                              float(point @ plane.normal))
             energy = energy - model.body_mass[b] * (at @ model.opt.gravity)
     for joint in links.joints:
-        energy = energy + 0.5 * joint.stiffness * (joint_value(joint, pose) - joint.rest) ** 2
+        energy = energy + joint.spring_energy(joint_value(joint, pose))
     return energy
 
 

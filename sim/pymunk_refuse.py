@@ -54,8 +54,8 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
         grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
         if model.dof_frictionloss[dof] > 0:
             yield f"frictionloss of {name}"
-        if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[dof].any():
-            yield f"polynomial stiffness or damping of {name}"
+        if model.dof_dampingpoly[dof].any():
+            yield f"polynomial damping of {name}"
         if model.dof_armature[dof] > 0 and not (
                 grounded and model.jnt_type[j] == JOINT.mjJNT_HINGE):
             yield f"armature of {name}, which is not a hinge on the ground"

@@ -1,50 +1,83 @@
-"""How fast free coordinates may sink to rest: time step and damping from their frequencies."""
+"""How free coordinates come to rest: how long to step, and where to begin if steps do not do."""
 
 import numpy as np
 
 from sim.protocol import Array
-from sim.pymunk_close import close
-from sim.pymunk_links import Links
-from sim.pymunk_pose import bound, jacobian, potential, values
+from sim.pymunk_links import HAIR, Links
+from sim.pymunk_modes import Modes, find_modes, sizes
+from sim.pymunk_pose import along, bound, values
+from sim.pymunk_stops import way_back
 
-SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-NUDGE = 1e-3
-"""Displacement for second differences of the energy, in extents or radians."""
-
-
-def free_directions(links: Links, pose: Array) -> Array:
-    """Directions in which a pose can move with the drives held, as columns of unit modal mass."""
-    root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
-    _, sizes, modes = np.linalg.svd(jacobian(lambda p: bound(links, p), pose) / root)
-    rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
-    return modes[rank:].T / root[:, None]
+SOFT = 1e-3
+"""Least stiffness that a mode is taken to have, as a share of what makes the usual step."""
+SLIP = 0.1
+"""How far a joint may pass a stop, as a share of its way there: to be pressed on it thereafter."""
+MOVE = 0.1
+"""Largest move in a step, in extents or radians: stiffnesses are those of the pose it begins in."""
+TRIES = 200
+"""Newton steps to a rest at most."""
 
 
-def pace(links: Links, pose: Array) -> tuple[float, float]:
-    """Time step [s] and share of velocity kept in a step that bring a pose to rest soon.
+def stride(links: Links, pose: Array, usual: float) -> float:
+    """Time step [s] from rest that brings a pose nearest to its equilibrium.
 
-    The step is a third of what the fastest free coordinate allows, the damping critical for the
-    slowest; both from second differences of the energy along the closed poses.
+    A step moves each mode of unit mass by dt^2 times its force; what it lacks is that force over
+    w^2, so that a share 1 - dt^2 w^2 is left.  A step of 1/w takes a mode out: that one of which
+    it leaves least of all modes.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    usual : float
+        The step [s] for a pose without free coordinates.
     """
-    free = free_directions(links, pose)
-    drives = values(links.drives, pose)
-    count = free.shape[1]
+    modes = find_modes(links, pose)
+    if not modes.squares.size:
+        return usual
+    squares = _stiff(modes, usual)
+    left = np.abs((1 - squares / squares[:, None]) * modes.forces / squares).max(axis=1)
+    downhill = np.tensordot(modes.forces, modes.shapes, 1)
+    return float(1 / np.sqrt(max(squares[left.argmin()], _excess(links, pose, downhill))))
 
-    def energy(part: Array) -> float:
-        move = np.append(free @ part, np.zeros(3)).reshape(pose.shape)
-        return float(potential(links, close(links, pose + move, drives)))
 
-    sizes = NUDGE / np.abs(free / np.tile([links.extent, links.extent, 1.0], len(pose) - 1)
-                           [:, None]).max(axis=0)
-    units = np.diag(sizes)
-    hessian = np.zeros((count, count))
-    for i in range(count):
-        for j in range(i + 1):
-            corner = [energy(s * units[i] + t * units[j]) for s, t in SIGNS]
-            second = (corner[0] - corner[1] - corner[2] + corner[3]) / 4
-            hessian[i, j] = hessian[j, i] = second / (sizes[i] * sizes[j])
-    omega = np.sqrt(np.abs(np.linalg.eigvalsh(hessian)))
-    fast = max(omega.max(), 1e-6)
-    slow = max(omega.min(), 0.05 * fast)
-    dt = 0.6 / fast
-    return dt, float(np.exp(-2.0 * slow * dt))
+def rest(links: Links, pose: Array, drives: Array, usual: float) -> Array:
+    """The pose in which Newton's method finds the energy lowest, with the drives at their values.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    drives : ndarray (drives,)
+        Values [rad or m].
+    usual : float
+        The step [s] for a pose without free coordinates.
+    """
+    for _ in range(TRIES):
+        modes = find_modes(links, pose)
+        amiss = bound(links, pose)
+        amiss[amiss.size - drives.size:] -= drives
+        amiss = np.append(amiss, [-way_back(joint, pose) for joint in modes.stops])
+        closing = np.linalg.lstsq(modes.rows, -amiss, rcond=1e-12)[0]
+        fall = np.tensordot(modes.forces / _stiff(modes, usual), modes.shapes, 1)
+        move = (np.append(closing, np.zeros(3)).reshape(pose.shape)
+                + fall / max(1.0, _excess(links, pose, fall)))
+        pose = pose + move
+        if sizes(links, move) < HAIR:
+            break
+    return pose
+
+
+def _stiff(modes: Modes, usual: float) -> Array:
+    """The modes' squares, with the sign that makes a step go downhill."""
+    return np.maximum(np.abs(modes.squares), SOFT / usual**2)
+
+
+def _excess(links: Links, pose: Array, move: Array) -> float:
+    """How many times too long a move is: it is to be small and to end at the first stop."""
+    joints = tuple(j for j in links.joints if j.limits and not way_back(j, pose))
+    value, rate = values(joints, pose), along(lambda p: values(joints, p), pose, move)
+    low, high = np.array([joint.limits for joint in joints]).reshape(-1, 2).T
+    room = np.where(rate < 0, value - low, high - value)
+    beyond = np.abs(rate) / ((1 + SLIP) * room + HAIR)
+    return float(max(beyond.max(initial=0.0), sizes(links, move) / MOVE))

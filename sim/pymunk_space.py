@@ -1,5 +1,6 @@
 """A pymunk space built from links, and reading all its bodies at once."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
 FIELDS = (batch.BodyFields.POSITION | batch.BodyFields.ANGLE
           | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY)
+STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
+"""Kinds of constraints that stand for a joint's limits, in the order of the joints."""
 REACH = 100.0
 """Half length of a groove, in extents of the mechanism."""
 
@@ -50,7 +53,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
         held += _hold(loop, links, bodies)
     for constraint in held:
         # a stop that threw a joint out of it in one step would make it bounce
-        if not isinstance(constraint, pymunk.RotaryLimitJoint | pymunk.SlideJoint):
+        if not isinstance(constraint, STOPS):
             constraint.error_bias = error_bias
         space.add(constraint)
     return space
@@ -87,31 +90,29 @@ def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
 def _springs(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
     """The spring of a joint, and its load as a spring with a force that does not change."""
     springs: list[pymunk.Constraint] = []
-    if joint.stiffness or joint.damping:
-        springs.append(_spring(joint, links, bodies))
+    if any(joint.stiffness) or joint.damping:
+        springs.append(_spring(joint, links, bodies, joint.spring_force, joint.damping))
     if joint.load:
-        load = _spring(joint, links, bodies)
-        if isinstance(load, pymunk.DampedRotarySpring):
-            load.torque_func = lambda spring, angle: joint.sign * joint.load
-        else:
-            load.force_func = lambda spring, length: joint.load
-        load.damping = 0.0
-        springs.append(load)
+        springs.append(_spring(joint, links, bodies, lambda value: joint.load, 0.0))
     return springs
 
 
-def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body]
-            ) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
+def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body],
+            force: Callable[[float], float], damping: float) -> pymunk.Constraint:
+    """A spring between two links whose force is a function of the joint's value."""
     hold = joint.hold
     a, b = bodies[hold.a], bodies[hold.b]
-    rest = joint.rest - joint.value
     if hold.axis is None:
-        # Chipmunk's rest angle is that of a against b.
-        return pymunk.DampedRotarySpring(a, b, -joint.sign * rest, joint.stiffness, joint.damping)
+        turning = pymunk.DampedRotarySpring(a, b, 0.0, 0.0, damping)
+        # Chipmunk's angle is that of a against b, its torque that on b.
+        turning.torque_func = lambda _, angle: (
+            joint.sign * force(joint.value - joint.sign * angle))
+        return turning
     far = REACH * links.extent
-    return pymunk.DampedSpring(a, b, at(links, hold.a, hold.on_a - far * hold.axis),
-                               at(links, hold.b, hold.on_b), far + rest,
-                               joint.stiffness, joint.damping)
+    sliding = pymunk.DampedSpring(a, b, at(links, hold.a, hold.on_a - far * hold.axis),
+                                  at(links, hold.b, hold.on_b), far, 0.0, damping)
+    sliding.force_func = lambda _, length: force(joint.value + length - far)
+    return sliding
 
 
 def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:

@@ -31,7 +31,10 @@ def simulate(model: Path, run: Run) -> Curves:
         a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and 0.9**60.
 
     Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
-    joints act with the constant force of their ``ctrl`` in the start key.
+    joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
+    polynomials.  Joint ranges are stops: exact to 1e-12 rad in a sweep, soft in a duration.
+
+    In a sweep the coordinates that drives leave free follow them at rest, from the start key on.
 
     Second order in time, but for joint damping: Chipmunk's dampers are first order.
 
@@ -39,7 +42,7 @@ def simulate(model: Path, run: Run) -> Curves:
     -------
     Curves
         The channels over ``run.x``, the actual drive state, the largest gap and the cost.  A sweep
-        stops where the loops cannot be closed any further, and says so.
+        stops where the loops cannot be closed any further, or a stop is in the way, and says so.
 
     Raises
     ------

@@ -72,7 +72,7 @@ HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></bod
      "tendon 'rope'"),
     (ARM, "", {"gravity": "0 0 -9.81"}, "gravity"),
     (ARM.replace('"arm"/>', '"arm" frictionloss=".1"/>'), "", {}, "frictionloss of joint 'arm'"),
-    (ARM.replace('"arm"/>', '"arm" stiffness="1 2"/>'), "", {}, "polynomial .*'arm'"),
+    (ARM.replace('"arm"/>', '"arm" damping="1 2"/>'), "", {}, "polynomial damping of .*'arm'"),
     (ARM, '<equality><joint name="lock" joint1="arm"/></equality>', {}, "joint equality 'lock'"),
     (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
     (ARM, '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>', {},
