@@ -139,6 +139,9 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str
         return "unchecked", "no tolerance covers this channel of this solver"
     if error <= allowed:
         return "agrees", why
+    if not allowed:
+        return "differs", ("of_range allows nothing here, the reference being constant: give the "
+                           "tolerance as abs")
     turns = error / (2 * np.pi)
     if unit == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
         return "differs", f"off by {round(turns)} whole turn(s): count the start pose's angle anew"

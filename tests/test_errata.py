@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic import grashof, hacksaw, hacksaw_newton
+from analytic import balancer, grashof, hacksaw, hacksaw_newton
+from analytic.balancer.measures import precision_points, rmse
 from analytic.newton_raphson import NotConverged
 from benchmarks import document_scheme as scheme
+from tests.balancer_table import DATA
 
 ROOT = Path(__file__).parent.parent
 SAW = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
@@ -121,6 +123,25 @@ def test_the_axis_of_v_r_clips_its_peak():
     peak = hacksaw.solve(*law, **SAW)["r1_rate"].max()
     assert peak == pytest.approx(0.604780, abs=5.1e-7)  # six decimals, at this grid
     assert peak > 0.6  # lines 1845, 2421
+
+
+# S. van Nes, MSc thesis TU Delft 2022.074
+
+
+def test_sam_arrays_are_of_another_balancer():
+    """Lines 10241-10246: residuals ten times those of Table F.1, and straight once the sine is on.
+
+    A chain with two preloads that let go has two kinks; these moments rise in equal steps.
+    """
+    other = next(o for o in DATA["others"] if o["name"] == "listing N.4")
+    angle = precision_points(15)
+    left = balancer.solve(angle, target="sine", **other["parameters"])["residual"]
+    printed = np.array(DATA["sam"]["moments"])
+    assert float(rmse(printed, 0.0)) == pytest.approx(0.1005, abs=5e-5)
+    assert float(rmse(left, 0.0)) == pytest.approx(0.00995, abs=5e-6)
+    steps = np.diff(printed + np.sin(angle))
+    assert np.ptp(np.sort(steps)[2:]) < 3e-4  # twelve equal ones, to the digits printed
+    assert np.ptp(np.diff(left + np.sin(angle))) > 0.03
 
 
 # The register

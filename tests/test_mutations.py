@@ -40,6 +40,20 @@ PARALLEL_ROBOT = {
     "guide2_x": [at(BODY, "slider_2")], "guide3_x": [at(BODY, "slider_3")],
     "guide3_y": [at(BODY, "slider_3", 1)],
 }
+
+
+def chain(name: str) -> dict[str, list[Place]]:
+    """Lengths of a balancer, each along its segment in the rest posture."""
+    tree = ElementTree.parse(MODELS / f"{name}.xml")
+    ends = [BODY.format(body.get("name")) for body in tree.findall(".//body/body")]
+    found = {"pendulum": [at(SITE, "pendulum_tip", 1)]}
+    for i, path in enumerate([*ends, SITE.format("tip")], start=1):
+        x, y, _ = map(float, tree.find(path).get("pos").split())
+        length = abs(complex(x, y))
+        found[f"length{i}"] = [(path, "pos", 0, x / length), (path, "pos", 1, y / length)]
+    return found
+
+
 LEFT_X = {"left_x": [at(BODY, "left_crank")]}
 LENGTHS = {
     "fourbar": FOUR_BAR | {"point_along": [at(SITE, "point")],
@@ -67,6 +81,9 @@ LENGTHS = {
         "left_coupler": [at(SITE, "left_tip"), at(BODY, "payload")]},
     "threeprr": PARALLEL_ROBOT, "threeprr_circle": PARALLEL_ROBOT,
     "pendulum": {"length": [(".//inertial", "pos", 1, -1), (".//body", "pos", 1, 1)]},
+    # the other balancers are of the same template, which `test_balancer_template` holds
+    "balancer_sine_free_preload": chain("balancer_sine_free_preload"),
+    "balancer4_sine": chain("balancer4_sine"),
 }
 OTHERS = {  # sidecars that share a model
     "fourbar_crossed": "fourbar", "hacksaw_recorded": "hacksaw", "hacksaw_cutting": "hacksaw",

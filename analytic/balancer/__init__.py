@@ -76,6 +76,7 @@ def solve(
     Returns
     -------
     dict of (...) arrays: theta1.., winding1.. [rad], theta1_rate.., winding1_rate.. [rad/s],
+    node2_x, node2_y, .. [m] of the joints at the ends of segment 1 and on, y up,
     moment1.. [N m] of the springs, balancing_moment = moment1, holding_moment [N m], energy1.. [J]
     of the springs, weight_energy (zero at the height of O), energy of springs and weight,
     force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
@@ -155,6 +156,10 @@ def quantities(chain: Balancer, path: Path, rate: Array, scale: float) -> dict[s
              "energy": path.energy[0].sum(axis=-1) + scale * c, "weight_energy": scale * c,
              "force_x": across * c + along_it * s, "force_y": along_it * c - across * s}
     winding_rate = np.diff(turn, axis=-1, prepend=0.0)
+    x = np.cumsum(chain.length * np.sin(path.theta[0]), axis=-1)
+    y = np.cumsum(chain.length * np.cos(path.theta[0]), axis=-1)
+    for i in range(1, chain.segments):
+        found |= {f"node{i + 1}_x": x[:, i - 1], f"node{i + 1}_y": y[:, i - 1]}
     for i in range(chain.segments):
         found |= {f"theta{i + 1}": path.theta[0, :, i], f"winding{i + 1}": path.winding[0, :, i],
                   f"theta{i + 1}_rate": turn[:, i] * rate, f"moment{i + 1}": path.moment[0, :, i],

@@ -1,0 +1,1 @@
+"""Design of mechanisms: cases written from their parameters."""

@@ -1,0 +1,185 @@
+"""A balancer as a case: MJCF and sidecar written from its flat parameters."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from analytic.balancer import Balancer, balancer
+from analytic.balancer.springs import preloaded
+
+GRAVITY = 9.81  # [m/s2] gives the weight at the tip its mass; statics knows the weight alone
+LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
+OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no winding gets so far
+SOLVERS = ("mujoco", "mujoco:settled", "pymunk")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment in the rest posture, and the joint that it hangs on.
+
+    Attributes
+    ----------
+    place : tuple of float
+        Where its joint stands on the segment before [m].
+    angle, length : float
+        Clockwise from the upright [rad]; [m].
+    mass : float
+        [kg]
+    carries : bool
+        Whether another segment hangs on it.
+    spring : tuple of float
+        Coefficients k, A of the slack spring, those after the last one that is not zero left out.
+    wound, load : float
+        Winding of the spring at rest [rad]; moment of one that has no stiffness [N m].
+    stops : tuple of float
+        [rad]; empty without any.
+    """
+
+    number: int
+    place: tuple[float, float]
+    angle: float
+    length: float
+    mass: float
+    carries: bool
+    spring: tuple[float, ...]
+    wound: float
+    load: float
+    stops: tuple[float, ...]
+
+    @property
+    def along(self) -> tuple[float, float]:
+        """Its direction."""
+        return float(np.sin(self.angle)), float(np.cos(self.angle))
+
+    @property
+    def across(self) -> tuple[float, float]:
+        """Its direction turned by a quarter counter-clockwise."""
+        return -self.along[1], self.along[0]
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """Its far end [m]."""
+        return self.length * self.along[0], self.length * self.along[1]
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centre of mass [m], where it balances all that hangs on the segment."""
+        return (-self.end[0], -self.end[1]) if self.carries else (0.0, 0.0)
+
+    @property
+    def inertia(self) -> float:
+        """About any axis through the centre of mass [kg m2]."""
+        return float(f"{self.mass * self.length**2:.3g}")
+
+    @property
+    def shift(self) -> float:
+        """From its angle to that of an x axis along it, which begins within half a turn [rad]."""
+        return -np.pi / 2 - 2 * np.pi * round((self.angle - np.pi / 2) / (2 * np.pi))
+
+
+def write_case(folder: Path | str, name: str, *, title: str, source: str,
+               parameters: Mapping[str, float], target: str | None = None,
+               target_moment: float = 1.0, solvers: Sequence[str] = SOLVERS,
+               beside: Mapping[str, Mapping[str, float]] = MappingProxyType({})) -> Path:
+    """Write ``NAME.xml`` and ``NAME.toml`` of a balancer.
+
+    ::
+
+        joint values = windings        every body stands in the rest posture, unturned:
+        key "start"  = zeros           the start pose is closed to rounding
+
+    The segments carry no weight: each has its centre of mass where those after it leave the chain
+    statically balanced, so that gravity acts on the mass at the tip alone.
+
+    Parameters
+    ----------
+    folder : path
+        Made when it is not there; files of the same name are replaced.
+    name : str
+        Of both files.
+    title, source : str
+        What the case is, and where its numbers come from.
+    parameters : mapping
+        Of `analytic.balancer.solve`.
+    target, target_moment : str, float
+        Wanted moment-angle characteristic, drawn beside the moment, and its scale [N m].
+    solvers : sequence of str
+        What runs the sweep.
+    beside : mapping
+        Other balancers by name, each with its parameters, drawn beside this one.
+
+    Returns
+    -------
+    Path
+        The sidecar.
+
+    Raises
+    ------
+    ValueError
+        A parameter is unknown, missing or out of its domain, or the lengths cannot reach the tip.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> chain = {"length1": 0.3394, "length2": 0.4573, "length3": 0.4752, "rest_angle": 0.6641,
+    ...          "stiffness1": 1.2701, "stiffness2": 0.8473, "stiffness3": 4.1078}
+    >>> with TemporaryDirectory() as folder:
+    ...     write_case(folder, "mine", title="Mine", source="ours", parameters=chain).name
+    'mine.toml'
+    """
+    design = balancer(**parameters)
+    chain = segments(design, parameters)
+    words = {"name": name, "title": title, "source": source, "segments": chain,
+             "parameters": dict(parameters), "target": target, "target_moment": target_moment,
+             "solvers": list(solvers), "beside": beside, "pendulum": float(design.pendulum[0]),
+             "mass": float(design.weight[0]) / GRAVITY, "gravity": GRAVITY,
+             "energy": not any(s.load for s in chain)}
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for ending in ("xml", "toml"):
+        text = environment().get_template(f"balancer.{ending}").render(words)
+        (folder / f"{name}.{ending}").write_text(text, encoding="utf-8")
+    return folder / f"{name}.toml"
+
+
+def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]:
+    """The segments of a single design from O outwards.
+
+    Each weighs as much as all that it carries, so that its centre of mass lies as far behind its
+    joint as the next one before it.
+    """
+    found: list[Segment] = []
+    for i in range(design.segments):
+        preload, k, a = float(design.preload[0, i]), *(
+            float(parameters.get(f"{name}{i + 1}", 0.0)) for name in ("stiffness", "quadratic"))
+        wound = float(preloaded(np.array(k), np.array(a), np.array(preload))[1])
+        steady = np.isinf(wound)
+        low, high = float(design.low[0, i]), float(design.high[0, i])
+        found.append(Segment(
+            i + 1, found[-1].end if found else (0.0, 0.0), float(design.rest[0, i]),
+            float(design.length[0, i]),
+            LIGHT * float(design.pendulum[0]) * 2.0 ** max(design.segments - 2 - i, 0),
+            i < design.segments - 1, (k, a) if a else (k,) if k else (),
+            0.0 if steady else wound, preload if steady else 0.0,
+            () if np.isinf([low, high]).all() else (max(low, -OPEN), min(high, OPEN))))
+    return found
+
+
+def digits(numbers: Iterable[float]) -> str:
+    """Numbers as MJCF wants them, with all their digits."""
+    return " ".join(repr(float(x) + 0.0) for x in numbers)  # no -0.0
+
+
+def environment() -> Environment:
+    """The templates; an unknown name in them is an error."""
+    found = Environment(loader=PackageLoader("proofmass.design"), undefined=StrictUndefined,
+                        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    found.filters["digits"] = digits
+    found.filters["toml"] = partial(json.dumps, ensure_ascii=False)
+    return found

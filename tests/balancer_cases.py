@@ -1,0 +1,71 @@
+"""The balancers in `models/`: what `proofmass.design.template` writes of the thesis's designs.
+
+``python -m tests.balancer_cases`` writes them anew.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from proofmass.design.template import SOLVERS, write_case
+from tests.balancer_table import DATA, parameters, rows
+
+MODELS = Path(__file__).parent.parent / "models"
+THESIS = ("S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
+          "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
+          "segments are ours")
+SETTLED = ("balancer_sine_free_preload", "balancer_progressive_contact", "balancer4_sine")
+"""A stop that is left, one that is met, two freedoms: such runs take half a million steps."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """What a case says."""
+
+    title: str
+    place: str
+    parameters: Mapping[str, float]
+    target: str = "sine"
+    target_moment: float = 1.0
+    changed: Mapping[str, float] = field(default_factory=dict)
+
+    def write(self, folder: Path, name: str) -> Path:
+        """Write model and sidecar; the sidecar's file."""
+        solvers = SOLVERS if name in SETTLED else ("mujoco", "pymunk")
+        return write_case(folder, name, title=self.title, source=THESIS.format(self.place),
+                          parameters={**self.parameters, **self.changed}, target=self.target,
+                          target_moment=self.target_moment, solvers=solvers)
+
+
+def row(line: int, title: str, **changed: float) -> Design:
+    """A row of the thesis's tables."""
+    found = rows()[str(line)]
+    return Design(title, f"Fig. {found['figure']}, line {line}", parameters(found),
+                  found["target"], changed=changed)
+
+
+PROTOTYPE = DATA["prototype"]["listing"]
+SAM = DATA["others"][0]
+DESIGNS = {
+    "balancer_sine": row(1743, "Sine by three linear springs"),
+    "balancer_sine_preload": row(1745, "Sine by linear springs, one of them preloaded"),
+    "balancer_sine_nonlinear": row(1753, "Sine by three equal quadratic springs"),
+    "balancer_sine_free": row(1766, "Sine by linear springs, rest angle free"),
+    "balancer_sine_free_preload": row(1768, "Sine by a preload, rest angle free"),
+    "balancer_progressive_locked": row(
+        1839, "A preload that never opens: one spring, a straight line"),
+    "balancer_progressive_contact": row(1860, "Progressive by a stop that is met"),
+    "balancer_laevo": row(2107, "Moment of the Laevo exoskeleton"),
+    "balancer_sine180": row(2178, "Half a turn of a sine in a quarter turn of the pendulum"),
+    "balancer4_sine": row(1747, "Sine by four segments, two preloads"),
+    "balancer4_sam": Design("Four equal segments, checked in SAM by the thesis",
+                            f"Table F.1 as in {SAM['source'].split(':')[0]}", SAM["parameters"]),
+    "balancer_prototype": Design("The built balancer with its springs as measured",
+                                 PROTOTYPE["source"], PROTOTYPE["parameters"],
+                                 target_moment=PROTOTYPE["weight"] * 0.5),
+    "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),
+}
+
+if __name__ == "__main__":
+    for name, design in DESIGNS.items():
+        design.write(MODELS, name)
