@@ -63,7 +63,7 @@ def along(b: Balancer, trail: Trail, alpha: Array) -> Path:
     def spread(values: Array) -> Array:
         out = np.full((count * width, values.shape[-1]), np.nan)
         out[known] = values
-        return out.reshape(count, width, -1)
+        return out.reshape(count, width, values.shape[-1])
 
     return Path(alpha, spread(psi + found.alpha[:, None]), spread(e), spread(each.moments(e)),
                 spread(each.energies(e)), spread(1.0 + rates[:, :n]),
