@@ -1,0 +1,21 @@
+"""Inextensible planar rods (Kirchhoff's elastica): closed forms, shooting, chains, mechanisms.
+
+A rod of length L and bending stiffness EI is clamped at a point under an angle; with theta(s) its
+tangent's angle and n the constant force on its tip::
+
+    x' = cos(theta),  y' = sin(theta),  EI theta' = m,  m' = n_x sin(theta) - n_y cos(theta)
+
+`solve`, the reference of a model, is the clamped rod under dead loads of `cantilever`.
+"""
+
+from analytic.rod.cantilever import equilibria, solve
+from analytic.rod.column import critical, elastica, ends_meet, self_buckling
+from analytic.rod.elliptic import bounds, modulus, relative, shape, tip
+from analytic.rod.parameters import of_load, of_shape
+from analytic.rod.pinned import pinned
+from analytic.rod.pseudo_rigid import pseudo_rigid
+from analytic.rod.shooting import from_tip, integrate
+
+__all__ = ["bounds", "critical", "elastica", "ends_meet", "equilibria", "from_tip", "integrate",
+           "modulus", "of_load", "of_shape", "pinned", "pseudo_rigid", "relative",
+           "self_buckling", "shape", "solve", "tip"]
