@@ -143,7 +143,7 @@ def write_case(folder: Path | str, name: str, *, title: str, source: str,
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
-        text = environment().get_template(f"balancer.{ending}").render(words)
+        text = environment().get_template(f"balancer.{ending}.jinja").render(words)
         (folder / f"{name}.{ending}").write_text(text, encoding="utf-8")
     return folder / f"{name}.toml"
 
