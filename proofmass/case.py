@@ -12,8 +12,10 @@ from typing import Any
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from proofmass.errors import InputError
+from proofmass.rod import RodTable
 from proofmass.strict import Kind, Strict
 from proofmass.view import Beside, View
+from sim.protocol import Rod
 
 
 class DriveTable(Strict):
@@ -66,7 +68,10 @@ class DriveTable(Strict):
 
 
 class RunTable(Strict):
-    """``[run.sweep]`` or ``[run.duration]``: how many samples, and which solvers."""
+    """``[run.sweep]``, ``[run.duration]`` or ``[run.rest]``: how many samples, which solvers.
+
+    `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.
+    """
 
     n: int | None = Field(None, ge=2)
     until: float | None = Field(None, gt=0)
@@ -138,6 +143,7 @@ class Case(Strict):
     reference: str
     parameters: dict[str, float | str] = Field({})
     drive: tuple[DriveTable, ...] = ()
+    rod: dict[str, RodTable] = Field({})
     run: dict[Kind, RunTable] = Field(min_length=1)
     settings: dict[str, dict[str, Any]] = Field({})
     channels: dict[str, Channel] = Field(min_length=1)
@@ -154,6 +160,11 @@ class Case(Strict):
     def model_path(self) -> Path:
         """The MJCF file."""
         return self.file.parent / self.model
+
+    @property
+    def rods(self) -> tuple[Rod, ...]:
+        """The rods that complete the model."""
+        return tuple(table.built(name) for name, table in self.rod.items())
 
     @property
     def leader(self) -> DriveTable | None:
@@ -187,12 +198,14 @@ class Case(Strict):
     def _consistent(self) -> "Case":
         if "sweep" in self.run and not self.drive:
             raise ValueError("run.sweep needs a [drive]: the joint that is moved")
+        if "rest" in self.run:
+            self._restful()
         recorded = self.reference.endswith(".csv")
         for kind, run in self.run.items():
             if (run.n is None) != recorded:
                 raise ValueError(f"run.{kind}.n " + ("is given by the recorded curve; leave it out"
                                                      if recorded else "is missing: samples"))
-            if not self.drive and run.until is None and not recorded:
+            if kind == "duration" and not (self.drive or run.until or recorded):
                 raise ValueError(f"run.{kind}.until is missing: the last time [s]")
             for solver in run.solvers:
                 self._overlap(kind, solver)
@@ -215,6 +228,13 @@ class Case(Strict):
                 return kind
         raise ValueError(f"view {view.title!r}: no run.{view.run or '*'} records its channels "
                          f"{', '.join(names) or '(it names none)'}")
+
+    def _restful(self) -> None:
+        shortest = min((rod.length for rod in self.rod.values()), default=None)
+        if shortest is None:
+            raise ValueError("run.rest needs a [rod.NAME]: it is sampled along its length")
+        if (self.run["rest"].until or shortest) > shortest:
+            raise ValueError(f"run.rest.until goes beyond the shortest rod, {shortest:g} m")
 
     def _overlap(self, kind: Kind, solver: str) -> None:
         for name, channel in self.channels.items():

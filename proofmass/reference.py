@@ -15,10 +15,10 @@ from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded, read_recorded
 from sim.mjcf import compile_model
-from sim.protocol import Array, BadModel, Curves
+from sim.protocol import Array, BadModel, BadRod, Curves
 
 DriveLaw = InProportion | Law | Samples | Steady | Swing
-compile_once = cache(lambda file, changed: compile_model(file))
+compile_once = cache(lambda file, changed, rods: compile_model(file, rods))
 read_once = cache(lambda file, changed: read_recorded(file))
 
 
@@ -43,6 +43,8 @@ def grid(case: Case, kind: Kind) -> Array:
     if isinstance(truth, Recorded):
         return truth.x
     n = run.n or 0
+    if kind == "rest":
+        return np.linspace(0.0, run.until or min(rod.length for rod in case.rods), n)
     if leader is None or not leader.steady:
         end = run.until or (leader.until or leader.period if leader else None)
         return np.linspace(0.0, end or 0.0, n)
@@ -60,6 +62,8 @@ def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
 def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The law of drive number k."""
     drive, truth, leader = case.drive[k], module_of(case), case.drive[0]
+    if kind == "rest":
+        return Steady(drive.start, 0.0, x_is_time=True)
     if drive.law is not None or drive.to is None:
         if isinstance(truth, Recorded):
             return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law or ()))
@@ -172,7 +176,10 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
 def compiled(case: Case) -> MjModel:
     """The case's compiled MJCF, once for all runs."""
     try:
-        return compile_once(case.model_path, case.model_path.stat().st_mtime_ns)
+        return compile_once(case.model_path, case.model_path.stat().st_mtime_ns, case.rods)
+    except BadRod as error:
+        rod, key, why = error.args
+        raise InputError(case.file, f"rod.{rod}.{key}", why) from None
     except BadModel as error:
         raise InputError(case.model_path, "", str(error)) from None
 

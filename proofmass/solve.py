@@ -36,7 +36,7 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
                          f'[settings."{solver}"]')
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
-    return Run(kind, grid(case, kind), channels, drives, case.start, settings)
+    return Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
 
 
 def solve(case: Case, kind: Kind, solver: str) -> Curves:
@@ -46,7 +46,7 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     ----------
     case : Case
         The sidecar.
-    kind : {"sweep", "duration"}
+    kind : {"sweep", "duration", "rest"}
         Which of its runs.
     solver : str
         Engine, or ``engine:variant``.

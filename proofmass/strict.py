@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-Kind = Literal["sweep", "duration"]
+Kind = Literal["sweep", "duration", "rest"]
 
 
 class Strict(BaseModel):

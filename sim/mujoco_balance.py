@@ -29,7 +29,7 @@ class Balance:
     def __init__(self, rows: Array, gap: Array, force: Array, stiffness: Array):
         self.rows, self.gap, self.force, self.stiffness = rows, gap, force, stiffness
         left, values, right = np.linalg.svd(rows)
-        rank = int((values > DEPENDENT * values[0]).sum())
+        rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
         self.inverse = (right[:rank].T / values[:rank]) @ left[:, :rank].T
         self.null = right[rank:].T
         self.hessian = self.null.T @ stiffness @ self.null

@@ -58,7 +58,7 @@ class Linkage:
         if tangent is None:
             tangent = self.place(self.data.qpos[self.adr])
         far = values - self.data.qpos[self.adr]
-        strides = int(np.ceil((np.abs(far) / self.stride).max()))
+        strides = int(np.ceil((np.abs(far) / self.stride).max(initial=0.0)))
         for part in np.arange(strides)[::-1]:
             target, before = values - far * part / strides, self.data.qpos.copy()
             ahead = tangent @ (target - self.data.qpos[self.adr])

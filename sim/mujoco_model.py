@@ -38,14 +38,15 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     BadModel
         When the file does not compile or lacks something the run names.
     """
-    model = compile_model(path)
+    model = compile_model(path, run.rods)
     data = mujoco.MjData(model)
     driven = [named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
     if model.nkey:
         key = named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
         mujoco.mj_resetDataKeyframe(model, data, key)
-    for actuator, joint in enumerate(model.actuator_trnid[:, 0]):
-        if joint in driven:  # its motor is the drive; what is left in ctrl are constant loads
+    for actuator in range(model.nu):
+        # its motor is the drive; what is left in ctrl are constant loads
+        if joint_of(model, actuator) in driven:
             data.ctrl[actuator] = 0.0
     configure(model, run.settings)
     return model, data
@@ -86,6 +87,13 @@ def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
         there = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
         raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, there))}")
     return index
+
+
+def joint_of(model: mujoco.MjModel, actuator: int) -> int:
+    """The joint that an actuator acts on, or -1."""
+    on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    found = int(model.actuator_trntype[actuator]) in on_joint
+    return int(model.actuator_trnid[actuator, 0]) if found else -1
 
 
 def connects(model: mujoco.MjModel) -> list[int]:

@@ -3,7 +3,7 @@
 import mujoco
 
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder
+from sim.mujoco_model import Recorder, joint_of
 from sim.protocol import Array
 
 S = mujoco.mjtSensor
@@ -35,8 +35,8 @@ def drive_moments(model: mujoco.MjModel, linkage: Linkage, record: Recorder,
             continue
         on_actuator = model.sensor_type[index] == MOMENTS[0]
         place = model.sensor_objid[index]
-        joint = model.actuator_trnid[place, 0] if on_actuator else place
-        if model.jnt_dofadr[joint] in dofs:
+        joint = joint_of(model, place) if on_actuator else place
+        if joint >= 0 and model.jnt_dofadr[joint] in dofs:
             gear = model.actuator_gear[place, 0] if on_actuator else 1.0
             found[channel] = moments[:, dofs.index(model.jnt_dofadr[joint])] / gear
     return found

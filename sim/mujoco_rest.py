@@ -20,7 +20,7 @@ import numpy as np
 from sim.mujoco_balance import DEPENDENT, FLAT, Balance
 from sim.mujoco_linkage import CLOSED, NEAR, STRIDE, Linkage
 from sim.mujoco_stops import Stops
-from sim.protocol import Array, BadModel, Unsupported
+from sim.protocol import Array, BadModel, Run, Unsupported
 
 NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10, as rates are
 FAR = 0.5  # [rad, or extents] a start pose further from rest than this misses a drive
@@ -32,11 +32,15 @@ REFUSED = {"dof_frictionloss": "dry friction", "tendon_limited": "a limited tend
            "tendon_frictionloss": "dry friction", "actuator_dyntype": "an actuator with a state"}
 
 
-def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]) -> Linkage:
-    """What a sweep follows: a linkage that its drives determine, or one that comes to rest."""
+def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
+    """What a run follows: a linkage that its drives determine, or one that comes to rest.
+
+    The start poses of rods are arcs, and as far from rest as it takes.
+    """
+    joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
     linkage = Linkage(model, data, joints)
     free = linkage.freedoms()
-    return Resting(model, data, joints, free) if free else linkage
+    return Resting(model, data, joints, free, far) if free else linkage
 
 
 class Lost(BadModel):
@@ -44,15 +48,18 @@ class Lost(BadModel):
 
 
 class Resting(Linkage):
-    """A linkage with `free` freedoms beside its drives, in stable equilibrium."""
+    """A linkage with `free` freedoms beside its drives, in stable equilibrium.
+
+    The start pose is no further from it than `far`.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...],
-                 free: int):
+                 free: int, far: float = FAR):
         super().__init__(model, data, joints)
         for field, what in REFUSED.items():
             if getattr(model, field).any():
                 raise Unsupported(f"{what} in a sweep with {free} freedom(s) left")
-        self.free = free
+        self.free, self.far = free, far
         slide = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.reach = np.where(slide, model.stat.extent, 1.0)
         self.stops = Stops(model, self.dofs, self.reach)
@@ -68,7 +75,7 @@ class Resting(Linkage):
             tangent = self.settle()
         begin = self.data.qpos[self.adr]
         way = values - begin
-        longest = share = 1.0 / max(1.0, np.ceil((np.abs(way) / self.stride).max()))
+        longest = share = 1.0 / max(1.0, np.ceil((np.abs(way) / self.stride).max(initial=0.0)))
         done = 0.0
         while done < 1.0:
             share = min(share, 1.0 - done)
@@ -104,14 +111,15 @@ class Resting(Linkage):
     def settle(self) -> Array:
         """Descend from the start pose to rest, with the drives where they are."""
         here = self.data.qpos[self.adr]
-        left = f"{self.free} degree(s) of freedom left when {self.spoken(here)} is held"
+        held = f" when {self.spoken(here)} is held" if self.joints else ""
+        left = f"{self.free} degree(s) of freedom left{held}"
         self.stops.begin(self.data.qpos)
         try:
-            tangent = self.rest(here, FAR, descend=True)
+            tangent = self.rest(here, self.far, descend=True)
         except Lost as error:
             raise Unsupported(f"{left}, and the start pose is not near rest: {error}") from None
         if self.balance.least() < -FLAT:
-            raise BadModel(f"the start pose is an unstable equilibrium when {self.spoken(here)}")
+            raise BadModel(f"the start pose is an unstable equilibrium{held}")
         if self.balance.least() <= FLAT:
             raise Unsupported(f"{left}, and nothing brings them to rest")
         return tangent
@@ -187,7 +195,7 @@ class Resting(Linkage):
 
     def check(self) -> Array:
         """The tangent of a rest whose loops and stops are closed, and which is not singular."""
-        gap = np.abs(self.balance.gap).max()
+        gap = np.abs(self.balance.gap).max(initial=0.0)
         if not gap < CLOSED * max(1.0, self.model.stat.extent):
             raise BadModel(f"cannot be assembled: something stays open by {gap:.3g} (m or rad)")
         if self.freedoms() != self.free:

@@ -41,7 +41,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if run.settings.get("settled"):
         return settled(model, data, run)
     state = run.motion(run.x)
-    linkage = linkage_of(model, data, tuple(d.joint for d in run.drives))
+    linkage = linkage_of(model, data, run)
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold(record, ACC, NO_ACC) if isinstance(linkage, Resting) else {}
     moments, stopped, done = np.empty((run.x.size, len(run.drives))), "", run.x.size

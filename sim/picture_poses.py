@@ -32,7 +32,7 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
     """
     compiled, data = load(model, run)
     scene = Scene(compiled, data.qpos)
-    x = np.linspace(run.x[0], run.x[-1], count)
+    x = run.x[:1] if run.kind == "rest" else np.linspace(run.x[0], run.x[-1], count)
     rows, stopped = follow(compiled, data, replace(run, x=x))
     drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
     return replace(drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)],
@@ -47,7 +47,8 @@ def follow(model: mujoco.MjModel, data: mujoco.MjData,
     """
     mujoco.mj_kinematics(model, data)
     rows, kept = [], ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
-    moves = swept(model, data, run) if run.drives else stepped(model, data, run)
+    still = run.drives or run.kind == "rest"
+    moves = swept(model, data, run) if still else stepped(model, data, run)
     first, stopped = {name: getattr(data, name).copy() for name in kept}, ""
     try:
         for _ in moves:
@@ -59,7 +60,7 @@ def follow(model: mujoco.MjModel, data: mujoco.MjData,
 
 def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[None]:
     """Put the model into each pose that the drives want."""
-    linkage, tangent = linkage_of(model, data, tuple(d.joint for d in run.drives)), None
+    linkage, tangent = linkage_of(model, data, run), None
     for values in run.motion(run.x)[0].T:
         tangent = linkage.move(values, tangent)
         yield

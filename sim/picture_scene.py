@@ -14,6 +14,8 @@ from sim.mujoco_model import anchor_bodies, anchors, connects, pose_of
 from sim.picture import Link, Mark, Picture
 from sim.plane import find_plane
 from sim.protocol import Array, Run, Unsupported
+from sim.rod_build import joints_of
+from sim.rod_chain import chain
 
 G, J, S = mujoco.mjtGeom, mujoco.mjtJoint, mujoco.mjtSensor
 ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -43,14 +45,20 @@ class Scene:
         """Everything there is to draw, at all poses of `rows`."""
         model = self.model
         roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
-        links = [Link(model.body(b).name, self.outlines(b, rows)) for b in roots]
+        rod_of = {name: rod.name for rod in run.rods for name in joints_of(chain(rod))}
+        links: dict[str, tuple[Array, ...]] = {}
+        for b in roots:
+            name = rod_of.get(model.body(b).name, model.body(b).name)
+            links[name] = (*links.get(name, ()), *self.outlines(b, rows))
         ground = Link("ground", tuple(self.placed(b, p, rows) for b, p in self.geoms(0)))
-        marks = [self.joint(j, rows, run) for j in range(model.njnt)]
+        marks = [self.joint(j, rows, run) for j in range(model.njnt)
+                 if model.joint(j).name not in rod_of]
         marks += [self.pin(i, rows) for i in connects(model)]
         tracks = tuple(model.sensor(i).name for i in range(model.nsensor)
                        if model.sensor_type[i] == S.mjSENS_FRAMEPOS and model.sensor_refid[i] < 0)
         empty = np.empty(0)
-        return Picture(self.axes, empty, empty, ground, tuple(links), tuple(marks), tracks)
+        return Picture(self.axes, empty, empty, ground, tuple(map(Link, links, links.values())),
+                       tuple(marks), tracks)
 
     def flat(self, vectors: Array) -> Array:
         """Components in the drawing: (..., 3) to (..., 2)."""

@@ -27,6 +27,13 @@ class BadModel(Exception):
     """The model itself cannot be used: unreadable, not assembled, a missing element."""
 
 
+class BadRod(BadModel):
+    """A rod that cannot be built; the arguments are its name, what of it is wrong, and why."""
+
+    def __str__(self) -> str:
+        return "rod {!r}: {}: {}".format(*self.args)
+
+
 @dataclass(frozen=True)
 class Drive:
     """A prescribed joint motion.
@@ -45,25 +52,68 @@ class Drive:
 
 
 @dataclass(frozen=True)
+class Rod:
+    """An elastic rod between two sites of the MJCF: inextensible, bending in the model's plane.
+
+    Attributes
+    ----------
+    name : str
+        Of the rod; its bodies, joints and sites are ``name.1``, ``name.2``, ...
+    start : str
+        Site where it begins, its tangent along the site's x axis; it bends about the z axis.
+    end : str, optional
+        Site, of another body or of another rod, that holds its far end.
+    length : float
+        [m]
+    stiffness : float
+        EI [N m2]
+    segments : int
+        n >= 2 pieces of h = length / n.
+    ends : tuple of two str
+        ``clamped`` or ``pinned`` where it begins; ``pinned``, ``clamped`` or ``free`` at the other.
+    scheme : {"half", "double", "naive"}
+        Where its springs are; see `sim.rod_chain`.
+    mass : float, optional
+        Of all of it [kg]; without gravity statics does not know it.
+    turn : float
+        Of its tangent from end to end in the start pose [rad].
+    """
+
+    name: str
+    start: str
+    end: str | None
+    length: float
+    stiffness: float
+    segments: int
+    ends: tuple[str, str]
+    scheme: str = "half"
+    mass: float | None = None
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
 class Run:
     """One thing to do with a model.
 
     Attributes
     ----------
-    kind : {"sweep", "duration"}
-        Quasi-static poses, or time stepping.
+    kind : {"sweep", "duration", "rest"}
+        Quasi-static poses, time stepping, or one pose at rest with the shapes of its rods.
     x : ndarray (n,)
-        Where to sample; rising.  Time [s] for a duration.
+        Where to sample; rising.  Time [s] for a duration, arc length [m] of the rods for a rest.
     channels : tuple of str
         Sensors of the MJCF to record.  ``name`` for a scalar sensor, ``name.x``, ``.y``, ``.z``
         for a component of a vector, ``name.angle`` for the direction of a ``framexaxis`` sensor
-        in the plane of motion, unwrapped along the run [rad].
+        in the plane of motion, unwrapped along the run [rad].  In a rest also ``rod.x``, ``.y``,
+        ``.z`` [m], ``.angle`` [rad] and ``.moment`` [N m] along a rod.
     drives : tuple of Drive
         Prescribed motions, at the same time; empty for a free motion.
     start : str
         Name of the ``<key>`` that holds the start pose (and the assembly mode).
     settings : mapping
         Engine settings that replace those of the model: ``timestep``, ``iterations``, ...
+    rods : tuple of Rod
+        What the model is completed with before it is compiled.
     """
 
     kind: str
@@ -72,6 +122,7 @@ class Run:
     drives: tuple[Drive, ...] = ()
     start: str = "start"
     settings: Mapping[str, object] = field(default_factory=dict)
+    rods: tuple[Rod, ...] = ()
 
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""
@@ -103,7 +154,7 @@ class Curves:
     Attributes
     ----------
     x : ndarray (n,)
-        Time [s] or drive value.
+        Time [s], drive value, or arc length [m] of a rest.
     channels : dict of str to ndarray (n,)
         The recorded curves.
     missing : dict of str to str

@@ -21,7 +21,7 @@ from sim.pymunk_patience import enough
 from sim.pymunk_pose import along, bound, gaps, jacobian, potential, values
 from sim.pymunk_rest import rest, stride
 from sim.pymunk_space import FIELDS, Settings, build, put, taken
-from sim.pymunk_stops import Stops, ease, find_stops, way_back
+from sim.pymunk_stops import Stops, beyond, ease, find_stops
 
 FAR = 3.0
 """Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
@@ -36,14 +36,12 @@ MOST = {True: 1000, False: 200}
 LEFT = 1e-3
 """Share of an error that a more patient solver may leave in a step."""
 PATIENT = 10**6
-"""Iterations that it may have."""
+"""Iterations that it may have, in a step and its repetitions."""
 ROUNDING = 1e-16
 """What an iteration adds to the move in a step, in extents."""
 AGREED = 1e-6
 """Share by which a step may differ from its repetition: stops and steps of all lengths ask more of
 the solver than it does at once."""
-AGAIN = 100
-"""Times a step is repeated at most."""
 
 
 @dataclass
@@ -78,20 +76,38 @@ class Held:
         """One engine step from rest with the drives aimed at their values: finds the velocity.
 
         With free coordinates it is repeated until the solver, which goes on from its last impulses,
-        agrees with itself.
+        agrees with itself: a step that is not solved throws joints off the stops that hold them,
+        and the next solution has to begin without the stops' impulses.
+
+        Raises
+        ------
+        Diverged
+            It does not agree.
         """
         aim(self.drives, target.tolist())
         ease(self.stops, self.pose, self.dt)
         noise = self.rounding * self.links.extent / self.dt
-        for _ in range(AGAIN if self.free else 1):
-            last = self.velocity
-            put(self.space, self.pose, np.zeros_like(self.pose))
-            self.space.step(self.dt)
-            buffer = batch.Buffer()
-            batch.get_space_bodies(self.space, FIELDS, buffer)
-            _, (self.velocity,) = taken(buffer, self.links)
-            if np.abs(self.velocity - last).max() <= AGREED * np.abs(self.velocity).max() + noise:
-                break
+        change = np.nan
+        for _ in range(0, PATIENT, self.space.iterations):
+            last, before = self.velocity, change
+            self._solve()
+            change = np.abs(self.velocity - last).max()
+            error = AGREED * np.abs(self.velocity).max() + noise
+            # changes in a geometric row add up to change before / (before - change); at last they
+            # do not fall any more, and are rounding
+            small = change * before <= error * (before - change) or before <= change <= error
+            if small or not self.free:
+                return
+        raise Diverged(f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
+                       f"{PATIENT} iterations")
+
+    def _solve(self) -> None:
+        """Let the engine step: the velocity as far as its iterations find it."""
+        put(self.space, self.pose, np.zeros_like(self.pose))
+        self.space.step(self.dt)
+        buffer = batch.Buffer()
+        batch.get_space_bodies(self.space, FIELDS, buffer)
+        _, (self.velocity,) = taken(buffer, self.links)
 
     def settle(self, target: Array, still: float = STILL) -> None:
         """Step until nothing moves and the drives have their values.
@@ -105,6 +121,8 @@ class Held:
         """
         last = values(self.links.drives, self.pose), self.pose
         self.ahead(target)
+        if self.free and self.past is None:  # the start pose may be far from rest
+            self._doubt(self.pose, target)
         calm, began = 0, self.pose
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
@@ -112,11 +130,14 @@ class Held:
                 self._doubt(began, target)
             self.dt = stride(self.links, self.pose, self.calm) if self.free else self.calm
             self.step(target)
+            on = beyond(self.stops, self.pose)
             self.pose = self.pose + self.dt * self.velocity
             moved = np.abs(self.velocity).max() * self.dt / self.links.extent
             if not np.isfinite(moved):
                 break
-            calm = calm + 1 if moved < max(still, self.rounding) else 0
+            # a step to a stop is as short as the way there, and small whatever the forces are
+            steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
+            calm = calm + 1 if steady else 0
             if calm > 2:
                 self._free_of_stops(target)
                 self.most, self.past = max(self.most, self.space.iterations), last
@@ -157,8 +178,8 @@ class Held:
     def _free_of_stops(self, target: Array) -> None:
         """Raise `BadModel` if joints on their stops keep loops open or drives from their values."""
         off = max(gaps(self.links, self.pose).max(),
-                  np.abs(values(self.links.drives, self.pose) - target).max())
-        names = [f"'{joint.name}'" for joint, _ in self.stops if way_back(joint, self.pose)]
+                  np.abs(values(self.links.drives, self.pose) - target).max(initial=0.0))
+        names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
         if names and off > ROUGH * self.links.extent:
             raise BadModel(f"joint {', '.join(names)} is on its stop before "
                            f"{named(self.links, target)}")

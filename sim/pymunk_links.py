@@ -1,14 +1,18 @@
 """The compiled MJCF as links in a plane: what `sim.pymunk_space` and `sim.pymunk_close` work on."""
 
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from sim.mujoco_model import joint_of
 from sim.plane import Plane, find_plane
 from sim.protocol import Array, BadModel
 from sim.pymunk_inertia import inertias
-from sim.pymunk_refuse import OFF, off, refuse, refuse_gravity
+from sim.pymunk_refuse import OFF, dead_load, off, refuse, refuse_gravity, refuse_wrench
 
 HAIR = 1e-12
 """How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
@@ -34,6 +38,22 @@ class Hold:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Holds as arrays, one row each; the axis of a hinge or a loop is zero."""
+
+    a: NDArray[np.intp]
+    b: NDArray[np.intp]
+    on_a: Array
+    on_b: Array
+    axis: Array
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which holds have an axis."""
+        return np.asarray(self.axis.any(axis=1))
+
+
+@dataclass(frozen=True)
 class Joint:
     """A hinge or slide: its hold, value in the start pose, sense about the normal, and its loads.
 
@@ -53,7 +73,7 @@ class Joint:
     load: float
     limits: tuple[float, float] | None
 
-    def spring_force(self, value: float) -> float:
+    def spring_force(self, value: Array | float) -> Any:
         """Moment [N m] or force [N] of the spring on the second link against the first."""
         x, (k, a, b) = value - self.rest, self.stiffness
         return -x * (k + x * (a + x * b))
@@ -62,6 +82,19 @@ class Joint:
         """Energy [J] of the spring."""
         x, (k, a, b) = value - self.rest, self.stiffness
         return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A dead load: constant in the world, at a point of a link seen from its centre at the start.
+
+    ``force`` in the plane [N], ``moment`` about its normal [N m].
+    """
+
+    link: int
+    at: Array
+    force: Array
+    moment: float
 
 
 @dataclass(frozen=True)
@@ -88,6 +121,7 @@ class Links:
     joints: tuple[Joint, ...]
     driven: tuple[int, ...]
     loops: tuple[Hold, ...]
+    pulls: tuple[Pull, ...]
     gravity: Array
     extent: float
 
@@ -100,6 +134,15 @@ class Links:
     def holds(self) -> tuple[Hold, ...]:
         """All holds: those of the joints, then the loops."""
         return (*(joint.hold for joint in self.joints), *self.loops)
+
+    @cached_property
+    def table(self) -> Table:
+        """All holds as arrays."""
+        holds = self.holds
+        axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
+        return Table(np.array([hold.a for hold in holds]), np.array([hold.b for hold in holds]),
+                     np.array([hold.on_a for hold in holds]),
+                     np.array([hold.on_b for hold in holds]), np.array(axes))
 
     @property
     def pose(self) -> Array:
@@ -137,6 +180,7 @@ def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Link
     of_body = np.array([len(roots) if w == 0 else int(np.searchsorted(roots, w))
                         for w in model.body_weldid])
     centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
+    pulls = _pulls(model, data, plane, of_body, centre)
     joints = tuple(_joint(model, data, plane, of_body, centre, j, j in driven)
                    for j in range(model.njnt))
     loops = _loops(model, data, plane, of_body, centre)
@@ -144,7 +188,7 @@ def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Link
     extent = _extent(joints, loops, centre, model)
     _check_closed(loops, centre, extent, key)
     return Links(model, data, plane, of_body, centre, mass, moment, joints,
-                 driven, loops, gravity * np.ones(2), extent)
+                 driven, loops, pulls, gravity * np.ones(2), extent)
 
 
 def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
@@ -178,8 +222,30 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
     return Joint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
                  _stiffness(model, j), float(model.qpos_spring[at]),
                  0.0 if off(model, OFF.mjDSBL_DAMPER) else float(model.dof_damping[dof]),
-                 0.0 if driven else float(data.qfrc_actuator[dof]),
+                 0.0 if driven else _load(model, data, j),
                  tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None)
+
+
+def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
+    """What the motors on a joint do, as far as its range of forces lets them."""
+    own = sum(float(data.actuator_force[a] * model.actuator_gear[a, 0])
+              for a in range(model.nu) if joint_of(model, a) == j)
+    return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
+
+
+def _pulls(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+           centre: Array) -> tuple[Pull, ...]:
+    pulls = []
+    for a in filter(partial(dead_load, model), range(model.nu)):
+        site, frame = model.actuator_trnid[a]
+        wrench = data.actuator_force[a] * (
+            model.actuator_gear[a].reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T)
+        refuse_wrench(model, a, wrench, plane)
+        link = of_body[model.site_bodyid[site]]
+        if link < len(centre) - 1:
+            pulls.append(Pull(link, plane.flat(data.site_xpos[site]) - centre[link],
+                              plane.flat(wrench[0]), float(plane.normal @ wrench[1])))
+    return tuple(pulls)
 
 
 def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:

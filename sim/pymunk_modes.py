@@ -7,7 +7,8 @@ import numpy as np
 
 from sim.protocol import Array
 from sim.pymunk_links import Joint, Links
-from sim.pymunk_pose import along, bound, jacobian, potential, values
+from sim.pymunk_pose import bound, jacobian, potential, values
+from sim.pymunk_slope import slope
 from sim.pymunk_stops import way_back
 
 NUDGE = 1e-4
@@ -58,13 +59,12 @@ def find_modes(links: Links, pose: Array) -> Modes:
     moves = free_directions(links, rows)
     size = sizes(links, moves)
     nudge = moves * (NUDGE / size)[:, None, None]
-
-    def slope(p: Array) -> Array:
-        return along(lambda q: potential(links, q) - _held(links, stops, q) @ pull, p, moves)
-
-    bend = (slope((pose + nudge)[:, None]) - slope((pose - nudge)[:, None])) * size[:, None]
+    rise = slope(links, pose + nudge, pull, stops) - slope(links, pose - nudge, pull, stops)
+    bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
-    return Modes(np.tensordot(modes.T, moves, 1), squares, -modes.T @ slope(pose), rows, stops)
+    shapes = np.tensordot(modes.T, moves, 1)
+    forces = -np.tensordot(shapes, slope(links, pose, pull, stops), 2)
+    return Modes(shapes, squares, forces, rows, stops)
 
 
 def sizes(links: Links, moves: Array) -> Array:

@@ -8,43 +8,47 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.protocol import Array
-from sim.pymunk_links import Hold, Joint, Links
+from sim.pymunk_links import Hold, Joint, Links, Table
 
 STEP = 1e-30
+QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Turns row vectors by a quarter turn."""
 
 
 def turned(angle: Array, vector: Array) -> Array:
-    """A vector (2,) turned by angles (...), as (..., 2)."""
+    """Vectors (..., 2) turned by angles (...), as (..., 2)."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]], axis=-1)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
-def _apart(hold: Hold, pose: Array) -> Array:
+def apart(hold: Hold | Table, pose: Array) -> Array:
     """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
     a, b = pose[..., hold.a, :], pose[..., hold.b, :]
     return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
 
 
-def _rows(hold: Hold, pose: Array) -> Array:
-    apart = _apart(hold, pose)
-    if hold.axis is None:
-        return apart
-    across = turned(pose[..., hold.a, 2], np.array([-hold.axis[1], hold.axis[0]]))
-    return np.stack([(across * apart).sum(-1), pose[..., hold.b, 2] - pose[..., hold.a, 2]], -1)
+def _rows(links: Links, pose: Array) -> Array:
+    """How far each hold is from held (..., holds, 2): both ways, or across a slide and turned."""
+    table = links.table
+    rows, slides = apart(table, pose), table.slides
+    if slides.any():
+        a, b = pose[..., table.a[slides], 2], pose[..., table.b[slides], 2]
+        across = turned(a, table.axis[slides] @ QUARTER)
+        rows[..., slides, :] = np.stack([(across * rows[..., slides, :]).sum(-1), b - a], axis=-1)
+    return rows
 
 
 def residual(links: Links, pose: Array) -> Array:
     """How far all holds are from held (..., rows), of poses (..., links + 1, 3)."""
-    return np.concatenate([_rows(hold, pose) for hold in links.holds], axis=-1)
+    rows = _rows(links, pose)
+    return rows.reshape(*rows.shape[:-2], -1)
 
 
 def gaps(links: Links, pose: Array) -> Array:
     """Distance by which each hold is open [m] (..., holds), of poses (..., links + 1, 3)."""
-    open_by = []
-    for hold in links.holds:
-        rows = _rows(hold, pose)
-        open_by.append(np.linalg.norm(rows, axis=-1) if hold.axis is None else abs(rows[..., 0]))
-    return np.stack(open_by, axis=-1)
+    rows = _rows(links, pose)
+    return np.where(links.table.slides, np.abs(rows[..., 0]), np.linalg.norm(rows, axis=-1))
 
 
 def joint_value(joint: Joint, pose: Array) -> Array:
@@ -53,7 +57,7 @@ def joint_value(joint: Joint, pose: Array) -> Array:
     if hold.axis is None:
         return joint.value + joint.sign * (pose[..., hold.b, 2] - pose[..., hold.a, 2])
     along = turned(pose[..., hold.a, 2], hold.axis)
-    return joint.value + (along * _apart(hold, pose)).sum(-1)
+    return joint.value + (along * apart(hold, pose)).sum(-1)
 
 
 def values(joints: tuple[Joint, ...], pose: Array) -> Array:
@@ -87,4 +91,8 @@ def potential(links: Links, pose: Array) -> Array:
     for joint in links.joints:
         value = joint_value(joint, pose)
         energy = energy + joint.spring_energy(value) - joint.load * value
+    for pull in links.pulls:
+        body = pose[..., pull.link, :]
+        point = body[..., :2] + turned(body[..., 2], pull.at)
+        energy = energy - point @ pull.force - pull.moment * body[..., 2]
     return energy

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from sim.mujoco_model import joint_of
 from sim.protocol import Array, BadModel
 from sim.pymunk_links import Links
 from sim.pymunk_pose import along, joint_value, turned
@@ -93,7 +94,7 @@ def _scalar(links: Links, s: int) -> Channel | str:
 def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
     """What a joint's drive must do, or the constant force of the motors on a joint without one."""
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
-    joint = obj if of_joint else model.actuator_trnid[obj, 0]
+    joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
         gear = 1.0 if of_joint else float(model.actuator_gear[obj, 0])
         return Channel(-2, _still, links.driven.index(joint), 1.0 / gear)

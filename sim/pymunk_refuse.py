@@ -5,10 +5,11 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from sim.mujoco_model import joint_of
 from sim.plane import PARALLEL, Plane
-from sim.protocol import Unsupported
+from sim.protocol import Array, Unsupported
 
-JOINT, EQ, TRN = mujoco.mjtJoint, mujoco.mjtEq, mujoco.mjtTrn
+JOINT, EQ = mujoco.mjtJoint, mujoco.mjtEq
 OFF = mujoco.mjtDisableBit
 
 
@@ -38,6 +39,14 @@ def refuse_gravity(model: mujoco.MjModel, plane: Plane) -> None:
     if not off(model, OFF.mjDSBL_GRAVITY) and (
             abs(gravity @ plane.normal) > PARALLEL * np.linalg.norm(gravity)):
         raise Unsupported(f"option gravity {gravity.tolist()} does not lie in the plane of motion")
+
+
+def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: Plane) -> None:
+    """Raise `Unsupported` if a load (force and moment, (2, 3)) leaves the plane of motion."""
+    across = np.append(wrench[0] @ plane.normal, plane.flat(wrench[1]))
+    if np.abs(across).max() > PARALLEL * np.abs(wrench).max():
+        name = model.actuator(actuator).name
+        raise Unsupported(f"the load of actuator '{name}' leaves the plane of motion")
 
 
 def off(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
@@ -80,16 +89,25 @@ def _equalities(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
-    on_joint = (TRN.mjTRN_JOINT, TRN.mjTRN_JOINTINPARENT)
     for a in range(model.nactuator):
-        joint = model.actuator_trnid[a, 0] if int(model.actuator_trntype[a]) in on_joint else -1
+        joint = joint_of(model, a)
         if joint in driven:
             continue
         plain = (model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
                  and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
-                 and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE)
-        if joint < 0 or not plain or model.actuator_damping[a].any() or model.actuator_armature[a]:
-            yield f"actuator '{model.actuator(a).name}', which is no motor on a joint"
+                 and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
+                 and not model.actuator_damping[a].any() and not model.actuator_armature[a])
+        if not plain or (joint < 0 and not dead_load(model, a)):
+            yield (f"actuator '{model.actuator(a).name}', which is no motor on a joint, nor on a "
+                   f"site with a refsite of the ground")
+
+
+def dead_load(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator pulls at a site in a direction of the ground."""
+    if int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
+        return False
+    frame = model.actuator_trnid[actuator, 1]
+    return bool(frame >= 0 and model.body_weldid[model.site_bodyid[frame]] == 0)
 
 
 def _contacts(model: mujoco.MjModel) -> Iterator[str]:

@@ -8,7 +8,7 @@ from sim.pymunk_modes import Modes, find_modes, sizes
 from sim.pymunk_pose import along, bound, values
 from sim.pymunk_stops import way_back
 
-SOFT = 1e-3
+SOFT = 1e-8
 """Least stiffness that a mode is taken to have, as a share of what makes the usual step."""
 SLIP = 0.1
 """How far a joint may pass a stop, as a share of its way there: to be pressed on it thereafter."""

@@ -8,7 +8,7 @@ import pymunk
 from pymunk import batch
 
 from sim.protocol import Array
-from sim.pymunk_links import Hold, Joint, Links
+from sim.pymunk_links import Hold, Joint, Links, Pull
 
 Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
@@ -45,6 +45,8 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
         body.position = tuple(centre)
         space.add(body)
         bodies.append(body)
+    for pull in links.pulls:
+        _pull(pull, bodies[pull.link])
     bodies.append(space.static_body)
     held = []
     for joint in links.joints:
@@ -57,6 +59,19 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
             constraint.error_bias = error_bias
         space.add(constraint)
     return space
+
+
+def _pull(pull: Pull, body: pymunk.Body) -> None:
+    """Let a load act on its body in every step, beside those that it has already."""
+    before = body.velocity_func
+
+    def pulled(body: pymunk.Body, gravity: pymunk.Vec2d, damping: float, dt: float) -> None:
+        point = body.local_to_world(tuple(pull.at))
+        body.apply_force_at_world_point(tuple(pull.force), point)
+        body.torque += pull.moment
+        before(body, gravity, damping, dt)
+
+    body.velocity_func = pulled
 
 
 def at(links: Links, link: int, local: Array) -> tuple[float, float]:

@@ -24,6 +24,11 @@ def way_back(joint: Joint, pose: Array) -> float:
     return float(np.clip(value, *joint.limits)) - value if joint.limits else 0.0
 
 
+def beyond(stops: Stops, pose: Array) -> list[Joint]:
+    """The joints that are beyond a stop, and so held by it in the next step."""
+    return [joint for joint, _ in stops if way_back(joint, pose)]
+
+
 def find_stops(links: Links, space: pymunk.Space) -> Stops:
     """The joints with limits and their stops in a space, made to put a joint back in one step."""
     stops = [constraint for constraint in space.constraints if isinstance(constraint, STOPS)]

@@ -1,10 +1,11 @@
-"""MuJoCo: sweeps and durations of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
+"""MuJoCo: all runs of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
 
 from pathlib import Path
 
 import mujoco
 
 from sim.mujoco_model import load, loop_gap
+from sim.mujoco_shape import rest
 from sim.mujoco_steps import duration
 from sim.mujoco_sweep import sweep
 from sim.protocol import BadModel, Curves, Run
@@ -39,7 +40,7 @@ def simulate(model: Path, run: Run) -> Curves:
     """
     compiled, data = load(model, run)
     check_assembled(compiled, data, run.start)
-    return (sweep if run.kind == "sweep" else duration)(compiled, data, run)
+    return {"sweep": sweep, "rest": rest, "duration": duration}[run.kind](compiled, data, run)
 
 
 def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> None:

@@ -9,8 +9,10 @@ from sim.protocol import BadModel, Curves, Run, Unsupported
 from sim.pymunk_duration import duration
 from sim.pymunk_links import read_links
 from sim.pymunk_read import Channel, channel
+from sim.pymunk_shape import rest
 from sim.pymunk_space import Settings
 from sim.pymunk_sweep import sweep
+from sim.rod_shape import of_rods
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
 KNOWN = ("timestep", "iterations", "error_bias", "defaults")
@@ -34,7 +36,10 @@ def simulate(model: Path, run: Run) -> Curves:
     joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
     polynomials.  Joint ranges are stops: exact to 1e-12 rad in a sweep, soft in a duration.
 
-    In a sweep the coordinates that drives leave free follow them at rest, from the start key on.
+    Loads are motors on sites, constant in the frame of a refsite on the ground.
+
+    In a sweep the coordinates that drives leave free follow them at rest, from the start key on,
+    and in a rest they come there with the drives held.
 
     Second order in time, but for joint damping: Chipmunk's dampers are first order.
 
@@ -53,22 +58,23 @@ def simulate(model: Path, run: Run) -> Curves:
     Diverged
         The run was lost.
     """
-    compiled = _compile(model)
+    compiled = _compile(model, run)
     links = read_links(compiled, run.start, _driven(compiled, run))
     settings = _settings(run, compiled)
-    found = {name: channel(links, name) for name in run.channels}
+    found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
     wanted = {name: c for name, c in found.items() if isinstance(c, Channel)}
     if run.kind == "duration":
         missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
         wanted = {name: c for name, c in wanted.items() if c.order != -2}
-    curves = (sweep if run.kind == "sweep" else duration)(links, run, wanted, settings)
+    act = {"sweep": sweep, "rest": rest, "duration": duration}[run.kind]
+    curves = act(links, run, wanted, settings)
     curves.missing.update(missing)
     return curves
 
 
-def _compile(path: Path) -> mujoco.MjModel:
-    model = compile_model(path)
+def _compile(path: Path, run: Run) -> mujoco.MjModel:
+    model = compile_model(path, run.rods)
     if model.njnt == 0:
         raise Unsupported(f"{path.name}: a model without joints")
     return model
@@ -89,6 +95,6 @@ def _settings(run: Run, model: mujoco.MjModel) -> Settings:
                        f"known: {', '.join(KNOWN)}")
     own = bool(run.settings.get("defaults", False))
     tuned = {"timestep": float(model.opt.timestep),
-             "iterations": 10 if own else 500 if run.kind == "sweep" else None,
+             "iterations": 10 if own else None if run.kind == "duration" else 500,
              "error_bias": CHIPMUNK_BIAS if own else 0.0}
     return tuned | {k: v for k, v in run.settings.items() if k != "defaults"}

@@ -89,7 +89,9 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
 
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
-    """Name, unit and scale of a run's parameter: time, or the joint that a sweep moves."""
+    """Name, unit and scale of a run's parameter: time, arc length, or a sweep's joint."""
+    if kind == "rest":
+        return "arc length s", "m", 1.0
     if kind == "duration" or case.leader is None or not case.leader.steady:
         return "time t", "s", 1.0
     if joint_type(case, case.leader.joint) == "slide":

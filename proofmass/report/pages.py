@@ -30,6 +30,7 @@ from proofmass.report.words import LOST, SYMBOLS, from_model, headline, number, 
 
 PACKAGES = ("proofmass", "mujoco", "pymunk", "numpy", "scipy")
 HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
+            "rest": "Rest: the shapes of the rods in equilibrium, along their length",
             "duration": "Duration: the motion over time, as each engine steps it"}
 CAPTIONS = {
     "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",

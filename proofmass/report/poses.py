@@ -43,6 +43,8 @@ def repeats(apart: Array) -> bool:
 
 def clearest(picture: Picture) -> int:
     """The pose that bears the names: its joints are far from each other and not in one line."""
+    if not picture.marks:
+        return len(picture.x) - 1
     at = np.stack([m.at for m in picture.marks], axis=1)
     apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
     always = apart.max(axis=0) < 1e-6 * (np.ptp(at) or 1.0)

@@ -63,11 +63,11 @@ def listed(words: Iterable[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def by_solver(comparisons: Iterable[Comparison], run: str) -> dict[str, list[Comparison]]:
-    """The comparisons of one run, solver by solver."""
+def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
+    """The comparisons of a run, or of several, solver by solver."""
     found: dict[str, list[Comparison]] = {}
     for c in comparisons:
-        if c.run == run:
+        if c.run in runs:
             found.setdefault(c.solver, []).append(c)
     return found
 
@@ -100,7 +100,9 @@ def headline(case: Case, comparisons: Iterable[Comparison],
     own = [c for c in comparisons if c.case == case.name]
     if not own:
         return "Not judged: no run could be compared; the input is at fault."
-    sweep, duration = by_solver(own, "sweep"), by_solver(own, "duration")
+    quiet = [kind for kind in ("sweep", "rest") if kind in case.run] or ["sweep"]
+    sweep, duration = by_solver(own, *quiet), by_solver(own, "duration")
+    within = " and ".join(quiet)
     true, false = ("The model is the mechanism", "The model is not the mechanism")
     if from_model(case):
         true, false = ("The model moves as its own numbers say",
@@ -108,16 +110,16 @@ def headline(case: Case, comparisons: Iterable[Comparison],
     if any(c.outcome == "differs" for rows in sweep.values() for c in rows):
         sound = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
         text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
-        text += "; ".join(told(s, rows, " in the sweep") for s, rows in sweep.items()
+        text += "; ".join(told(s, rows, f" in the {within}") for s, rows in sweep.items()
                           if not clean(rows) and not plain(rows))
         return text + "; do not look at integrators before this is mended."
     if not sweep:
         first = "No sweep, so model and integrator are judged together"
     elif good := {s: rows for s, rows in sweep.items() if clean(rows)}:
-        first = f"{true}: {agreement(good)}"
+        first = f"{true}: {agreement(good, within)}"
     else:
-        first = "The sweep was not checked, so model and integrator are judged together"
-    parts = [told(s, rows, " in the sweep") for s, rows in sweep.items()
+        first = f"The {within} was not checked, so model and integrator are judged together"
+    parts = [told(s, rows, f" in the {within}") for s, rows in sweep.items()
              if any(c.outcome in LOST for c in rows)]
     parts += [told(s, rows, f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else
                    " over the duration")
@@ -138,13 +140,13 @@ def plain(rows: list[Comparison]) -> bool:
     return {c.outcome for c in rows} <= {"unchecked", "unsupported"}
 
 
-def agreement(good: dict[str, list[Comparison]]) -> str:
-    """How many channels of the sweep agree, for the solvers that agree, and why not all."""
+def agreement(good: dict[str, list[Comparison]], run: str) -> str:
+    """How many channels of the run agree, for the solvers that agree, and why not all."""
     counts = {s: (sum(c.outcome == "agrees" for c in rows), len(rows)) for s, rows in good.items()}
     names = listed(map(spoken, counts))
     if all(n == total for n, total in counts.values()):
-        return f"all {next(iter(counts.values()))[1]} channels of the sweep agree in {names}"
-    return "the sweep agrees on " + listed(
+        return f"all {next(iter(counts.values()))[1]} channels of the {run} agree in {names}"
+    return f"the {run} agrees on " + listed(
         f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {spoken(s)}"
         f"{why(good[s])}" for s, (n, total) in counts.items())
 
