@@ -3,6 +3,7 @@
 ``python -m tests.balancer_cases`` writes them anew.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from proofmass.design.template import SOLVERS, write_case
 from tests.balancer_table import DATA, parameters, rows
 
+OURS = Path(__file__).parent.parent / "docs" / "balancer_designs.json"
 MODELS = Path(__file__).parent.parent / "models"
 THESIS = ("S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
           "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
@@ -28,13 +30,16 @@ class Design:
     target: str = "sine"
     target_moment: float = 1.0
     changed: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def write(self, folder: Path, name: str) -> Path:
         """Write model and sidecar; the sidecar's file."""
         solvers = SOLVERS if name in SETTLED else ("mujoco", "pymunk")
-        return write_case(folder, name, title=self.title, source=THESIS.format(self.place),
+        source = self.place if self.beside else THESIS.format(self.place)
+        return write_case(folder, name, title=self.title, source=source,
                           parameters={**self.parameters, **self.changed}, target=self.target,
-                          target_moment=self.target_moment, solvers=solvers)
+                          target_moment=self.target_moment, solvers=solvers,
+                          beside=self.beside)
 
 
 def row(line: int, title: str, **changed: float) -> Design:
@@ -42,6 +47,16 @@ def row(line: int, title: str, **changed: float) -> Design:
     found = rows()[str(line)]
     return Design(title, f"Fig. {found['figure']}, line {line}", parameters(found),
                   found["target"], changed=changed)
+
+
+def designed(line: int, title: str) -> Design:
+    """A design of ours beside the thesis's row with the same springs, freedoms and bounds."""
+    theirs = rows()[str(line)]
+    ours = next(d for d in json.loads(OURS.read_text()) if d["line"] == line)
+    chain = {"pendulum": 1.0, **ours["parameters"]}
+    return Design(title, f"python -m benchmarks.design_balancer {line}", chain, theirs["target"],
+                  beside={f"van Nes 2022, line {line}": {
+                      **parameters(theirs), "target": theirs["target"]}})
 
 
 PROTOTYPE = DATA["prototype"]["listing"]
@@ -63,6 +78,8 @@ DESIGNS = {
     "balancer_prototype": Design("The built balancer with its springs as measured",
                                  PROTOTYPE["source"], PROTOTYPE["parameters"],
                                  target_moment=PROTOTYPE["weight"] * 0.5),
+    "balancer_designed": designed(1766, "Sine by three linear springs, designed anew"),
+    "balancer_designed_laevo": designed(2107, "Moment of the Laevo exoskeleton, designed anew"),
     "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),
 }
 

@@ -1,0 +1,185 @@
+"""``proofmass design``: find a mechanism, write it as a case, and check the case."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from analytic.balancer.synthesis import Synthesis
+from analytic.balancer.targets import TARGETS, Target, tabulated
+from analytic.balancer.variants import Variant
+from analytic.domain import Array
+from proofmass.check import check
+from proofmass.design.record import described
+from proofmass.design.search import Effort, Search
+from proofmass.design.selection import CATALOGUE, read_catalogue
+from proofmass.design.template import write_case
+from proofmass.errors import InputError
+from proofmass.recorded import read_recorded
+from proofmass.report.words import headline
+
+app = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+INTERRUPTED = 130  # a shell's exit code for Ctrl-C
+
+
+@app.callback()
+def design() -> None:
+    """Find a mechanism, write it as a case, check it."""
+
+
+@app.command("balancer")
+def balancer_command(
+    target: Annotated[str, typer.Option(help=f"Wanted moment: {', '.join(TARGETS)}.")] = "sine",
+    table: Annotated[Path | None, typer.Option(help="Wanted moment over m g r as a CSV file, with "
+                     "the columns 'angle \\[deg]' and 'moment [1]', instead.")] = None,
+    segments: Annotated[int, typer.Option(help="3 or 4.")] = 3,
+    springs: Annotated[str, typer.Option(help="linear, nonlinear (one k and A for all joints) or "
+                       "each (a k and A of its own for each joint).")] = "linear",
+    preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
+    free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
+    contact: Annotated[bool, typer.Option("--contact", help="Joint 2 meets a stop.")] = False,
+    relaxed: Annotated[bool, typer.Option("--relaxed", help="Lengths from 0.1 to 0.9.")] = False,
+    elbow_down: Annotated[bool, typer.Option("--elbow-down", help="Of the last two segments at "
+                          "rest.")] = False,
+    bound: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH, instead of the usual "
+                     "bounds of a parameter; several times.")] = None,
+    power: Annotated[float, typer.Option(min=1, max=2, help="Of the error in the aim: 2 for the "
+                     "least error, 1 for the best work reduction.")] = 2.0,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same design.")] = 1,
+    effort: Annotated[float, typer.Option(min=0.05, max=20, help="Times as many starts.")] = 1.0,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder.")] = Path("design"),
+    pareto: Annotated[bool, typer.Option("--pareto", help="Trade error for evenly shared energy "
+                      "as well.")] = False,
+    catalogue: Annotated[Path | None, typer.Option(help="CSV file 'spring,stiffness [N m/rad]' to "
+                         "choose the springs from.", show_default="907, 903, 908")] = None,
+) -> None:
+    """Find the balancer that meets a moment-angle characteristic best.
+
+    Writes the case with its report, design.json, and the state of the search: a search that was
+    interrupted goes on where it stopped when it is called again in the same way. Exit codes as for
+    check.
+    """
+    try:
+        wanted = read_target(table) if table else named(target)
+        stock = read_catalogue(catalogue) if catalogue else CATALOGUE
+        variant = Variant(wanted.name, segments, springs, preload, free_angle, contact, relaxed,
+                          -1 if elbow_down else 1, narrowed(bound or []))
+        task = Synthesis(variant, wanted, power=power)
+        output.mkdir(parents=True, exist_ok=True)
+        found = searched(task, times(effort, seed), output / "search.npz")
+        record = {"seed": seed, **described(task, found, stock)}
+        (output / "design.json").write_text(json.dumps(record, indent=1), encoding="utf-8")
+        tell(record)
+        if pareto:
+            trade(task, found, output)
+        raise typer.Exit(verified(record, output))
+    except (InputError, ValueError) as error:
+        errors.print(f"error: {error}", style="bold red", markup=False)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        errors.print(f"stopped; {output} keeps the state: the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def named(name: str) -> Target:
+    """A target of the thesis."""
+    if name not in TARGETS:
+        raise ValueError(f"--target {name}: no such target; there are {', '.join(TARGETS)}, or "
+                         f"--table FILE for one of your own")
+    return TARGETS[name]
+
+
+def read_target(file: Path) -> Target:
+    """A table of wanted moments: angles that rise from 1 degree at most to 90 at least."""
+    data = read_recorded(file)
+    if [*data.units.values()] != ["rad", "1"]:
+        raise InputError(file, "line 1", "the columns must be 'angle [deg]' and 'moment [1]', the "
+                         "wanted moment over m g r")
+    angle, moment = data.columns.values()
+    if angle[0] > np.pi / 180 or angle[-1] < np.pi / 2 * (1 - 1e-12):
+        raise InputError(file, "", f"the angles must cover 1 to 90 degrees, they go from "
+                         f"{np.degrees(angle[0]):g} to {np.degrees(angle[-1]):g}")
+    if not np.trapezoid(moment, angle) > 0:
+        raise InputError(file, "", "the wanted moment must do positive work")
+    return tabulated(angle, moment, file.stem)
+
+
+def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
+    """Bounds given as NAME=LOW:HIGH."""
+    given = {}
+    for text in bounds:
+        name, _, pair = text.partition("=")
+        low, _, high = pair.partition(":")
+        try:
+            given[name] = float(low), float(high)
+        except ValueError:
+            raise ValueError(f"--bound {text}: write it as NAME=LOW:HIGH, such as "
+                             f"length1=0.2:0.4") from None
+    return given
+
+
+def times(effort: float, seed: int) -> Effort:
+    """The usual search with so many times as many descents."""
+    return Effort(tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats),
+                  seed)
+
+
+def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
+    """The designs found (B, d), best first, with a progress bar on standard error."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[best]}"),
+               TimeRemainingColumn())
+    with Progress(*columns, console=errors, transient=True) as bar:
+        line = bar.add_task("searching", total=effort.steps, best="")
+
+        def advance(step: int, steps: int, value: float) -> None:
+            bar.update(line, completed=step, total=steps, best=f"error {value:.5f}")
+
+        search = Search(task, effort, file)
+        search.run(advance)
+    return search.found
+
+
+def tell(record: dict[str, Any]) -> None:
+    """The design on standard output."""
+    print(f"rmse {record['rmse']:.6f}, work reduction {record['work_reduction']:.3f} %, spread of "
+          f"energy {record['spread']:.3f}")
+    for name, value in record["parameters"].items():
+        print(f"  {name:<12}{value: .6f}")
+    if chosen := record.get("selection"):
+        joints = " | ".join(" + ".join(pair) or "none" for pair in chosen["springs"])
+        print(f"springs {joints} for m g r = {chosen['moment']:.5f} N m: rmse "
+              f"{chosen['rmse']:.6f}, work reduction {chosen['work_reduction']:.3f} %")
+
+
+def trade(task: Synthesis, found: Array, folder: Path) -> None:
+    """The Pareto front, with its files named on standard output."""
+    from proofmass.design.pareto import front, write_front  # matplotlib is slow to load
+
+    with errors.status("trading error for evenly shared energy"):
+        trades = front(task, found, folder)
+    for file in write_front(trades, list(task.variant.usual), folder / "pareto"):
+        print(file)
+
+
+def verified(record: dict[str, Any], folder: Path) -> int:
+    """Write the case, run it in the engines and report; its exit code."""
+    from proofmass.report import write_report
+
+    sidecar = write_case(
+        folder, f"balancer_{record['target']}", parameters=record["parameters"],
+        title=f"Balancer found for the target {record['target']}",
+        source=f"proofmass design balancer, seed {record['seed']}: work reduction "
+               f"{record['work_reduction']:.3f} %, rmse {record['rmse']:.6f}",
+        target=record["target"] if record["target"] in TARGETS else None)
+    result = check([sidecar])
+    for error in result.errors:
+        errors.print(f"error: {error}", style="bold red", markup=False)
+    for case in result.cases:
+        print(headline(case, result.comparisons))
+    print(write_report(result, folder / "report"))
+    return result.exit_code

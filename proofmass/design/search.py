@@ -1,0 +1,221 @@
+"""Bounded least squares in the large: descents from many places, the best of them ever finer.
+
+A search is a chain of steps, each of which makes a new state of the old one and of nothing else.
+So a search that goes on from a saved state gives what an uninterrupted one gives.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import Protocol
+from zipfile import BadZipFile
+
+import numpy as np
+
+from analytic.domain import Array
+from proofmass.design.descent import STUCK, Terms, descend, norms
+from proofmass.design.starts import apart, scattered
+from proofmass.errors import InputError
+
+SAVED_EVERY = 3.0  # [s]
+DAMPED = 1e-2  # the first damping of a descent
+DRAWS = 100  # as many starts each, until there are enough that are possible
+Progress = Callable[[int, int, float], None]
+
+
+class Problem(Protocol):
+    """What is searched: vectors (B, d) between two bounds (d,)."""
+
+    @property
+    def low(self) -> Array:
+        """Lower bounds."""
+
+    @property
+    def high(self) -> Array:
+        """Upper bounds."""
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells it from any other."""
+
+    def coarse(self, vectors: Array) -> Array:
+        """Some of the terms (B, m) of the sum of squares; NaN for what is not possible."""
+
+    def residuals(self, vectors: Array) -> Array:
+        """All of them."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long to search.
+
+    Attributes
+    ----------
+    heats : tuple of (int, int)
+        Of each heat: how many descents, those that were best in the heat before, and how many
+        steps.  The last heat takes all terms, those before it the coarse ones.
+    seed : int
+        What the random places of the first heat start from.
+    """
+
+    heats: tuple[tuple[int, int], ...] = ((256, 6), (64, 24), (24, 60))
+    seed: int = 1
+
+    @property
+    def steps(self) -> int:
+        """Of all heats."""
+        return sum(steps for _, steps in self.heats)
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a search stands.
+
+    Attributes
+    ----------
+    step : int
+        How many steps were made.
+    places : ndarray (B, d)
+        Designs, as shares 0 .. 1 of the way between their bounds.
+    values : ndarray (B,)
+        Roots of their sums of squares.
+    damping : ndarray (B,)
+        Of their descents.
+    """
+
+    step: int
+    places: Array
+    values: Array
+    damping: Array
+
+
+class Search:
+    """One search, saved every few seconds when it has a file.
+
+    Parameters
+    ----------
+    problem : Problem
+    effort : Effort
+    file : path, optional
+        Where its state is kept; a search that finds one there goes on from it.
+    start : ndarray (B, d), optional
+        Designs to begin with, filled up with random ones.
+
+    Raises
+    ------
+    InputError
+        The file holds the state of another search.
+    ValueError
+        None of the random designs is possible.
+    """
+
+    def __init__(self, problem: Problem, effort: Effort | None = None, file: Path | None = None,
+                 start: Array | None = None):
+        self.problem, self.effort, self.file = problem, effort or Effort(), file
+        self.ends = list(accumulate(steps for _, steps in self.effort.heats))
+        given = None if start is None else start.tolist()
+        self.key = repr((problem.fingerprint, self.effort, given))
+        self.saved = time.monotonic()
+        self.state = self.load() if file and file.exists() else self.begin(start)
+
+    @property
+    def found(self) -> Array:
+        """The designs so far (B, d), best first."""
+        return self.vectors(self.state.places[np.argsort(self.state.values, kind="stable")])
+
+    @property
+    def heat(self) -> int:
+        """The number of the heat that the next step belongs to."""
+        return next(k for k, end in enumerate([*self.ends, np.inf]) if self.state.step < end)
+
+    @property
+    def done(self) -> bool:
+        """Whether all steps were made, or all descents of the last heat are stuck."""
+        last = len(self.effort.heats) - 1
+        return self.heat > last or (self.heat == last and self.stuck and self.state.step not in
+                                    self.ends)
+
+    @property
+    def stuck(self) -> bool:
+        """Whether no descent moves any more."""
+        return bool((self.state.damping > STUCK).all())
+
+    def run(self, progress: Progress = lambda *_: None) -> Array:
+        """Search to the end; the best design (d,).  An interrupt leaves the state saved.
+
+        `progress` is called as ``progress(step, steps, best value)`` after each step.
+        """
+        try:
+            while not self.done:
+                self.state = self.step()
+                progress(self.state.step, self.effort.steps, float(self.state.values.min()))
+                if time.monotonic() - self.saved > SAVED_EVERY:
+                    self.save()
+        finally:
+            self.save()
+        return self.found[0]
+
+    def step(self) -> State:
+        """The next state; the first step of a heat begins with the best of the one before."""
+        now, terms = self.state, self.terms(self.heat)
+        if now.step in self.ends:
+            chosen = apart(now.places, now.values, self.effort.heats[self.heat][0])
+            now = self.fresh(now.step, now.places[chosen], terms)
+        return State(now.step + 1, *descend(now.places, now.values, now.damping, terms))
+
+    def begin(self, start: Array | None) -> State:
+        """The designs given, and random ones that are possible."""
+        low, high, count = self.problem.low, self.problem.high, self.effort.heats[0][0]
+        rng, terms = np.random.default_rng(self.effort.seed), self.terms(0)
+        found = np.empty((0, low.size))
+        if start is not None:
+            found = np.clip((start - low) / (high - low), 0.0, 1.0)
+        for _ in range(DRAWS):
+            if len(found) >= count:
+                break
+            places = scattered(count, low.size, rng)
+            found = np.concatenate([found, places[np.isfinite(norms(terms, places))]])
+        if not len(found):
+            raise ValueError(f"none of {DRAWS * count} random designs is possible; widen bounds")
+        return self.fresh(0, found[:count], terms)
+
+    def fresh(self, step: int, places: Array, terms: Terms) -> State:
+        """Descents at their beginning."""
+        return State(step, places, norms(terms, places), np.full(len(places), DAMPED))
+
+    def terms(self, heat: int) -> Terms:
+        """The terms of a heat, of places."""
+        last = heat == len(self.effort.heats) - 1
+        of = self.problem.residuals if last else self.problem.coarse
+        return lambda places: of(self.vectors(places))
+
+    def vectors(self, places: Array) -> Array:
+        """Designs between their bounds."""
+        low, high = self.problem.low, self.problem.high
+        return np.clip(low + places * (high - low), low, high)
+
+    def save(self) -> None:
+        """Write the state; the file holds the old one until the new one is there."""
+        self.saved = time.monotonic()
+        if self.file:
+            half = self.file.with_suffix(".part")
+            with half.open("wb") as stream:
+                np.savez(stream, key=self.key, **asdict(self.state))
+            os.replace(half, self.file)
+
+    def load(self) -> State:
+        """Read the state."""
+        assert self.file
+        try:
+            with np.load(self.file) as data:
+                key, state = str(data["key"]), State(int(data["step"]), *(
+                    data[name] for name in ("places", "values", "damping")))
+        except (OSError, ValueError, KeyError, BadZipFile) as error:
+            raise InputError(self.file, "", f"not the state of a search: {error}") from None
+        if key != self.key:
+            raise InputError(self.file, "", "the state of another search, with another target, "
+                             "bounds, effort or seed; remove it, or choose another folder")
+        return state

@@ -1,0 +1,118 @@
+"""Springs of a catalogue whose stiffnesses stand to each other as those of a design."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.errors import InputError
+from proofmass.recorded import numbers
+
+# Of the prototype, [N m/rad]: van Nes 2022, table J.1 to six decimals, by the deviations in J.2.
+CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
+HEADER = ("spring", "stiffness [N m/rad]")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Springs for every joint.
+
+    Attributes
+    ----------
+    springs : tuple of tuple of str
+        One or two catalogue springs in parallel for each joint; none where the design has none.
+    stiffness : tuple of float
+        What they amount to [N m/rad].
+    ratios : tuple of float
+        Stiffnesses over that of joint 2.
+    error : float
+        Root of the sum of the squared deviations of these ratios from the design's.
+    scale : float
+        m g r [N m] that they balance if the design is for 1 N m: least squares over the joints.
+    """
+
+    springs: tuple[tuple[str, ...], ...]
+    stiffness: tuple[float, ...]
+    ratios: tuple[float, ...]
+    error: float
+    scale: float
+
+
+def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGUE) -> Selection:
+    r"""The best springs, two in parallel at each joint at most.
+
+    ::
+
+        minimise  sqrt(sum_i (K_i/K_2 - k_i/k_2)^2),    K_i = one or two of the catalogue
+
+    For a given K_2 every joint can choose for itself, so that all combinations are covered by as
+    many looks into a sorted list as there are pairs: exact for a catalogue of any size.
+
+    Parameters
+    ----------
+    stiffness : k_1, k_2, .. of the design [N m/rad]; the second must not be zero
+    catalogue : stiffness [N m/rad] by name
+
+    Raises
+    ------
+    ValueError
+        A design without a spring in joint 2.
+
+    Notes
+    -----
+    Van Nes 2022, listing N.1, does it by a genetic algorithm over 13^6 combinations.
+
+    Examples
+    --------
+    >>> select([1.498937760758821, 1.0, 4.847839773931474]).springs
+    (('907',), ('903',), ('907', '908'))
+    """
+    wanted = np.asarray(stiffness, float)
+    if not wanted[1] > 0:
+        raise ValueError(f"ratios need a spring in joint 2, whose stiffness is {wanted[1]:g}; keep "
+                         f"it from zero by a bound")
+    pairs = [(), *((name,) for name in catalogue),
+             *combinations_with_replacement(catalogue, 2)]
+    sums = np.array([sum(catalogue[name] for name in pair) for pair in pairs])
+    order = np.argsort(sums, kind="stable")
+    sums, second = sums[order], sums[order][1:]
+    ideal = wanted / wanted[1] * second[:, None]
+    above = np.clip(np.searchsorted(sums, ideal), 1, sums.size - 1)
+    nearer = above - (ideal - sums[above - 1] <= sums[above] - ideal)
+    errors = np.linalg.norm((sums[nearer] - ideal) / second[:, None], axis=-1)
+    chosen = nearer[errors.argmin()]
+    found = sums[chosen]
+    return Selection(tuple(pairs[order[k]] for k in chosen), tuple(found.tolist()),
+                     tuple((found / found[1]).tolist()), float(errors.min()),
+                     float(found @ wanted / (wanted @ wanted)))
+
+
+def read_catalogue(file: Path) -> dict[str, float]:
+    """A catalogue: a CSV file with the header ``spring,stiffness [N m/rad]`` and a row a spring.
+
+    Raises
+    ------
+    InputError
+        No such file, another header, a stiffness that is not a positive number, a name twice.
+    """
+    if not file.is_file():
+        raise InputError(file, "", "no such catalogue of springs")
+    lines = [[cell.strip() for cell in line.split(",")]
+             for line in file.read_text(encoding="utf-8-sig").splitlines()]
+    if not lines or tuple(lines[0]) != HEADER:
+        raise InputError(file, "line 1", f"the header must be '{','.join(HEADER)}'")
+    found: dict[str, float] = {}
+    for number, row in enumerate(lines[1:], 2):
+        if row == [""]:
+            continue
+        name, value = row[0], numbers(file, number, row[1:], HEADER[1:])[0]
+        if not (0 < value < math.inf and name and name not in found):
+            raise InputError(file, f"line {number}", "a spring needs a name of its own and a "
+                             f"positive stiffness, got {name!r}, {value:g}")
+        found[name] = value
+    if not found:
+        raise InputError(file, "", "no springs")
+    return found
