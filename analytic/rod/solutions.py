@@ -1,0 +1,174 @@
+"""All equilibria of rods on a common platform: the direct problem, without a first guess."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analytic.domain import TURN, Array
+from analytic.rod.assembly import Assembly
+from analytic.rod.elliptic import relative
+from analytic.rod.search_bound import largest
+from analytic.rod.search_lattice import starts
+from analytic.rod.search_newton import negative, solve, turned
+from analytic.rod.search_sheet import rods
+from analytic.rod.state import State, state
+
+SAME = 1e-6  # of length, load and moment: what is nearer is one equilibrium
+POSES = 2000
+
+
+@dataclass(frozen=True)
+class Solutions:
+    """Equilibria (n,) of one assembly of k rods, the lowest potential first.
+
+    Attributes
+    ----------
+    state : State (n,)
+        Poses, loads and clamp moments.
+    modes : ndarray (n, k)
+        Inflections of each rod, its tip included.
+    psi, k_rel : ndarray (n, k)
+        Direction of its load from the clamp's tangent [rad] and relative modulus, as in `tip`.
+    potential : ndarray (n,)
+        V = sum U_i - F.P - M phi [J].
+    negative : ndarray (n,)
+        Directions in which V falls: 0 is stable.
+    """
+
+    state: State
+    modes: NDArray[np.int_]
+    psi: Array
+    k_rel: Array
+    potential: Array
+    negative: NDArray[np.int_]
+
+    def __len__(self) -> int:
+        return self.potential.size
+
+
+def solutions(
+    a: Assembly, *, inputs: ArrayLike = 0.0, load: ArrayLike = 0.0,
+    modes: int | Sequence[int] = 1, most_load: float | None = None, poses: int = POSES,
+) -> Solutions:
+    r"""All equilibria whose rods have no more inflections than asked for.
+
+    ::
+
+         O1 |/______.  P  .______\| O2      all rods with a pinned tip are one smooth sheet, by
+                     `o.-'                  (alpha, gamma): the load on and the turn of the tip,
+                      |                     R = alpha^2 EI/L^2, k = cos(gamma/2)
+                      v F
+
+        2 k equations O_i + tip_i = P + Rot(phi) r_i,  p of balance,  2 k + p unknowns
+
+    Triangles of that sheet tell, for any pose, all rods that reach it.  From a lattice of poses
+    each choice of one rod for each clamp is followed by Newton's method if its first step is short.
+
+    Parameters
+    ----------
+    a : Assembly, of k rods without rigid ends
+    inputs : of the motors [rad] or along the guides [m], (k,)
+    load : dead force [N] on the platform at its origin, and moment [N m] if it is no pin, (p,)
+    modes : largest mode of each rod, or of all
+    most_load : largest alpha = L sqrt(R/EI); where none is given what `search_bound` proves, or 20
+    poses : least number of poses of the lattice
+
+    Returns
+    -------
+    Solutions
+
+    Raises
+    ------
+    ValueError
+        A mode, a load or a number out of its domain; rods with rigid ends.
+
+    Notes
+    -----
+    Closed and balanced to 1e-12 of L and EI/L^2 at small loads.  Modes meet without a crack, so a
+    rod with m0 = 0 is found; platforms are never mirrored, since pins belong to a pose.  A rod
+    that is exactly straight, or without any load, is a boundary of the chart and is not found.
+
+    Completeness is tested, not proven.  For rods on a pin that cannot be stretched the loads are
+    bounded by proof, for a platform they are capped: Table 8 has 5 equilibria of modes (1, 1, 1) up
+    to alpha = 20, all stable, and two more up to 26.  Up to there counts are the same for lattices
+    of 1500, 2000, 6000 and 10,000 poses and for a mesh of 0.05 L instead of 0.08 L, and of 20,000
+    random starts without lattice or mesh none finds another: 34 for Table 7 and modes up to 3, 10
+    for Table 8 and 56 for the program's 3PFR and modes up to 2.  With 500 poses one of the 34 and
+    two of the 56 are missed.
+
+    Source: Pérez Gámiz 2018, eqs 103-105 and 113-115 and text lines 1149-1161, searches a grid of
+    (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  Departs
+    from it in chart, elimination and closure, which accepts mirrored platforms; its Table 7 (two
+    solutions) and Table 8 (two) are incomplete.
+
+    Examples
+    --------
+    >>> from analytic.rod.assembly import assembly
+    >>> pair = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=0.052186)
+    >>> found = solutions(pair, inputs=np.radians([40.0, 60.0]), load=[0.3, -0.1])
+    >>> found.state.pose.round(3).tolist()
+    [[0.622, -0.242], [0.293, -0.341], [-0.081, -0.246]]
+    """
+    given = state(a, inputs=inputs, load=load)
+    upto = checked(given, modes, most_load, poses)
+    cap = largest(given, upto) if most_load is None else most_load
+    found = [solve(given, *start) for start in starts(given, upto, cap, poses)]
+    chart, pose = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
+    pose[2] = (pose[2] + np.pi) % TURN - np.pi
+    sheet = rods(chart[:, 0], chart[:, 1])
+    within = (sheet.waves < np.array(upto)[:, None]) & (chart[:, 0] <= cap)
+    kept = distinct(given, chart, pose, np.flatnonzero(within.all(axis=0)))
+    return described(given, chart[..., kept], pose[:, kept])
+
+
+def checked(s: State, modes: int | Sequence[int], most_load: float | None,
+            poses: int) -> list[int]:
+    """The largest mode of each rod; ValueError for what cannot be searched."""
+    upto = np.broadcast_to(modes, s.assembly.rods) if np.size(modes) in (
+        1, s.assembly.rods) else np.zeros(1)
+    if not (np.all(upto >= 1) and np.all(upto == np.rint(upto))):
+        raise ValueError(f"modes must be 1, 2 .. for all or for each of {s.assembly.rods} rods, "
+                         f"got {modes!r}")
+    if most_load is not None and not 1.0 <= most_load <= 40.0:
+        raise ValueError(f"most_load must lie within [1, 40], got {most_load}")
+    if not 1 <= poses <= 1_000_000:
+        raise ValueError(f"poses must lie within [1, 1000000], got {poses}")
+    if s.assembly.prolongation.any():
+        raise ValueError("rods must have no rigid ends: their tips would carry a moment, got "
+                         f"prolongation {s.assembly.prolongation.tolist()}")
+    if s.vector.ndim != 1:
+        raise ValueError(f"inputs and load must be those of one problem, got {s.vector.shape}")
+    return [int(mode) for mode in upto]
+
+
+def distinct(s: State, chart: Array, pose: Array, which: NDArray[np.intp]) -> NDArray[np.intp]:
+    """One of each group of arrivals that are the same in tips, loads and clamp moments."""
+    found = rods(*np.moveaxis(chart[..., which], 1, 0))
+    size = 1.0 + np.abs(found.force)
+    say = np.concatenate([found.tip.real, found.tip.imag, found.force.real / size,
+                          found.force.imag / size, found.moment / size]).T
+    _, first = np.unique((say / SAME).round(), axis=0, return_index=True)
+    apart: list[int] = []
+    for i in first:  # neighbours that rounding has told apart
+        if not apart or np.abs(say[apart] - say[i]).max(axis=1).min() > SAME:
+            apart.append(int(i))
+    return which[apart]
+
+
+def described(s: State, chart: Array, pose: Array) -> Solutions:
+    """Equilibria in the document's terms."""
+    a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
+    force = turned(s, found)[1].T
+    energy = ((a.stiffness / a.length)[:, None] * found.energy).sum(axis=0)
+    potential = energy - s.load @ pose[: a.freedoms]
+    order = np.argsort(potential)
+    states = state(a, inputs=s.inputs, load=s.load, pose=pose[: a.freedoms].T,
+                   moment=(a.stiffness / a.length) * found.moment.T,
+                   force=np.stack([force.real, force.imag], axis=-1))
+    psi = -np.angle(found.delta) % TURN
+    k = np.copysign(np.tanh(chart[:, 1]), found.moment)
+    return Solutions(states[order], (np.floor(found.waves).astype(int) + 1).T[order],
+                     psi.T[order], relative(psi, k).T[order], potential[order],
+                     negative(s, chart, pose)[order])
