@@ -31,7 +31,7 @@ ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "tests" / "data" / "balancer.json"
 OURS = ("ours", "short", "parameters")
 # Elbow up or down, power of the error in the aim, times the effort; until nothing is missed.
-ATTEMPTS = ((1, 2.0, 1.0), (1, 1.9, 1.0), (1, 1.5, 1.0), (-1, 2.0, 3.0), (-1, 1.5, 1.0))
+ATTEMPTS = ((1, 2.0, 1.0), (1, 1.9, 1.0), (1, 1.5, 1.0), (-1, 2.0, 2.0), (-1, 1.5, 1.0))
 AGAIN = Effort(((96, 10), (32, 60)))
 
 

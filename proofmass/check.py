@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.case import Case, Kind, load_case
+from proofmass.case import Case, load_case
 from proofmass.compare import GOOD, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.solve import plan, simulate, solve
+from proofmass.strict import Kind
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
 Task = tuple[Case, Kind, str] | Path

@@ -10,10 +10,11 @@ import numpy as np
 from mujoco import MjModel
 
 import analytic
-from proofmass.case import Case, Kind
+from proofmass.case import Case
 from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded, read_recorded
+from proofmass.strict import Kind
 from sim.mjcf import compile_model
 from sim.protocol import Array, BadModel, BadRod, Curves
 

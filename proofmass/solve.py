@@ -5,10 +5,11 @@ import pkgutil
 from pathlib import Path
 
 import sim
-from proofmass.case import Case, Kind
+from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import grid, laws
+from proofmass.strict import Kind
 from sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from analytic.balancer import prototype
 from proofmass.design.template import SOLVERS, write_case
 from tests.balancer_table import DATA, parameters, rows
 
@@ -34,7 +35,7 @@ class Design:
 
     def write(self, folder: Path, name: str) -> Path:
         """Write model and sidecar; the sidecar's file."""
-        solvers = SOLVERS if name in SETTLED else ("mujoco", "pymunk")
+        solvers = (SOLVERS[0], "mujoco:settled", *SOLVERS[1:]) if name in SETTLED else SOLVERS
         source = self.place if self.beside else THESIS.format(self.place)
         return write_case(folder, name, title=self.title, source=source,
                           parameters={**self.parameters, **self.changed}, target=self.target,
@@ -59,7 +60,6 @@ def designed(line: int, title: str) -> Design:
                       **parameters(theirs), "target": theirs["target"]}})
 
 
-PROTOTYPE = DATA["prototype"]["listing"]
 SAM = DATA["others"][0]
 DESIGNS = {
     "balancer_sine": row(1743, "Sine by three linear springs"),
@@ -76,8 +76,9 @@ DESIGNS = {
     "balancer4_sam": Design("Four equal segments, checked in SAM by the thesis",
                             f"Table F.1 as in {SAM['source'].split(':')[0]}", SAM["parameters"]),
     "balancer_prototype": Design("The built balancer with its springs as measured",
-                                 PROTOTYPE["source"], PROTOTYPE["parameters"],
-                                 target_moment=PROTOTYPE["weight"] * 0.5),
+                                 "listing N.3, lines 2369-2387, springs as measured",
+                                 prototype.parameters(),
+                                 target_moment=prototype.WEIGHT * prototype.PENDULUM),
     "balancer_designed": designed(1766, "Sine by three linear springs, designed anew"),
     "balancer_designed_laevo": designed(2107, "Moment of the Laevo exoskeleton, designed anew"),
     "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),

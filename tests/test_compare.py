@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.case import Tolerance, load_case
+from proofmass.case import load_case
 from proofmass.check import check, find
 from proofmass.compare import one
 from proofmass.drive import Samples, Steady
@@ -15,6 +15,7 @@ from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.recorded import read_recorded, si_unit
 from proofmass.reference import evaluate, grid
+from proofmass.sidecar import Tolerance
 from proofmass.solve import plan
 from sim.protocol import Curves
 

@@ -4,14 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analytic.balancer.design import NUMBERED, PLAIN, balancer
-from analytic.balancer.dyad import close
+from analytic.balancer.design import balancers
 from analytic.balancer.follow import follow
 from analytic.balancer.measures import energy_spread, precision_points, rmse, work_reduction
 from analytic.balancer.path import along
-from analytic.balancer.springs import preloaded
 from analytic.balancer.variants import Variant
 from analytic.domain import Array
 
@@ -124,28 +121,15 @@ class Synthesis:
 
     def curves(self, vectors: Array, angle: Array, bent: float = BENT) -> tuple[Array, Array]:
         """Balancing moments (B, A) [N m] and energies (B, A, n) [J]; NaN where not buildable."""
-        parameters = self.variant.parameters(vectors)
-        n, there = self.variant.segments, np.flatnonzero(possible(parameters))
+        chains, n = balancers(**self.variant.parameters(vectors)), self.variant.segments
+        there = np.flatnonzero(np.isfinite(chains.rest + chains.stiffness).all(axis=-1))
         moment = np.full((len(vectors), angle.size), np.nan)
         energy = np.full((len(vectors), angle.size, n), np.nan)
         if there.size:
-            chains = balancer(**{name: values[there] for name, values in parameters.items()})
+            chains = chains[there]
             with np.errstate(all="ignore"):  # a path that ends leaves nothing to solve beyond
                 path = along(chains, follow(chains, RIGHT_ANGLE), angle)
                 last, before = path.theta[..., -1], path.theta[..., -2]
                 good = (self.variant.mode * np.sin(last - before) > bent).all(axis=-1)
             moment[there[good]], energy[there[good]] = path.moment[good, :, 0], path.energy[good]
         return moment, energy
-
-
-def possible(parameters: dict[str, Array]) -> NDArray[np.bool_]:
-    """Whether (B,) the chain reaches the tip at rest and every spring can carry its preload."""
-    n, shape = 4 if "length4" in parameters else 3, parameters["length1"].shape
-    table = {name: np.stack([np.broadcast_to(parameters.get(f"{name}{i}", PLAIN.get(name, 0.0)),
-                                             shape) for i in range(1, n + 1)], axis=-1)
-             for name in NUMBERED[:4]}
-    first = np.zeros((*shape, n - 2))
-    first[:, 0] = parameters.get("rest_angle", 0.0)
-    rest = close(np.array(1.0), table["length"], first, 1)
-    stiff, _, _ = preloaded(table["stiffness"], table["quadratic"], table["preload"])
-    return np.asarray(np.isfinite(rest).all(axis=-1) & np.isfinite(stiff).all(axis=-1))

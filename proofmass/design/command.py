@@ -13,6 +13,7 @@ from analytic.balancer.synthesis import Synthesis
 from analytic.balancer.targets import TARGETS, Target, tabulated
 from analytic.balancer.variants import Variant
 from analytic.domain import Array
+from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.design.record import described
 from proofmass.design.search import Effort, Search
@@ -57,6 +58,8 @@ def balancer_command(
                       "as well.")] = False,
     catalogue: Annotated[Path | None, typer.Option(help="CSV file 'spring,stiffness [N m/rad]' to "
                          "choose the springs from.", show_default="907, 903, 908")] = None,
+    beside: Annotated[list[Path] | None, typer.Option(help="Sidecar of a balancer to draw beside "
+                      "it, such as models/balancer_sine_free.toml; several times.")] = None,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
 
@@ -66,6 +69,7 @@ def balancer_command(
     """
     try:
         wanted = read_target(table) if table else named(target)
+        others = read_balancers(beside or [])
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
         variant = Variant(wanted.name, segments, springs, preload, free_angle, contact, relaxed,
                           -1 if elbow_down else 1, narrowed(bound or []))
@@ -77,7 +81,7 @@ def balancer_command(
         tell(record)
         if pareto:
             trade(task, found, output)
-        raise typer.Exit(verified(record, output))
+        raise typer.Exit(verified(record, others, output))
     except (InputError, ValueError) as error:
         errors.print(f"error: {error}", style="bold red", markup=False)
         raise typer.Exit(2) from None
@@ -107,6 +111,16 @@ def read_target(file: Path) -> Target:
     if not np.trapezoid(moment, angle) > 0:
         raise InputError(file, "", "the wanted moment must do positive work")
     return tabulated(angle, moment, file.stem)
+
+
+def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
+    """Parameters of the balancers that sidecars describe, by their titles."""
+    cases = [load_case(file) for file in files]
+    for case in cases:
+        if case.reference != "balancer":
+            raise InputError(case.file, "reference", f"{case.reference!r} is no balancer; beside a "
+                             "design stands reference = 'balancer'")
+    return {case.title: case.parameters for case in cases}
 
 
 def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
@@ -166,7 +180,7 @@ def trade(task: Synthesis, found: Array, folder: Path) -> None:
         print(file)
 
 
-def verified(record: dict[str, Any], folder: Path) -> int:
+def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
     """Write the case, run it in the engines and report; its exit code."""
     from proofmass.report import write_report
 
@@ -175,7 +189,7 @@ def verified(record: dict[str, Any], folder: Path) -> int:
         title=f"Balancer found for the target {record['target']}",
         source=f"proofmass design balancer, seed {record['seed']}: work reduction "
                f"{record['work_reduction']:.3f} %, rmse {record['rmse']:.6f}",
-        target=record["target"] if record["target"] in TARGETS else None)
+        target=record["target"] if record["target"] in TARGETS else None, beside=others)
     result = check([sidecar])
     for error in result.errors:
         errors.print(f"error: {error}", style="bold red", markup=False)

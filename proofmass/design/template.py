@@ -16,7 +16,7 @@ from analytic.balancer.springs import preloaded
 GRAVITY = 9.81  # [m/s2] gives the weight at the tip its mass; statics knows the weight alone
 LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
 OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no winding gets so far
-SOLVERS = ("mujoco", "mujoco:settled", "pymunk")
+SOLVERS = ("mujoco", "pymunk")
 
 
 @dataclass(frozen=True)

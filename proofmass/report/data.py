@@ -6,11 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from proofmass.case import Case, Kind
+from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
 from proofmass.reference import grid, laws
 from proofmass.report.words import LOST
+from proofmass.strict import Kind
 from sim.protocol import Array, Curves
 
 ORDERS = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))

@@ -6,11 +6,12 @@ from itertools import groupby
 
 import numpy as np
 
-from proofmass.case import Case, Tolerance
+from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.reference import facts
 from proofmass.report.data import Shown
 from proofmass.report.words import LOST, SYMBOLS, listed, number, pretty
+from proofmass.sidecar import Tolerance
 
 NAN = float("nan")
 
