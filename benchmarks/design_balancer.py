@@ -1,9 +1,10 @@
-"""All 112 balancers of van Nes 2022, designed again within the thesis's bounds.
+"""All 112 balancers of van Nes 2022, designed again, and the 56 that its tables have a dash for.
 
-    python -m benchmarks.design_balancer [LINE ...] [--effort 1] [--jobs 2] [--states FOLDER]
+    python -m benchmarks.design_balancer [LINE ... | left-out] [--effort 1] [--jobs 2]
+                                         [--states FOLDER]
 
 Prints a row a variant: the thesis's figures as printed, those of its parameters recomputed exactly,
-and ours; writes docs/balancer_designs.md, .json and .png when all rows were asked for.
+and ours; puts them into docs/balancer_designs.json and writes the .md and .png beside it from that.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,26 +23,50 @@ from analytic.balancer import solve
 from analytic.balancer.measures import precision_points, rmse, work_reduction
 from analytic.balancer.synthesis import POINTS, Synthesis
 from analytic.balancer.targets import TARGETS
-from analytic.balancer.variants import Variant
+from analytic.balancer.variants import Variant, left_out
 from analytic.domain import Array
-from benchmarks.design_table import HEAD, Row, draw, missed, summary, table
+from benchmarks.design_table import HEAD, HELD, Row, draw, missed, summary, table
 from proofmass.design.command import times
 from proofmass.design.search import Effort, Search
 
 ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "tests" / "data" / "balancer.json"
+TABLE = ROOT / "docs" / "balancer_designs.json"
 OURS = ("ours", "short", "parameters")
+KEY = ("target", "segments", "variant", "option")
+UNUSED = {"rest_angle": 0.0, "high2": np.pi}  # options that a design does without
 # Elbow up or down, power of the error in the aim, times the effort; until nothing is missed.
 ATTEMPTS = ((1, 2.0, 1.0), (1, 1.9, 1.0), (1, 1.5, 1.0), (-1, 2.0, 2.0), (-1, 1.5, 1.0))
 AGAIN = Effort(((96, 10), (32, 60)))
 
 
 def variant_of(row: Row) -> Variant:
-    """What the thesis was free to choose in a row of its tables."""
+    """What is free to choose in a row."""
     kind, option = row["variant"], row["option"]
     return Variant(row["target"], row["segments"], "nonlinear" if "nonlinear" in kind else "linear",
                    "preload" in kind, "rest angle" in option, "contact" in option,
                    "relaxed" in option)
+
+
+def dashes() -> list[Row]:
+    """The rows that the thesis has a dash for."""
+    return [{"line": None, "figure": "", "segments": v.segments, "target": v.target,
+             "variant": " ".join([*["nonlinear"] * (v.springs == "nonlinear"),
+                                  *["preload"] * v.preload]) or "regular", "option": v.option}
+            for v in left_out()]
+
+
+def key(row: Row) -> tuple[str, int, str, str]:
+    """What tells a row from any other."""
+    return row["target"], row["segments"], row["variant"], row["option"]
+
+
+def narrower(row: Row, known: dict[tuple[str, int, str, str], Row]) -> Row | None:
+    """The best of our designs with an option less: what the row's own must not be worse than."""
+    option = row["option"]
+    fewer = option.split(" and ") if " and " in option else ["standard"]
+    found = [known[place] for word in fewer if (place := key(row | {"option": word})) in known]
+    return min(found, key=lambda other: other["ours"]["rmse"], default=None)
 
 
 def exact(row: Row) -> tuple[float, float, str]:
@@ -54,23 +80,27 @@ def exact(row: Row) -> tuple[float, float, str]:
     return float(rmse(moment, wanted)), float(work_reduction(moment, wanted, angle)), ""
 
 
-def designed(line: str, row: Row, effort: float, states: Path | None) -> Row:
-    """A row: the thesis's figures beside ours."""
-    error, reduction, why = exact(row)
-    found = {
-        "line": int(line), "figure": row["figure"], "segments": row["segments"],
-        "target": row["target"], "variant": row["variant"], "option": row["option"],
-        "printed": {k: row["printed"][k] for k in ("rmse", "work_reduction")},
-        "recomputed": {"why": why} if why else {"rmse": error, "work_reduction": reduction}}
-    began, used, tried = time.perf_counter(), time.process_time(), dict[int, Array]()
+def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> Row:
+    """A row: the thesis's figures, or those of our design with an option less, beside ours."""
+    found, start = {k: row[k] for k in ("line", "figure", *KEY)}, dict[int, Array]()
+    if row["line"]:
+        error, reduction, why = exact(row)
+        found["printed"] = {k: row["printed"][k] for k in ("rmse", "work_reduction")}
+        found["recomputed"] = {"why": why} if why else {"rmse": error, "work_reduction": reduction}
+    elif less:
+        found["narrower"] = {k: less["ours"][k] for k in ("rmse", "work_reduction")}
+        mode = int(less["parameters"].get("mode", 1))
+        start[mode] = variant_of(row).vector({**UNUSED, **less["parameters"]})[None]
+    began, used, tried = time.perf_counter(), time.process_time(), set[int]()
     for mode, power, more in ATTEMPTS:
-        if power < 2.0 and "rmse" in missed(found):
+        if power < 2.0 and any(word.startswith("rmse") for word in missed(found)):
             continue  # it trades error for work reduction
         task = Synthesis(replace(variant_of(row), mode=mode), TARGETS[row["target"]], power=power)
+        name = "_".join(map(str, (*key(row), mode, power))).replace(" ", "-")
         search = Search(task, AGAIN if mode in tried else times(effort * more, 1),
-                        states / f"{line}_{mode}_{power}.npz" if states else None, tried.get(mode))
+                        states / f"{name}.npz" if states else None, start.get(mode))
         search.run()
-        tried[mode] = search.found
+        start[mode], tried = search.found, tried | {mode}
         found |= min(({k: found[k] for k in OURS if k in found}, best(task, found, search.found)),
                      key=lambda ours: ours.get("short", np.inf))
         if not missed(found):
@@ -82,10 +112,11 @@ def designed(line: str, row: Row, effort: float, states: Path | None) -> Row:
 
 def best(task: Synthesis, row: Row, vectors: Array) -> Row:
     """The design of least error, or that which comes nearest to being better in all figures."""
-    figures, theirs = task.figures(vectors), [row["printed"], row["recomputed"]]
+    figures = task.figures(vectors)
+    theirs = [row[k] for k in HELD if k in row and "why" not in row[k]]
     aims = np.stack([figures.rmse, 100.0 - figures.work_reduction])
-    bars = [min(t["rmse"] for t in theirs if "why" not in t),
-            100.0 - max(t["work_reduction"] for t in theirs if "why" not in t)]
+    bars = [min((t["rmse"] for t in theirs), default=np.inf),
+            100.0 - max((t["work_reduction"] for t in theirs), default=-np.inf)]
     share = (aims.T / bars).max(axis=-1)
     short = np.where(np.isfinite(share), np.maximum(1.0, share), np.inf)
     k = np.lexsort((figures.rmse, short))[0]
@@ -96,7 +127,7 @@ def best(task: Synthesis, row: Row, vectors: Array) -> Row:
 
 
 def main() -> None:
-    """Design the rows asked for, or all."""
+    """Design the rows asked for, or all, and write what is then known of all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("lines", nargs="*")
     parser.add_argument("--effort", type=float, default=1.0)
@@ -106,22 +137,31 @@ def main() -> None:
     thesis = json.loads(THESIS.read_text())["rows"]
     if given.states:
         given.states.mkdir(parents=True, exist_ok=True)
-    chosen = {line: thesis[line] for line in given.lines or thesis}
+    rows = [{**row, "line": int(line)} for line, row in thesis.items()] + dashes()
+    known = {key(row): row for row in json.loads(TABLE.read_text())}
+    for part in (rows[: len(thesis)], rows[len(thesis) :]):  # the dashes begin where others end
+        chosen = [row for row in part if not given.lines
+                  or str(row["line"] or "left-out") in given.lines]
+        known |= run(chosen, known, given)
+    found = [known[key(row)] for row in rows if key(row) in known]
+    print(summary(found))
+    TABLE.write_text(json.dumps(found, indent=1) + "\n")
+    TABLE.with_suffix(".md").write_text(HEAD.format(summary=summary(found))
+                                        + "\n".join(table(found)) + "\n")
+    draw(found[: len(thesis)], thesis).savefig(TABLE.with_suffix(".png"), dpi=130)
+
+
+def run(rows: list[Row], known: dict[Any, Row], given: argparse.Namespace) -> dict[Any, Row]:
+    """Design rows side by side; print and return them."""
     os.environ["OMP_NUM_THREADS"] = "1"  # a process a row; its threads would wait for the others'
+    found = {}
     with ProcessPoolExecutor(given.jobs, get_context("spawn")) as pool:
-        futures = [pool.submit(designed, line, row, given.effort, given.states)
-                   for line, row in chosen.items()]
-        rows = []
-        for future in futures:
-            rows.append(future.result())
-            print(list(table(rows))[-1], flush=True)
-    print(summary(rows))
-    if not given.lines:
-        stem = ROOT / "docs" / "balancer_designs"
-        stem.with_suffix(".md").write_text(HEAD.format(summary=summary(rows))
-                                           + "\n".join(table(rows)) + "\n")
-        stem.with_suffix(".json").write_text(json.dumps(rows, indent=1) + "\n")
-        draw(rows, thesis).savefig(stem.with_suffix(".png"), dpi=130)
+        futures = [pool.submit(designed, row, given.effort, given.states, narrower(row, known))
+                   for row in rows]
+        for row, future in zip(rows, futures, strict=True):
+            found[key(row)] = future.result()
+            print(list(table([found[key(row)]]))[-1], flush=True)
+    return found
 
 
 if __name__ == "__main__":

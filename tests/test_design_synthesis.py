@@ -9,7 +9,7 @@ from analytic.balancer import solve
 from analytic.balancer.measures import energy_spread, rmse, work_reduction
 from analytic.balancer.synthesis import BENT, Synthesis
 from analytic.balancer.targets import TARGETS
-from analytic.balancer.variants import Variant, thesis
+from analytic.balancer.variants import Variant, left_out, thesis
 from tests.balancer_table import DATA, parameters, rows
 
 SINE = Synthesis(Variant("sine", free_angle=True), np.sin)
@@ -40,6 +40,18 @@ def test_the_thesis_optimised_these_112_variants():
     key = [(v.target, v.segments, v.springs, v.preload, v.option) for v in thesis()]
     assert sorted(key) == sorted((v.target, v.segments, v.springs, v.preload, v.option)
                                  for v in map(variant_of, rows().values()))
+
+
+def test_its_tables_have_a_dash_for_these_56():
+    dashes = [(target, block["segments"], springs, block["option"])
+              for block in DATA["tables"]["blocks"]
+              for target, cells in block["work_reductions"].items()
+              for springs, cell in zip(DATA["tables"]["columns"], cells, strict=True)
+              if cell is None]
+    words = {("linear", False): "regular", ("linear", True): "preload",
+             ("nonlinear", False): "nonlinear", ("nonlinear", True): "nonlinear preload"}
+    assert sorted(dashes) == sorted((v.target, v.segments, words[v.springs, v.preload], v.option)
+                                    for v in left_out())
 
 
 @pytest.mark.parametrize("line", rows())

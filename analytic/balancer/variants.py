@@ -157,12 +157,24 @@ def thesis() -> list[Variant]:
     >>> len(thesis())
     112
     """
-    found = []
-    for target, option in FIGURES:
-        fixed = option in ("standard", "relaxed lengths")
-        for segments in (3, 4) if fixed else (3,):
-            for springs in ("linear", "nonlinear"):
-                for preload in (False, True):
-                    found.append(Variant(target, segments, springs, preload, "rest" in option,
-                                         "contact" in option, "relaxed" in option))
-    return found
+    return [variant for target, option in FIGURES for variant in variants(target, option)]
+
+
+def left_out() -> list[Variant]:
+    """The 56 that its tables M.1 to M.5 have a cell for, and no balancer.
+
+    >>> len(left_out())
+    56
+    """
+    targets, options = (list(dict.fromkeys(words)) for words in zip(*FIGURES, strict=True))
+    return [variant for target in targets for option in options if (target, option) not in FIGURES
+            for variant in variants(target, option)]
+
+
+def variants(target: str, option: str) -> list[Variant]:
+    """All springs and numbers of segments that the thesis has for an option."""
+    fixed = option in ("standard", "relaxed lengths")
+    return [Variant(target, segments, springs, preload, "rest" in option, "contact" in option,
+                    "relaxed" in option)
+            for segments in ((3, 4) if fixed else (3,))
+            for springs in ("linear", "nonlinear") for preload in (False, True)]
