@@ -1,12 +1,17 @@
 """Charts: what a closed form knows beside the curves of a run, as data that a report can draw.
 
 A reference's module may have functions that make one of its parameters: all equilibria of a
-mechanism, its workspace, its buckling loads.  A sidecar's ``[[chart]]`` names such a function.
+mechanism, its workspace, its buckling loads.  A sidecar's ``[[chart]]`` names such a function; it
+takes parameters by name and says ``-> Chart``.
 """
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from analytic.domain import Array
+
+MOST = 12  # panels that a page has room for
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class Line:
     stable : bool
         Drawn bold; what is unstable thin and dashed.
     points : bool
-        Markers instead of a line.
+        Markers instead of a line: filled, or hollow if unstable.
     """
 
     x: Array
@@ -30,6 +35,11 @@ class Line:
     label: str = ""
     stable: bool = True
     points: bool = False
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.x) != 1 or np.shape(self.x) != np.shape(self.y):
+            raise ValueError(f"a line needs x (n,) and y (n,), got {np.shape(self.x)} and "
+                             f"{np.shape(self.y)}")
 
 
 @dataclass(frozen=True)
@@ -41,6 +51,7 @@ class Field:
     x, y : ndarray (m,), (n,)
         The grid.
     values : ndarray (m, n)
+        Those that pass through infinity are drawn as a singularity of zero unless NaN is between.
     label, unit : str
         What they are, for the colour bar.
     signed : bool
@@ -53,6 +64,11 @@ class Field:
     label: str
     unit: str
     signed: bool = False
+
+    def __post_init__(self) -> None:
+        if np.shape(self.values) != np.shape(self.x) + np.shape(self.y):
+            raise ValueError(f"a field needs values (m, n) at x (m,) and y (n,), got "
+                             f"{np.shape(self.values)} at {np.shape(self.x)}, {np.shape(self.y)}")
 
 
 @dataclass(frozen=True)
@@ -71,12 +87,23 @@ class Chart:
     Attributes
     ----------
     x, y : tuple of str
-        Name and SI unit of both axes, such as ("x", "m"); "rad" is drawn in degrees.
+        Name and SI unit of both axes, such as ("x", "m"); "rad" is drawn in degrees, "" not at all.
     panels : tuple of Panel
+        One to twelve.
     caption : str
         What to see, in a sentence or two.
     alike : bool
         One scale across and up, as for shapes.
+
+    Examples
+    --------
+    >>> load = np.linspace(0.0, 2.0, 5)
+    >>> panel = Panel((Line(load**2, load),))
+    >>> len(Chart(("deflection", "m"), ("load", "N"), (panel,), "It hardens.").lines)
+    1
+    >>> Line(load, load[1:])
+    Traceback (most recent call last):
+    ValueError: a line needs x (n,) and y (n,), got (5,) and (4,)
     """
 
     x: tuple[str, str]
@@ -84,3 +111,12 @@ class Chart:
     panels: tuple[Panel, ...]
     caption: str
     alike: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.panels) <= MOST:
+            raise ValueError(f"a chart has 1 to {MOST} panels, got {len(self.panels)}")
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """Those of all panels."""
+        return tuple(line for panel in self.panels for line in panel.lines)

@@ -7,6 +7,10 @@ from analytic.domain import Array
 from analytic.rod.assembly import assembly
 from analytic.rod.direct import direct
 from analytic.rod.state import state
+from analytic.rod_charts import equilibria
+from analytic.rod_maps import motor_angles, workspace
+
+__all__ = ["equilibria", "motor_angles", "solve", "workspace"]
 
 
 def solve(

@@ -35,8 +35,10 @@ TABLE = ROOT / "docs" / "balancer_designs.json"
 OURS = ("ours", "short", "parameters")
 KEY = ("target", "segments", "variant", "option")
 UNUSED = {"rest_angle": 0.0, "high2": np.pi}  # options that a design does without
-# Elbow up or down, power of the error in the aim, times the effort; until nothing is missed.
-ATTEMPTS = ((1, 2.0, 1.0), (1, 1.9, 1.0), (1, 1.5, 1.0), (-1, 2.0, 2.0), (-1, 1.5, 1.0))
+# Elbow up or down, power of the error in the aim, times the effort, 0 to go on from what was found
+# last; until nothing is missed.
+ATTEMPTS = ((1, 2.0, 1.0), (1, 1.9, 0.0), (1, 1.5, 0.0), (-1, 2.0, 2.0), (-1, 1.5, 0.0),
+            (-1, 2.0, 3.0))
 AGAIN = Effort(((96, 10), (32, 60)))
 
 
@@ -91,16 +93,16 @@ def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> 
         found["narrower"] = {k: less["ours"][k] for k in ("rmse", "work_reduction")}
         mode = int(less["parameters"].get("mode", 1))
         start[mode] = variant_of(row).vector({**UNUSED, **less["parameters"]})[None]
-    began, used, tried = time.perf_counter(), time.process_time(), set[int]()
+    began, used = time.perf_counter(), time.process_time()
     for mode, power, more in ATTEMPTS:
         if power < 2.0 and any(word.startswith("rmse") for word in missed(found)):
             continue  # it trades error for work reduction
         task = Synthesis(replace(variant_of(row), mode=mode), TARGETS[row["target"]], power=power)
-        name = "_".join(map(str, (*key(row), mode, power))).replace(" ", "-")
-        search = Search(task, AGAIN if mode in tried else times(effort * more, 1),
+        name = "_".join(map(str, (*key(row), mode, power, more))).replace(" ", "-")
+        search = Search(task, times(effort * more, 1) if more else AGAIN,
                         states / f"{name}.npz" if states else None, start.get(mode))
         search.run()
-        start[mode], tried = search.found, tried | {mode}
+        start[mode] = search.found
         found |= min(({k: found[k] for k in OURS if k in found}, best(task, found, search.found)),
                      key=lambda ours: ours.get("short", np.inf))
         if not missed(found):

@@ -5,17 +5,21 @@ which quantity, how close, and why that close.  Unknown keys are errors.
 """
 
 import tomllib
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from proofmass.errors import InputError
+from proofmass.refine import Refine
 from proofmass.rod import RodTable
 from proofmass.sidecar import Channel, DriveTable, RunTable, Tolerance
 from proofmass.strict import Kind, Strict
-from proofmass.view import Beside, View
+from proofmass.view import Beside, ChartTable, View
 from sim.protocol import Rod
+
+TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to where an error is
 
 
 class Case(Strict):
@@ -35,7 +39,9 @@ class Case(Strict):
     channels: dict[str, Channel] = Field(min_length=1)
     tolerance: tuple[Tolerance, ...] = ()
     view: tuple[View, ...] = ()
+    chart: tuple[ChartTable, ...] = ()
     beside: dict[str, Beside] = Field({})
+    refine: Refine | None = None
 
     @property
     def name(self) -> str:
@@ -57,7 +63,7 @@ class Case(Strict):
         """The first drive; None for a free motion."""
         return self.drive[0] if self.drive else None
 
-    @field_validator("drive", "view", mode="before")
+    @field_validator("drive", "view", "chart", mode="before")
     @classmethod
     def _several(cls, value: Any) -> Any:
         return (value,) if isinstance(value, dict) else value
@@ -103,6 +109,20 @@ class Case(Strict):
             self.run_of(view)
         if self.beside and not self.view:
             raise ValueError("beside is drawn in views; give a [[view]]")
+        return self
+
+    @model_validator(mode="after")
+    def _refinable(self) -> "Case":
+        if self.refine is None:
+            return self
+        if not self.rod:
+            raise ValueError("refine needs a [rod.NAME]: it is cut into more and more segments")
+        if self.refine.run not in self.run:
+            raise ValueError(f"refine.run: there is no run.{self.refine.run}")
+        there = self.channels_of(self.refine.run)
+        for pattern in self.refine.channels:
+            if not any(fnmatchcase(name, pattern) for name in there):
+                raise ValueError(f"refine.channels: {pattern!r} is none of {', '.join(there)}")
         return self
 
     def run_of(self, view: View) -> Kind:
@@ -166,7 +186,7 @@ def load_case(file: Path | str) -> Case:
         raise InputError(file, "", f"not TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"] if part not in ("float", "str"))
+        key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
         wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
         raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
     if not case.model_path.is_file():

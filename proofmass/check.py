@@ -14,22 +14,24 @@ from proofmass.compare import GOOD, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.mobility import mobility
+from proofmass.refined import Finer, Row, errors, refinements
 from proofmass.solve import plan, simulate, solve
 from proofmass.strict import Kind
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
-Task = tuple[Case, Kind, str] | Path
+Task = tuple[Case, Kind, str] | Finer | Path
 FAILURES: dict[type[Exception], str] = {
     Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed", TimedOut: "timed out"}
 
 
 @dataclass(frozen=True)
 class Result:
-    """All that was found out: comparisons, the curves behind them, and the inputs at fault."""
+    """All that was found out: comparisons, the curves and rows behind them, the inputs at fault."""
 
     cases: list[Case] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
+    refined: list[Row] = field(default_factory=list)
     errors: list[InputError] = field(default_factory=list)
 
     @property
@@ -54,7 +56,8 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
 
 
-def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curves | None]:
+def run_one(case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
+            ) -> tuple[list[Comparison], Curves | None]:
     """Run and compare one solver; a run that is lost gives comparisons that say so.
 
     A model that the simulator does not cover is bad input of the sidecar that asked for it.
@@ -62,7 +65,7 @@ def run_one(case: Case, kind: Kind, solver: str) -> tuple[list[Comparison], Curv
     mobility(case)
     try:
         curves = solve(case, kind, solver)
-        return compare(case, kind, solver, curves), curves
+        return hold(case, kind, solver, curves), curves
     except Unsupported as error:
         raise InputError(case.file, f"run.{kind}.solvers", f"{solver} cannot run {case.model}: "
                          f"{error}; leave it out") from None
@@ -126,6 +129,7 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
             if twin:
                 raise InputError(path, "", f"its name is taken by {twin}; results go by name")
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
+            tasks += refinements(case)
             result.cases.append(case)
         except InputError as error:
             result.errors.append(error)
@@ -145,12 +149,17 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     for k, task in enumerate(tasks):
-        comparisons, curves = outcomes.get(k, ([], None))
-        result.comparisons.extend(comparisons)
-        if curves is not None and not isinstance(task, Path):
+        if k not in outcomes:  # bad input
+            continue
+        comparisons, curves = outcomes[k]
+        if isinstance(task, Finer):
+            rows, comparisons = task.study.add(task.segments, outcomes[k])
+            result.refined.extend(rows)
+        elif curves is not None and not isinstance(task, Path):
             result.curves[task[0].name, task[1], task[2]] = curves
-            if early := stopped(*task, curves):
-                result.errors.append(early)
+        result.comparisons.extend(comparisons)
+        if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
+            result.errors.append(early)
     return result
 
 
@@ -167,9 +176,14 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
 
 def one_task(task: Task) -> tuple[list[Comparison], Curves | None]:
     """A run of a case, or a look at a model without a sidecar."""
-    return (step_unchecked(task), None) if isinstance(task, Path) else run_one(*task)
+    if isinstance(task, Path):
+        return step_unchecked(task), None
+    return run_one(*task[:3], hold=errors if isinstance(task, Finer) else compare)
 
 
 def label(task: Task) -> str:
     """What a progress line calls a task."""
-    return task.name if isinstance(task, Path) else f"{task[0].name} {task[1]} {task[2]}"
+    if isinstance(task, Path):
+        return task.name
+    finer = f", {task.segments} segments" if isinstance(task, Finer) else ""
+    return f"{task[0].name} {task[1]} {task[2]}{finer}"

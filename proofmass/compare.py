@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.case import Case
+from proofmass.chart import check_charts
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import evaluate, modes, module_of
@@ -89,11 +90,13 @@ def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Compariso
     Raises
     ------
     InputError
-        The model is assembled in another mode than the sidecar says; a view cannot be drawn.
+        The model is assembled in another mode than the sidecar says; a view or a chart cannot
+        be drawn.
     """
     truth = reference_for(case, curves)
     check_branch(case, curves, truth)
     check_views(case, run, curves)
+    check_charts(case)
     slopes = sensitivities(case, curves)
     return [
         one(case, run, solver, name, curves, truth.channels[name], slopes)

@@ -15,6 +15,8 @@ from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
+ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # threads of runs side by side would wait for each other
+
 
 class Crashed(Exception):
     """The process died without an answer."""
@@ -32,7 +34,8 @@ class Worker:
         path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "proofmass.isolate"], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, stderr=self.errors, env={**os.environ, "PYTHONPATH": path})
+            stdout=subprocess.PIPE, stderr=self.errors,
+            env={**ALONE, **os.environ, "PYTHONPATH": path})
 
     def call(self, function: Callable, args: tuple, timeout: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from proofmass.case import Case, load_case
-from proofmass.check import FAILURES, run_one, stopped
+from proofmass.check import FAILURES, one_task, run_one, stopped
 from proofmass.compare import GOOD, Comparison
 from proofmass.errors import InputError
+from proofmass.refined import refinements
 
 
 def is_sidecar(path: Path) -> bool:
@@ -58,6 +59,9 @@ class SolverItem(pytest.Item):
                 if error := stopped(self.case, kind, self.name, curves):
                     raise error
                 comparisons += found
+        for task in refinements(self.case):
+            if task.solver == self.name:
+                comparisons += task.study.add(task.segments, one_task(task))[1]
         wrong = [c for c in comparisons if c.outcome not in GOOD]
         if wrong:
             raise Disagreement("\n".join(

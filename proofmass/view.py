@@ -1,6 +1,8 @@
-"""Views: curves over something else than the run's own x, such as a moment over an angle.
+"""Figures that a sidecar asks for: views and charts.
 
-The x of a run must rise; what is swept up and back runs over time, and its loop is a view.
+A view shows curves over something else than the run's own x, which must rise: what is swept up and
+back runs over time, and its loop is a view.  A chart shows what the reference knows beside the
+runs, such as all equilibria.
 """
 
 from typing import Any
@@ -42,6 +44,18 @@ class View(Strict):
         if self.dashed is not None and len(self.y) != 1:
             raise ValueError("dashed goes with one y")
         return self
+
+
+class ChartTable(Strict):
+    """``[[chart]]``: a figure of the report that the reference's module computes.
+
+    `draw` is a function of it that returns an `analytic.chart.Chart`.  It gets the case's
+    parameters that it takes by name, and `parameters` in addition, or instead of them.
+    """
+
+    title: str = Field(min_length=1)
+    draw: str
+    parameters: dict[str, int | float | str | tuple[float, ...]] = Field({})
 
 
 class Beside(Strict):

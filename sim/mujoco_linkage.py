@@ -46,8 +46,13 @@ class Linkage:
     def rows(self) -> tuple[Array, Array]:
         """Residual and Jacobian of the active equalities at the present pose."""
         mujoco.mj_fwdPosition(self.model, self.data)
-        keep = self.data.efc_type == EQUALITY
-        return self.data.efc_pos[keep], self.data.efc_J.reshape(-1, self.model.nv)[keep]
+        data, keep = self.data, self.data.efc_type == EQUALITY
+        if not mujoco.mj_isSparse(self.model):
+            return data.efc_pos[keep], data.efc_J.reshape(-1, self.model.nv)[keep]
+        rows = np.zeros((data.nefc, self.model.nv))
+        mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr,
+                                data.efc_J_colind)
+        return data.efc_pos[keep], rows[keep]
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.

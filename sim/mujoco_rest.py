@@ -9,9 +9,10 @@ Newton's step closes the loops and goes along N with the Hessian of the Lagrangi
 
     H = N' K N,    K = d/dq (f - A' s)  with s fixed,
 
-which has the curvature of the loops in it.  The rest is stable while H is positive definite.  The
-path that the drives then follow has the tangent P - N H^-1 N' K P, with P any motion that moves the
-drives, closes the loops and keeps the stops.
+which has the curvature of the loops in it.  K costs most: it is found where a stride begins and
+where it ends, in between only while steps do not shorten fast.  The rest is stable while H is
+positive definite.  The path that the drives then follow has the tangent P - N H^-1 N' K P, with P
+any motion that moves the drives, closes the loops and keeps the stops.
 """
 
 import mujoco
@@ -25,6 +26,8 @@ from sim.protocol import Array, BadModel, Run, Unsupported
 NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10, as rates are
 FAR = 0.5  # [rad, or extents] a start pose further from rest than this misses a drive
 MOST = {False: 15, True: 200}  # Newton steps to follow a rest, and to descend to one
+FAST = 0.1  # a step that shortens to this share of the last one needs no new stiffness
+EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is found
 LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
 SHORTEST = 1e-8  # of a stride: a rest that cannot be followed so far is lost
 UNSTABLE = "the equilibrium becomes unstable"
@@ -129,13 +132,17 @@ class Resting(Linkage):
 
         To `descend`, it turns back where the stiffness is negative.
         """
-        begin, limit, size = self.data.qpos.copy(), STRIDE, np.inf
-        last = np.zeros(self.model.nv)
+        begin, limit, before, size = self.data.qpos.copy(), STRIDE, 0.0, np.inf
+        last, fresh = np.zeros(self.model.nv), True
         for _ in range(MOST[descend]):
-            steady, move = self.step(values, descend)
-            if steady and size <= NEAR:
+            there = size <= NEAR and (fresh or size**2 <= EXACT * before)
+            fresh = there or size > FAST * before
+            steady, move = self.step(values, descend, fresh)
+            if there and steady:
+                mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
+                self.step(values, descend, fresh=False)
                 return self.check()
-            size = np.abs(move / self.reach).max()
+            before, size = size, np.abs(move / self.reach).max()
             limit *= 0.5 if move @ last < 0 else 1.0  # to and fro across a rest
             last = move * min(1.0, limit / max(size, NEAR))
             mujoco.mj_integratePos(self.model, self.data.qpos, last, 1.0)
@@ -151,18 +158,23 @@ class Resting(Linkage):
             joint = self.model.joint(self.model.dof_jntid[moved.argmax()]).name
             raise Lost(f"joint {joint!r} moves by more than {far:g} (rad, or extents)")
 
-    def step(self, values: Array, descend: bool) -> tuple[bool, Array]:
-        """Newton's step with the stops that hold after it, and whether they held before it."""
+    def step(self, values: Array, descend: bool, fresh: bool = True) -> tuple[bool, Array]:
+        """Newton's step with the stops that hold after it, and whether they held before it.
+
+        Unless it is to be `fresh`, the stiffness of the step before does.
+        """
         gap, jacobian = self.rows()
         pose, force = self.data.qpos.copy(), self.force()
         past, bars = self.stops.held(pose)
-        pushes = np.linalg.lstsq(np.vstack([jacobian, self.units, bars]).T, force, DEPENDENT)[0]
-        stiffness = self.lagrangian(pushes[: gap.size])
+        if fresh:
+            rows = np.vstack([jacobian, self.units, bars])
+            pushes = np.linalg.lstsq(rows.T, force, DEPENDENT)[0]
+            self.stiffness = self.lagrangian(pushes[: gap.size])
         for turn in range(self.stops.turns):
             past, bars = self.stops.held(pose)
             self.balance = Balance(np.vstack([jacobian, self.units, bars]),
                                    np.concatenate([gap, pose[self.adr] - values, past]),
-                                   force, stiffness)
+                                   force, self.stiffness)
             if past.size and self.balance.left_open() > CLOSED:
                 raise BadModel(f"the stops of {self.stops.spoken()} are in the way")
             move = self.balance.step(descend)

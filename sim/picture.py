@@ -15,9 +15,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Mark:
-    """A joint or a loop: `kind` is hinge, slide or pin; `at` is where, (poses, 2) [m].
+    """A joint or a loop: `kind` is hinge, slide, pin or clamp; `at` is where, (poses, 2) [m].
 
-    A slide also has its guide's ends, (poses, 2, 2): as far as it is travelled during the run.
+    A slide also has its guide's ends, (poses, 2, 2): as far as it is travelled during the run; a
+    clamp has itself and a point ahead on the rod.
     """
 
     name: str

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from sim.mujoco_model import anchor_bodies, anchors, connects, pose_of
 from sim.picture import Link, Mark, Picture
 from sim.plane import find_plane
-from sim.protocol import Array, Run, Unsupported
+from sim.protocol import Array, Rod, Run, Unsupported
 from sim.rod_build import joints_of
 from sim.rod_chain import chain
 
@@ -45,20 +45,27 @@ class Scene:
         """Everything there is to draw, at all poses of `rows`."""
         model = self.model
         roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
-        rod_of = {name: rod.name for rod in run.rods for name in joints_of(chain(rod))}
+        rod_of = {name: rod.name for rod in run.rods
+                  for name in (*joints_of(chain(rod)), *chain(rod).names)}
         links: dict[str, tuple[Array, ...]] = {}
         for b in roots:
             name = rod_of.get(model.body(b).name, model.body(b).name)
             links[name] = (*links.get(name, ()), *self.outlines(b, rows))
-        ground = Link("ground", tuple(self.placed(b, p, rows) for b, p in self.geoms(0)))
+        fixed: list[Array] = []
+        for b, p in self.geoms(0):
+            if rod := rod_of.get(model.body(b).name):
+                links[rod] = (self.placed(b, p, rows), *links[rod])
+            else:
+                fixed.append(self.placed(b, p, rows))
         marks = [self.joint(j, rows, run) for j in range(model.njnt)
                  if model.joint(j).name not in rod_of]
         marks += [self.pin(i, rows) for i in connects(model)]
+        marks += [self.clamp(rod, rows) for rod in run.rods if self.walled(rod)]
         tracks = tuple(model.sensor(i).name for i in range(model.nsensor)
                        if model.sensor_type[i] == S.mjSENS_FRAMEPOS and model.sensor_refid[i] < 0)
         empty = np.empty(0)
-        return Picture(self.axes, empty, empty, ground, tuple(map(Link, links, links.values())),
-                       tuple(marks), tracks)
+        return Picture(self.axes, empty, empty, Link("ground", tuple(fixed)),
+                       tuple(map(Link, links, links.values())), tuple(marks), tracks)
 
     def flat(self, vectors: Array) -> Array:
         """Components in the drawing: (..., 3) to (..., 2)."""
@@ -169,6 +176,17 @@ class Scene:
         ground = 0 in self.model.body_weldid[list(anchor_bodies(self.model, i))]
         return Mark(self.model.equality(i).name, "pin", self.flat(0.5 * (one + two)),
                     ground=bool(ground))
+
+    def walled(self, rod: Rod) -> bool:
+        """Whether a rod begins in a clamp that does not move."""
+        first = self.model.body(chain(rod).names[0])
+        return rod.ends[0] == "clamped" and not self.model.body_weldid[first.parentid[0]]
+
+    def clamp(self, rod: Rod, rows: dict[str, Array]) -> Mark:
+        """Where a rod begins in a wall, and which way it leaves it."""
+        first = self.model.body(chain(rod).names[0])
+        ends = self.placed(first.id, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), rows)
+        return Mark("", "clamp", ends[:, 0], ground=True, guide=ends)
 
 
 def distance(point: Array, outline: Array) -> float:

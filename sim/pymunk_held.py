@@ -3,7 +3,8 @@
 With all velocity taken out in every step, a step of Chipmunk is one Newton step of the holds in
 the metric of the masses, so a linkage without free coordinates rests after a few of them.  Free
 coordinates (springs, hanging bodies) go down the slope of the energy, by the step's square over
-their mass: `sim.pymunk_rest.stride` chooses steps after which they rest as soon.
+their mass: `sim.pymunk_rest.stride` chooses steps after which they rest as soon.  They begin where
+`sim.pymunk_rest.rest` finds the energy lowest, and so fall into the next valley where theirs ends.
 """
 
 from dataclasses import dataclass, field
@@ -121,7 +122,7 @@ class Held:
         """
         last = values(self.links.drives, self.pose), self.pose
         self.ahead(target)
-        if self.free and self.past is None:  # the start pose may be far from rest
+        if self.free:  # its steps from a pose far from rest may lead to another one, further off
             self._doubt(self.pose, target)
         calm, began = 0, self.pose
         self.space.iterations = self.usual

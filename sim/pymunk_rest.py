@@ -57,7 +57,8 @@ def rest(links: Links, pose: Array, drives: Array, usual: float) -> Array:
         modes = find_modes(links, pose)
         amiss = bound(links, pose)
         amiss[amiss.size - drives.size:] -= drives
-        amiss = np.append(amiss, [-way_back(joint, pose) for joint in modes.stops])
+        back = np.array([way_back(joint, pose) for joint in modes.stops])
+        amiss = np.append(amiss, np.copysign(HAIR, back) - back)  # on the limit: a hair beyond
         closing = np.linalg.lstsq(modes.rows, -amiss, rcond=1e-12)[0]
         fall = np.tensordot(modes.forces / _stiff(modes, usual), modes.shapes, 1)
         move = (np.append(closing, np.zeros(3)).reshape(pose.shape)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mujoco
 
+from sim import mujoco_flex
 from sim.mujoco_model import load, loop_gap
 from sim.mujoco_shape import rest
 from sim.mujoco_steps import duration
@@ -22,7 +23,8 @@ def simulate(model: Path, run: Run) -> Curves:
         The MJCF file.
     run : Run
         What to do; see `sim.protocol.Run`.  Settings: ``timestep`` [s], ``integrator``,
-        ``iterations``, ``tolerance``, ``solref``, ``solimp``, ``defaults``.
+        ``iterations``, ``tolerance``, ``solref``, ``solimp``, ``defaults``; ``settled`` in a
+        sweep, see `sim.mujoco_settled`; ``flex`` in a rest, see `sim.mujoco_flex`.
 
     Returns
     -------
@@ -38,6 +40,8 @@ def simulate(model: Path, run: Run) -> Curves:
     Diverged
         The run was lost.
     """
+    if run.settings.get("flex"):
+        return mujoco_flex.rest(model, run)
     compiled, data = load(model, run)
     check_assembled(compiled, data, run.start)
     return {"sweep": sweep, "rest": rest, "duration": duration}[run.kind](compiled, data, run)

@@ -172,3 +172,10 @@ def test_a_vector_is_its_parameters():
         flat = {k: v[0] for k, v in variant.parameters(vector[None]).items()}
         assert np.array_equal(variant.vector(flat), vector)
         assert set(flat) >= {f"stiffness{i + 1}" for i in range(variant.segments)}
+
+
+def test_a_vector_that_is_no_number_is_worth_none():
+    good = np.array([1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641])
+    found = SINE.figures(np.array([good, np.full(7, np.nan), good]))
+    assert np.isfinite(found.rmse).tolist() == [True, False, True]
+    assert np.isnan(SINE.residuals(np.full((2, 7), np.nan))).all()

@@ -69,7 +69,7 @@ def test_printed_solutions_are_among_them(name, digits):
 
 
 def test_platform_of_table_8_has_three_more_that_are_stable():
-    """Rods in loops under 7 to 9 N: their k_rel is within 2e-6 of 1, between nodes of any grid."""
+    """Rods in loops under 7 to 9 N: their k_rel is within 2e-6 of 1."""
     f = found("rfr3", 1)
     assert len(f) == 5
     assert np.all(f.negative == 0)

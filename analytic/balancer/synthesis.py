@@ -121,12 +121,13 @@ class Synthesis:
 
     def curves(self, vectors: Array, angle: Array, bent: float = BENT) -> tuple[Array, Array]:
         """Balancing moments (B, A) [N m] and energies (B, A, n) [J]; NaN where not buildable."""
-        chains, n = balancers(**self.variant.parameters(vectors)), self.variant.segments
-        there = np.flatnonzero(np.isfinite(chains.rest + chains.stiffness).all(axis=-1))
+        there, n = np.flatnonzero(np.isfinite(vectors).all(axis=-1)), self.variant.segments
+        chains = balancers(**self.variant.parameters(vectors[there]))
+        possible = np.isfinite(chains.rest + chains.stiffness).all(axis=-1)
+        there, chains = there[possible], chains[possible]
         moment = np.full((len(vectors), angle.size), np.nan)
         energy = np.full((len(vectors), angle.size, n), np.nan)
         if there.size:
-            chains = chains[there]
             with np.errstate(all="ignore"):  # a path that ends leaves nothing to solve beyond
                 path = along(chains, follow(chains, RIGHT_ANGLE), angle)
                 last, before = path.theta[..., -1], path.theta[..., -2]

@@ -8,6 +8,7 @@ tangent's angle and n the constant force on its tip::
 `solve`, the reference of a model, is the clamped rod under dead loads of `cantilever`.
 """
 
+from analytic.rod.buckling import buckling, imperfect
 from analytic.rod.cantilever import equilibria, solve
 from analytic.rod.column import critical, elastica, ends_meet, self_buckling
 from analytic.rod.elliptic import bounds, modulus, relative, shape, tip
@@ -16,6 +17,6 @@ from analytic.rod.pinned import pinned
 from analytic.rod.pseudo_rigid import pseudo_rigid
 from analytic.rod.shooting import from_tip, integrate
 
-__all__ = ["bounds", "critical", "elastica", "ends_meet", "equilibria", "from_tip", "integrate",
-           "modulus", "of_load", "of_shape", "pinned", "pseudo_rigid", "relative",
-           "self_buckling", "shape", "solve", "tip"]
+__all__ = ["bounds", "buckling", "critical", "elastica", "ends_meet", "equilibria", "from_tip",
+           "imperfect", "integrate", "modulus", "of_load", "of_shape", "pinned", "pseudo_rigid",
+           "relative", "self_buckling", "shape", "solve", "tip"]

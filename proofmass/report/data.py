@@ -10,6 +10,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
 from proofmass.reference import grid, laws
+from proofmass.refined import Row
 from proofmass.report.words import LOST
 from proofmass.strict import Kind
 from sim.protocol import Array, Curves
@@ -29,6 +30,8 @@ class Shown:
         All comparisons of the run, in the order of the sidecar's solvers.
     curves, truth : dict of str to Curves
         By solver: what it found, and the reference at the state its drive really had.
+    refined, verdicts : list of Row, list of Comparison
+        What a refinement of the run found.
     x_name, x_unit, x_scale : str, str, float
         The run's parameter; multiply x by the scale to get the unit that people read.
     """
@@ -41,6 +44,8 @@ class Shown:
     x_name: str = "time t"
     x_unit: str = "s"
     x_scale: float = 1.0
+    refined: list[Row] = field(default_factory=list)
+    verdicts: list[Comparison] = field(default_factory=list)
 
     @property
     def solvers(self) -> list[str]:
@@ -86,7 +91,11 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
               for s in case.run[kind].solvers
               if (case.name, kind, s) in result.curves}
     truth = {s: reference_for(case, c) for s, c in curves.items()}
-    return Shown(case, kind, rows, curves, truth, *axis(case, kind))
+    finer, verdicts = list[Row](), list[Comparison]()
+    if case.refine and case.refine.run == kind:
+        finer = [row for row in result.refined if row.case == case.name]
+        verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
+    return Shown(case, kind, rows, curves, truth, *axis(case, kind), finer, verdicts)
 
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
@@ -135,10 +144,12 @@ def grouped(case: Case, channels: list[str]) -> list[list[str]]:
 def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     """Drives that are not plain from the axis: the law, and how each solver's drive really moved.
 
-    One steady drive is the axis itself; of several steady ones the positions are enough.
+    One steady drive is the axis itself; of several steady ones the positions are enough.  At rest
+    they are held.
     """
     case, found = view.case, {}
-    if case.leader is None or not view.curves or (case.leader.steady and len(case.drive) == 1):
+    if case.leader is None or not view.curves or view.kind == "rest" or (
+            case.leader.steady and len(case.drive) == 1):
         return {}
     for row, (drive, law) in enumerate(zip(case.drive, laws(case, view.kind), strict=True)):
         unit = "m" if joint_type(case, drive.joint) == "slide" else "rad"

@@ -7,16 +7,20 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from proofmass.case import Case
+from proofmass.chart import chart_of
 from proofmass.isolate import isolated
+from proofmass.report.chart_sheet import chart_sheet
 from proofmass.report.data import Shown
 from proofmass.report.figures import save, sheet, thumbnail
 from proofmass.report.mechanism import mechanism, small
 from proofmass.report.paths import path, path_sheet, paths
 from proofmass.report.poses import distinct
+from proofmass.report.refine_sheet import refine_sheet
 from proofmass.report.style import RC, Look
 from proofmass.report.view_sheet import view_sheet
 from proofmass.report.views import Viewed
 from proofmass.solve import plan
+from proofmass.view import ChartTable
 from sim.picture import Picture
 from sim.picture_poses import picture
 from sim.protocol import Array
@@ -26,11 +30,22 @@ SHEETS = ("overlay", "paths", "difference")
 
 
 @dataclass(frozen=True)
+class Charted:
+    """The figure of a chart (SVG), its axes and caption in words; or why there is none."""
+
+    svg: str = ""
+    axes: str = ""
+    caption: str = ""
+    fault: Exception | None = None
+
+
+@dataclass(frozen=True)
 class Drawings:
     """The figures of a case by name (SVG), and why the mechanism is not drawn, or not all of it."""
 
     figures: dict[str, str]
     note: str = ""
+    charts: tuple[Charted, ...] = ()
 
 
 def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look], folder: Path,
@@ -38,11 +53,29 @@ def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, L
     """Draw everything of a case and save it as ``folder/slug-….svg`` and ``.png``.
 
     Names are ``mechanism``, ``thumbnail``, for each run with curves ``RUN-overlay``, ``RUN-paths``,
-    ``RUN-difference``, and ``view-1`` and so on.
+    ``RUN-difference``, ``refine``, and ``view-1`` and so on; charts are ``chart-1`` and so on.
     """
     shape, note = pictured(case)
     figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)
-    return Drawings(figures, note)
+    charts = tuple(charted(case, table, folder / f"{slug}-chart-{k}")
+                   for k, table in enumerate(case.chart, 1))
+    return Drawings(figures, note, charts)
+
+
+def charted(case: Case, table: ChartTable, stem: Path) -> Charted:
+    """A chart, computed and drawn in another process; what goes wrong costs this figure only."""
+    try:
+        return isolated(draw_chart, case, table, stem, timeout=SECONDS)
+    except Exception as error:
+        return Charted(fault=error)
+
+
+def draw_chart(case: Case, table: ChartTable, stem: Path) -> Charted:
+    """What `charted` does in the other process."""
+    chart = chart_of(case, table)
+    with rc_context(RC):
+        svg = save(chart_sheet(table.title, chart), stem)
+    return Charted(svg, f"{chart.y[0]} over {chart.x[0]}", chart.caption)
 
 
 def pictured(case: Case) -> tuple[Picture | None, str]:
@@ -58,7 +91,7 @@ def pictured(case: Case) -> tuple[Picture | None, str]:
 def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look],
          folder: Path, slug: str, shape: Picture | None) -> dict[str, str]:
     """What `drawn` does in the other process."""
-    found, runs = {}, [r for r in runs if r.curves]
+    found, asked, runs = {}, runs, [r for r in runs if r.curves]
     with rc_context(RC):
         if shape:
             along = tracks(runs, shape)
@@ -75,6 +108,9 @@ def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Lo
                 figure = (path_sheet(run, shape, style) if shape and what == "paths" else
                           sheet(run, style, what))
                 found[name] = save(figure, folder / f"{slug}-{name}")
+        for run in asked:
+            if run.refined and (refine := run.case.refine):
+                found["refine"] = save(refine_sheet(run, refine, style), folder / f"{slug}-refine")
         for k, view in enumerate(views, 1):
             found[f"view-{k}"] = save(view_sheet(view, style), folder / f"{slug}-view-{k}")
     return found

@@ -126,12 +126,15 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
             if len(outline) > 2:
                 ax.fill(*outline.T, color=colour, alpha=0.12, linewidth=0, zorder=3.5)
     for mark in picture.marks:
-        if mark.guide is not None:
+        if mark.kind == "clamp" and mark.guide is not None:
+            wall(ax, mark.guide[main], scale, size)
+        elif mark.guide is not None:
             guide(ax, mark.guide[main], mark.ground, scale, size)
         elif mark.ground:
             support(ax, mark.at[main], scale, size)
     order = {"slide": 0, "pin": 1, "hinge": 2}
-    for mark in sorted(picture.marks, key=lambda m: (m.driven, order[m.kind])):
+    joints = [m for m in picture.marks if m.kind in order]
+    for mark in sorted(joints, key=lambda m: (m.driven, order[m.kind])):
         sign(ax, mark.kind, mark.driven, mark.at[main], size)
 
 
@@ -164,19 +167,25 @@ def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> Non
             linestyle=(0, (6, 2)))
     if ground:
         below = np.array([along[1], -along[0]])
-        below *= -1 if below[1] > 1e-9 or (abs(below[1]) <= 1e-9 and below[0] > 0) else 1
+        if below[1] > 1e-9 or (abs(below[1]) <= 1e-9 and below[0] > 0):
+            one, two, below = two, one, -below
         shift = 7.0 * size / scale.points * below
         hatch(ax, one + shift, two + shift, scale, size)
 
 
+def wall(ax: Axes, ends: Array, scale: Scale, size: float) -> None:
+    """The clamp of a rod that begins at the first of two points and leads to the other."""
+    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    across = 11.0 * size / scale.points * np.array([along[1], -along[0]])
+    hatch(ax, ends[0] - across, ends[0] + across, scale, size)
+
+
 def hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
-    """The sign of fixed ground: a line with short strokes below it."""
-    along = two - one
-    length = float(np.linalg.norm(along))
-    along = along / length * (1 if along[0] >= 0 else -1)
-    start = one if (two - one) @ along > 0 else two
+    """The sign of fixed ground: a line with short strokes to the right of it."""
+    length = float(np.linalg.norm(two - one))
+    along = (two - one) / length
     step, below = 3.6 * max(size, 0.7) / scale.points, np.array([along[1], -along[0]])
-    tops = start + along * np.arange(0.5 * step, length, step)[:, None]
+    tops = one + along * np.arange(0.5 * step, length, step)[:, None]
     strokes = np.stack([tops, tops + 0.9 * step * (below - along), np.full_like(tops, np.nan)], 1)
     ax.plot(*np.stack([one, two]).T, color=SOFT, linewidth=1.2 * size, zorder=2.6)
     ax.plot(*strokes.reshape(-1, 2).T, color=SOFT, linewidth=0.7 * size, zorder=2.6)
@@ -254,9 +263,10 @@ def in_sight(picture: Picture, main: int, lines: list[Array],
 def legend(figure: Figure, case: Case, picture: Picture, main: int, tracks: Tracks,
            coiled: bool, left: float) -> None:
     """The poses with their inputs, and what the signs mean."""
+    count = len(picture.x)
     rows: list[Any] = [Line2D([], [], color=INK if k == main else shade(picture, k),
                    linewidth=2.2 if k == main else 1.3, label=spoken(case, picture, k)
-                   + (" (named)" if k == main else "")) for k in range(len(picture.x))]
+                   + " (named)" * (k == main and count > 1)) for k in range(count)]
     kinds = [k for k in WORDS if any(m.kind == k for m in picture.marks)]
     signs = [Line2D([], [], linestyle="", marker=SIGNS[k], color=INK, markerfacecolor="white",
                     markersize=5.5, label=WORDS[k]) for k in kinds]
@@ -281,6 +291,8 @@ def spoken(case: Case, picture: Picture, k: int) -> str:
         slide = joint_type(case, drive.joint) == "slide"
         words.append(f"{drive.joint} " + (f"{number(value)} m" if slide else
                                           f"{np.degrees(value):.0f}°".replace("-0°", "0°")))
+    if case.leader is None and "rest" in case.run:
+        return "at rest"
     if case.leader is None or not case.leader.steady:
         words.insert(0, f"t {number(picture.x[k])} s")
     return ",\n".join(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))

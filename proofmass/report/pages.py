@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,9 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
-from proofmass.report import tables
+from proofmass.report import refinements, tables
 from proofmass.report.data import Shown, shown
-from proofmass.report.drawing import SHEETS, Drawings, drawn
+from proofmass.report.drawing import SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
@@ -36,6 +37,8 @@ CAPTIONS = {
     "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
     "paths": "Where measured points run, to one scale across and up: reference (thick, pale) and "
              "solvers on top of it.",
+    "shapes": "The rods, to one scale across and up: reference (thick, pale) and solvers on top of "
+              "it.",
     "difference": "Absolute difference to the reference, in SI units as in the table. Dashed level "
                   "lines: what the tolerance allows. Exact zeros run into the lower edge.",
 }
@@ -76,6 +79,7 @@ def write_report(result: Result, folder: Path | str,
                 case=case, card=cards[-1], style=style, about=facts, faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
                 seen=[seen(case, k, v, drawings) for k, v in enumerate(own_views[case.name], 1)],
+                charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
                 beside=tables.side_by_side(case) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
                 own_numbers=from_model(case), freedoms=freedoms(case), knowledge=known(case),
@@ -138,7 +142,7 @@ def faults_of(case: Case, result: Result) -> list[str]:
 
 def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) -> dict[str, Any]:
     """A case in short: verdict, counts, thumbnail."""
-    rows = [c for v in views for c in v.rows]
+    rows = [c for v in views for c in (*v.rows, *v.verdicts)]
     counts = Counter(c.outcome for c in rows)
     picture = drawings.figures.get("thumbnail")
     steps = {s: float(str(c.settings["timestep"])) for v in views if v.kind == "duration"
@@ -170,6 +174,18 @@ def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]
             "caption": text}
 
 
+def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
+    """Number k of a case's charts for its page, or why it is not drawn."""
+    title, stem = case.chart[k - 1].title, f"{slug(case.name)}-chart-{k}"
+    if (fault := chart.fault) is not None:
+        why = complaint(fault) if isinstance(fault, InputError) else (
+            f"{type(fault).__name__}: {fault}")
+        return {"title": title, "fault": why}
+    label = f"{case.name}, {title}, {chart.axes}: {chart.caption}"
+    return {"svg": Markup(inline(chart.svg, stem, label)), "stem": stem, "fault": "",
+            "caption": chart.caption}
+
+
 def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
     """All that a page shows of one run."""
     figures = []
@@ -178,7 +194,8 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
             stem = f"{slug(view.case.name)}-{view.kind}-{what}"
             label = (f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
                      f"{view.x_name}; numbers in the table below")
-            figures.append({"svg": Markup(inline(svg, stem, label)), "caption": CAPTIONS[what],
+            caption = CAPTIONS["shapes" if (view.kind, what) == ("rest", "paths") else what]
+            figures.append({"svg": Markup(inline(svg, stem, label)), "caption": caption,
                             "stem": stem})
     return {"kind": view.kind, "figures": figures, "groups": tables.comparisons(view),
             "extrema": tables.extrema(view) if view.curves else [], "costs": tables.costs(view),
@@ -189,7 +206,24 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
                         f"{c.stopped}" for s, c in view.curves.items() if c.stopped],
             "lost": [f"{spoken(s)} is not drawn: {c.outcome}. {c.message}"
                      for s, c in view.lost.items()],
-            "what": HEADINGS[view.kind]}
+            "what": HEADINGS[view.kind], "refined": refined(view, drawings)}
+
+
+def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
+    """What a page shows of a run's refinement; None if there is none."""
+    asked = view.case.refine
+    if not view.verdicts or not asked:
+        return None
+    lost = [f"{spoken(c.solver)} is not refined: {c.outcome}. {c.message}" for c in view.verdicts
+            if c.outcome in LOST]
+    if "refine" not in drawings.figures:
+        return {"svg": "", "lost": lost}
+    stem, text = f"{slug(view.case.name)}-refine", refinements.caption(asked)
+    label = f"{view.case.name}, errors over the number of segments; numbers in the table below"
+    return {"svg": Markup(inline(drawings.figures["refine"], stem, label)), "stem": stem,
+            "caption": text, "lost": lost, "segments": asked.segments,
+            "pairs": [f"{a} → {b}" for a, b in pairwise(asked.segments)],
+            "table": refinements.table(view, asked), "costs": list(refinements.costs(view))}
 
 
 def about() -> list[tuple[str, str]]:

@@ -65,4 +65,4 @@ def path_panel(ax: Axes, view: Shown, name: str, picture: Picture,
     ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half),
            xlabel=f"{name}.{picture.axes[0]} [m]", ylabel=f"{name}.{picture.axes[1]} [m]")
     ax.locator_params(nbins=5)
-    ax.set_title(f"{name}: its path")
+    ax.set_title(f"{name}: its {'shape' if view.kind == 'rest' else 'path'}")

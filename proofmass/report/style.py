@@ -40,6 +40,7 @@ KNOWN = {
 SPARE = [(c, d, m) for m, (d, c) in zip(
     "Xp*h<>Xp*h<>", product([(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
                             ["#CC79A7", "#444444", "#8A6D00"]), strict=True)]
+MUTED = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")  # Tol's, for charts
 REFERENCE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
 
 RC: dict[Any, Any] = {

@@ -5,7 +5,7 @@ from hashlib import md5
 from html import escape
 
 WASTE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|<style type=\"text/css\">.*?</style>|"
-                   r" transform=\"rotate\(-0 [^\"]*\"|stroke-dashoffset: 0; ?", re.DOTALL)
+                   r" transform=\"rotate\(-0 [^\"]*\"|stroke-dashoffset: 0; ?|<g[^>]*/>", re.DOTALL)
 HEAD = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>", re.DOTALL)
 SIZE = re.compile(r'<svg [^>]*?viewBox="([^"]*)"[^>]*>')
 USED = re.compile(r'(?:href="|url\()#([\w.-]+)')

@@ -1,6 +1,7 @@
 """The figure of a view: curves or a stack, what is held beside them, differences below."""
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ THIN: list[dict[str, Any]] = [
 PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")  # dark below: weighty
 NEAR = 0.035  # of a panel's width: marks nearer than this share their words
 CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # for lines on what is filled
+WORDS = 28  # letters across in the legend
 HIGH, LOW, KEY = 2.75, 0.95, 2.35  # [inch] heights of panels, width of the legend beside them
 
 
@@ -179,7 +181,7 @@ def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array)
                     for s in view.over.curves if any(n in view.over.channels for n in view.view.y)]
     if view.view.dashed:
         handles.append(Line2D([], [], label=view.view.dashed, **TARGET))
-    handles += [Line2D([], [], label=name, **look) for name, look in
+    handles += [Line2D([], [], label=fill(name, WORDS), **look) for name, look in
                 zip(view.beside, THIN * len(view.beside), strict=False)]
     if view.loop and not view.view.stack:
         handles += [Line2D([], [], linestyle="", marker="o", color="#777777", markersize=4.5,

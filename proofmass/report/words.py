@@ -121,6 +121,11 @@ def headline(case: Case, comparisons: Iterable[Comparison],
         first = f"The {within} was not checked, so model and integrator are judged together"
     parts = [told(s, rows, f" in the {within}") for s, rows in sweep.items()
              if any(c.outcome in LOST for c in rows)]
+    refined = by_solver(own, "refine")
+    if sure := [spoken(s) for s, rows in refined.items() if clean(rows)]:
+        parts.append(f"{listed(sure)} converge{'s' * (len(sure) == 1)} with the expected order")
+    parts += [told(s, rows, " in its order of convergence") for s, rows in refined.items()
+              if not clean(rows) and not plain(rows)]
     parts += [told(s, rows, f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else
                    " over the duration")
               for s, rows in duration.items() if not plain(rows)]

@@ -1,0 +1,101 @@
+"""Rods as MuJoCo's one-dimensional flex, beside chains of links, against the elastica.
+
+    python -m benchmarks.rod_flex
+
+Writes docs/rod_flex.md.
+"""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analytic import rod_pinned
+from analytic.domain import Array
+from analytic.rod import cantilever
+from sim.protocol import Curves, Rod, Run
+from sim.rod_flex import points
+from sim.with_mujoco import simulate
+
+MODEL = """<mujoco><option gravity="0 0 0" integrator="implicitfast"><flag contact="disable"/>
+  </option><worldbody><site name="clamp"/><site name="pin" pos="0.8 0.1 0"/></worldbody>
+  <actuator>{load}</actuator><keyframe><key name="start" ctrl="{ctrl}"/></keyframe></mujoco>"""
+LOAD = '<motor site="rod.tip" refsite="clamp" gear="0 {} 0 0 0 0"/>'
+PIN = {"pin_x": 0.8, "pin_y": 0.1, "force_x": -20.0, "force_y": -7.0, "moment": -3.7}
+ARC = np.linspace(0.0, 1.0, 21)
+Shape = Callable[[Array], dict[str, Array]]
+CASES: dict[str, tuple[float, Shape]] = {
+    f"cantilever, P L^2/EI = {load:g}": (
+        load, lambda s, load=load: cantilever.solve(s, force_y=load))  # type: ignore[misc]
+    for load in (1.0, 2.0, 10.0)} | {
+    "clamped, pinned at (0.8, 0.1) L": (0.0, lambda s: rod_pinned.solve(s, **PIN))}
+LINKS = 10, 20, 40, 80
+HEAD = """# Rods as MuJoCo's own flex
+
+`python -m benchmarks.rod_flex` made this. Since version 3.17 a `<flex>` of dimension 1 bends: a
+discrete elastic rod with three sliding joints a point, its edges held by a soft equality and its
+bending stiffness by the integrator `discrete`, which lets a step last longer than the fast modes.
+Setting `flex = true` in a run `rest` builds it in place of the chain of links (`sim/rod_flex.py`):
+the clamp is an edge on the ground with half of it behind the clamp, so that all is of second order.
+
+Error: largest distance from the elastica at 21 places, over L. Order: in the length h of an edge.
+Chain: the error of as many links with springs, at rest by Newton's method. Stretch: of the worst
+edge. Gap: of the pin, over L.
+
+| rod | edges | error | order | chain | stretch | gap | steps | CPU s |
+|---|---|---|---|---|---|---|---|---|
+"""
+TAIL = """
+What a flex cannot do, and `mujoco:flex` refuses by name: begin on a body that moves, so no motor
+turns or slides its clamp; be clamped at its far end; take a moment at a point, since points do not
+turn; be at rest by Newton's method, as there are no joint springs to read: it steps until nothing
+moves. MuJoCo counts no energy of a flex that bends, so the energy is not shown. A bend b costs
+EI/(2h) (2 tan b/2)^2 where a chain's costs EI/(2h) b^2, and edges are softer than links.
+"""
+
+
+def at_rest(load: float, links: int, flex: bool) -> Curves:
+    """The rod at rest in MuJoCo; without a load it is pinned."""
+    ends, turn = (("clamped", "free"), 0.0) if load else (("clamped", "pinned"), 1.25)
+    rod = Rod("rod", "clamp", None if load else "pin", 1.0, 1.0, links, ends, turn=turn)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rod.xml"
+        file.write_text(MODEL.format(load=LOAD.format(load) if load else "",
+                                     ctrl="1" if load else ""))
+        return simulate(file, Run("rest", ARC, ("rod.x", "rod.y"), rods=(rod,),
+                                  settings={"flex": True} if flex else {}))
+
+
+def error(curves: Curves, truth: dict[str, Array]) -> float:
+    """Largest distance from the elastica."""
+    return float(np.hypot(*(curves.channels[f"rod.{c}"] - truth[c] for c in "xy")).max())
+
+
+def rows() -> Iterator[str]:
+    """The table's, one for each rod and number of edges."""
+    for name, (load, shape) in CASES.items():
+        last: Any = None
+        for links in LINKS:
+            began = time.process_time()
+            found, truth = at_rest(load, links, True), shape(ARC)
+            used, off = time.process_time() - began, error(found, truth)
+            h = points(Rod("rod", "clamp", None, 1.0, 1.0, links, ("clamped", "free"))).lengths[-1]
+            order = f"{np.log(last[0] / off) / np.log(last[1] / h):.2f}" if last else ""
+            chain = error(at_rest(load, links, False), truth)
+            last = off, h
+            yield (f"| {name} | {links} | {off:.2e} | {order} | {chain:.2e} | "
+                   f"{found.settings['stretch']:.1e} | {found.gap:.1e} | {found.steps} | "
+                   f"{used:.1f} |")
+
+
+def main() -> None:
+    page = HEAD + "\n".join(rows()) + "\n" + TAIL
+    (Path(__file__).parent.parent / "docs" / "rod_flex.md").write_text(page)
+    print(page)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+"""The grids in which Pérez Gámiz 2018 looks for equilibria of two and of three rods.
+
+Newton's method is ours, which closes platforms by their pose: it keeps no mirrored ones.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.domain import TURN, Array
+from analytic.rod import tip
+from analytic.rod.search_bound import CAP
+from analytic.rod.search_newton import solve
+from analytic.rod.search_sheet import Complex, rods
+from analytic.rod.state import State, clamps
+
+RISE = np.log(0.0966498)  # B of its spacing of k_rel with the end slope 0.25
+FINE = 400  # values of k_rel of each sign in which a load is looked up
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What a grid was and led to: nodes, starts of Newton's method, distinct equilibria."""
+
+    nodes: int
+    starts: int
+    found: int
+
+
+def moduli(count: int = 21) -> Array:
+    """Values of k_rel of both signs, clustered at 1 as in the document (text line 5660)."""
+    half = np.expm1(RISE * np.linspace(0.0, 1.0, count)) / np.expm1(RISE)
+    half = np.clip(half, 1e-6, 1.0 - 1e-6)
+    return np.concatenate([-half[::-1], half])
+
+
+def directions(nodes: int) -> Array:
+    """Values of psi."""
+    return np.clip(np.linspace(0.0, TURN, nodes), 1e-3, TURN - 1e-3)
+
+
+def two(s: State, nodes: int) -> Grid:
+    """(psi1, k_rel1, k_rel2): a start is a cell in which all three residuals change their sign.
+
+    The second rod's load follows from balance.  There the document's program intersects two curves
+    of isosurfaces.
+    """
+    theta, clamp, _ = clamps(s)
+    unit, k_rel = s.assembly.stiffness[0], moduli()
+    psi1, one, second_k = np.meshgrid(directions(nodes), k_rel, k_rel, indexing="ij")
+    first = tip(psi1[..., 0], one[..., 0], stiffness=unit)
+    rest = complex(*s.load) - first["R"] * np.exp(1j * (psi1[..., 0] + theta[0]))
+    psi2 = np.clip((np.angle(rest) - theta[1]) % TURN, 1e-6, TURN - 1e-6)
+    second = tip(psi2[..., None], second_k, stiffness=unit)
+    place = [c + (rod["x"] + 1j * rod["y"]) * np.exp(1j * angle)
+             for c, rod, angle in zip(clamp, (first, second), theta, strict=True)]
+    gap = place[0][..., None] - place[1]
+    change = [turned(part) for part in (gap.real, gap.imag, np.abs(rest)[..., None] - second["R"])]
+    cells = np.nonzero(change[0] & change[1] & change[2])
+    chart = np.stack([charted(first["R"][cells[:2]] / unit, first["k"][cells[:2]]),
+                      charted(second["R"][cells] / unit, second["k"][cells])])
+    at = place[1][cells]
+    forces = arrived(s, chart, np.stack([at.real, at.imag, 0.0 * at.real]))
+    return Grid(gap.size, at.size, distinct(forces))
+
+
+def turned(residual: Array) -> NDArray[np.bool_]:
+    """Cells of a grid at whose corners a residual has both signs."""
+    positive = residual > 0.0
+    some = every = positive
+    for axis in range(3):
+        low, high = (np.delete(some, end, axis) for end in (-1, 0))
+        some = low | high
+        low, high = (np.delete(every, end, axis) for end in (-1, 0))
+        every = low & high
+    return np.asarray(some & ~every)
+
+
+def three(s: State, nodes: int, gap: float, moment: float) -> Grid:
+    """(k_rel1, psi1, psi2, psi3): starts are nodes whose sides and moment are off by less.
+
+    Balance of forces gives the loads of rods 2 and 3, the inverse of R(k_rel) up to four shapes of
+    each, 16 together (eqs 113-115).
+
+    Parameters
+    ----------
+    s : inputs and load
+    nodes : n of each psi; 42 n^3 in all
+    gap, moment : tolL [m], tolM [N m]
+    """
+    k_rel, found, starts = moduli(), [], 0
+    table = [Inverse(psi, s.assembly.stiffness[0]) for psi in directions(nodes)]
+    for psi1 in directions(nodes):
+        for shapes in shaped(s, psi1, k_rel, table):
+            chart, pose = near(s, shapes, gap, moment)
+            starts += pose.shape[1]
+            found.append(arrived(s, chart, pose))
+    return Grid(k_rel.size * nodes**3, starts, distinct(np.concatenate(found)))
+
+
+class Inverse:
+    """k_rel of given loads for one psi, mode 1: monotone pieces of R(k_rel), four at most."""
+
+    def __init__(self, psi: float, stiffness: float) -> None:
+        self.psi, k_rel = psi, moduli(FINE)
+        self.pieces: list[tuple[Array, Array]] = []
+        load = np.log(tip(psi, k_rel, stiffness=stiffness)["R"])
+        for half in (slice(0, FINE), slice(FINE, None)):
+            level, k = load[half], k_rel[half]
+            turns = np.flatnonzero(np.diff(np.sign(np.diff(level)))) + 1
+            for piece in np.split(np.arange(FINE), turns):
+                rising = piece[np.argsort(level[piece])]
+                self.pieces.append((level[rising], k[rising]))
+        self.pieces = sorted(self.pieces, key=lambda piece: -piece[0].size)[:4]
+
+    def __call__(self, load: Array) -> Array:
+        """k_rel (4, ...), NaN where there are fewer."""
+        out = np.full((4, *load.shape), np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):  # a push where a pull is asked for
+            level = np.log(load)
+        for i, (known, k) in enumerate(self.pieces):
+            out[i] = np.interp(level, known, k, left=np.nan, right=np.nan)
+        return out
+
+
+def shaped(s: State, psi1: float, k_rel: Array, table: list[Inverse]
+           ) -> Iterator[list[tuple[Array, Array, Complex, Complex]]]:
+    """Rods 1 to 3 at all nodes of one psi1, for each k_rel1: R, k, tips and forces of each."""
+    theta = clamps(s)[0]
+    psi = np.array([inverse.psi for inverse in table])
+    two_way, three_way = np.exp(1j * (theta[1] + psi))[:, None], np.exp(1j * (theta[2] + psi))
+    across = (two_way.conj() * three_way).imag
+    for k in k_rel:
+        first = turned_tip(s, 0, np.array([psi1]), np.array([k]))
+        rest = complex(*s.load[:2]) - first[3][0]
+        with np.errstate(divide="ignore", invalid="ignore"):  # parallel loads
+            loads = ((rest.conjugate() * three_way).imag / across,
+                     (two_way.conj() * rest).imag / across)
+        second = np.stack([table[j](loads[0][j]) for j in range(psi.size)], axis=1)
+        third = np.stack([table[j](loads[1][:, j]) for j in range(psi.size)], axis=2)
+        good = np.isfinite(second).any(axis=0) & np.isfinite(third).any(axis=0)
+        j2, j3 = np.nonzero(good)
+        yield [first, turned_tip(s, 1, psi[j2], second[:, j2, j3]),
+               turned_tip(s, 2, psi[j3], third[:, j2, j3])]
+
+
+def turned_tip(s: State, i: int, psi: Array, k_rel: Array
+               ) -> tuple[Array, Array, Complex, Complex]:
+    """R/EI, k, tip and force in the frame of rod i; NaN where k_rel is."""
+    theta, clamp, _ = clamps(s)
+    unit, there = s.assembly.stiffness[i], np.isfinite(k_rel)
+    rod = tip(np.broadcast_to(psi, k_rel.shape)[there], k_rel[there], stiffness=unit)
+    out = np.full((4, *k_rel.shape), np.nan, complex)
+    turn = np.exp(1j * theta[i])
+    psi_there = np.broadcast_to(psi, k_rel.shape)[there]
+    out[:, there] = (rod["R"] / unit, rod["k"], clamp[i] + turn * (rod["x"] + 1j * rod["y"]),
+                     rod["R"] * turn * np.exp(1j * psi_there))
+    return out[0].real, out[1].real, out[2], out[3]
+
+
+def near(s: State, shapes: list[tuple[Array, Array, Complex, Complex]], gap: float, moment: float
+         ) -> tuple[Array, Array]:
+    """Charts (3, 2, m) and poses (3, m) of combinations that nearly close."""
+    one, second, third = shapes
+    side = abs(s.assembly.arm[0] - s.assembly.arm[1])
+    pin = [np.broadcast_to(one[2], (4, 4, second[2].shape[1])), second[2][:, None], third[2][None]]
+    centre = (pin[0] + pin[1] + pin[2]) / 3.0
+    force = [one[3], second[3][:, None], third[3][None]]
+    couple = sum(((p - centre).conj() * f).imag for p, f in zip(pin, force, strict=True))
+    with np.errstate(invalid="ignore"):
+        good = np.abs(couple - s.load[2]) < moment
+        for p, q in ((0, 1), (1, 2), (2, 0)):
+            good &= np.abs(np.abs(pin[p] - pin[q]) - side) < gap
+    at = np.nonzero(good)
+    picks = [(np.zeros_like(at[0]),), (at[0], at[2]), (at[1], at[2])]
+    chart = np.stack([charted(rod[0][pick], rod[1][pick])
+                      for rod, pick in zip(shapes, picks, strict=True)])
+    turn = np.angle(np.broadcast_to(pin[1], good.shape)[at] - pin[0][at])
+    return chart, np.stack([centre[at].real, centre[at].imag, turn])
+
+
+def charted(load: Array, k: Array) -> Array:
+    """alpha and q of rods of mode 1, 1 m long, under R/EI."""
+    return np.stack([np.sqrt(load), -np.arctanh(k)])
+
+
+def arrived(s: State, chart: Array, pose: Array) -> Array:
+    """Forces (n, 2 k) in the clamps' frames, over EI, of the equilibria that starts lead to.
+
+    Of mode 1, and with loads up to those of the search.
+    """
+    if not pose.size:
+        return np.empty((0, 2 * s.assembly.rods))
+    there = solve(s, chart, pose)[0]
+    found = rods(*np.moveaxis(there, 1, 0))
+    force = found.force[:, ((found.waves < 1.0) & (there[:, 0] < CAP)).all(axis=0)].T
+    return np.concatenate([force.real, force.imag], axis=1)
+
+
+def distinct(forces: Array) -> int:
+    """How many there are, to four decimals."""
+    return int(np.unique(forces.round(4) + 0.0, axis=0).shape[0])

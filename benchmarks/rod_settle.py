@@ -1,0 +1,212 @@
+"""Rods in both engines, let go in any shape: where their steps come to rest."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from analytic.domain import Array
+from analytic.rod.assembly import Assembly
+from analytic.rod.chain_assembly import Standing, settle
+from analytic.rod.solutions import Solutions, solutions
+from analytic.rod.state import clamps
+from sim.mujoco_linkage import Linkage
+from sim.mujoco_model import loop_gap
+from sim.mujoco_steps import FATAL
+from sim.protocol import Diverged, Rod
+from sim.pymunk_links import read_links
+from sim.pymunk_shape import shape
+from sim.pymunk_space import build
+from sim.rod_chain import Chain, chain
+from sim.rods import compile_with_rods
+
+MODEL = """<mujoco><compiler angle="radian"/>
+  <option gravity="0 0 0" timestep="1e-3" integrator="implicitfast" tolerance="1e-12"
+    jacobian="dense">
+    <flag contact="disable"/></option>
+  <default><equality solref="0.002 1" solimp="0.9999 0.9999 0.001"/></default>
+  <worldbody><site name="ground"/>{sites}{platform}</worldbody>
+  <actuator><motor site="{hand}" refsite="ground" gear="{load}"/></actuator>
+  <keyframe><key name="start" qpos="{pose}" ctrl="1"/></keyframe></mujoco>"""
+CARRIER = '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-6 1e-6 1e-6"/>'
+PLATFORM = f"""<body><joint name="x" type="slide" axis="1 0 0"/>{CARRIER}
+  <body><joint name="y" type="slide" axis="0 1 0"/>{CARRIER}
+  <body name="platform"><joint name="phi"/>{CARRIER}
+  <site name="hand"/>{{pins}}</body></body></body>"""
+PACE = 0.05  # [rad] phase in a step of a spring on its own
+LIGHT = 1e-6  # [kg] of a rod: its joints have armature instead
+BLOCK, MOST = 100, 100_000  # MuJoCo's steps between two looks at the speed, and at most
+STILL = 1e-6  # [rad/s] the fastest joint at rest: 1e-9 rad in a step
+SWEEPS = 100  # iterations of Chipmunk in a step
+TURN, NOISE = 2.0 * np.pi, 0.25  # [rad] of random starts: a rod's largest turn, each joint's spread
+FAR = 0.05  # [m, rad] between the poses of a rod's equilibrium and of its chain's
+SAME = 1e-4  # [rad] of all links: what is nearer is one equilibrium
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Rods of n links on a pin or a platform, and the equilibria that they have.
+
+    Attributes
+    ----------
+    found : Solutions
+        Of the rods, the lowest first.
+    standing : Standing (equilibria,)
+        The chains' own, next to them; NaN where there is none.
+    """
+
+    a: Assembly
+    n: int
+    found: Solutions
+    standing: Standing
+
+    @cached_property
+    def chains(self) -> list[Chain]:
+        """The rods' links; their tips are pinned to the first one's tip, or to the platform."""
+        pin = self.a.freedoms == 2
+        turn = self.found.state.shape([1.0])[2][0, :, 0] - clamps(self.found.state)[0][0]
+        ends = [None if pin and not i else "rod0.tip" if pin else f"pin{i}"
+                for i in range(self.a.rods)]
+        return [chain(Rod(f"rod{i}", f"clamp{i}", end, float(self.a.length[i]),
+                          float(self.a.stiffness[i]), self.n,
+                          ("clamped", "pinned" if end else "free"), mass=LIGHT,
+                          turn=float(turn[i]))) for i, end in enumerate(ends)]
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model; its start pose is near the lowest equilibrium."""
+        theta, place, _ = (part[0] for part in clamps(self.found.state))
+        sites = [f'<site name="clamp{i}" pos="{p.real} {p.imag} 0" euler="0 0 {t}"/>'
+                 for i, (t, p) in enumerate(zip(theta, place, strict=True))]
+        load, pin = self.found.state.load[0], self.a.freedoms == 2
+        pins = "".join(f'<site name="pin{i}" pos="{r.real} {r.imag} 0"/>'
+                       for i, r in enumerate(self.a.arm))
+        gear = [*load[:2], 0, 0, 0, 0.0 if pin else load[2]]
+        spec = mujoco.MjSpec.from_string(MODEL.format(
+            sites="".join(sites), platform="" if pin else PLATFORM.format(pins=pins),
+            hand="rod0.tip" if pin else "hand", load=" ".join(map(str, gear)),
+            pose="" if pin else " ".join(map(str, self.found.state.pose[0]))))
+        return compile_with_rods(spec, [one.rod for one in self.chains])
+
+    @cached_property
+    def weighed(self) -> mujoco.MjModel:
+        """MuJoCo's: every spring swings equally fast on its own, and is critically damped."""
+        model = copy.copy(self.model)
+        pace = PACE / model.opt.timestep
+        own = np.where(model.jnt_stiffness > 0, model.jnt_stiffness, self.a.stiffness.mean())
+        model.dof_armature[:] = own / pace**2
+        model.dof_damping[:] = 2.0 * own / pace
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return model
+
+    def pose(self, angles: Array, platform: Array) -> Array:
+        """Joint values for links' angles (k, n) [rad] and, if there is one, a platform's pose."""
+        theta, qpos = clamps(self.found.state)[0][0], np.zeros(self.model.nq)
+        for i, one in enumerate(self.chains):
+            joints = [self.model.joint(name).qposadr[0] for name in one.names[1:]]
+            qpos[joints] = np.diff(angles[i], prepend=theta[i])
+        for name, value in zip(("x", "y", "phi"), platform, strict=False):
+            if self.a.freedoms == 3:
+                qpos[self.model.joint(name).qposadr[0]] = value
+        return qpos
+
+    def random(self, seed: int) -> Array:
+        """Joint values of closed loops: arcs that turn by up to TURN, and noise in every joint."""
+        dice, theta = np.random.default_rng(seed), clamps(self.found.state)[0][0]
+        while True:
+            bends = dice.uniform(-TURN, TURN, (self.a.rods, 1)) / self.n
+            bends = bends + dice.normal(0.0, NOISE, (self.a.rods, self.n))
+            platform = dice.uniform(-1.0, 1.0, 3) * [0.5, 0.5, np.pi]
+            closed = self.closed(self.pose(theta[:, None] + np.cumsum(bends, axis=1), platform))
+            if closed is not None:
+                return closed
+
+    def nudged(self, k: int, seed: int, size: float = 1e-3) -> Array:
+        """Joint values near equilibrium number k: every link turned by that much [rad]."""
+        noise = np.random.default_rng(seed).normal(0.0, size, self.standing.angle[k].shape)
+        closed = self.closed(self.pose(self.standing.angle[k] + noise, self.standing.pose[k]))
+        if closed is None:
+            raise Diverged("loops that cannot be closed")
+        return closed
+
+    def closed(self, qpos: Array) -> Array | None:
+        """The joint values with the least change that close the loops; None if they stay open."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = qpos
+        Linkage(self.model, data, ()).release()
+        mujoco.mj_kinematics(self.model, data)
+        return data.qpos.copy() if loop_gap(self.model, data).max() < 1e-9 else None
+
+    def angles(self, qpos: Array) -> Array:
+        """Of the links (k, n) [rad]."""
+        theta = clamps(self.found.state)[0][0]
+        return np.array([t + np.cumsum([qpos[self.model.joint(name).qposadr[0]]
+                                        for name in one.names[1:]])
+                         for t, one in zip(theta, self.chains, strict=True)])
+
+    def which(self, angles: Array) -> tuple[int, Standing, float]:
+        """The equilibrium that links have come to: its number or -1, itself, how far off [rad]."""
+        inputs, load = self.found.state.inputs[0], np.append(self.found.state.load[0], 0.0)
+        own = settle(self.a, inputs, seed=angles, segments=self.n, force=load[:2], moment=load[2])
+        if np.isnan(own.energy):
+            raise Diverged("no equilibrium of the chain is near")
+        off = np.abs(self.standing.angle - own.angle).max(axis=(1, 2))
+        k = int(np.nanargmin(off))
+        return k if off[k] < SAME else -1, own, float(np.abs(angles - own.angle).max())
+
+
+def scene(a: Assembly, given: dict[str, Sequence[float]], modes: int, n: int) -> Scene:
+    """A problem with all its equilibria up to a mode, in chains of n links."""
+    found = solutions(a, modes=modes, **given)
+    load = np.append(given["load"], 0.0)
+    inputs = np.broadcast_to(given["inputs"], a.rods)
+    angles = found.state.shape(np.arange(1, n + 1) / n)[2]
+    standing = settle(a, inputs, seed=angles, segments=n, force=load[:2],
+                      moment=load[2])
+    far = ~(np.abs(standing.pose - found.state.pose).max(axis=1) < FAR)
+    standing.angle[far] = standing.energy[far] = np.nan  # too few links for so short waves
+    return Scene(a, n, found, standing)
+
+
+def mujoco_rest(scene: Scene, qpos: Array) -> Array:
+    """Links' angles where MuJoCo's steps end."""
+    model, data = scene.weighed, mujoco.MjData(scene.weighed)
+    data.qpos[:], data.ctrl[:] = qpos, 1.0
+    for _ in range(BLOCK, MOST, BLOCK):
+        mujoco.mj_step(model, data, BLOCK)
+        if any(data.warning[w].number for w in FATAL):
+            raise Diverged("MuJoCo gave up")
+        if np.abs(data.qvel).max() < STILL:
+            return scene.angles(data.qpos)
+    raise Diverged(f"not at rest after {MOST} steps")
+
+
+def pymunk_rest(scene: Scene, qpos: Array) -> Array:
+    """Links' angles where Chipmunk's steps end.
+
+    Links have the moments of inertia with which stiff springs swing half a radian in a step, and
+    springs the damping in proportion that is critical for the slowest of a rod's swings.
+    """
+    model, dt = copy.copy(scene.model), scene.model.opt.timestep
+    model.dof_damping[:] = 4.0 * scene.n * dt * model.jnt_stiffness
+    model.key_qpos[0] = qpos
+    links = read_links(model, "start", ())
+    space = build(links, SWEEPS, 0.0)
+    moving = space.bodies
+    for body in moving:
+        body.moment = 16.0 * model.jnt_stiffness.max() * dt**2
+    for _ in range(BLOCK, MOST, BLOCK):
+        for _ in range(BLOCK):
+            space.step(dt)
+        if max(abs(body.angular_velocity) for body in moving) < STILL:
+            pose = np.array([[*body.position, body.angle] for body in moving] + [[0.0] * 3])
+            theta = clamps(scene.found.state)[0][0]
+            return np.array([t + np.cumsum(shape(links, pose, one)[2][1:])
+                             for t, one in zip(theta, scene.chains, strict=True)])
+    raise Diverged(f"not at rest after {MOST} steps")
+
+
+ENGINES = {"mujoco": mujoco_rest, "pymunk": pymunk_rest}

@@ -1,0 +1,184 @@
+"""What a refinement found: a row for each number of segments, and verdicts on orders and limits."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.compare import Comparison, one, reference_for, verdict
+from proofmass.refine import Refine
+from proofmass.strict import Kind
+from sim.protocol import Curves
+
+Found = tuple[list[Comparison], Curves | None]
+"""Of one run: its comparisons, and its curves if it was not lost."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One channel of one solver with one number of segments.
+
+    Attributes
+    ----------
+    case, solver, segments, channel, unit
+        What was run, and what of it was looked at.
+    error : float
+        Largest difference to the reference [unit].
+    end : float
+        The difference at the last sample, with its sign [unit].
+    x : float
+        That sample.
+    seconds, steps
+        Cost of the run.
+    """
+
+    case: str
+    solver: str
+    segments: int
+    channel: str
+    unit: str
+    error: float
+    end: float
+    x: float
+    seconds: float
+    steps: int
+
+
+@dataclass(frozen=True)
+class Study:
+    """One solver's runs of a case, by numbers of segments."""
+
+    case: Case
+    refine: Refine
+    solver: str
+    runs: dict[int, Found] = field(default_factory=dict)
+
+    def add(self, segments: int, found: Found) -> tuple[list[Row], list[Comparison]]:
+        """Keep a run; rows and verdicts of all with the last one."""
+        self.runs[segments] = found
+        if len(self.runs) < len(self.refine.segments):
+            return [], []
+        rows = self.rows()
+        return rows, judge(self, rows)
+
+    def rows(self) -> list[Row]:
+        """What the runs tell, of channels that the solver delivers; of lost ones nothing."""
+        kept = {n: (found, curves) for n, (found, curves) in self.runs.items() if curves}
+        if not kept:
+            return []
+        truth = reference_for(self.case, max(kept.items())[1][1]).channels
+        return [Row(self.case.name, self.solver, n, c.channel, c.unit, c.error_max,
+                    float(curves.channels[c.channel][-1] - truth[c.channel][-1]),
+                    float(curves.x[-1]), c.seconds, c.steps)
+                for n, (found, curves) in kept.items() for c in found
+                if c.channel in curves.channels]
+
+
+class Finer(NamedTuple):
+    """A run of a case with all its rods in so many segments, and the study that it is part of."""
+
+    case: Case
+    kind: Kind
+    solver: str
+    segments: int
+    study: Study
+
+
+def refinements(case: Case) -> Iterator[Finer]:
+    """The runs that ``[refine]`` asks for, solver by solver; none without it."""
+    if refine := case.refine:
+        run = refine.sampled(case.run[refine.run])
+        for solver in run.solvers:
+            study = Study(case, refine, solver)
+            for n in refine.segments:
+                rods = {name: rod.model_copy(update={"segments": n})
+                        for name, rod in case.rod.items()}
+                finer = case.model_copy(update={"rod": rods, "run": {refine.run: run}})
+                yield Finer(finer, refine.run, solver, n, study)
+
+
+def errors(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison]:
+    """`compare` for one run among many: only channels that are refined, and only their errors."""
+    truth = reference_for(case, curves).channels
+    return [one(case, run, solver, name, curves, truth[name], {})
+            for name in case.channels_of(run) if case.refine and case.refine.covers(name)]
+
+
+def order(coarse: Row, fine: Row, wall: float = 0.0) -> float:
+    """The order that two numbers of segments show; NaN where an error is at the wall.
+
+    >>> one, two = (Row("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
+    >>> order(one, two), order(one, two, wall=0.3)
+    (2.0, nan)
+    """
+    if not np.minimum(coarse.error, fine.error) > wall:
+        return float("nan")
+    return float(np.log(coarse.error / fine.error) / np.log(fine.segments / coarse.segments))
+
+
+def limit(coarse: Row, fine: Row, order: float) -> float:
+    """How far the limit that two numbers of segments point to is off at the last sample.
+
+    >>> one, two = (Row("", "", n, "x", "m", 0.0, 4 / n**2 + 16 / n**4, 1.0, 0.0, 0)
+    ...             for n in (2, 4))
+    >>> limit(one, two, order=2.0)
+    -0.25
+    """
+    ratio = (fine.segments / coarse.segments) ** order
+    return fine.end + (fine.end - coarse.end) / (ratio - 1.0)
+
+
+def judge(study: Study, rows: list[Row]) -> list[Comparison]:
+    """Verdicts on a complete study, of a run called "refine".
+
+    For each channel its order, off by so much at the finer number of segments of the worst pair;
+    and, if the sidecar bounds it, its limit, off by so much at the last sample.
+    """
+    cost: dict[str, Any] = {"case": study.case.name, "solver": study.solver, "run": "refine",
+                            "seconds": sum(f[0].seconds for f, _ in study.runs.values()),
+                            "steps": sum(f[0].steps for f, _ in study.runs.values())}
+    for n, (found, curves) in study.runs.items():
+        if curves is None:
+            return [Comparison(**cost, channel="order", unit="", outcome=found[0].outcome,
+                               message=f"with {n} segments: {found[0].message}")]
+    verdicts = []
+    for channel in dict.fromkeys(row.channel for row in rows):
+        own = [row for row in rows if row.channel == channel]
+        verdicts.append(of_order(study.refine, own, cost))
+        if study.refine.richardson is not None and own[0].unit == "m":
+            verdicts.append(of_limit(study.refine, own, cost))
+    return verdicts
+
+
+def of_order(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Comparison:
+    """Whether the errors of a channel fall as they should, wherever they are not at the wall."""
+    place = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
+    wall = f"errors up to {refine.wall:g} {rows[0].unit} are left to rounding"
+    pairs = [pair for pair in pairwise(rows)
+             if not np.minimum(pair[0].error, pair[1].error) <= refine.wall]
+    if not pairs:
+        return Comparison(**place, message=f"no order shows: {wall}")
+    orders = [order(*pair) for pair in pairs]
+    off = np.abs(np.subtract(orders, refine.order))
+    worst = int(np.argmax(off))
+    outcome, message = verdict(float(off[worst]), refine.within, "", refine.why)
+    coarse, fine = pairs[worst]
+    if outcome == "differs":
+        message += f", order {orders[worst]:.3g} from {coarse.segments} to {fine.segments} segments"
+    elif len(pairs) < len(rows) - 1:
+        message += f"; {wall}"
+    return Comparison(**place, error_max=float(off[worst]), at=fine.segments,
+                      allowed=refine.within, outcome=outcome, message=message)
+
+
+def of_limit(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Comparison:
+    """Whether two of the runs point to the reference at the last sample."""
+    coarse, fine = (row for row in rows if row.segments in refine.last)
+    allowed = float(refine.richardson or 0.0)
+    error = abs(limit(coarse, fine, refine.order))
+    outcome, message = verdict(error, allowed, fine.unit, refine.why)
+    return Comparison(**cost, channel=f"limit of {fine.channel}", unit=fine.unit, error_max=error,
+                      at=fine.x, allowed=allowed, outcome=outcome, message=message)

@@ -1,0 +1,167 @@
+"""The figure of a chart: panels to one scale, and beside them what their lines are."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
+
+from analytic.chart import Chart, Line
+from proofmass.report.chart_field import ZERO, contours, filled
+from proofmass.report.chart_line import PLAIN, drawn, dressed, tones
+from proofmass.report.data import readable
+from proofmass.report.style import Look
+from proofmass.report.words import pretty
+from sim.protocol import Array
+
+WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side
+SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: at most, at least, else
+LEFT, BELOW, ABOVE, BAR = 0.72, 0.45, 0.3, 0.95  # [inch] margins; room for a colour bar
+LETTER = 0.066  # [inch] of a usual one
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Corners (2,) of every panel in the units that people read, these, and the factor to them."""
+
+    low: Array
+    high: Array
+    units: tuple[str, str]
+    scale: Array
+
+    @property
+    def tall(self) -> float:
+        """Height over width."""
+        across, up = self.high - self.low
+        return float(up / across)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Panels row by row [inch]: how many, their size, what is between, above and beside them."""
+
+    across: int
+    down: int
+    cell: Array
+    gap: Array
+    head: float
+    bar: float
+    key: float
+
+    @property
+    def right(self) -> float:
+        """Where the panels end."""
+        return float(LEFT + self.across * (self.cell[0] + self.gap[0]) - self.gap[0])
+
+    @property
+    def size(self) -> Array:
+        """Of the figure."""
+        high = self.down * (self.cell[1] + self.gap[1]) - self.gap[1]
+        return np.array([self.right + self.bar + self.key, ABOVE + self.head + high + BELOW])
+
+
+def chart_sheet(title: str, chart: Chart) -> Figure:
+    """Panels on the same axes, the legend at their right."""
+    box, looks = frame(chart), tones(chart)
+    handles = legend(chart, looks)
+    plan, titles = layout(chart, box, handles)
+    wide, high = np.maximum(plan.size, [0.2 + 1.4 * LETTER * len(title), 0.0])
+    figure = Figure(figsize=(wide, high))
+    grid = figure.add_gridspec(
+        plan.down, plan.across, left=LEFT / wide, right=plan.right / wide, bottom=BELOW / high,
+        top=1 - (ABOVE + plan.head) / high, wspace=plan.gap[0] / plan.cell[0],
+        hspace=plan.gap[1] / plan.cell[1])
+    for k, panel in enumerate(chart.panels):
+        ax = figure.add_subplot(grid[divmod(k, plan.across)])
+        ax.set_title(titles[k])
+        if panel.field:
+            filled(ax, panel.field, contours(chart, panel.field), box.scale)
+        for line in panel.lines:
+            drawn(ax, line, looks.get(line.label, PLAIN), box.scale, cased=bool(panel.field))
+        axes(ax, chart, box, first=k % plan.across == 0,
+             lowest=k + plan.across >= len(chart.panels))
+    figure.text(0.1 / wide, 1 - 0.06 / high, title, fontsize=10, weight="bold", va="top")
+    figure.legend(handles=handles, loc="upper left", fontsize=8, handlelength=3.0, bbox_to_anchor=(
+        (plan.right + plan.bar + 0.05) / wide, 1 - (ABOVE + plan.head - 0.1) / high))
+    return figure
+
+
+def layout(chart: Chart, box: Frame, handles: list[Line2D]) -> tuple[Layout, list[str]]:
+    """A grid that is about as wide as it is high, and the panels' titles broken to fit."""
+    count = len(chart.panels)
+    across = count if count <= 3 else math.isqrt(count - 1) + 1
+    wide = WIDE[across]
+    titles = [fill(panel.title, int(wide / LETTER)) for panel in chart.panels]
+    head = 0.06 + 0.14 * max(text.count("\n") + bool(text) for text in titles)
+    bar = BAR * any(panel.field for panel in chart.panels)
+    rows = [row for handle in handles for row in str(handle.get_label()).split("\n")]
+    cell = np.array([wide, wide * (box.tall if chart.alike else USUAL)])
+    key = 0.62 + LETTER * max(map(len, rows)) if rows else 0.1
+    return Layout(across, -(-count // across), cell, np.array([0.2 + bar, head + 0.14]), head, bar,
+                  key), titles
+
+
+def frame(chart: Chart) -> Frame:
+    """Room for all that is finite; shapes keep one scale, and panels are never slivers."""
+    (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
+    scale = np.array([wide, high])
+    parts = [np.stack([line.x, line.y]) for line in chart.lines]
+    for field in (panel.field for panel in chart.panels if panel.field):
+        i, j = np.nonzero(np.isfinite(field.values))
+        parts.append(np.stack([field.x[i], field.y[j]]))
+    cloud = np.concatenate([np.empty((2, 0)), *parts], axis=1) * scale[:, None]
+    cloud = cloud[:, np.isfinite(cloud).all(axis=0)]
+    cloud = cloud if cloud.size else np.array([[0.0, 1.0], [0.0, 1.0]])
+    low, top = cloud.min(axis=1), cloud.max(axis=1)
+    middle, span = 0.5 * (low + top), top - low
+    flat = span <= 1e-9 * np.abs(cloud).max(axis=1)  # do not magnify rounding
+    least = 0.0 if chart.alike and not flat.all() else np.maximum(np.abs(middle), 1.0)
+    half = 0.53 * np.where(flat, least, span)
+    if chart.alike:
+        half[1] = max(half[1], SQUAT * half[0])
+        half[0] = max(half[0], half[1] / SLIM)
+    return Frame(middle - half, middle + half, (across, up), scale)
+
+
+def axes(ax: Axes, chart: Chart, box: Frame, *, first: bool, lowest: bool) -> None:
+    """What all panels share; names at the left and below the lowest only."""
+    ax.set(xlim=(box.low[0], box.high[0]), ylim=(box.low[1], box.high[1]))
+    for axis, unit, span in zip((ax.xaxis, ax.yaxis), box.units, box.high - box.low, strict=True):
+        if unit == "deg":
+            axis.set_major_locator(MultipleLocator(
+                next((s for s in (5, 10, 15, 30, 45, 90) if span / s < 8.01), 180)))
+    ax.tick_params(labelbottom=lowest, labelleft=first)
+    ax.set_xlabel(named(chart.x[0], box.units[0]) * lowest)
+    ax.set_ylabel(named(chart.y[0], box.units[1]) * first)
+    ax.grid(not ax.collections)
+
+
+def named(name: str, unit: str) -> str:
+    """An axis' name with its unit, if it has any.
+
+    >>> named("angle", "deg"), named("R / R_cr", "")
+    ('angle [deg]', 'R / R_cr')
+    """
+    return f"{name} [{pretty(unit)}]" if unit else name
+
+
+def legend(chart: Chart, looks: Mapping[str, Look]) -> list[Line2D]:
+    """An entry for each label; what bold and dashed mean where no label tells them apart."""
+    entries: dict[str, Line] = {}
+    for line in chart.lines:
+        if line.label and (line.label not in entries or line.stable):
+            entries[line.label] = line
+    rows = [(label, dressed(line, looks[label])) for label, line in entries.items()]
+    if any(not line.stable and (not line.label or entries[line.label].stable)
+           for line in chart.lines if not line.points):
+        none = np.empty(0)
+        rows += [("stable", dressed(Line(none, none), PLAIN)),
+                 ("unstable", dressed(Line(none, none, stable=False), PLAIN))]
+    signed = {panel.field.label for panel in chart.panels if panel.field and panel.field.signed}
+    rows += [(f"zero of {label}", ZERO) for label in sorted(signed)]
+    return [Line2D([], [], label=fill(label, 36), **look) for label, look in rows]

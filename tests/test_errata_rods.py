@@ -1,0 +1,112 @@
+"""Misprints of Pérez Gámiz 2018 about rods that no other test shows: the truth, and the difference.
+
+The register is docs/errata.md.
+"""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.rod.closure import closure
+from analytic.rod.direct import direct
+from analytic.rod.state import State, state
+from tests.rod_assembly_cases import CORNERS, DATA, EI, NAMES, elliptic, pair, three, xy
+
+ROOT = Path(__file__).parent.parent
+
+
+def platform(moment=0.0):
+    """The second solution of Table 8, under a moment as well."""
+    row = DATA["rfr3"]["printed"][1]
+    motors = np.radians(DATA["rfr3"]["inputs_deg"])
+    tip, force, clamp = elliptic(row["psi"], row["kr"], CORNERS, motors)
+    guess = state(three(DATA["rfr3"]["side"]), inputs=motors, load=[0.0, 0.5, moment],
+                  pose=[*xy(tip.mean()), np.angle(tip[1] - tip[0])], moment=clamp, force=xy(force))
+    return direct(guess)
+
+
+def pins(s: State):
+    """B_i as x + iy."""
+    return s.pose @ [1.0, 1.0j, 0.0] + np.exp(1j * s.pose[2]) * s.assembly.arm
+
+
+def test_moments_of_equation_115_have_the_opposite_sign():
+    """Eq. 114 adds M_ext to sums of F_x (B_y - P_y) - F_y (B_x - P_x): they are minus r x F."""
+    s = platform(moment=0.01)
+    (x, y), n = xy(pins(s) - s.pose @ [1.0, 1.0j, 0.0]).T, s.force
+    printed = np.sum(n[:, 0] * y - n[:, 1] * x)
+    assert printed == pytest.approx(-0.01, abs=1e-10)  # closed to 1e-10 EI/L
+
+
+def test_equation_110_adds_the_moment_of_one_rod_three_times():
+    """About the frame's origin: sum of p_i x n_i, not three times p_1 x n_1."""
+    s = platform()
+    moments = (pins(s).conj() * (s.force @ [1.0, 1.0j])).imag
+    load = (s.pose[:2] @ [1.0, -1.0j] * (s.load[:2] @ [1.0, 1.0j])).imag
+    assert moments.sum() == pytest.approx(load, abs=1e-10)  # closed to 1e-10 EI/L
+    assert abs(3.0 * moments[0] - load) > 1e-3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_moduli_of_rods_are_outside_the_zone_that_line_451_calls_valid(name):
+    """k^2 - cos(psi/2)^2 = m0^2/(4 EI R), so |k| >= |cos(psi/2)|: the text has it inside."""
+    s = pair(name)
+    tangent = np.stack([np.cos(s.inputs), np.sin(s.inputs)], axis=-1)
+    load = np.linalg.norm(s.force, axis=-1)
+    along = np.sum(s.force * tangent, axis=-1)
+    # eqs 35, 36: at the clamp theta' = m0/EI and theta - psi is the angle to the load
+    k = np.sqrt((s.moment**2 / (2.0 * EI) + along + load) / (2.0 * load))
+    least = np.sqrt((1.0 + along / load) / 2.0)  # |cos(psi/2)|
+    assert np.all(k > least)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(np.arcsin(least / (0.9 * least))).all()  # eq. 41 with a k of the inside
+
+
+def test_equation_29_of_a_planar_cosserat_rod():
+    """p_y' has cos where sin must stand, and m' lacks a factor C2; EA and GA of order EI/L^2."""
+    theta, n, ea, ga = 0.4, np.array([0.7, -0.3]), 5.0, 3.0
+    c, s = np.cos(theta), np.sin(theta)
+    axial, shear = n @ [c, s], n @ [-s, c]
+    slope = np.array([(1 + axial / ea) * c - shear / ga * s, (1 + axial / ea) * s + shear / ga * c])
+    # strains in the rod's frame turned to the ground: an independent way to p'
+    turn = np.array([[c, -s], [s, c]])
+    assert slope == pytest.approx(turn @ [1 + axial / ea, shear / ga], rel=1e-14)  # rounding
+    bend = -(slope[0] * n[1] - slope[1] * n[0])  # m' = -p' x n
+    stretch = 1 / ea - 1 / ga
+    assert bend == pytest.approx(-(shear + stretch * axial * shear), rel=1e-13)  # rounding
+    assert abs(bend + shear + stretch * axial) > 0.1  # as printed
+    printed = (1 + axial / ea) * c + shear / ga * c
+    assert abs(printed - slope[1]) > 0.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_energy_of_the_program_is_twice_the_energy(name):
+    """Simpson's rule over m^2/EI with 41 nodes, as in its code; the half is missing."""
+    s = pair(name)
+    m = s.shape(np.linspace(0.0, 1.0, 41))[3]
+    weights = np.r_[1.0, np.tile([4.0, 2.0], 19), 4.0, 1.0] / 120.0
+    assert m**2 @ weights / EI == pytest.approx(2.0 * s.energy, rel=1e-3)  # of Simpson's rule
+
+
+def test_a_slide_moves_the_clamp_along_its_guide():
+    """The inverse program takes cos and sin of the clamp's angle, right where both are the same."""
+    guide, angle, h = np.array([0.3, 2.0, -2.2]), np.array([0.1, 2.2, -1.9]), 1e-6
+    s = state(three(0.3, angle=angle, guide=guide), moment=0.02, force=np.full((3, 2), 0.05))
+    base = s.vector.size - s.assembly.freedoms - 3
+    for i in range(3):
+        step = np.zeros(s.vector.size)
+        step[base + i] = h
+        up, down = (closure(State(s.assembly, s.vector + sign * step))[0] for sign in (1, -1))
+        moved = ((up - down) / (2 * h))[3 * i + 1:3 * i + 3]
+        assert moved == pytest.approx([np.cos(guide[i]), np.sin(guide[i])], abs=1e-9)  # rounding/h
+        assert np.abs(moved - [np.cos(angle[i]), np.sin(angle[i])]).max() > 0.1
+
+
+def test_the_register_names_every_test_here():
+    text = (ROOT / "docs" / "errata.md").read_text()
+    tree = ast.parse(Path(__file__).read_text())
+    tests = [node.name for node in tree.body
+             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")][:-1]
+    assert [name for name in tests if f"`test_errata_rods::{name}`" not in text] == []

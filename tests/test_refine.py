@@ -1,0 +1,265 @@
+"""Refinement: orders of convergence and limits of rods in more and more segments."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.check import Result, check, one_task
+from proofmass.compare import Comparison
+from proofmass.reference import evaluate, grid
+from proofmass.refined import Study, errors, refinements
+from proofmass.report import write_report
+from sim.protocol import Array, Curves
+from tests.rod_models import ENGINES
+
+FILE = "rod_cantilever.toml"
+SEGMENTS = 5, 10, 20
+Edit = Callable[..., Path]
+
+
+@pytest.fixture
+def few(edit: Edit) -> Path:
+    """The cantilever in both engines, with few segments; 1e-5 m is what h^4 leaves of its tip."""
+    edit(FILE, r"segments = \[10, 20, 40, 80\]", f"segments = {list(SEGMENTS)}")
+    edit(FILE, r"between = \[20, 40\]\n", "")
+    return edit(FILE, "richardson = 1e-6", "richardson = 1e-5")
+
+
+@pytest.fixture
+def alone(few: Path, edit: Edit) -> Path:
+    """The same in MuJoCo alone."""
+    return edit(FILE, r'"mujoco", "pymunk"', '"mujoco"')
+
+
+def verdicts(file: Path) -> dict[str, list[Comparison]]:
+    """Verdicts of the refinement by outcome, without those of the run itself."""
+    found: dict[str, list[Comparison]] = {}
+    for task in refinements(load_case(file)):
+        for c in task.study.add(task.segments, one_task(task))[1]:
+            found.setdefault(c.outcome, []).append(c)
+    return found
+
+
+def studied(off: Callable[[int, Array], Array], **asked: object) -> tuple[Study, list[Comparison]]:
+    """A study of what nobody ran: the reference's own curves, off by so much at arc lengths."""
+    case = load_case(Path(__file__).parent.parent / "models" / FILE)
+    assert case.refine is not None
+    case = case.model_copy(update={"refine": case.refine.model_copy(update=asked)})
+    found: list[Comparison] = []
+    for task in refinements(case):
+        if task.solver == "mujoco":
+            s = grid(task.case, "rest")
+            truth = evaluate(task.case, s, None).channels
+            curves = Curves(s, {name: y + off(task.segments, s) for name, y in truth.items()},
+                            seconds=0.1, steps=1)
+            study = task.study
+            found = study.add(task.segments, (errors(task.case, "rest", "mujoco", curves),
+                                              curves))[1]
+    return study, found
+
+
+def power(p: float, size: float = 1.0) -> Callable[[int, Array], Array]:
+    """An error of that order."""
+    return lambda n, s: size * s * float(n) ** -p
+
+
+def test_both_engines_show_the_order_and_the_limit(few):
+    """Half links at the clamp: order 2, and a limit as near as h^4."""
+    labels = []
+    result = check([few], progress=lambda label, *_: labels.append(label))
+    rows = [c for c in result.comparisons if c.run == "refine"]
+    assert {(c.solver, c.outcome) for c in rows} == {(name, "agrees") for name in ENGINES}
+    assert {c.channel for c in rows} == {"order of rod.x", "order of rod.y", "order of rod.angle",
+                                         "limit of rod.x", "limit of rod.y"}
+    assert result.exit_code == 0
+    assert "rod_cantilever rest pymunk, 20 segments" in labels
+    assert len(labels) == 2 + 2 * len(SEGMENTS)
+    both = {name: [row for row in result.refined if row.solver == name] for name in ENGINES}
+    assert [row.segments for row in both["mujoco"]] == [n for n in SEGMENTS for _ in range(3)]
+    for one, two in zip(*both.values(), strict=True):  # the same chain, at rest to 1e-12 of it
+        assert one.error == pytest.approx(two.error, abs=1e-11)
+        assert one.seconds != two.seconds
+
+
+def test_a_naive_clamp_is_of_first_order(alone, edit):
+    """Half a cell of the rod is as soft as a whole one, and the limit is none."""
+    edit(FILE, "segments = 40", 'segments = 40\nscheme = "naive"')
+    found = verdicts(alone)
+    assert set(found) == {"differs"}
+    orders = [c for c in found["differs"] if c.channel.startswith("order")]
+    assert len(orders) == 3
+    for c in orders:
+        assert 0.7 < c.error_max < 1.3  # of first order; h^2 is seen with five links
+        assert "x the allowed error, order 1." in c.message or "order 0." in c.message
+
+
+@pytest.mark.parametrize(("old", "new"), [("stiffness = 1.0 +#", "stiffness = 1.02 #"),
+                                          ("force_y = 10.0", "force_y = 10.5")])
+def test_a_wrong_reference_is_never_reached(old, new, alone, edit):
+    """The errors level off at what the reference is off by."""
+    edit(FILE, old, new)
+    found = verdicts(alone)
+    assert "agrees" not in found
+    assert {c.channel for c in found["differs"]} >= {"order of rod.x", "limit of rod.y"}
+
+
+def test_directions_of_a_circle_show_no_order(edit):
+    """They are exact, and that is said; places are those of a polygon."""
+    edit("rod_into_circle.toml", '"mujoco", "pymunk"', '"mujoco"')
+    found = verdicts(edit("rod_into_circle.toml", r"segments = \[10, 20, 40\]",
+                          "segments = [4, 8]"))
+    assert [c.channel for c in found["agrees"]] == ["order of rod.x", "order of rod.y"]
+    (exact,) = found["unchecked"]
+    assert exact.channel == "order of rod.angle"
+    assert "left to rounding" in exact.message
+
+
+def test_each_pair_counts():
+    """Of second order at first, of order 1.8 between the last two."""
+    assert {c.outcome for c in studied(power(2.0))[1]} == {"agrees"}
+
+    def late(n: int, s: Array) -> Array:
+        return power(2.0)(n, s) * (2**0.2 if n == 80 else 1.0)
+
+    found = [c for c in studied(late)[1] if c.channel.startswith("order")]
+    assert [(c.outcome, c.at) for c in found] == [("differs", 80)] * 3
+    assert found[0].error_max == pytest.approx(0.2, rel=1e-9)  # rounding of differences
+    assert found[0].message == "2 x the allowed error, order 1.8 from 40 to 80 segments"
+
+
+def test_a_higher_order_than_asked_for_differs():
+    """An order is a statement on both sides."""
+    assert all(c.outcome == "differs" for c in studied(power(3.0))[1]
+               if c.channel.startswith("order"))
+
+
+@pytest.mark.parametrize("bad", [10, 80])
+def test_a_nan_differs(bad):
+    """In any of the runs, be the others at the wall."""
+    def off(n: int, s: Array) -> Array:
+        return np.where(s == s[-1], np.nan, 0.0) if n == bad else 0 * s
+
+    found = studied(off)[1]
+    orders = [c for c in found if c.channel.startswith("order")]
+    assert [c.outcome for c in orders] == ["differs"] * 3
+    assert "not a number" in orders[0].message
+    limits = [c.outcome for c in studied(off, between=(10, 20) if bad == 10 else (40, 80))[1]
+              if c.channel.startswith("limit")]
+    assert limits == ["differs"] * 2
+
+
+def test_errors_at_the_wall_do_not_count():
+    """Rounding of 1e-10 below an order of 2 that is seen from 10 to 20 only."""
+    def off(n: int, s: Array) -> Array:
+        return np.maximum(power(2.0, 1e-6)(n, s), 3e-10 * s)
+
+    found = {c.channel: c for c in studied(off)[1]}["order of rod.x"]
+    assert (found.outcome, found.at) == ("agrees", 20)
+    assert found.message.endswith("errors up to 1e-09 m are left to rounding")
+    lower = {c.channel: c for c in studied(off, wall=1e-12)[1]}["order of rod.x"]
+    assert lower.outcome == "differs"
+    assert "from 40 to 80" in lower.message
+
+
+@pytest.mark.parametrize(("between", "fine"), [((20, 40), 40), (None, 80)])
+def test_the_limit_lacks_the_next_order(between, fine):
+    """Of a h^2 + b h^4 it leaves -b h1^2 h2^2, with h1 = 2 h2."""
+    def off(n: int, s: Array) -> Array:
+        return s * (0.1 * n**-2.0 + 5.0 * n**-4.0)
+
+    left = 4 * 5.0 * fine**-4.0
+    for share, outcome in ((1.01, "agrees"), (0.99, "differs")):
+        found = {c.channel: c for c in studied(off, between=between, richardson=share * left)[1]}
+        limit = found["limit of rod.x"]
+        assert (limit.outcome, limit.at, limit.unit) == (outcome, 1.0, "m")
+        assert limit.error_max == pytest.approx(left, rel=1e-6)  # rounding over h^4
+        assert "limit of rod.angle" not in found
+
+
+def test_a_lost_run_loses_the_study():
+    """Which number of segments, and why."""
+    study, _ = studied(power(2.0))
+    lost = Comparison("rod_cantilever", "mujoco", "rest", "rod.x", "m", outcome="diverged",
+                      message="not at rest")
+    again = Study(study.case, study.refine, "mujoco")
+    for n, found in study.runs.items():
+        verdict = again.add(n, ([lost], None) if n == 40 else found)[1]
+    assert [(c.outcome, c.run, c.message) for c in verdict] == [
+        ("diverged", "refine", "with 40 segments: not at rest")]
+
+
+BAD = {
+    "falling": (r"segments = \[.*", "segments = [20, 10]", "must rise, from 2 or more"),
+    "one link": (r"segments = \[.*", "segments = [1, 10]", "must rise, from 2 or more"),
+    "alone": (r"segments = \[.*", "segments = [10]", "at least 2 items"),
+    "strangers": ("between = .*", "between = [10, 40]", "neighbours in segments"),
+    "no bound": ("richardson = .*", "", "richardson = what the limit may be off by"),
+    "no reason": ('why = "half.*', 'why = " "', "needs its reason"),
+    "no channel": (r'"rod.\[xy\]", "rod.angle"', '"rod.phi"', "'rod.phi' is none of rod.x"),
+    "no run": ("order = 2.0", 'order = 2.0\nrun = "sweep"', "refine.run: there is no run.sweep"),
+    "no order": ("order = 2.0\n", "", "refine.order: missing"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
+def test_bad_tables_are_named(old, new, words, edit):
+    """Key and what would be right, and nothing is run."""
+    result = check([edit(FILE, old, new, count=1)])
+    assert (result.exit_code, result.comparisons) == (2, [])
+    assert "rod_cantilever.toml: refine" in str(result.errors[0])
+    assert words in str(result.errors[0])
+
+
+def test_only_rods_are_refined(edit):
+    """A linkage has no segments."""
+    file = edit("fourbar.toml", r"\[channels\]", '[refine]\nsegments = [2, 4]\nrun = "sweep"\n'
+                                                 'order = 2.0\nwithin = 0.1\nwhy = "x"\n[channels]')
+    assert "needs a [rod.NAME]" in str(check([file]).errors[0])
+
+
+@pytest.mark.parametrize(("segments", "n"), [((10, 20, 40, 80), 11), ((6, 9), 4)])
+def test_samples_have_their_places_on_the_links(segments, n, edit):
+    """Middles of links of every number, whatever the run itself shows."""
+    case = load_case(edit(FILE, "n = 41", "n = 41\nuntil = 0.5"))
+    refine = case.refine.model_copy(update={"segments": segments, "between": None})
+    tasks = list(refinements(case.model_copy(update={"refine": refine})))
+    assert tuple(t.case.rod["rod"].segments for t in tasks) == segments * 2
+    for task in tasks:
+        np.testing.assert_array_equal(grid(task.case, "rest"), np.linspace(0, 1, n))
+
+
+def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:
+    """The case's page with a study, and without a run of its own."""
+    study, found = studied(off)
+    result = Result(cases=[study.case], comparisons=found, refined=study.rows())
+    write_report(result, folder)
+    return (folder / "rod_cantilever.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("p", [2.0, 1.5])
+def test_the_page_shows_it(p, tmp_path):
+    """Figure, orders and verdicts; a wrong order turns the headline."""
+    page = report_of(tmp_path, power(p))
+    assert (tmp_path / "figures" / "rod_cantilever-refine.png").is_file()
+    table = page[page.index("Refinement: the same"):]
+    assert table.count(f"<td>{p:g}</td>") >= 9  # pairs of three channels
+    assert ("✗ order" in table) == (p != 2.0)
+    assert ("MuJoCo differs in its order of convergence" in page) == (p != 2.0)
+
+
+def test_a_nan_is_drawn_beside(tmp_path):
+    """Lost numbers cost no figure."""
+    page = report_of(tmp_path, lambda n, s: s * (np.nan if n == 20 else n**-2.0))
+    assert "not a number somewhere" in page
+    assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
+
+
+def test_pytest_judges_it_as_well(alone, edit, pytester):
+    """An item fails where a check would."""
+    edit(FILE, "within = 0.1", "within = 1e-3")
+    run = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-n", "0", str(alone))
+    run.assert_outcomes(failed=1)
+    run.stdout.fnmatch_lines(["*refine order of rod.x: differs; *order 1.9* from 5 to 10 segm*"])
