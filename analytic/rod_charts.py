@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.chart import MOST, Chart, Line, Panel
-from analytic.rod.assembly import assembly
+from analytic.rod.pair import pair
 from analytic.rod.solutions import Solutions, solutions
 
 POINTS = 61  # of a rod
@@ -58,8 +58,8 @@ def equilibria(
     >>> [line.label for line in chart.lines][:2]
     ['stable at 0.2416 J, modes 1 and 1', 'stable at 0.78 J, modes 1 and 1']
     """
-    pair = assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
-    found = solutions(pair, inputs=[theta1, theta2], load=[force_x, force_y], modes=modes)
+    found = solutions(pair(distance, length, stiffness), inputs=[theta1, theta2],
+                      load=[force_x, force_y], modes=modes)
     if not len(found):
         raise ValueError(f"no equilibrium with modes up to {modes}")
     panels = tuple(panel(found, which) for which in sharing(found.negative))

@@ -4,10 +4,8 @@ import numpy as np
 
 from analytic.chart import Chart, Line, Panel
 from analytic.domain import positive
-from analytic.rod.assembly import assembly
 from analytic.rod.derivatives import derivatives
-from analytic.rod.direct import direct
-from analytic.rod.state import State, state
+from analytic.rod.pair import at_rest, pair
 from analytic.rod.workspace import loci, spread
 from analytic.rod_sheets import field, joined, line, over_poses, rim, several, sheet, through
 
@@ -62,8 +60,8 @@ def workspace(
     >>> [panel.field.unit for panel in chart.panels]
     ['rad²/m²', 'N/m']
     """
-    start = at_rest(distance, [theta1, theta2], [force_x, force_y], [pin_x, pin_y],
-                    [moment1, moment2], [push_x, push_y], length, stiffness)
+    start = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
+                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
     return over_poses(start, sheet(start, nodes), "rad²/m²")
 
 
@@ -108,8 +106,8 @@ def motor_angles(
     """
     positive(span=span)
     several(nodes)
-    start = at_rest(distance, [theta1, theta2], [force_x, force_y], [pin_x, pin_y],
-                    [moment1, moment2], [push_x, push_y], length, stiffness)
+    start = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
+                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
     m = spread(start, *(through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs),
                name="inputs")
     lines = (*line(m, rim(m)[0], "direct singularity"),
@@ -122,11 +120,3 @@ def motor_angles(
                  "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
                  "inverse singularity the motors cannot move the pin in some direction. White "
                  "bands part equilibria: which one is there depends on the way.")
-
-
-def at_rest(distance: float, turns: list[float], load: list[float], pin: list[float],
-            moment: list[float], push: list[float], length: float, stiffness: float) -> State:
-    """The equilibrium that a first guess leads to."""
-    pair = assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
-    return direct(state(pair, inputs=turns, load=load, pose=pin, moment=moment,
-                        force=np.array([push, np.subtract(load, push)])))

@@ -4,9 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from analytic.domain import Array
-from analytic.rod.assembly import assembly
-from analytic.rod.direct import direct
-from analytic.rod.state import state
+from analytic.rod.pair import at_rest, pair
 from analytic.rod_charts import equilibria
 from analytic.rod_maps import motor_angles, workspace
 
@@ -65,11 +63,8 @@ def solve(
     [0.18884, 0.86287, 0.18884, 0.86287]
     """
     arc = np.asarray(s, float)
-    pair = assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
-    found = direct(state(
-        pair, inputs=[theta1, theta2], load=[force_x, force_y], pose=[pin_x, pin_y],
-        moment=[moment1, moment2],
-        force=[[push_x, push_y], [force_x - push_x, force_y - push_y]]))
+    found = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
+                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
     known: dict[str, Array] = {}
     for name, rods in zip("xytm", found.shape(arc.ravel() / length), strict=True):
         known |= {f"{name}{k}": rod.reshape(arc.shape) for k, rod in enumerate(rods, 1)}

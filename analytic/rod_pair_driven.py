@@ -1,16 +1,15 @@
 """Two clamped rods with their tips on one pin (2RFR), led by their motors through equilibria."""
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from analytic.domain import Array, finite
-from analytic.rod.assembly import assembly
 from analytic.rod.closure import newton
 from analytic.rod.continuation import follow
 from analytic.rod.derivatives import derivatives
 from analytic.rod.direct import direct
+from analytic.rod.pair import pair
+from analytic.rod.remember import shared
 from analytic.rod.state import State, columns
 
 Numbers = tuple[float, ...]
@@ -82,7 +81,7 @@ def solve(
     finite(angle=theta.sum(), rate=np.sum(rate))
     problem = distance, length, stiffness, force_x, force_y
     guess = pin_x, pin_y, moment1, moment2, push_x, push_y
-    near = branch(tuple(map(tuple, theta.T.tolist())), rough(problem), rough(guess))
+    near = branch(tuple(map(tuple, theta.T.tolist())), problem, guess)
     there = np.isfinite(near.vector[:, 0])
     states, _ = newton(begun(near.vector[there], *problem), columns(near.assembly, "rods", "pose"))
     curves = described(states, np.broadcast_to(rate, theta.shape)[:, there])
@@ -92,7 +91,7 @@ def solve(
     return found
 
 
-@lru_cache(maxsize=8)
+@shared
 def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers) -> State:
     """Equilibria (n,) along a path of the motors, NaN behind a fold.
 
@@ -107,17 +106,7 @@ def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers
 def begun(vector: Array, distance: float, length: float, stiffness: float, force_x: float,
           force_y: float) -> State:
     """States of a pair of rods with these vectors, under its load."""
-    pair = assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
-    return State(pair, vector).replaced(load=[force_x, force_y])
-
-
-def rough(numbers: Numbers) -> Numbers:
-    """Five digits of each.
-
-    >>> rough((0.123456, 3.0))
-    (0.12346, 3.0)
-    """
-    return tuple(float(f"{number:.5g}") for number in numbers)
+    return State(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
 
 
 def described(s: State, rate: Array) -> dict[str, Array]:

@@ -1,9 +1,7 @@
 """Three clamped rods with their tips on one rigid platform (3RFR), at rest under a dead load."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import wraps
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +10,7 @@ from analytic.domain import Array, positive
 from analytic.rod.assembly import Assembly, assembly, triangle
 from analytic.rod.derivatives import derivatives
 from analytic.rod.direct import direct
+from analytic.rod.remember import shared
 from analytic.rod.solutions import solutions
 from analytic.rod.state import State
 
@@ -128,31 +127,6 @@ def standing(problem: Problem, mode: int, prolongation: float = 0.0) -> State:
         raise ValueError(f"mode {mode} is not there; there are: {spoken(there)}")
     near = State(problem.assembly, there[int(mode) - 1].vector)
     return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
-
-
-def shared(function: Callable[..., State]) -> Callable[..., State]:
-    """Remember results by the arguments' first five digits: those of the first that has them."""
-    known: dict[Any, State] = {}
-
-    @wraps(function)
-    def remembered(*given: Any) -> State:
-        key = rough(given)
-        if key not in known:
-            known[key] = function(*given)
-        return known[key]
-
-    return remembered
-
-
-def rough(value: Any) -> Any:
-    """Numbers in five digits, in tuples of tuples.
-
-    >>> rough((0.123456, (3.0, None)))
-    (0.12346, (3.0, None))
-    """
-    if isinstance(value, tuple):
-        return tuple(map(rough, value))
-    return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
 @shared

@@ -9,8 +9,9 @@ from analytic.domain import Array
 from analytic.rod.closure import newton
 from analytic.rod.continuation import follow
 from analytic.rod.derivatives import derivatives
+from analytic.rod.remember import shared
 from analytic.rod.state import State, columns
-from analytic.rod_platform import MODES, Problem, Three, shared, standing
+from analytic.rod_platform import MODES, Problem, Three, standing
 from analytic.rod_platform_charts import constant_orientation
 
 __all__ = ["MODES", "constant_orientation", "solve"]
