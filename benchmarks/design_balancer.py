@@ -1,7 +1,9 @@
 """All 112 balancers of van Nes 2022, designed again, and the 56 that its tables have a dash for.
 
-    python -m benchmarks.design_balancer [LINE ... | left-out] [--effort 1] [--jobs 2]
-                                         [--states FOLDER]
+    python -m benchmarks.design_balancer [ROW ...] [--effort 1] [--jobs 2] [--states FOLDER]
+
+A ROW is a line of the thesis's text, "left-out" for all dashes, or the words of one of these, such
+as "laevo 3 nonlinear contact".
 
 Prints a row a variant: the thesis's figures as printed, those of its parameters recomputed exactly,
 and ours; puts them into docs/balancer_designs.json and writes the .md and .png beside it from that.
@@ -131,7 +133,7 @@ def best(task: Synthesis, row: Row, vectors: Array) -> Row:
 def main() -> None:
     """Design the rows asked for, or all, and write what is then known of all."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("lines", nargs="*")
+    parser.add_argument("rows", nargs="*")
     parser.add_argument("--effort", type=float, default=1.0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--states", type=Path)
@@ -142,8 +144,8 @@ def main() -> None:
     rows = [{**row, "line": int(line)} for line, row in thesis.items()] + dashes()
     known = {key(row): row for row in json.loads(TABLE.read_text())}
     for part in (rows[: len(thesis)], rows[len(thesis) :]):  # the dashes begin where others end
-        chosen = [row for row in part if not given.lines
-                  or str(row["line"] or "left-out") in given.lines]
+        chosen = [row for row in part if not given.rows or {
+            str(row["line"] or "left-out"), " ".join(map(str, key(row)))} & set(given.rows)]
         known |= run(chosen, known, given)
     found = [known[key(row)] for row in rows if key(row) in known]
     print(summary(found))

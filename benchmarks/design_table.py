@@ -57,8 +57,8 @@ path from rest, and of our design within the same bounds at the same points (90 
 its widest bounds; in place of its figures they have those of our own design with an option less,
 than which a design that may do more must not be worse. Every design of ours reaches 90 degrees on a
 stable path and keeps its elbow bent, which is up, as in all of the thesis's tables, unless nothing
-as good was found that way. "Worse in" compares with the
-print at its own digits. Parameters stand in `balancer_designs.json`.
+as good was found that way. "Worse in" compares with the print at its own digits. Parameters
+stand in `balancer_designs.json`.
 
 ![Errors of the sharpest design of each target beside the thesis's best row](balancer_designs.png)
 

@@ -73,6 +73,21 @@ def test_a_search_from_given_designs_is_no_worse_than_they():
     assert REGULAR.figures(again.run()[None]).rmse[0] <= REGULAR.figures(first.found[:1]).rmse[0]
 
 
+def test_a_given_design_that_the_coarse_look_refuses_is_not_lost():
+    class Narrow:
+        low, high, fingerprint = np.zeros(2), np.ones(2), "narrow"
+
+        def residuals(self, vectors):
+            return np.where(vectors[:, :1] > 0.9, vectors - 1.0, vectors + 1.0)
+
+        def coarse(self, vectors):
+            return np.where(vectors[:, :1] > 0.9, np.nan, vectors)
+
+    assert Search(Narrow(), TINY).run() == pytest.approx([0.0, 0.0], abs=1e-6)  # the other valley
+    given = np.array([[0.95, 0.5]])
+    assert Search(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
+
+
 def test_bounds_that_exclude_every_design_are_refused():
     behind = Variant("sine", free_angle=True, narrowed={"rest_angle": (3.0, 3.1)})
     with pytest.raises(ValueError, match="none of 1200 random designs is possible"):

@@ -102,7 +102,8 @@ class Search:
     file : path, optional
         Where its state is kept; a search that finds one there goes on from it.
     start : ndarray (B, d), optional
-        Designs to begin with, filled up with random ones.
+        Designs to begin with, filled up with random ones; the first of them also begins the last
+        heat, so that what is found is no worse.
 
     Raises
     ------
@@ -114,7 +115,7 @@ class Search:
 
     def __init__(self, problem: Problem, effort: Effort | None = None, file: Path | None = None,
                  start: Array | None = None):
-        self.problem, self.effort, self.file = problem, effort or Effort(), file
+        self.problem, self.effort, self.file, self.given = problem, effort or Effort(), file, start
         self.ends = list(accumulate(steps for _, steps in self.effort.heats))
         given = None if start is None else start.tolist()
         self.key = repr((problem.fingerprint, self.effort, given))
@@ -163,20 +164,21 @@ class Search:
         now, terms = self.state, self.terms(self.heat)
         if now.step in self.ends:
             chosen = apart(now.places, now.values, self.effort.heats[self.heat][0])
-            now = self.fresh(now.step, now.places[chosen], terms)
+            places = now.places[chosen]
+            if self.given is not None and self.heat == len(self.ends) - 1:
+                places = np.concatenate([self.shares(self.given[:1]), places])
+            now = self.fresh(now.step, places, terms)
         return State(now.step + 1, *descend(now.places, now.values, now.damping, terms))
 
     def begin(self, start: Array | None) -> State:
         """The designs given, and random ones that are possible."""
-        low, high, count = self.problem.low, self.problem.high, self.effort.heats[0][0]
+        count, size = self.effort.heats[0][0], self.problem.low.size
         rng, terms = np.random.default_rng(self.effort.seed), self.terms(0)
-        found = np.empty((0, low.size))
-        if start is not None:
-            found = np.clip((start - low) / (high - low), 0.0, 1.0)
+        found = np.empty((0, size)) if start is None else self.shares(start)
         for _ in range(DRAWS):
             if len(found) >= count:
                 break
-            places = scattered(count, low.size, rng)
+            places = scattered(count, size, rng)
             found = np.concatenate([found, places[np.isfinite(norms(terms, places))]])
         if not len(found):
             raise ValueError(f"none of {DRAWS * count} random designs is possible; widen bounds")
@@ -191,6 +193,11 @@ class Search:
         last = heat == len(self.effort.heats) - 1
         of = self.problem.residuals if last else self.problem.coarse
         return lambda places: of(self.vectors(places))
+
+    def shares(self, vectors: Array) -> Array:
+        """Where designs stand between their bounds."""
+        low, high = self.problem.low, self.problem.high
+        return np.clip((vectors - low) / (high - low), 0.0, 1.0)
 
     def vectors(self, places: Array) -> Array:
         """Designs between their bounds."""
