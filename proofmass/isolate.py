@@ -7,6 +7,7 @@ caller's main script again, which a ten-line script or a notebook does not survi
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,8 @@ from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
 ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # threads of runs side by side would wait for each other
+
+GRACE = 5.0  # [s] a worker outlives its time limit by, if the process that asked is gone
 
 
 class Crashed(Exception):
@@ -49,7 +52,7 @@ class Worker:
         timer.start()
         try:
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
-            pickle.dump((function, args), to)
+            pickle.dump((function, args, timeout), to)
             to.flush()
             return pickle.load(back)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
@@ -122,15 +125,23 @@ def main() -> None:
     os.dup2(2, 1)
     while True:
         try:
-            function, args = pickle.load(sys.stdin.buffer)
+            function, args, timeout = pickle.load(sys.stdin.buffer)
         except (EOFError, KeyboardInterrupt):
             return
+        alarm(timeout + GRACE)
         try:
             result = True, function(*args)
         except Exception as error:  # whatever it is belongs to the caller
             result = False, error
+        alarm(0.0)
         pickle.dump(result, answers)
         answers.flush()
+
+
+def alarm(seconds: float) -> None:
+    """End this process after a while, should nobody be left to do it; 0: do not."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Units of the core: tolerances, comparisons, recorded curves, isolation."""
 
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -112,6 +114,21 @@ def test_a_hang_is_killed():
 def test_errors_come_back_as_themselves():
     with pytest.raises(InputError, match="a: b: c"):
         isolated(fail, timeout=20)
+
+
+@pytest.mark.slow
+def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
+    file = tmp_path / "pid"
+    call = f"isolated(os.system, 'echo $PPID > {file}; sleep 60', timeout=1.0)"
+    asking = subprocess.Popen([sys.executable, "-c",
+                               f"import os; from proofmass.isolate import isolated; {call}"])
+    while not (file.exists() and file.read_text().strip()):
+        time.sleep(0.05)
+    asking.kill()
+    asking.wait()
+    worker = Path("/proc") / file.read_text().strip()
+    time.sleep(7.0)  # its limit, and 5 s that it waits for who asked
+    assert not worker.exists()
 
 
 def fail() -> None:
