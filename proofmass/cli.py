@@ -1,4 +1,4 @@
-"""The command line: check, report, list, design."""
+"""The command line: check, report, list, design, trade, choose."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +12,17 @@ from proofmass.case import load_case
 from proofmass.check import Result, check, collect
 from proofmass.design.command import app as design
 from proofmass.errors import InputError
+from proofmass.study.choose_command import choose_command
+from proofmass.study.command import trade_command
+from proofmass.study.diet_command import diet_command
 from proofmass.terminal import as_json, case_table, console, failures, summary
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False,
                   pretty_exceptions_enable=False)
 app.add_typer(design, name="design")
+app.command("trade")(trade_command)
+app.command("diet")(diet_command)
+app.command("choose")(choose_command)
 Paths = Annotated[list[Path] | None, typer.Argument(
     help="Sidecars, models or folders.", show_default="models/")]
 Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",

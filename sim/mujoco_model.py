@@ -17,6 +17,7 @@ ENGINE_DEFAULTS = {
     "solref": (0.02, 1.0),
     "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
 }
+NAMED = {"integrator": mujoco.mjtIntegrator, "solver": mujoco.mjtSolver}
 
 
 def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -38,7 +39,11 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     BadModel
         When the file does not compile or lacks something the run names.
     """
-    model = compile_model(path, run.rods)
+    return begin(compile_model(path, run.rods), run)
+
+
+def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Apply the run's settings to a compiled model, in place, and put it into the start pose."""
     data = mujoco.MjData(model)
     driven = [named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
     if model.nkey:
@@ -55,26 +60,27 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
 def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
     """Write engine settings into a compiled model, in place.
 
-    `timestep`, `integrator`, `iterations`, `tolerance` replace the option of that name; `solref`
-    and `solimp` replace those of every equality; ``defaults = True`` first puts back the values
-    that MuJoCo has when the model says nothing; ``settled`` chooses the kind of a sweep.
+    `timestep`, `integrator`, `solver`, `iterations`, `tolerance` replace the option of that name;
+    `solref` and `solimp` replace those of every equality; ``defaults = True`` first puts back the
+    values that MuJoCo has when the model says nothing; ``settled`` chooses the kind of a sweep.
     """
     merged = {**(ENGINE_DEFAULTS if settings.get("defaults") else {}), **settings}
     merged.pop("defaults", None)
     merged.pop("settled", None)
     for key, value in merged.items():
-        if key == "integrator":
-            names = {n[6:].lower(): v for n, v in mujoco.mjtIntegrator.__members__.items()}
+        if key in NAMED:
+            names = {n[6:].lower(): v for n, v in NAMED[key].__members__.items()}
             if str(value).lower() not in names:
-                raise BadModel(f"setting integrator = {value!r}; known: {', '.join(names)}")
-            model.opt.integrator = names[str(value).lower()]
+                raise BadModel(f"setting {key} = {value!r}; known: {', '.join(names)}")
+            setattr(model.opt, key, names[str(value).lower()])
         elif key in ("solref", "solimp"):
             row = np.asarray(value, dtype=float)
             getattr(model, f"eq_{key}")[:, : row.size] = row
         elif key in ("timestep", "iterations", "tolerance"):
             setattr(model.opt, key, value)
         else:
-            known = "timestep, integrator, iterations, tolerance, solref, solimp, settled, defaults"
+            known = ("timestep, integrator, solver, iterations, tolerance, solref, solimp, "
+                     "settled, defaults")
             raise BadModel(f"unknown setting {key!r} for mujoco; known: {known}")
 
 

@@ -23,8 +23,9 @@ def simulate(model: Path, run: Run) -> Curves:
         The MJCF file.
     run : Run
         What to do; see `sim.protocol.Run`.  Settings: ``timestep`` [s], ``integrator``,
-        ``iterations``, ``tolerance``, ``solref``, ``solimp``, ``defaults``; ``settled`` in a
-        sweep, see `sim.mujoco_settled`; ``flex`` in a rest, see `sim.mujoco_flex`.
+        ``solver``, ``iterations``, ``tolerance``, ``solref``, ``solimp``, ``defaults``;
+        ``settled`` in a sweep, see `sim.mujoco_settled`; ``flex`` in a rest, see
+        `sim.mujoco_flex`.
 
     Returns
     -------
@@ -42,9 +43,13 @@ def simulate(model: Path, run: Run) -> Curves:
     """
     if run.settings.get("flex"):
         return mujoco_flex.rest(model, run)
-    compiled, data = load(model, run)
-    check_assembled(compiled, data, run.start)
-    return {"sweep": sweep, "rest": rest, "duration": duration}[run.kind](compiled, data, run)
+    return follow(*load(model, run), run)
+
+
+def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+    """Do a run with a compiled model that is in its start pose, with its settings."""
+    check_assembled(model, data, run.start)
+    return {"sweep": sweep, "rest": rest, "duration": duration}[run.kind](model, data, run)
 
 
 def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> None:

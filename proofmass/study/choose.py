@@ -1,0 +1,233 @@
+"""The cheapest measured setting that is as good as is asked for, and the evidence that it is."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from textwrap import fill, indent
+
+from proofmass.case import Case
+from proofmass.report.words import number
+from proofmass.strict import Kind
+from proofmass.study.row import NAN, Row
+from proofmass.study.setting import Setting
+from proofmass.study.snippet import snippet
+from proofmass.study.verdict import Verdict
+from proofmass.study.verify import LOST, error_of, fresh, shifted
+from sim.mujoco_model import ENGINE_DEFAULTS
+from sim.protocol import Unsupported
+
+MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
+ALIKE = 1.5  # an error so near to the wall of another line is taken to be at the same wall
+
+
+class Cannot(Exception):
+    """No measured setting is good enough; says which is best, and what keeps it there."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A setting run again: errors as shares of range; why there is no shifted one; as used."""
+
+    fresh: float
+    shifted: float
+    note: str
+    used: Setting
+
+    def holds(self, wanted: float) -> bool:
+        """Whether both are as good as is asked for."""
+        return self.fresh <= wanted and (bool(self.note) or self.shifted <= wanted)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A setting to use.
+
+    Attributes
+    ----------
+    row : Row
+        Its measurement.
+    of, wanted : str, float
+        Kind of error, and what is asked of it [share of range].
+    check : Check
+        How it did when it was run again.
+    beside : str
+        What the engine's defaults would cost for the same.
+    ratio : float
+        Their wall time over that of the setting, by their order where no step measured gets there;
+        NaN where they never do.
+    refused : tuple of str
+        Cheaper settings that did not hold.
+    """
+
+    row: Row
+    of: str
+    wanted: float
+    check: Check
+    beside: str
+    ratio: float
+    refused: tuple[str, ...] = ()
+
+
+Verify = Callable[[Case, Kind, Row, str], Check]
+
+
+def verify(case: Case, kind: Kind, row: Row, of: str) -> Check:
+    """Run a setting as its snippet says it, and from a shifted start; NaN for what is lost."""
+    setting, errors, note = Setting(row.engine, row.knobs), [NAN, NAN], ""
+    try:
+        curves, used = fresh(case, kind, setting, row.steps)
+        errors[0] = error_of(setting.applied(case, kind)[0], kind, curves, of)
+        setting = used
+        curves = shifted(case, kind, setting)
+        errors[1] = error_of(setting.applied(case, kind)[0], kind, curves, of)
+    except Unsupported as error:
+        note = str(error)
+    except LOST:
+        pass
+    return Check(errors[0], errors[1], note, setting)
+
+
+def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str = "position",
+           engine: str = "", verdicts: Iterable[Verdict] = (), verify: Verify = verify) -> Choice:
+    """The cheapest setting whose error is as small as is asked for, with margin.
+
+    Parameters
+    ----------
+    case, kind
+        What is run.
+    rows : iterable of Row
+        Measured settings of that run.
+    wanted : float
+        Largest error [share of the range]; the measured one must be half of it.
+    of : str
+        Kind of channels: position, rate, acceleration ..
+    engine : str, optional
+        The only one to choose from.
+    verdicts : iterable of Verdict
+        What the walls are.
+    verify : callable, optional
+        Runs a setting again; both runs must meet what is asked for.
+
+    Raises
+    ------
+    Cannot
+        None does.
+    """
+    rows = [row for row in rows if row.engine in (engine or row.engine)]
+    verdicts, refused = list(verdicts), list[str]()
+    for row in enough(rows, of, wanted):
+        check = verify(case, kind, row, of)
+        if check.holds(wanted):
+            return Choice(row, of, wanted, check, *beside(rows, row, of, wanted, verdicts),
+                          tuple(refused))
+        rows.remove(row)
+        refused.append(f"{told(row)} is {off(row, of)}, but "
+                       f"{number(check.fresh, 2)} when run again and {number(check.shifted, 2)} "
+                       f"from a shifted start")
+    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts)]))
+
+
+def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
+    """Settings that meet an error with margin, cheapest first."""
+    return sorted((row for row in rows if row.outcome == "ran" and row.seconds > 0
+                   and MARGIN * row.errors.get(of, NAN) <= wanted), key=lambda row: row.seconds)
+
+
+def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict]
+         ) -> tuple[str, ...]:
+    """Why no setting is good enough: the best one, and its wall; then the evidence."""
+    able = [row for row in rows if row.outcome == "ran" and isfinite(row.errors.get(of, NAN))]
+    if not able:
+        return ("no setting ran", *dict.fromkeys(row.message for row in rows if row.message))
+    row = min(able, key=lambda row: row.errors[of])
+    short = (f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
+             f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}")
+    if not (wall := wall_at(row, of, verdicts)):
+        return f"{short}, at no wall, but no finer one was measured",
+    return f"{short}: {spoken(wall)}", wall.evidence
+
+
+def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: Iterable[Verdict]
+           ) -> tuple[str, float]:
+    """What the engine's defaults, refined to the same error, would cost; and over the chosen."""
+    plain = [row for row in rows if row.engine == chosen.engine and default(row)
+             and isfinite(row.errors.get(of, NAN)) and row.outcome == "ran"]
+    if not plain:
+        return "the defaults were not measured, or did not run", NAN
+    if default(chosen):
+        return "these are the engine's defaults, refined", 1.0
+    if good := enough(plain, of, wanted):
+        ratio = good[0].seconds / chosen.seconds
+        return (f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
+                f"error, {cost(good[0])}"), ratio
+    row = min(plain, key=lambda row: row.errors[of])
+    if wall := wall_at(row, of, verdicts):
+        return f"the engine's defaults never get there: {spoken(wall)}", NAN
+    short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
+    order = next((v.observed for v in verdicts if v.observed > 0
+                  and (v.engine, v.line, v.kind) == (row.engine, row.line, of)), NAN)
+    more = (MARGIN * row.errors[of] / wanted) ** (1 / order)  # as many steps
+    ratio = more * row.seconds / chosen.seconds
+    if not isfinite(ratio):
+        return short, NAN
+    return (f"{short}; of order {number(order, 2)} they would take {number(more * row.seconds, 2)} "
+            f"s, {number(ratio, 2)} times as long"), ratio
+
+
+def off(row: Row, of: str) -> str:
+    """How large an error is."""
+    return f"{number(row.errors[of], 2)} off"
+
+
+def default(row: Row) -> bool:
+    """Whether nothing but the time step differs from what the engine has by itself."""
+    own = {"timestep": row.knobs.get("timestep"), "defaults": True,
+           "integrator": ENGINE_DEFAULTS["integrator"]}
+    return "defaults" in row.knobs and row.knobs.items() <= own.items()
+
+
+def wall_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
+    """The wall that a row stands at: of its own line, or of another of that engine."""
+    near = [v for v in verdicts if (v.engine, v.kind) == (row.engine, of)
+            and v.wall > row.errors[of] / ALIKE
+            and (v.line == row.line or v.wall < ALIKE * row.errors[of])]
+    return min(near, key=lambda v: (v.line != row.line, abs(v.wall - row.errors[of])),
+               default=None)
+
+
+def spoken(verdict: Verdict) -> str:
+    """A wall in words."""
+    return f"the wall is {number(verdict.wall, 2)}, {verdict.cause}"
+
+
+def told(row: Row) -> str:
+    """A setting in words."""
+    value = f"{number(row.value)} s" if row.axis == "timestep" else number(row.value)
+    return f"{row.line}, {row.axis} {value}"
+
+
+def cost(row: Row) -> str:
+    """What a setting costs, and its place on its line."""
+    return f"{number(row.seconds, 2)} s at {row.axis} {number(row.value)}"
+
+
+def words(choice: Choice, case: Case) -> list[str]:
+    """A choice in sentences."""
+    row, check = choice.row, choice.check
+    again = f"from a shifted start: {check.note}" if check.note else (
+        f"{number(check.shifted, 2)} from a shifted start")
+    return [f"{case.name}, {row.run}: {choice.of} within {number(choice.wanted, 2)} of its range",
+            f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, "
+            f"{row.steps} steps",
+            f"run again with the lines below {number(check.fresh, 2)}, {again}",
+            choice.beside, *choice.refused]
+
+
+def printed(choice: Choice, case: Case) -> str:
+    """What to paste, with the evidence as comments in it."""
+    lines = snippet(choice.check.used, choice.row.steps, case.model_path)
+    told = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
+    text = "\n".join(told).replace("--", "-")
+    if choice.row.engine == "pymunk":
+        return indent(text, "# ") + "\n" + lines
+    return f"<!--\n{indent(text, '  ')}\n-->\n{lines}"

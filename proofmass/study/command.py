@@ -1,0 +1,129 @@
+"""``proofmass trade``: what accuracy costs, and what limits it."""
+
+from enum import StrEnum
+from itertools import groupby
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from proofmass.case import Case, load_case
+from proofmass.check import collect
+from proofmass.errors import InputError
+from proofmass.strict import Kind
+from proofmass.study.axes import lines
+from proofmass.study.orders import off
+from proofmass.study.run import pool
+from proofmass.study.store import Store
+from proofmass.study.trade import Trade, chosen, cost, trade, write_study
+from proofmass.study.verdict import Verdict
+from proofmass.terminal import console, number
+
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+INTERRUPTED = 130  # a shell's exit code for Ctrl-C
+WANTED = (1e-4, 1e-6)  # errors whose price the table tells
+
+Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
+Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
+
+
+def trade_command(
+    paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and finished "
+                      "runs.")] = Path("trade"),
+    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
+                                             show_default="processors")] = None,
+    dask: Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
+    = None,
+    run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
+                   "first of these that a case has")] = None,
+    error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
+    = Errors.position,
+) -> None:
+    """Measure what accuracy costs: settings from coarse to fine, their orders, walls and prices.
+
+    Every finished run is kept: a study that was stopped goes on when the command is given again.
+    Exit code 0: done; 1: nothing ran; 2: bad input.
+    """
+    from proofmass.report.trade_page import write_trade  # matplotlib is slow to load
+
+    kind = cast(Kind | None, run and run.value)
+    try:
+        if not (cases := [case for case in named(paths) if turnable(case, kind)]):
+            raise typer.Exit(0)
+        study = measured(cases, output, jobs, dask, kind)
+        write_study(study, output)
+    except (InputError, ValueError) as wrong:
+        errors.print(f"error: {wrong}", style="bold red", markup=False)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        errors.print(f"stopped; {output} keeps the runs: the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+    show(study, error.value)
+    print(write_trade(output, output) if study.rows else output / "trade.csv")
+    raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
+
+
+def named(paths: list[Path]) -> list[Case]:
+    """The cases below the paths; what is wrong with any of them is raised."""
+    found: list[InputError] = []
+    files = collect(paths, found)
+    if found:
+        raise found[0]
+    return [load_case(file) for file in files if file.suffix == ".toml"]
+
+
+def turnable(case: Case, kind: Kind | None) -> bool:
+    """Whether there is something to turn in a case; says so if not."""
+    which = chosen(case, kind)
+    if lines(case, which):
+        return True
+    errors.print(f"{case.name}: nothing to trade in its {which}, which both engines solve to "
+                 f"rounding")
+    return False
+
+
+def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None,
+             kind: Kind | None) -> Trade:
+    """`trade` with a progress bar on standard error."""
+    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn())
+    with pool(jobs, dask) as workers, Progress(*columns, console=errors, transient=True) as bar:
+        line = bar.add_task("starting", total=None)
+
+        def advance(label: str, done: int, total: int) -> None:
+            bar.update(line, description=label[:40], completed=done, total=total)
+
+        return trade(cases, Store(folder / "runs"), workers, kind, progress=advance)
+
+
+def show(study: Trade, kind: str) -> None:
+    """A table with one row for each line, on standard output."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("case", "line", "order", "expected", "wall", "best",
+                 *(f"s for {error:g}" for error in WANTED), "what the wall is"):
+        right = name not in ("case", "line", "what the wall is")
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    told = {(v.case, v.line): v for v in study.verdicts if v.kind == kind}
+    last = ""
+    for (case, line), rows in groupby(study.rows, lambda row: (row.case, row.line)):
+        own = list(rows)
+        figures = [number(cost(own, kind, error)) for error in WANTED]
+        best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
+        verdict = told.get((case, line), Verdict(case, "", "", line, kind))
+        lost = next((f"{row.outcome}: {row.message}" for row in own if row.outcome != "ran"), "")
+        table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.wall),
+                      number(best), *figures, "; ".join(filter(None, (verdict.cause, lost))))
+        last = case
+    if table.row_count:
+        console().print(table)
+
+
+def spoken(verdict: Verdict) -> tuple[str, str]:
+    """Orders, the observed one with a mark if theory expects another."""
+    seen, wanted = verdict.observed, verdict.expected
+    return (f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",
+            f"{wanted:g}" if wanted == wanted else "–")

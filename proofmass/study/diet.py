@@ -1,0 +1,205 @@
+"""``proofmass diet``: what a scene does not need.
+
+Each feature is taken out of the model, and every run of the scene is done again.  What changes no
+channel by more than it may is harmless; all that is harmless is then taken out together, or one
+after the other if not all of it can go at once, and what is left is looked at again.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import mujoco
+
+from proofmass.check import FAILURES
+from proofmass.isolate import isolated
+from proofmass.study.core import own_core
+from proofmass.study.draft import Draft
+from proofmass.study.feature import DRAWN, Feature, features
+from proofmass.study.kept import Kept
+from proofmass.study.scene import Scene, Watch, moved
+from proofmass.study.trial import STEPPED, Cost, attempt, race
+from sim.protocol import BadModel, Run
+
+FEW = 500  # steps that are timed
+SLOWER = 20.0  # times as long as the model as it is takes: given up
+LEAST = 30.0  # s, to give up
+SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
+Moved = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What became of a feature.
+
+    Attributes
+    ----------
+    feature : Feature
+    outcome : str
+        harmless: it goes; drawn: it could, but a picture needs it; matters: it changes a channel;
+        needed: something else names it; otherwise how the model fails without it.
+    moved : dict of str to dict of str to float
+        For each run, how far each channel moves, over what it may.
+    message : str
+        Why it is needed, or how the model fails.
+    costs : tuple of two Cost
+        With and without it; none if the model fails.
+    """
+
+    feature: Feature
+    outcome: str
+    moved: Moved = field(default_factory=dict)
+    message: str = ""
+    costs: tuple[Cost, ...] = ()
+
+    @property
+    def worst(self) -> tuple[str, str, float]:
+        """Run and channel that move most, and how far over what they may."""
+        return max(((run, name, share) for run, shares in self.moved.items()
+                    for name, share in shares.items()), key=lambda w: w[2],
+                   default=("", "", float("nan")))
+
+
+@dataclass(frozen=True)
+class Diet:
+    """What was found out of a scene.
+
+    Attributes
+    ----------
+    entries : list of Entry
+        Its features.
+    slim : Draft
+        Without all that is harmless.
+    whole : Entry
+        All of that together, as one feature.
+    """
+
+    entries: list[Entry]
+    slim: Draft
+    whole: Entry
+
+
+@dataclass
+class Search:
+    """Finds what a scene does not need.
+
+    Attributes
+    ----------
+    scene : Scene
+        From `scene_of`.
+    blind : bool
+        Whether geoms that are only drawn go as well.
+    rounds : int
+        In which the steps of models with and without a feature are timed; 0: not at all.
+    jobs : int, optional
+        Runs side by side, as many as there are processors if not given; what is timed has a
+        processor of its own.
+    kept : Kept
+        What was tried before, which is not done again.
+    progress : callable
+        Called with what is tried.
+    """
+
+    scene: Scene
+    blind: bool = False
+    rounds: int = 5
+    jobs: int | None = None
+    kept: Kept = field(default_factory=Kept)
+    progress: Callable[[str], None] = lambda _: None
+    found: dict[tuple[str, str], Entry] = field(default_factory=dict)
+
+    def run(self) -> Diet:
+        """Look at all features, until none is left that can go."""
+        slim, left = self.scene.draft, True
+        while left:
+            there = list(features(slim, self.scene))
+            with ThreadPoolExecutor(self.jobs or os.cpu_count()) as pool:
+                fresh = [e for entries in pool.map(lambda f, d=slim: self.explored(d, f), there)
+                         for e in entries]
+            self.found |= {(e.feature.kind, e.feature.name): e for e in fresh}
+            wanted = [e.feature for e in fresh if e.outcome == "harmless"]
+            left = bool(wanted)
+            slim = self.together(slim, wanted)
+        whole = self.timed(*self.tried(slim, all_of([])))
+        return Diet(list(self.found.values()), slim, whole)
+
+    def explored(self, now: Draft, feature: Feature) -> list[Entry]:
+        """What becomes of a feature, or of its parts where it cannot go as a whole."""
+        last = self.found.get((feature.kind, feature.name))
+        if last and last.outcome in SETTLED:
+            return []
+        draft, entry = self.tried(now, feature)
+        if entry.outcome != "harmless" and feature.parts:
+            return [e for part in feature.parts for e in self.explored(now, part)]
+        if entry.outcome == "harmless" and feature.kind == DRAWN and not self.blind:
+            entry = replace(entry, outcome="drawn")
+        return [self.timed(draft, entry)]
+
+    def together(self, now: Draft, wanted: list[Feature]) -> Draft:
+        """A draft without as many of the features as can go together."""
+        draft, entry = self.tried(now, all_of(wanted))
+        if entry.outcome == "harmless":
+            return draft
+        for feature in wanted:
+            draft, entry = self.tried(now, feature)
+            if entry.outcome == "harmless":
+                now = draft
+        return now
+
+    def tried(self, now: Draft, feature: Feature) -> tuple[Draft, Entry]:
+        """A draft without a feature, and what comes of it in the runs of the scene."""
+        self.progress(f"{feature.kind} {feature.name}")
+        try:
+            draft = now.without(feature.cut)
+            models = [draft.compiled(watch.run.rods) for watch in self.scene.watches]
+        except (ValueError, mujoco.FatalError) as error:
+            return now, Entry(feature, "needed", message=" ".join(str(error).split()))
+        known = self.kept.get(models, self.scene.watches)
+        outcome, shares, message = known or self.ran(models, draft)
+        self.kept.put(models, self.scene.watches, (outcome, shares, message))
+        return draft, Entry(feature, outcome, shares, message)
+
+    def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
+        """Outcome, changes and message of a draft's models in the runs of the scene."""
+        shares: Moved = {}
+        try:
+            for watch, model in zip(self.scene.watches, models, strict=True):
+                curves = isolated(attempt, model, rodded(watch, draft),
+                                  timeout=max(LEAST, SLOWER * watch.before.seconds))
+                shares[watch.name] = moved(watch, curves, draft.probes)
+        except BadModel as error:
+            return "needed", shares, str(error)
+        except tuple(FAILURES) as error:
+            return FAILURES[type(error)], shares, str(error)
+        same = all(share <= 1 for each in shares.values() for share in each.values())
+        return "harmless" if same else "matters", shares, ""
+
+    def timed(self, draft: Draft, entry: Entry) -> Entry:
+        """The same with what a step and the memory cost, before and after, if the model runs."""
+        if entry.outcome not in ("harmless", *SETTLED) or not self.rounds:
+            return entry
+        watch = self.scene.longest
+        stride = max(1, watch.before.steps // watch.run.x.size)
+        run = rodded(watch, draft)
+        if run.kind in STEPPED:
+            run = replace(run, x=run.x[:max(2, FEW // stride)])
+        with own_core() as core:
+            models = tuple(d.compiled(watch.run.rods) for d in (self.scene.draft, draft))
+            costs = isolated(race, models, run, self.rounds, core,
+                             timeout=self.rounds * SLOWER * max(LEAST, watch.before.seconds))
+        return replace(entry, costs=tuple(costs))
+
+
+def all_of(wanted: list[Feature]) -> Feature:
+    """Many features as one."""
+    def cut(draft: Draft) -> None:
+        for feature in wanted:
+            feature.cut(draft)
+
+    return Feature("all of these", "", cut)
+
+
+def rodded(watch: Watch, draft: Draft) -> Run:
+    """A run with the rods of a draft."""
+    return replace(watch.run, rods=draft.segmented(watch.run.rods))

@@ -1,0 +1,115 @@
+"""A setting in the engine's own words, to paste: elements of an MJCF, or lines around a space."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+from proofmass.study.setting import Knob, Setting
+from sim.mujoco_model import ENGINE_DEFAULTS
+from sim.pymunk_steps import SURE
+
+OPTION = ("timestep", "integrator", "solver", "iterations", "tolerance")
+EQUALITY = ("solref", "solimp")
+SPACE = ("timestep", "iterations", "error_bias")
+OWN = {"class", *EQUALITY}
+KEYWORDS = {name.lower(): name for name in
+            ("Euler", "RK4", "implicit", "implicitfast", "discrete", "PGS", "CG", "Newton")}
+
+
+def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
+    """What to paste so that an engine runs with a setting.
+
+    Parameters
+    ----------
+    setting : Setting
+        With the knobs as used; what pymunk steps with are timestep, iterations and error_bias.
+    steps : int
+        Time steps of the run.
+    model : path, optional
+        The MJCF that it is for: elements whose own attributes would win are named.
+
+    Returns
+    -------
+    str
+        MJCF, right before ``</mujoco>``; or Python, where ``space`` is built and at its start.
+
+    Examples
+    --------
+    >>> print(snippet(Setting("mujoco", {"timestep": 1e-3, "integrator": "rk4"}), 5000))
+    <option timestep="0.001" integrator="RK4"/>
+    >>> print(snippet(Setting("mujoco", {"solref": (0.008, 1.0)}), 5000))
+    <default>
+      <equality solref="0.008 1"/>
+    </default>
+    """
+    if setting.engine == "pymunk":
+        own = list(python(setting.knobs, steps)) if set(setting.knobs) >= set(SPACE) else []
+        return "\n".join([*own, *(f"# {line}" for line in sidecar(setting.knobs, SPACE))])
+    left = (f"<!-- {line} -->" for line in sidecar(setting.knobs, (*OPTION, *EQUALITY)))
+    return "\n".join([*mjcf(setting.knobs, model), *left])
+
+
+def mjcf(knobs: Mapping[str, Knob], model: Path | None) -> Iterator[str]:
+    """Elements that MuJoCo merges with those before them."""
+    every = {**(ENGINE_DEFAULTS if knobs.get("defaults") else {}), **knobs}
+    if option := attributes(every, OPTION):
+        yield f"<option {option}/>"
+    loops = equalities(model) if model else [ElementTree.Element("connect")]
+    if loops and (equality := attributes(every, EQUALITY)):
+        yield from ("<default>", f"  <equality {equality}/>", "</default>")
+        for loop in loops:
+            if OWN & set(loop.attrib):
+                yield f"<!-- {loop.tag} {loop.get('name')}: without {', '.join(sorted(OWN))} -->"
+
+
+def equalities(model: Path) -> list[ElementTree.Element]:
+    """Elements of an MJCF that hold loops together."""
+    return ElementTree.parse(model).findall("./equality/*")
+
+
+def sidecar(knobs: Mapping[str, Knob], but: Iterable[str]) -> Iterator[str]:
+    """What no engine has words for."""
+    for key in sorted(set(knobs) - {*but, "defaults"}):
+        place = "every rod" if key == "segments" else "settings"
+        yield f"{place} of the sidecar: {key} = {knobs[key]!r}"
+
+
+def attributes(knobs: Mapping[str, object], names: tuple[str, ...]) -> str:
+    """Those of the knobs that are attributes of an element."""
+    return " ".join(f'{name}="{spelled(knobs[name])}"' for name in names if name in knobs)
+
+
+def spelled(value: object) -> str:
+    """A value as MJCF has it, with all its digits.
+
+    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100)
+    ('0.02 1', '0.3333333333333333', 'Euler', '100')
+    """
+    if isinstance(value, (tuple, list)):
+        return " ".join(map(spelled, value))
+    if isinstance(value, str):
+        return KEYWORDS.get(value.lower(), value)
+    return str(value).removesuffix(".0")
+
+
+def python(knobs: Mapping[str, Knob], steps: int) -> Iterator[str]:
+    """Lines that step a space; the first step has no impulses to start from, so it takes more."""
+    iterations = int(str(knobs["iterations"]))
+    yield from (
+        "for constraint in space.constraints:",
+        f"    constraint.error_bias = {knobs['error_bias']!r}",
+        f"space.iterations = {max(SURE, 10 * iterations)}  # there are no impulses to start from",
+        f"space.step({knobs['timestep']!r})",
+        f"space.iterations = {iterations}",
+        f"for _ in range({steps - 1}):",
+        f"    space.step({knobs['timestep']!r})")
+
+
+def pasted(model: Path, lines: str) -> str:
+    """The text of an MJCF with a snippet in it, and with what the snippet says to leave out."""
+    root = ElementTree.parse(model).getroot()
+    for element in root.iterfind("./equality/*"):
+        for key in OWN & set(element.attrib):
+            del element.attrib[key]
+    root.extend(ElementTree.fromstring(f"<all>{lines}</all>"))
+    return ElementTree.tostring(root, encoding="unicode")

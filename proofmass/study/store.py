@@ -1,0 +1,153 @@
+"""Finished runs in a folder, named by what was run: a small JSON file each, curves as .npz beside.
+
+A file is written beside its place and moved there, so that it is whole whenever it is there.
+"""
+
+import hashlib
+import importlib.metadata
+import io
+import json
+import os
+import time
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import analytic
+import proofmass
+import sim
+from proofmass import drive, reference
+from proofmass.case import Case
+from proofmass.recorded import Recorded
+from proofmass.reference import compiled, module_of
+from proofmass.study import invariants, measure
+from proofmass.study.measure import Found, Task
+from sim.protocol import Array
+
+MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
+LATE = "timed out"
+HALF, ABANDONED = ".part", 3600.0  # what a file is called until it is whole; after so many seconds
+OWN = measure, invariants, reference, drive  # modules of the core that a result depends on
+
+
+class Store:
+    """Finished runs in a folder, by task and number of the repeat.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it is not there.
+    """
+
+    def __init__(self, folder: Path | str):
+        self.folder = Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
+            if time.time() - half.stat().st_mtime > ABANDONED:
+                half.unlink()
+
+    def load(self, key: str, repeat: int, timeout: float = 0.0) -> Found | None:
+        """What a run gave; None if it was not made, or was given up after less than `timeout`."""
+        try:
+            record = json.loads(self.file(key, repeat).read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        found = Found(**record["found"])
+        return None if found.outcome == LATE and record["timeout"] < timeout else found
+
+    def curves(self, key: str) -> dict[str, Array]:
+        """The curves of a task's first run: x, and ``channel.NAME`` for each of its channels."""
+        with np.load(self.folder / f"{key}.npz") as arrays:
+            return dict(arrays)
+
+    def save(self, key: str, repeat: int, task: Task, found: Found, timeout: float) -> None:
+        """Keep what a run gave; its curves first, for with the record it is finished."""
+        if found.curves:
+            packed = io.BytesIO()
+            np.savez_compressed(packed, **found.curves)  # type: ignore[arg-type]
+            write(self.folder / f"{key}.npz", packed.getvalue())
+        record = {"case": task.case.name, "run": task.run, "engine": task.setting.engine,
+                  "knobs": task.setting.knobs, "repeat": repeat, "timeout": timeout,
+                  "versions": versions(task.setting.engine), "found": told(found)}
+        write(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
+
+    def file(self, key: str, repeat: int) -> Path:
+        """Where a run is kept."""
+        return self.folder / f"{key}.{repeat}.json"
+
+
+def told(found: Found) -> dict[str, Any]:
+    """A record of what a run gave, without curves and without numbers that are none."""
+    return {k: v for k, v in asdict(replace(found, curves={})).items()
+            if k != "curves" and not (isinstance(v, float) and np.isnan(v))}
+
+
+def write(file: Path, what: str | bytes) -> None:
+    """Write a file that is there as a whole or not at all, whenever the process ends."""
+    half = file.with_name(f"{file.name}.{os.getpid()}{HALF}")
+    with half.open("wb") as stream:
+        stream.write(what.encode() if isinstance(what, str) else what)
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.replace(half, file)
+
+
+def key_of(task: Task) -> str:
+    """SHA-256 of all that a run's result depends on: model, sidecar, knobs, versions, sources.
+
+    Neither the study that asks for the run nor titles, views and tolerances are part of it.
+    """
+    case, run = task.setting.applied(task.case, task.run)
+    table = case.run[task.run]
+    parts = {
+        "model": digest(model_bytes(case)), "reference": recorded_bytes(case),
+        "sidecar": case.model_dump(mode="json", include=MATTERS),
+        "channels": {n: c.model_dump() for n, c in case.channels_of(task.run).items()},
+        "run": (task.run, table.n, table.until), "engine": task.setting.engine,
+        "knobs": run.settings, "versions": versions(task.setting.engine), "sources": sources()}
+    return digest(json.dumps(parts, sort_keys=True).encode())
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal.
+
+    >>> digest(b"abc")[:8]
+    'ba7816bf'
+    """
+    return hashlib.sha256(data).hexdigest()
+
+
+def model_bytes(case: Case) -> bytes:
+    """The compiled model, with its rods, and with what the file includes."""
+    model = compiled(case)
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def recorded_bytes(case: Case) -> str:
+    """Digest of the reference's file, if it is a recorded curve."""
+    if not isinstance(module_of(case), Recorded):
+        return ""
+    return digest((case.file.parent / case.reference).read_bytes())
+
+
+@cache
+def versions(engine: str) -> dict[str, str]:
+    """Of what computes a result."""
+    return {"proofmass": proofmass.__version__,
+            **{name: importlib.metadata.version(name) for name in (engine, "mujoco", "numpy",
+                                                                   "scipy")}}
+
+
+@cache
+def sources() -> str:
+    """Digest of the code of simulators and references; a version stays while it is developed."""
+    files = [file for package in (sim, analytic) for folder in package.__path__
+             for file in sorted(Path(folder).rglob("*.py"))]
+    files += [Path(str(module.__file__)) for module in OWN]
+    return digest(b"".join(file.read_bytes() for file in files))

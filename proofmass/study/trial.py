@@ -1,0 +1,75 @@
+"""Running a compiled model: once for its channels, in rounds for its pace.
+
+These functions are called in worker processes.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from proofmass.isolate import Crashed
+from proofmass.study.core import pinned
+from sim.mujoco_model import begin
+from sim.mujoco_passive import passive
+from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+from sim.with_mujoco import follow
+
+PASSIVE = "passive"
+STEPPED = ("duration", PASSIVE)  # runs that go by time steps
+LOOK = 8  # samples at which the solver's iterations are counted
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Wall time of a step [s], the least of some rounds, and memory of model and data [bytes]."""
+
+    seconds: float
+    size: int
+
+
+def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
+    """One run of a copy of a model, every joint moved by a `nudge` at first [rad or m].
+
+    What nobody meant to raise is a crash of that run.
+    """
+    try:
+        return driven(model, run, nudge)[0]
+    except (BadModel, Unsupported, Diverged):
+        raise
+    except Exception as error:
+        raise Crashed(f"{type(error).__name__}: {error}") from error
+
+
+def driven(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves, mujoco.MjData]:
+    """A run, and the engine's state at its end."""
+    model, data = begin(copy.copy(model), run)
+    mujoco.mj_integratePos(model, data.qpos, np.full(model.nv, nudge), 1.0)
+    return (passive if run.kind == PASSIVE else follow)(model, data, run), data
+
+
+def race(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, core: int | None = None
+         ) -> list[Cost]:
+    """What a step of each model costs; they run in turn, after a round that warms up."""
+    best = [float("inf")] * len(models)
+    sizes = [0] * len(models)
+    with pinned(core):
+        for turn in range(rounds + 1):
+            for k, model in enumerate(models):
+                curves, data = driven(model, run)
+                sizes[k] = mujoco.mj_sizeModel(model) + data.nbuffer + data.maxuse_arena
+                if turn:
+                    best[k] = min(best[k], curves.seconds / curves.steps)
+    return [Cost(seconds, int(size)) for seconds, size in zip(best, sizes, strict=True)]
+
+
+def most_iterations(model: mujoco.MjModel, run: Run, tolerances: tuple[float, ...]) -> list[int]:
+    """Iterations that the solver takes at most with each tolerance, at the first samples of a run.
+    """
+    most = []
+    for tolerance in tolerances:
+        model.opt.tolerance = tolerance
+        ends = [driven(model, replace(run, x=run.x[:n]))[1] for n in range(2, LOOK + 2)]
+        most.append(max(int(data.solver_niter.max()) for data in ends))
+    return most

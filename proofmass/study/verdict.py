@@ -1,0 +1,54 @@
+"""What a study of work and precision found: of each line its order and its wall, and the front."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from proofmass.study.row import NAN, Row
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One line of one run, for one kind of error.
+
+    Attributes
+    ----------
+    case, run, engine, line, kind : str
+        What it is about; see `Row`.
+    observed, expected : float
+        Order of convergence before the wall, and by theory; NaN where there is none.
+    wall : float
+        Error [share of the range] from which the line falls no further; NaN if it did not come
+        there.
+    cause, evidence : str
+        What the wall is, and the factors that show it.
+    remark : str
+        What moves the error where the observed order is not the expected one.
+    """
+
+    case: str
+    run: str
+    engine: str
+    line: str
+    kind: str
+    observed: float = NAN
+    expected: float = NAN
+    wall: float = NAN
+    cause: str = ""
+    evidence: str = ""
+    remark: str = ""
+
+
+def front(rows: Iterable[Row], kind: str) -> list[Row]:
+    """Settings that nothing measured betters in both wall time and error; cheapest first.
+
+    >>> rows = [Row("", "", "", "", "", "", v, errors={"rate": e}, seconds=s)
+    ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
+    >>> [row.value for row in front(rows, "rate")]
+    [1, 3]
+    """
+    able = [row for row in rows if row.outcome == "ran" and row.errors.get(kind, NAN) >= 0]
+    found: list[Row] = []
+    for row in sorted(able, key=lambda row: (row.seconds, row.errors[kind])):
+        if row.seconds > 0 and (not found or row.errors[kind] < found[-1].errors[kind]):
+            found.append(row)
+    return found

@@ -1,0 +1,177 @@
+"""What a wall is: one cause at a time is moved at the wall, and the error says which it follows.
+
+A cause that has a share s of the error, and is of first order, moves it by a factor 1 / (1 - s/2)
+when it is halved.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import log
+from typing import Any
+
+from proofmass.case import Case
+from proofmass.reference import compiled
+from proofmass.strict import Kind
+from proofmass.study.row import NAN, Row
+from proofmass.study.setting import Setting
+from sim.mujoco_model import ENGINE_DEFAULTS
+from sim.pymunk_duration import MOST
+from sim.with_pymunk import CHIPMUNK_BIAS
+
+MOVES = 1.1
+"""Factor on the error from which a cause is one: a fifth of the error, if of first order."""
+CAP = 0.9999  # MuJoCo takes no harder solimp
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A wall's setting with one cause moved.
+
+    Attributes
+    ----------
+    cause, move : str
+        What is suspected, and what is done to it, in words.
+    case : Case
+    setting : Setting
+    better : bool or None
+        Whether it was moved to where less error is expected, or away from there because it can go
+        no further; None if the error may go either way.
+    """
+
+    cause: str
+    move: str
+    case: Case
+    setting: Setting
+    better: bool | None = True
+
+
+def probes(case: Case, run: Kind, setting: Setting) -> list[Probe]:
+    """All causes that can be moved in a run, each of them moved."""
+    if run != "duration":
+        own = [] if not case.rod else [Probe(
+            "segments", "twice as many segments", case,
+            setting.but(segments=2 * int(str(setting.knobs["segments"]))))]
+    else:
+        own = [*(in_pymunk if setting.engine == "pymunk" else in_mujoco)(case, setting)]
+    return [*own, *of_reference(case, setting), *of_samples(case, run, setting)]
+
+
+def in_mujoco(case: Case, setting: Setting) -> Iterator[Probe]:
+    """Step, softness of loops, solver."""
+    model = compiled(case)
+    known: dict[str, Any] = {**(ENGINE_DEFAULTS if setting.knobs.get("defaults") else {}),
+                             **setting.knobs}
+    step = known.get("timestep", model.opt.timestep)
+    yield Probe("time step", "halving the step", case, setting.but(timestep=step / 2))
+    if not model.neq:
+        return
+    tau, ratio = known.get("solref", model.eq_solref[0])[:2]
+    safe = tau / 2 >= 2 * step  # MuJoCo itself takes no less
+    yield Probe("softness of the loops", "halving solref" if safe else "doubling solref", case,
+                setting.but(solref=(tau / 2 if safe else 2 * tau, ratio)), safe)
+    low, high, *rest = known.get("solimp", model.eq_solimp[0])
+    room = 1 - (1 - high) / 2 <= CAP
+    factor = 0.5 if room else 2.0
+    yield Probe("softness of the loops, solimp", f"{'halving' if room else 'doubling'} 1 - solimp",
+                case, setting.but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
+                room)
+    more = 4 * known.get("iterations", model.opt.iterations)
+    yield Probe("the solver's iterations", "four times as many iterations", case,
+                setting.but(iterations=more, tolerance=0.0))
+
+
+def in_pymunk(case: Case, setting: Setting) -> Iterator[Probe]:
+    """Step, bias, iterations."""
+    known: dict[str, Any] = setting.knobs
+    step = known.get("timestep", compiled(case).opt.timestep)
+    yield Probe("time step", "halving the step", case, setting.but(timestep=step / 2))
+    own = known.get("defaults")
+    if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
+        yield Probe("bias of the loops", "halving its time constant", case,
+                    setting.but(error_bias=bias**2))
+    more = 4 * known.get("iterations", 10 if own else MOST // 4)
+    yield Probe("the solver's iterations", f"{more} iterations", case,
+                setting.but(iterations=more))
+
+
+def of_reference(case: Case, setting: Setting) -> Iterator[Probe]:
+    """The general solver as a second reference, where the first does not bring the drive's law."""
+    if case.reference == "planar" or case.reference.endswith(".csv") or case.rod or any(
+            drive.law for drive in case.drive):
+        return
+    channels = {name: channel if isinstance(channel.equals, float) else channel.model_copy(
+        update={"equals": name, "scale": 1.0, "shift": 0.0})
+        for name, channel in case.channels.items()}
+    second = case.model_copy(update={"reference": "planar", "parameters": {}, "channels": channels})
+    yield Probe("the reference", "a second reference", second, setting, None)
+
+
+def of_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Probe]:
+    """Samples at the ends of links, or every other of those in time, which has the same steps."""
+    table = case.run[run]
+    if table.n is None:
+        return
+    if run == "rest" and table.n - 1 != (segments := int(str(setting.knobs["segments"]))):
+        yield Probe("sampling", "samples at the ends of links",
+                    sampled(case, run, segments + 1), setting)
+    elif run == "duration" and table.n % 2:
+        yield Probe("sampling", "every other sample",
+                    sampled(case, run, table.n // 2 + 1), setting, None)
+
+
+def sampled(case: Case, run: Kind, n: int) -> Case:
+    """The case with another number of samples."""
+    table = case.run[run].model_copy(update={"n": n})
+    return case.model_copy(update={"run": {**case.run, run: table}})
+
+
+def judge(error: float, found: Sequence[tuple[Probe, Row]], kind: str) -> tuple[str, str]:
+    """What a wall is, and the factors that tell.
+
+    Parameters
+    ----------
+    error : float
+        At the wall.
+    found : sequence of (Probe, Row)
+        All that was moved.
+    kind : str
+        Of error.
+
+    Returns
+    -------
+    cause, evidence : str
+    """
+    gains: dict[str, float] = {}
+    words = []
+    for probe, row in found:
+        moved = row.errors.get(kind, NAN)
+        if row.outcome != "ran" or not moved > 0:
+            words.append(f"{probe.move}: {row.outcome}")
+            continue
+        gains[probe.cause] = gain(probe, error / moved)
+        words.append(f"{probe.move} {factor(error / moved)}")
+    cause = max(gains, key=lambda name: gains[name], default=UNKNOWN)
+    if gains.get(cause, 1.0) < MOVES:
+        finer = gains.get("time step", 1.0)
+        cause = "rounding" if finer < 1 / MOVES else UNKNOWN
+    return cause, "; ".join(words)
+
+
+def gain(probe: Probe, ratio: float) -> float:
+    """How much better the error is, or how much worse where a cause was moved away."""
+    if probe.better is None:
+        return max(ratio, 1 / ratio)
+    return ratio if probe.better else 1 / ratio
+
+
+def factor(ratio: float) -> str:
+    """What was done to an error, in words.
+
+    >>> factor(4.0), factor(0.5), factor(1.0)
+    ('divides the error by 4.00', 'multiplies the error by 2.00', 'leaves the error')
+    """
+    if abs(log(ratio)) < 0.005:
+        return "leaves the error"
+    return f"divides the error by {ratio:.2f}" if ratio > 1 else (
+        f"multiplies the error by {1 / ratio:.2f}")

@@ -1,0 +1,278 @@
+"""Choosing: the cheapest setting that holds, what turns the choice, lines that can be pasted."""
+
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pymunk
+import pytest
+from typer.testing import CliRunner
+
+from analytic import pendulum
+from proofmass.case import Case, load_case
+from proofmass.cli import app
+from proofmass.study.choose import MARGIN, Cannot, Check, choose, default, printed, verify
+from proofmass.study.row import Row
+from proofmass.study.setting import Setting
+from proofmass.study.snippet import pasted, snippet
+from proofmass.study.verify import PART, fresh, shifted, state_at
+from sim.mujoco_model import configure
+from sim.protocol import Unsupported
+from tests.trade_rows import line, study, verdict
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+@pytest.fixture
+def fourbar() -> Case:
+    return load_case(MODELS / "fourbar.toml")
+
+
+def holds(case: Case, kind: str, row: Row, of: str) -> Check:
+    """A run that gives again what was measured."""
+    return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.knobs))
+
+
+def chosen(case: Case, rows: list[Row], wanted: float, **asked: object):
+    return choose(case, "duration", rows, wanted, **{"verify": holds, **asked})
+
+
+def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
+    """Of 100 h^2 with 6.28e-5 / h seconds the largest step with 2 * 100 h^2 <= 1e-4 is 0.5 ms."""
+    rows = [*line("slow", cost=1e-4), *line("quick"), *line("poor", order=1.0)]
+    found = chosen(fourbar, rows, 1e-4)
+    assert (found.row.line, found.row.value) == ("quick", 0.0005)
+    assert MARGIN * found.row.errors["position"] <= 1e-4 < MARGIN * 100 * 0.001**2
+
+
+@pytest.mark.parametrize("changed", [
+    {"errors": {"position": 1.0001e-4 / MARGIN}}, {"errors": {"position": nan}}, {"errors": {}},
+    {"errors": {"position": inf}}, {"outcome": "diverged"}, {"seconds": nan}])
+def test_what_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> None:
+    rows = [replace(row, **changed) if row.value == 0.0005 else row for row in line("quick")]
+    assert chosen(fourbar, rows, 1e-4).row.value == 0.00025
+
+
+@pytest.mark.parametrize("errors", [(2e-4, 1e-6), (1e-6, 2e-4), (nan, 1e-6), (1e-6, nan)])
+def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tuple) -> None:
+    def lucky(case: Case, kind: str, row: Row, of: str) -> Check:
+        check = holds(case, kind, row, of)
+        return replace(check, fresh=errors[0], shifted=errors[1]) if row.value == 0.0005 else check
+
+    found = chosen(fourbar, line("quick"), 1e-4, verify=lucky)
+    assert found.row.value == 0.00025
+    assert len(found.refused) == 1
+    assert found.refused[0].startswith("quick, timestep 5e-4 s")
+
+
+def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
+    rows, verdicts = study()
+    both = {e: chosen(fourbar, rows, 1e-6, engine=e, verdicts=verdicts).row.engine
+            for e in ("mujoco", "pymunk")}
+    assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
+    steps = [chosen(fourbar, line("quick"), 1e-3, of=of).row.value
+             for of in ("position", "rate", "acceleration")]
+    assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
+
+
+def test_beside_the_defaults(fourbar: Case) -> None:
+    """First order, 0.05 h: 2.5e-5 at 0.5 ms, where 100 h^2 is 1.6e-3: nothing to compare yet."""
+    plain = line("plain", order=1.0, scale=0.05, defaults=True, integrator="Euler")
+    tuned = line("tuned", cost=1e-6)
+    assert all(map(default, plain))
+    assert not any(map(default, tuned))
+    found = chosen(fourbar, [*plain, *tuned], 1e-4)  # both at h with error 2.5e-5
+    assert found.row.line == "tuned"
+    assert found.ratio == pytest.approx(5.0, rel=0.01)  # 1 ms against 0.5 ms, a tenth of the price
+    alone = chosen(fourbar, plain, 1e-4)
+    assert (alone.ratio, alone.beside) == (1.0, "these are the engine's defaults, refined")
+
+
+@pytest.mark.parametrize(("order", "scale"), [(1.0, 0.1), (2.0, 1600.0)])
+def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scale: float) -> None:
+    """6.25e-6 off at 1/16 ms; to 5e-7 a factor 12.5 is left, its root in steps of second order."""
+    plain = line("plain", order=order, scale=scale, defaults=True)
+    assert plain[-1].errors["position"] == pytest.approx(6.25e-6)
+    tuned = line("tuned", cost=1e-6)
+    told = next(v for v in verdict("plain", order) if v.kind == "position")
+    found = chosen(fourbar, [*plain, *tuned], 1e-6, verdicts=[replace(told, observed=order)])
+    cost = 12.5 ** (1 / order) * plain[-1].seconds
+    assert found.ratio == pytest.approx(cost / found.row.seconds)
+    assert np.isnan(chosen(fourbar, [*plain, *tuned], 1e-6).ratio)  # no order: no guess
+
+
+def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
+    """Those at 1 ms were lucky: the price of the defaults is that of a half or a quarter of it."""
+    plain = line("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
+    tuned = line("tuned", cost=1.5e-6)
+
+    def lucky(case: Case, kind: str, row: Row, of: str) -> Check:
+        check = holds(case, kind, row, of)
+        return replace(check, shifted=1.0) if (row.line, row.value) == ("plain", 0.001) else check
+
+    found = chosen(fourbar, [*plain, *tuned], 1e-4, verify=lucky)
+    assert (found.row.line, found.row.value, found.ratio) == ("plain", 0.0005, 1.0)
+    dear = [replace(row, seconds=5 * row.seconds) if row.value == 0.0005 else row for row in plain]
+    found = chosen(fourbar, [*dear, *tuned], 1e-4, verify=lucky)
+    assert found.row.line == "tuned"
+    assert found.ratio == pytest.approx(dear[6].seconds / found.row.seconds)
+
+
+def test_a_wall_is_named(fourbar: Case) -> None:
+    rows, verdicts = study()
+    mine = [row for row in rows if row.engine == "mujoco"]
+    found = chosen(fourbar, mine, 1e-4, verdicts=verdicts)
+    assert "defaults never get there: the wall is 2e-4, softness of the loop" in found.beside
+    assert np.isnan(found.ratio)
+    with pytest.raises(Cannot, match=r"the best, MuJoCo RK4, solref 8 dt.* the wall is 3e-8, cap "
+                       r"of solimp; halving solref divides the error by 4.0"):
+        chosen(fourbar, mine, 1e-9, verdicts=verdicts)
+    with pytest.raises(Cannot, match="at no wall, but no finer one was measured"):
+        chosen(fourbar, line("quick"), 1e-9)
+    lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
+    with pytest.raises(Cannot, match="no setting ran; open by 1 m"):
+        chosen(fourbar, lost, 1e-3)
+
+
+KNOBS = [{"timestep": 1e-3 / 3, "integrator": "EULER", "solver": "cg", "iterations": 7,
+          "tolerance": 0.0},
+         {"solref": (0.02 / 3, 1.0), "solimp": (0.9999, 0.9999, 0.001)},
+         {"integrator": "discrete"}, {"defaults": True}, {"defaults": True, "timestep": 1e-5}]
+
+
+@pytest.mark.parametrize("knobs", KNOBS)
+@pytest.mark.parametrize("own", ["", ' solref="0.5 1"', ' class="soft"'])
+def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) -> None:
+    """The compiled options are, to the last bit, what `configure` writes."""
+    file = tmp_path / "fourbar.xml"
+    text = (MODELS / "fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
+    file.write_text(text.replace("<worldbody>", '<default><default class="soft"><equality '
+                                 'solref="0.3 1"/></default></default><worldbody>', 1))
+    lines = snippet(Setting("mujoco", knobs), 0, file)
+    merged = mujoco.MjModel.from_xml_string(pasted(file, lines))
+    wanted = mujoco.MjModel.from_xml_path(str(file))
+    configure(wanted, {k: v for k, v in knobs.items() if k != "solver"})
+    if "solver" in knobs:
+        wanted.opt.solver = mujoco.mjtSolver.mjSOL_CG
+    for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian"):
+        assert getattr(merged.opt, name) == getattr(wanted.opt, name), name
+    if {"solref", "defaults"} & set(knobs):
+        assert np.array_equal(merged.eq_solref, wanted.eq_solref)
+        assert np.array_equal(merged.eq_solimp, wanted.eq_solimp)
+        assert ("without class" in lines) == bool(own)
+
+
+def test_lines_for_pymunk_step_a_space() -> None:
+    space = pymunk.Space()
+    body = pymunk.Body(1.0, 1.0)
+    pin = pymunk.PivotJoint(body, space.static_body, (0.0, 0.0))
+    space.add(body, pin)
+    knobs = {"timestep": 0.25, "iterations": 37, "error_bias": 0.5}
+    exec(snippet(Setting("pymunk", knobs), 9), {"space": space})
+    assert (space.iterations, pin.error_bias, space.current_time_step) == (37, 0.5, 0.25)
+    body.velocity = 1.0, 0.0
+    free = pymunk.Space()
+    loose = pymunk.Body(1.0, 1.0)
+    loose.velocity = 1.0, 0.0
+    free.add(loose)
+    exec(snippet(Setting("pymunk", knobs), 9), {"space": free})
+    assert loose.position.x == pytest.approx(9 * 0.25)  # as many steps as asked for
+
+
+def test_segments_are_the_sidecars() -> None:
+    for engine in ("mujoco", "pymunk"):
+        text = snippet(Setting(engine, {"segments": 40}), 1)
+        assert "every rod of the sidecar: segments = 40" in text
+        assert text.startswith(("#", "<!--"))
+
+
+def test_a_free_motion_starts_later_on_the_same_motion() -> None:
+    """The state that a shifted run starts from is the closed form's at that time."""
+    case = load_case(MODELS / "pendulum.toml")
+    angle, rate = state_at(case, 0.3)
+    truth = pendulum.solve(0.3, length=1.0, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
+    # the model's bob has 1e-12 kg m2 about itself, which the closed form has not
+    assert angle == pytest.approx(truth["angle"], abs=1e-11)
+    assert rate == pytest.approx(truth["rate"], abs=1e-11)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "pendulum", "fourbar_released"])
+def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
+    case = load_case(MODELS / f"{name}.toml")
+    case = case.model_copy(update={"run": {"duration": case.run["duration"].model_copy(
+        update={"n": 101, "until": None if case.drive else 1.0})}})
+    row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3,
+              {"timestep": 2e-3, "integrator": "RK4"})
+    curves = shifted(case, "duration", Setting("mujoco", row.knobs))
+    whole, _ = fresh(case, "duration", Setting("mujoco", row.knobs), 0)
+    width = whole.x[1] - whole.x[0]
+    assert curves.x == pytest.approx(whole.x[:-1] + PART * width, abs=1e-12)
+    check = verify(case, "duration", row, "position")
+    assert 0 < check.fresh < 1e-6  # README: RK4 at 1 ms is 1e-8 off, and 16 times that at 2 ms
+    assert 0 < check.shifted < 1e-6
+    assert check.shifted != check.fresh
+    assert check.used.knobs["timestep"] == whole.settings["timestep"]
+
+
+def test_no_other_start_is_said() -> None:
+    case = load_case(MODELS / "hacksaw_recorded.toml")
+    with pytest.raises(Unsupported, match="recorded curve"):
+        shifted(case, "duration", Setting("mujoco"))
+    with pytest.raises(Unsupported, match="a rest has one start"):
+        shifted(load_case(MODELS / "rod_cantilever.toml"), "rest", Setting("mujoco"))
+
+
+def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
+    """One iteration a step leaves loops open."""
+    row = Row("trade", "fourbar", "duration", "pymunk", "", "iterations", 1.0,
+              {"timestep": 0.0174, "iterations": 1, "error_bias": 0.0}, steps=361)
+    check = verify(fourbar, "duration", row, "position")
+    assert np.isnan([check.fresh, check.shifted]).all()
+    assert not check.holds(1e9)
+
+
+def test_printed_with_its_evidence(fourbar: Case) -> None:
+    """All of it can be pasted: comments, then elements that MuJoCo reads."""
+    rows = line("tuned", integrator="RK4")
+    text = printed(chosen(fourbar, rows, 1e-4), fourbar)
+    assert "position within 1e-4 of its range" in text
+    merged = mujoco.MjModel.from_xml_string(pasted(MODELS / "fourbar.xml", text))
+    assert merged.opt.timestep == 0.0005
+    knobs = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
+    rows = [replace(row, engine="pymunk", knobs=knobs) for row in rows]
+    exec(printed(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
+
+
+@pytest.mark.parametrize(("asked", "right"), [
+    ("pendulum.toml --error 0", "between 0 and 1, such as 1e-5"),
+    ("pendulum.toml --error nan", "between 0 and 1, such as 1e-5"),
+    ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
+    ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
+    ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
+def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
+    words = asked.split()
+    found = CliRunner().invoke(app, ["choose", str(MODELS / words[0]), *words[1:],
+                                     "-o", str(tmp_path)])
+    assert found.exit_code == 2
+    assert right in found.stderr
+    assert found.stderr.count("\n") == 1
+    assert not found.stdout
+
+
+@pytest.mark.slow
+def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
+    """RK4 falls with h^4: it is the cheapest by far; rounding keeps it from 1e-17."""
+    edit("pendulum.toml", r"until = 10.0 ", "until = 1.0 ")
+    file = edit("pendulum.toml", "n = 1001", "n = 21")
+    asked = ["choose", str(file), "--solver", "mujoco", "-o", str(tmp_path / "study")]
+    found = CliRunner().invoke(app, [*asked, "--error", "1e-6"])
+    assert found.exit_code == 0, found.stderr
+    merged = mujoco.MjModel.from_xml_string(pasted(file.with_suffix(".xml"), found.stdout))
+    assert merged.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert 1e-3 < merged.opt.timestep <= 0.05
+    found = CliRunner().invoke(app, [*asked, "--error", "1e-17"])
+    assert found.exit_code == 1
+    assert "no measured setting has position within 1e-17" in found.stderr
+    assert not found.stdout

@@ -1,0 +1,225 @@
+"""Work and precision: lines, their orders by theory, failures in the table, the command."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.case import load_case
+from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.study import axes, trade
+from proofmass.study.axes import SIZE, Line, lines
+from proofmass.study.line import Track, level, observed, wall
+from proofmass.study.orders import WITHIN, expected, off
+from proofmass.study.row import Row
+from proofmass.study.setting import Setting
+from proofmass.study.store import Store
+from proofmass.study.table import read_table
+from proofmass.study.wall import probes
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def falling(order, scale=1.0, floor=0.0, count=8):
+    """Sizes and errors of the model error scale * size^order + floor."""
+    sizes = 0.1 / 2 ** np.arange(count)
+    return [(float(h), float(scale * h**order + floor)) for h in sizes]
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
+def test_the_order_of_a_power_law_is_its_power(order):
+    assert observed(falling(order)) == pytest.approx(order, abs=1e-9)
+
+
+def test_a_wall_is_where_an_error_stops_falling_and_bends_no_order():
+    points = falling(2.0, floor=1e-5)
+    assert 1.0e-5 < points[wall(points)][1] < 2e-5
+    assert level(points) == points[-1][1]
+    assert observed(points) == pytest.approx(2.0, abs=0.15)  # a tenth of floor: 1.87
+
+
+def test_without_a_floor_there_is_no_wall():
+    assert wall(falling(1.0)) is None
+    assert np.isnan(level(falling(1.0)))
+
+
+def test_a_plateau_that_an_error_leaves_is_no_wall():
+    points = [(0.4, 1e-2), (0.2, 1e-2), (0.1, 1e-2), (0.05, 1e-4), (0.025, 1e-6)]
+    assert wall(points) is None
+
+
+def test_rounding_that_grows_is_a_wall_at_the_least_error():
+    points = [(h, h**2 + 1e-12 / h**2) for h in (0.1 / 2**k for k in range(12))]
+    assert level(points) == min(error for _, error in points)
+
+
+def tracked(errors, seconds=0.1, outcomes=()):
+    line = Line("mujoco", "x", "timestep", tuple(
+        Setting("mujoco", {"timestep": 0.1 / 2**k}) for k in range(8)))
+    rows = [Row("trade", "", "duration", "mujoco", "x", "timestep", 0.0, errors={"rate": e},
+                seconds=seconds) for e in errors]
+    rows += [Row("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
+             for o in outcomes]
+    return Track(line, rows)
+
+
+def test_a_line_ends_at_its_wall_at_its_budget_and_after_a_run_without_end():
+    assert not tracked([]).done(1.0)
+    assert not tracked([1e-2, 2e-3, 1e-3]).done(1.0)
+    assert tracked([1e-2, 1e-3, 1e-3, 1e-3]).done(1.0)
+    assert tracked([1e-2, 2e-3, 1e-3]).done(0.05)
+    assert tracked([], outcomes=["timed out"]).done(1.0)
+    assert not tracked([], outcomes=["diverged"]).done(1.0), "a smaller step may be stable"
+    assert tracked([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
+
+
+@pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
+def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
+    case = load_case(MODELS / f"{name}.toml")
+    found = lines(case, next(k for k in ("duration", "rest", "sweep") if k in case.run))
+    assert len({line.name for line in found}) == len(found)
+    for line in found:
+        assert np.all(np.diff(line.sizes) < 0), line.name
+        for a, b in zip(line.settings, line.settings[1:], strict=False):
+            changed = {k for k in a.knobs if a.knobs[k] != b.knobs[k]}
+            assert changed <= {line.axis, "solref"}, line.name
+            assert "solref" not in changed - {line.axis} or line.scaled
+
+
+def test_every_integrator_of_mujoco_has_a_line():
+    import mujoco
+    there = {name.removeprefix("mjINT_").lower() for name in mujoco.mjtIntegrator.__members__}
+    assert {name.lower() for name in axes.INTEGRATORS} == there
+
+
+def test_steps_are_odd_in_number_and_within_the_work():
+    case = load_case(MODELS / "change_point.toml")
+    steps = axes.timesteps(case, 4)
+    numbers = steps[0] / np.array(steps)
+    assert numbers == pytest.approx(np.round(numbers))
+    assert np.all(np.round(numbers) % 2 == 1)
+    assert numbers[-1] * 362 * 4 <= axes.WORK < 2.1 * numbers[-1] * 362 * 4
+
+
+def test_a_rigid_sweep_has_nothing_to_turn():
+    assert lines(load_case(MODELS / "fourbar.toml"), "sweep") == []
+
+
+def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
+    assert SIZE["solimp"]((0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
+    assert SIZE["error_bias"](np.exp(-1 / 0.25)) == pytest.approx(0.25)
+
+
+SECOND = next(probe.case for probe in probes(load_case(MODELS / "pendulum.toml"), "duration",
+                                             Setting("mujoco")) if probe.cause == "the reference")
+# Released from rest, semi-implicit Euler is a leapfrog half a step early: places are off by the
+# first order, rates by the second. Runge-Kutta is of fourth order, Chipmunk with bias 0 of second;
+# its bias, which falls with the step, is of first order.
+ORDERS = {"MuJoCo Euler": (1, 2), "MuJoCo discrete": (1, 2), "MuJoCo RK4": (4, 4),
+          "pymunk, no bias": (2, 2), "pymunk, defaults": (1, 1)}
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory):
+    """The trade of the pendulum, some of its lines, against the general solver."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trade, "lines", lambda case, kind: [
+            replace(line, settings=line.settings[:5])
+            for line in lines(case, kind) if line.name in ORDERS])
+        folder = tmp_path_factory.mktemp("pendulum")
+        study = trade.trade([SECOND], Store(folder / "runs"), repeats=1)
+        trade.write_study(study, folder)
+    return study, folder
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
+    told = {v.kind: v for v in pendulum[0].verdicts if v.line == name}
+    for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
+        assert told[kind].observed == pytest.approx(order, abs=WITHIN)
+        assert told[kind].expected == order
+        assert told[kind].remark == ""
+
+
+def test_an_order_that_the_reference_spoils_says_so(tmp_path, monkeypatch):
+    """The closed form has a point mass; the MJCF gives it 1e-12 kg m2, a phase of 1e-11 in 10 s."""
+    monkeypatch.setattr(trade, "lines", lambda case, kind: [
+        line for line in lines(case, kind) if line.name == "MuJoCo RK4"])
+    study = trade.trade([load_case(MODELS / "pendulum.toml")], Store(tmp_path), repeats=0)
+    told = next(v for v in study.verdicts if v.kind == "position")
+    assert off(told.observed, told.expected)
+    assert told.remark.startswith("the reference: ")
+
+
+def test_a_study_is_written_and_read_again(pendulum):
+    study, folder = pendulum
+    again = read_table(folder / "trade.csv")
+    assert [row.errors for row in again] == [row.errors for row in study.rows]
+    assert (folder / "walls.csv").exists() == bool(study.moved)
+    told = trade.read_verdicts(folder / "verdicts.json")
+    assert [repr(v) for v in told] == [repr(v) for v in study.verdicts]
+
+
+def test_a_wrong_integrator_is_off(pendulum):
+    """A line that is run with Euler and said to be RK4's is flagged."""
+    case = load_case(MODELS / "pendulum.toml")
+    fourth = next(line for line in lines(case, "duration") if line.name == "MuJoCo RK4")
+    rows = [row for row in pendulum[0].rows if row.line == "MuJoCo Euler"]
+    seen = observed(Track(fourth, rows[:len(fourth.settings)]).points("position"))
+    assert all(off(seen, order) for order in expected(case, "duration", fourth, "position"))
+
+
+def test_failures_stay_in_the_table(tmp_path, monkeypatch):
+    case = load_case(MODELS / "fourbar.toml")
+    line = Line("pymunk", "few", "iterations", tuple(
+        Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)))
+    monkeypatch.setattr(trade, "lines", lambda *_: [line])
+    study = trade.trade([case], Store(tmp_path), repeats=1)
+    assert [row.outcome for row in study.rows] == ["diverged", "ran"]
+    assert "loops are open" in study.rows[0].message
+    assert trade.cost(study.rows, "position", 1e-4) == study.rows[1].seconds
+
+
+def test_a_run_that_a_case_lacks_is_bad_input():
+    with pytest.raises(InputError, match="there is no such run; there are: duration"):
+        trade.chosen(load_case(MODELS / "pendulum.toml"), "rest")
+
+
+def command(*args):
+    return CliRunner().invoke(app, ["trade", *map(str, args)])
+
+
+def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(axes, "WORK", 3e3)
+    monkeypatch.setattr(trade, "lines", lambda case, kind: [
+        line for line in lines(case, kind) if line.name in ORDERS])
+    first = command(MODELS / "pendulum.toml", "-o", tmp_path, "--error", "rate")
+    assert first.exit_code == 0, first.output
+    assert "MuJoCo RK4" in first.output
+    assert "s for 1e-06" in first.output
+    files = {file: file.stat().st_mtime_ns for file in (tmp_path / "runs").glob("*.json")}
+    before = (tmp_path / "trade.csv").read_text()
+    assert command(MODELS / "pendulum.toml", "-o", tmp_path).exit_code == 0
+    assert files == {f: f.stat().st_mtime_ns for f in (tmp_path / "runs").glob("*.json")}
+    assert (tmp_path / "trade.csv").read_text() == before
+
+
+@pytest.mark.parametrize(("args", "words"), [
+    (["nothing.toml"], "no such file"),
+    ([MODELS / "pendulum.toml", "--run", "sweep"], "no such run"),
+    ([MODELS / "pendulum.toml", "--run", "motion"], "--run"),
+])
+def test_bad_input_is_one_line(args, words, tmp_path):
+    answer = command(*args, "-o", tmp_path)
+    assert answer.exit_code == 2
+    assert words in answer.output
+    assert "Traceback" not in answer.output
+
+
+def test_what_has_nothing_to_trade_is_said(tmp_path):
+    answer = command(MODELS / "fourbar.toml", "--run", "sweep", "-o", tmp_path)
+    assert answer.exit_code == 0
+    assert "nothing to trade in its sweep" in answer.output
