@@ -2,13 +2,24 @@
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from proofmass.study import core
+
 pytest_plugins = ["pytester"]
 MODELS = Path(__file__).parent.parent / "models"
+
+
+@pytest.fixture(autouse=True, scope="session")
+def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Locks on processors that studies elsewhere on the machine do not hold."""
+    folder = tmp_path_factory.mktemp("locks")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(core, "lock_file", lambda name: folder / name)
+        yield
 
 
 @pytest.fixture
