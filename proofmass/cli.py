@@ -15,6 +15,7 @@ from proofmass.errors import InputError
 from proofmass.study.choose_command import choose_command
 from proofmass.study.command import trade_command
 from proofmass.study.diet_command import diet_command
+from proofmass.study.stress_command import stress_command
 from proofmass.terminal import as_json, case_table, console, failures, summary
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False,
@@ -23,6 +24,7 @@ app.add_typer(design, name="design")
 app.command("trade")(trade_command)
 app.command("diet")(diet_command)
 app.command("choose")(choose_command)
+app.command("stress")(stress_command)
 Paths = Annotated[list[Path] | None, typer.Argument(
     help="Sidecars, models or folders.", show_default="models/")]
 Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",

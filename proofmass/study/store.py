@@ -12,6 +12,7 @@ import time
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
+from threading import get_ident
 from typing import Any
 
 import mujoco
@@ -88,7 +89,7 @@ def told(found: Found) -> dict[str, Any]:
 
 def write(file: Path, what: str | bytes) -> None:
     """Write a file that is there as a whole or not at all, whenever the process ends."""
-    half = file.with_name(f"{file.name}.{os.getpid()}{HALF}")
+    half = file.with_name(f"{file.name}.{os.getpid()}.{get_ident()}{HALF}")
     with half.open("wb") as stream:
         stream.write(what.encode() if isinstance(what, str) else what)
         stream.flush()

@@ -1,0 +1,101 @@
+"""Where engines break: small models beside the limits that theory knows, and extremes of cases.
+
+    python -m benchmarks.stress [folder]
+
+Writes docs/stress.md and docs/stress.png.  Runs are kept in the folder (reports/stress), so that a
+call goes on where another was interrupted.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from matplotlib import rc_context
+
+from proofmass.case import load_case
+from proofmass.report.figures import save
+from proofmass.report.stress_sheet import NEAR, stress_sheet
+from proofmass.report.style import RC
+from proofmass.report.words import number
+from proofmass.study.boundary import Boundary
+from proofmass.study.extremes import extremes
+from proofmass.study.proven import probes
+from proofmass.study.run import pool
+from proofmass.study.store import Store
+from proofmass.study.stress import kept, stress, write_boundaries
+from proofmass.study.stress_command import reached
+
+ROOT = Path(__file__).parent.parent
+CASES = ("fourbar", "slider_crank", "double_rocker", "pendulum", "balancer_sine", "rod_cantilever")
+HEAD = """# Where it breaks
+
+`python -m benchmarks.stress` made this; `proofmass stress` and `proofmass stress CASE` do the same
+for the first table and for any case. Each knob is turned until a run is lost, and each boundary
+bisected to 1 %. A run is lost when the engine says so, when it is not finite, when a loop comes
+open by a tenth of the mechanism, or when a position or a holding moment is off by a tenth of its
+range: of the latter three the engine says nothing.
+"""
+KNOWN = """## Beside theory
+
+A spring and a damper on one coordinate have ω² = k/I and ζ = c/(2 I ω). With z = dt ω, a step of
+each integrator is a matrix (`proofmass/study/theory.py`); `tests/test_stress_theory.py` holds the
+engines' own steps to it, to 1e-12. The limit is where an eigenvalue leaves the unit circle. {near}
+of {all} boundaries are within {within:.0%} of theory, the furthest at a ratio of {furthest}.
+
+![Boundaries as bars, theory as ticks, and the ratios](stress.png)
+
+- MuJoCo's Euler, implicit and implicitfast are implicit in the damper, not in the spring:
+  z < 2 (ζ + √(1 + ζ²)); with `eulerdamp="disable"` z < 2 (√(1 + ζ²) − ζ), where damping costs.
+- RK4 is explicit in both, and goes to 2 √2 undamped; `discrete` is implicit in both.
+- Chipmunk takes damping out exactly, after the spring has acted: z² < 2 (1 + exp 2ζz), which always
+  holds from ζ = 0.246 on.
+- A `solref` is an explicit spring with critical damping: `refsafe` keeps it from 2 dt upwards;
+  without, 1.21 dt is the edge with Euler, and 0.36 dt with RK4.
+- A velocity servo is an explicit damper to Euler and RK4, and none to the implicit integrators.
+"""
+
+
+def main(folder: str = str(ROOT / "reports" / "stress")) -> None:
+    store = Store(Path(folder) / "runs")
+    with pool() as workers:
+        known = stress([kept(one, store) for one in probes()], workers)
+        cases = {name: extremes(load_case(ROOT / "models" / f"{name}.toml"), store)
+                 for name in CASES}
+        turned = stress([one for sought, _ in cases.values() for one in sought], workers)
+    write_boundaries([*known, *turned], Path(folder) / "stress.csv")
+    with rc_context(RC):
+        save(stress_sheet(known), ROOT / "docs" / "stress")
+    (ROOT / "docs" / "stress.svg").unlink()
+    lines = [HEAD, *beside(known)]
+    for name, (_, skipped) in cases.items():
+        lines += of_case(name, [one for one in turned if one.what == name], skipped)
+    (ROOT / "docs" / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def beside(known: Sequence[Boundary]) -> Iterator[str]:
+    """The table of what theory knows."""
+    furthest = max(known, key=lambda one: abs(one.ratio - 1) if one.ratio == one.ratio else 9e9)
+    yield KNOWN.format(near=sum(abs(one.ratio - 1) <= NEAR for one in known), all=len(known),
+                       within=NEAR, furthest=number(furthest.ratio, 4))
+    yield "| model | solver | knob | measured | theory | ratio | law |"
+    yield "|---|---|---|---|---|---|---|"
+    for one in known:
+        yield (f"| {one.what} | {one.setting} | {one.knob} | {reached(one)} | "
+               f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |")
+
+
+def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Iterator[str]:
+    """The table of a case."""
+    yield f"\n## {name}\n"
+    yield "| knob | from | solver | boundary | theory | how it breaks |"
+    yield "|---|---|---|---|---|---|"
+    for one in found:
+        theory = number(one.theory) if one.theory == one.theory else ""
+        how = ("in silence: " if one.silent else "") + one.failure.replace("|", "¦")
+        yield (f"| {one.knob} | {number(one.start)} | {one.engine}, {one.setting} | "
+               f"{reached(one)} | {theory} | {how} |")
+    yield f"\nNot turned: {'; '.join(skipped)}."
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

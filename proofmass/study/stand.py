@@ -1,0 +1,99 @@
+"""A case in one engine, and when a run of it is lost.
+
+That is when the engine says so, when it is not finite, when a loop comes open by a tenth of the
+mechanism, and when a position, or a holding moment of a sweep, is off by a tenth of its range: that
+the engine does not see.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from proofmass.case import Case
+from proofmass.check import FAILURES
+from proofmass.errors import InputError
+from proofmass.isolate import isolated
+from proofmass.reference import compiled, grid
+from proofmass.strict import Kind
+from proofmass.study.boundary import Failure, Sought, told
+from proofmass.study.measure import Found, Task, observe
+from proofmass.study.setting import Knob, Setting
+from proofmass.study.store import Store, key_of
+from sim.protocol import BadModel
+
+LOST = 0.1
+"""Error, as a share of the reference's range, that nothing is right beyond."""
+JUDGED = "position", "effort"
+TIMEOUT = 60.0
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A case in one engine, in the run that its extremes are tried in."""
+
+    case: Case
+    kind: Kind
+    setting: Setting
+    store: Store
+
+    @property
+    def models(self) -> Path:
+        """Where changed models are kept."""
+        return self.store.folder / "models"
+
+    @property
+    def words(self) -> str:
+        """Engine settings in short."""
+        return str(self.setting.knobs.get("integrator", "as in the model"))
+
+    @property
+    def step(self) -> float:
+        """Time step [s] that the case asks for."""
+        return float(str(self.setting.knobs.get("timestep", compiled(self.case).opt.timestep)))
+
+    @property
+    def seconds(self) -> float:
+        """How long the motion takes."""
+        x = grid(self.case, self.kind)
+        return float(x[-1] - x[0])
+
+    def lost(self, case: Case, **knobs: Knob) -> Failure | None:
+        """Run a changed case; why it is lost, or None."""
+        task = Task(case, self.kind, self.setting.but(**knobs), "stress")
+        try:
+            return judged(tried(task, self.store))
+        except InputError as error:
+            return Failure(error.wrong)
+
+    def sought(self, knob: str, unit: str, start: float, reach: float,
+               trial: Callable[[float], Failure | None], words: str = "", **more: Any) -> Sought:
+        """A boundary of this case."""
+        return Sought(self.case.name, self.setting.engine, words or self.words, knob, unit, start,
+                      reach, trial, **more)
+
+
+def tried(task: Task, store: Store) -> Found:
+    """A run, from the store if it is there; nobody asks for its time, so that it needs no core."""
+    key = key_of(task)
+    found = store.load(key, 0, TIMEOUT)
+    if found is None:
+        try:
+            found = isolated(observe, task, False, None, timeout=TIMEOUT)
+        except tuple(FAILURES) as error:
+            found = Found(outcome=FAILURES[type(error)], message=str(error))
+        except BadModel as error:
+            found = Found(outcome="no start", message=str(error))
+        store.save(key, 0, task, found, TIMEOUT)
+    return found
+
+
+def judged(found: Found) -> Failure | None:
+    """Why a run is lost, or None."""
+    if found.outcome != "ran":
+        unseen = found.outcome in ("diverged", "not finite") and not told(found.message)
+        return Failure(f"{found.outcome}: {found.message}", silent=unseen)
+    for kind in JUDGED:
+        if not found.errors.get(kind, 0.0) <= LOST:
+            return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range", silent=True)
+    return None

@@ -1,0 +1,135 @@
+"""The study of extremes: how far everything can be turned, and what theory says to that.
+
+    store = Store(folder / "runs")
+    with pool() as workers:
+        found = stress([kept(one, store) for one in probes()], workers)  # what theory knows
+        found += stress(extremes(case, store)[0], workers)
+    write_boundaries(found, folder / "stress.csv")
+
+Boundaries are looked for side by side; each trial is kept, so that a killed study goes on.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, as_completed
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from proofmass.study import proven, specimens
+from proofmass.study.boundary import Boundary, Failure, Sought, Trial
+from proofmass.study.store import Store, digest, sources, versions, write
+
+Progress = Callable[[str, int, int], None]
+COLUMNS = {
+    "what": "name of the sidecar, or a small model whose limit theory knows, in words",
+    "engine": "mujoco or pymunk",
+    "setting": "integrator, or what else is set, in words",
+    "knob": "what was turned",
+    "unit": "of all values in the row; times: of what the case has",
+    "start": "where it was turned from",
+    "reach": "how far it was turned at most",
+    "holds": "the furthest value that held; empty if even `start` did not",
+    "breaks": "the next that did not, at most 1 % further; empty if all held",
+    "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
+    "law": "what theory says, in words",
+    "failure": "what went wrong there",
+    "silent": "whether the engine itself said nothing",
+    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`",
+    "ratio": "measured over theory; 1 where both say nowhere",
+}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A trial whose outcomes are kept in a folder, a file each."""
+
+    trial: Trial
+    folder: Path
+    name: str
+
+    def __call__(self, value: float) -> Failure | None:
+        """The outcome for a value, found or made."""
+        file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
+        if file.is_file():
+            told = json.loads(file.read_text(encoding="utf-8"))
+            return Failure(*told) if told else None
+        found = self.trial(value)
+        write(file, json.dumps(found))
+        return found
+
+
+def kept(sought: Sought, store: Store) -> Sought:
+    """A boundary of a small model, with its trials kept; those of cases keep their own runs."""
+    code = "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (proven, specimens))
+    name = repr((sought.what, sought.engine, sought.setting, sought.knob,
+                 versions(sought.engine), sources(), code))
+    return replace(sought, trial=Kept(sought.trial, store.folder, name))
+
+
+def stress(sought: Iterable[Sought], workers: Executor,
+           progress: Progress = lambda *_: None) -> list[Boundary]:
+    """Find boundaries, side by side.
+
+    Parameters
+    ----------
+    sought : iterable of Sought
+        From `proofmass.study.proven.probes` and `proofmass.study.extremes.extremes`.
+    workers : Executor
+        From `proofmass.study.run.pool`.
+    progress : callable
+        Called as ``progress(label, done, total)`` after each boundary.
+
+    Returns
+    -------
+    list of Boundary
+        In the order of `sought`.
+    """
+    asked = list(sought)
+    futures = {workers.submit(one.find): k for k, one in enumerate(asked)}
+    found: dict[int, Boundary] = {}
+    try:
+        for future in as_completed(futures):
+            k = futures[future]
+            found[k] = future.result()
+            progress(f"{asked[k].what} {asked[k].engine} {asked[k].knob}", len(found), len(asked))
+    finally:
+        for future in futures:
+            future.cancel()
+    return [found[k] for k in range(len(asked))]
+
+
+def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
+    """Write a row for each boundary as CSV, and beside it ``NAME.columns.md``."""
+    text = io.StringIO()
+    rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    rows.writeheader()
+    for one in found:
+        cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
+        rows.writerow({key: "" if value != value else value for key, value in cells.items()})
+    write(file, text.getvalue())
+    lines = [f"- `{name}`: {words}" for name, words in COLUMNS.items()]
+    write(file.with_suffix(".columns.md"), "\n".join([f"# Columns of {file.name}", "", *lines, ""]))
+
+
+def read_boundaries(file: Path) -> list[Boundary]:
+    """The boundaries that `write_boundaries` wrote."""
+    kinds = get_type_hints(Boundary)
+    with file.open(encoding="utf-8", newline="") as stream:
+        return [Boundary(**{f.name: parsed(cells[f.name], kinds[f.name])
+                            for f in fields(Boundary)}) for cells in csv.DictReader(stream)]
+
+
+def parsed(cell: str, kind: type) -> Any:
+    """A cell as what it was.
+
+    >>> parsed("", float), parsed("True", bool), parsed("2.0", float)
+    (nan, True, 2.0)
+    """
+    if kind is bool:
+        return cell == "True"
+    if kind is float:
+        return float(cell or "nan")
+    return cell

@@ -1,0 +1,116 @@
+"""``proofmass stress``: where engines break, and where theory says that they must."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from proofmass.case import load_case
+from proofmass.check import collect
+from proofmass.errors import InputError
+from proofmass.report.words import number
+from proofmass.study.boundary import Boundary
+from proofmass.study.extremes import extremes
+from proofmass.study.proven import probes
+from proofmass.study.run import pool
+from proofmass.study.store import Store
+from proofmass.study.stress import kept, stress, write_boundaries
+from proofmass.terminal import console
+
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+INTERRUPTED = 130  # a shell's exit code for Ctrl-C
+
+
+def stress_command(
+    paths: Annotated[list[Path] | None, typer.Argument(help="Sidecars or folders.",
+                     show_default="small models whose limits theory knows")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, the page "
+                      "and finished runs.")] = Path("stress"),
+    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Boundaries side by side.",
+                                             show_default="processors")] = None,
+    dask: Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
+    = None,
+    only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
+) -> None:
+    """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
+
+    Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
+    positions, long runs. Without a case: small models, with the limits that theory knows beside
+    the measured ones. Every run is kept: a study that was stopped goes on when the command is given
+    again. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
+
+    try:
+        found = measured(paths or [], output, jobs, dask, only)
+        write_boundaries(found, output / "stress.csv")
+    except (InputError, ValueError) as wrong:
+        errors.print(f"error: {wrong}", style="bold red", markup=False)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        errors.print(f"stopped; {output} keeps the runs: the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+    console().print(shown(found))
+    print(write_stress(output, output))
+
+
+def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
+             ) -> list[Boundary]:
+    """Find boundaries with a progress bar on standard error; say what does not apply."""
+    store = Store(folder / "runs")
+    sought = [] if paths else [kept(one, store) for one in probes()]
+    wrong: list[InputError] = []
+    for file in collect(paths, wrong):
+        if file.suffix != ".toml":
+            raise InputError(file, "", "no sidecar says what is right; stress needs one")
+        case = load_case(file)
+        ours, skipped = extremes(case, store)
+        sought += ours
+        for why in skipped:
+            errors.print(f"{case.name}: not turned: {why}")
+    if wrong:
+        raise wrong[0]
+    sought = [one for one in sought if only in one.knob]
+    if not sought:
+        raise ValueError(f"--only {only}: no such knob")
+    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn())
+    with pool(jobs, dask) as workers, Progress(*columns, console=errors, transient=True) as bar:
+        line = bar.add_task("starting", total=len(sought))
+
+        def advance(label: str, done: int, total: int) -> None:
+            bar.update(line, description=label[:40], completed=done, total=total)
+
+        return stress(sought, workers, advance)
+
+
+def shown(found: list[Boundary]) -> Table:
+    """A row for each boundary, on standard output."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("what", "engine", "setting", "knob", "boundary", "theory", "ratio",
+                 "how it breaks"):
+        right = name in ("boundary", "theory", "ratio")
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    for one in found:
+        known = one.theory == one.theory
+        table.add_row(one.what, one.engine, one.setting, one.knob, reached(one),
+                      number(one.theory) if known else "", number(one.ratio) if known else "",
+                      ("in silence: " if one.silent else "") + one.failure)
+    return table
+
+
+def reached(one: Boundary) -> str:
+    """Where a boundary is, in words.
+
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
+    '2.01 s'
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
+    'none to 10 s'
+    """
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    if one.found:
+        return f"{number(one.measured)}{unit}"
+    return "nowhere" if one.holds != one.holds else f"none to {number(one.reach)}{unit}"

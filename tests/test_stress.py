@@ -1,0 +1,217 @@
+"""Extremes of cases: bisection, changed models, silent failures, tables, commands."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.case import load_case
+from proofmass.cli import app
+from proofmass.report.stress_page import write_stress
+from proofmass.study import rescaled
+from proofmass.study.boundary import Boundary, Failure, Sought, bisect
+from proofmass.study.extremes import extremes, longer
+from proofmass.study.run import pool
+from proofmass.study.setting import Setting
+from proofmass.study.stand import Stand
+from proofmass.study.store import Store
+from proofmass.study.stress import kept, read_boundaries, stress, write_boundaries
+from sim.mjcf import compile_model
+
+
+@pytest.fixture
+def stand(tmp_path, models):
+    def of(name, engine="mujoco", kind="duration", **knobs):
+        return Stand(load_case(models / f"{name}.toml"), kind, Setting(engine, knobs),
+                     Store(tmp_path / "runs"))
+    return of
+
+
+@pytest.mark.parametrize(("start", "reach", "edge"), [(0.1, 1e4, 37.0), (10.0, 1e-9, 2e-5)])
+def test_a_boundary_is_between_its_sides(start, reach, edge):
+    up = reach > start
+    holds, breaks, failure = bisect(
+        lambda x: Failure("gone", True) if (x > edge) is up else None, start, reach)
+    assert sorted([holds, edge, breaks])[1] == edge
+    assert max(breaks / holds, holds / breaks) <= 1.01
+    assert failure == ("gone", True)
+
+
+def test_what_never_holds_and_what_always_does():
+    never = Sought("", "", "", "", "", 1.0, 9.0, lambda x: Failure("no")).find()
+    assert np.isnan(never.measured)
+    assert np.isnan(never.ratio)
+    assert never.failure == "at 1 already: no"
+    always = Sought("", "", "", "", "", 1.0, 9.0, lambda x: None, theory=np.inf).find()
+    assert (always.holds, always.measured, always.ratio) == (9.0, np.inf, 1.0)
+    assert np.isnan(replace(always, theory=2.0).ratio)
+    assert Sought("", "", "", "", "", 1.0, 0.1, lambda x: None, theory=0.0).find().ratio == 1.0
+
+
+def test_a_reset_is_heard(stand):
+    """MuJoCo puts everything back and goes on; only its warning tells."""
+    case = stand("pendulum").case
+    failure = stand("pendulum", integrator="Euler").lost(case, timestep=1e-3, tolerance=0.0)
+    assert failure is None
+    held = stand("fourbar", integrator="RK4")
+    run = held.case.run["duration"].model_copy(update={"n": 3})
+    far = held.case.model_copy(update={"run": {"duration": run}})
+    failure = held.lost(far, timestep=3.0)
+    assert failure
+    assert "MuJoCo warning" in failure.message
+    assert not failure.silent
+
+
+def test_an_open_loop_is_seen_though_all_is_finite(stand):
+    """An impedance of a half leaves half of the acceleration that gravity gives the open loop."""
+    failure = stand("fourbar").lost(stand("fourbar").case, solref=(50.0, 1.0), solimp=(0.5, 0.5))
+    assert failure
+    assert "came open" in failure.message
+    assert failure.silent
+
+
+def test_a_run_that_is_finite_and_wrong_is_lost(stand):
+    """Steps of half a second on a pendulum of two, in which no loop can come open."""
+    pendulum = stand("pendulum", integrator="Euler")
+    run = pendulum.case.run["duration"].model_copy(update={"n": 21})
+    coarse = pendulum.case.model_copy(update={"run": {"duration": run}})
+    failure = pendulum.lost(coarse, timestep=0.5)
+    assert failure
+    assert failure.message.startswith("position off by")
+    assert failure.silent
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+@pytest.mark.parametrize("factor", [1e-3, 500.0])
+def test_scaled_mechanisms_have_scaled_curves(stand, engine, factor):
+    """Hinges and a slide; masses as they are, gravity with the lengths."""
+    held = stand("slider_crank", engine)
+    assert held.lost(rescaled.larger(held.case, held.models, factor)) is None
+
+
+def test_a_scale_that_forgets_something_is_noticed(stand):
+    """Lengths without gravity: the pendulum swings at another pace."""
+    held = stand("pendulum")
+    larger = rescaled.larger(held.case, held.models, 4.0)
+    assert held.lost(larger) is None
+    forgotten = rescaled.with_model(
+        larger, held.models,
+        lambda root: rescaled.set_gravity(root, compile_model(larger.model_path), 0.25))
+    assert held.lost(forgotten)
+    assert held.lost(larger.model_copy(update={"channels": held.case.channels})) is None
+    crank = stand("slider_crank")
+    larger = rescaled.larger(crank.case, crank.models, 4.0)
+    assert crank.lost(larger.model_copy(update={"channels": crank.case.channels}))
+
+
+@pytest.mark.parametrize(("engine", "factor"), [("mujoco", 1e6), ("pymunk", 1e-6)])
+def test_stronger_springs_need_proportional_moments(stand, engine, factor):
+    held = stand("balancer_sine", engine, "sweep")
+    few = held.case.model_copy(update={"run": {
+        "sweep": held.case.run["sweep"].model_copy(update={"n": 10})}})
+    assert held.lost(rescaled.stiffer(few, held.models, factor)) is None
+    wrong = rescaled.stiffer(few, held.models, factor).model_copy(
+        update={"channels": few.channels})
+    assert held.lost(wrong).message.startswith("effort off by")
+
+
+def test_the_least_inertia_bounds_the_size(stand):
+    """1e-12 kg m2 times s^2 against MuJoCo's 1e-15: s = 0.0316."""
+    sought, skipped = extremes(stand("pendulum").case, stand("pendulum").store)
+    smaller = next(s for s in sought if s.knob == "all lengths smaller" and s.engine == "mujoco")
+    assert smaller.theory == pytest.approx(10**-1.5)
+    assert smaller.find().ratio == pytest.approx(1.0, abs=0.01)
+    assert "stiffness: there is no spring and no rod" in skipped
+    assert {s.knob for s in sought} == {"time step", "gravity", "all lengths larger",
+                                        "all lengths smaller", "steps"}
+
+
+def test_limit_positions_come_from_the_reference(stand):
+    """The crank of (2, 2, 2.5, 3), at first at -2 rad, stops at arccos((4 + 9 - 4.5^2) / 12)."""
+    held = stand("triple_rocker")
+    case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
+        update={"n": 41})}})
+    sought, _ = extremes(case, held.store)
+    for one in (s for s in sought if s.knob == "drive's way"):
+        found = one.find()
+        assert found.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
+        assert found.ratio == pytest.approx(1.0, abs=0.01)
+
+
+def test_boundaries_that_begin_alike_do_not_meet(stand):
+    """Eight threads change the same model at once; none finds a file of another gone."""
+    held = stand("fourbar")
+    for factor in np.linspace(2.0, 3.0, 20).tolist():
+        change = partial(rescaled.heavier, held.case, held.models)
+        with ThreadPoolExecutor(8) as threads:
+            assert len({case.model for case in threads.map(change, [factor] * 8)}) == 1
+
+
+def test_a_long_run_turns_on_or_goes_to_and_fro(stand):
+    turned = longer(stand("fourbar").case, 3.0, 2 * np.pi)
+    assert turned.drive[0].to == pytest.approx(6 * np.pi)
+    assert turned.drive[0].rate == 1.0
+    slid = longer(stand("threeprr").case, 3.0, 1.0)
+    assert (slid.drive[0].to, slid.drive[0].period) == (stand("threeprr").case.drive[0].to, 2.0)
+    assert slid.run["duration"].until == 3.0
+
+
+def test_trials_are_made_once(tmp_path):
+    tried = []
+
+    def trial(x):
+        tried.append(x)
+        return Failure("beyond", True) if x > 3.0 else None
+
+    sought = Sought("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
+    with pool(1) as workers:
+        first = stress([kept(sought, Store(tmp_path))], workers)
+        count = len(tried)
+        assert stress([kept(sought, Store(tmp_path))], workers) == first
+        assert len(tried) == count > 5
+        stress([kept(replace(sought, knob="other"), Store(tmp_path))], workers)
+    assert len(tried) == 2 * count
+
+
+def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
+    rows = [Boundary("spring, \"soft\"", "mujoco", "Euler", "dt ω", "1", 0.1, 10.0, 1.99, 2.005,
+                     2.0, "2 √(1 + ζ²)", "grew, without a word", True),
+            Boundary("spring", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0, theory=np.inf,
+                     law="implicit"),
+            Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
+                     failure="at 1 already: no"),
+            Boundary("fourbar", "pymunk", "as in the model", "size", "times", 1.0, 1e-6, 0.1,
+                     0.099)]
+    write_boundaries(rows, tmp_path / "stress.csv")
+    assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
+    page = write_stress(tmp_path, tmp_path).read_text(encoding="utf-8")
+    assert "2 of 2 boundaries that theory knows were measured within 5%" in page
+    assert "<strong>in silence</strong>: grew, without a word" in page
+    assert "fourbar" in page
+    assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["nowhere.toml"], "nowhere.toml: no such file"),
+    (["fourbar.xml"], "neither"), (["--only", "colour"], "--only colour: no such knob")])
+def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fourbar.txt").write_text("")
+    arguments = ["fourbar.txt" if a == "fourbar.xml" else a for a in arguments]
+    result = CliRunner().invoke(app, ["stress", *arguments])
+    assert result.exit_code == 2
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_command_finds_writes_and_goes_on(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        result = CliRunner().invoke(app, ["stress", "--only", "crank", "-o", "out"])
+        assert result.exit_code == 0, result.output
+        assert "law" in (tmp_path / "out" / "stress.columns.md").read_text(encoding="utf-8")
+    assert [round(b.ratio, 1) for b in read_boundaries(tmp_path / "out" / "stress.csv")] == [1, 1]
