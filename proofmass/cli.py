@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from proofmass.case import load_case
 from proofmass.check import Result, check, collect
+from proofmass.command import Jobs, counting, errors
 from proofmass.design.command import app as design
 from proofmass.errors import InputError
 from proofmass.study.choose_command import choose_command
@@ -27,21 +26,11 @@ app.command("choose")(choose_command)
 app.command("stress")(stress_command)
 Paths = Annotated[list[Path] | None, typer.Argument(
     help="Sidecars, models or folders.", show_default="models/")]
-Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
-                                          show_default="processors")]
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def examine(paths: list[Path] | None, jobs: int | None) -> Result:
     """`check` with a progress bar on standard error."""
-    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
-               TimeElapsedColumn())
-    with Progress(*columns, console=errors, transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def advance(label: str, done: int, total: int) -> None:
-            bar.update(task, description=label, completed=done, total=total)
-
+    with counting() as advance:
         result = check(paths or [Path("models")], jobs, advance)
     complain(result.errors)
     return result

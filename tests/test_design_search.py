@@ -7,10 +7,11 @@ from scipy.optimize import lsq_linear
 from analytic.balancer.synthesis import Synthesis
 from analytic.balancer.variants import Variant
 from proofmass.design.descent import STUCK, descend, norms
-from proofmass.design.pareto import front, nondominated, write_front
+from proofmass.design.pareto import front, write_front
 from proofmass.design.search import Effort, Search
 from proofmass.design.starts import scattered
 from proofmass.errors import InputError
+from proofmass.front import nondominated
 
 TINY = Effort(((12, 2), (4, 3)))
 REGULAR = Synthesis(Variant("sine"), np.sin)

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from analytic.balancer.synthesis import Synthesis
@@ -15,6 +14,7 @@ from analytic.balancer.variants import Variant
 from analytic.domain import Array
 from proofmass.case import load_case
 from proofmass.check import check
+from proofmass.command import answering, errors
 from proofmass.design.record import described
 from proofmass.design.search import Effort, Search
 from proofmass.design.selection import CATALOGUE, read_catalogue
@@ -24,8 +24,6 @@ from proofmass.recorded import read_recorded
 from proofmass.report.words import headline
 
 app = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-INTERRUPTED = 130  # a shell's exit code for Ctrl-C
 
 
 @app.callback()
@@ -67,7 +65,7 @@ def balancer_command(
     interrupted goes on where it stopped when it is called again in the same way. Exit codes as for
     check.
     """
-    try:
+    with answering(f"{output} keeps the state"):
         wanted = read_target(table) if table else named(target)
         others = read_balancers(beside or [])
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
@@ -82,12 +80,6 @@ def balancer_command(
         if pareto:
             trade(task, found, output)
         raise typer.Exit(verified(record, others, output))
-    except (InputError, ValueError) as error:
-        errors.print(f"error: {error}", style="bold red", markup=False)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        errors.print(f"stopped; {output} keeps the state: the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
 
 
 def named(name: str) -> Target:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from analytic.balancer.synthesis import Synthesis
 from analytic.domain import Array
 from proofmass.design.search import Effort, Search
+from proofmass.front import nondominated
 from proofmass.report.style import RC
 
 WEIGHTS = np.geomspace(1e-3, 1.0, 9).tolist()  # errors are 1e-3 to 1e-1, spreads 0.1 to 1
@@ -74,19 +75,6 @@ def front(task: Synthesis, start: Array, folder: Path | None = None,
     kept = nondominated(np.stack([figures.rmse, figures.spread], axis=-1))
     return Front(vectors[kept], figures.rmse[kept], figures.spread[kept],
                  figures.work_reduction[kept])
-
-
-def nondominated(aims: Array) -> Array:
-    """Which of the points (B, 2) no other one beats in both aims, the first aim rising.
-
-    >>> nondominated(np.array([[1.0, 3.0], [2.0, 3.0], [3.0, 1.0], [2.0, 2.0]])).tolist()
-    [0, 3, 2]
-    """
-    order = np.lexsort((aims[:, 1], aims[:, 0]))
-    order = order[np.isfinite(aims[order]).all(axis=-1)]
-    second = aims[order, 1]
-    least = np.minimum.accumulate(np.concatenate([[np.inf], second]))[:-1]
-    return np.asarray(order[second < least])
 
 
 def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:

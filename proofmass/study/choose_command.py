@@ -6,10 +6,11 @@ from typing import Annotated, cast
 import typer
 
 from proofmass.case import Case
+from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
 from proofmass.strict import Kind
 from proofmass.study.choose import Cannot, choose, printed
-from proofmass.study.command import INTERRUPTED, Errors, Runs, errors, measured, named, turnable
+from proofmass.study.command import Errors, Runs, measured, named, turnable
 from proofmass.study.row import Row
 from proofmass.study.trade import chosen
 
@@ -24,17 +25,15 @@ def choose_command(
                    "first of these that it has")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of proofmass trade; what "
                       "it lacks is run.")] = Path("trade"),
-    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
-                                             show_default="processors")] = None,
-    dask: Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
-    = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
 ) -> None:
     """Print the cheapest measured setting whose error is as small as is asked for, to paste.
 
     Its measured error must be half of that, and it is run again, from a shifted start as well.
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
-    try:
+    with answering(f"{output} keeps the runs"):
         cases = named([path])
         if len(cases) != 1:
             raise InputError(path, "", "give the sidecar of one case, such as models/fourbar.toml")
@@ -45,17 +44,12 @@ def choose_command(
             raise typer.Exit(1)
         study = measured([case], output, jobs, dask, kind)
         there(study.rows, of.value)
-        choice = choose(case, kind, study.rows, error, of.value, solver, study.verdicts)
+        try:
+            choice = choose(case, kind, study.rows, error, of.value, solver, study.verdicts)
+        except Cannot as why:
+            errors.print(f"{case.name}: {why}", markup=False)
+            raise typer.Exit(1) from None
         print(printed(choice, case))
-    except Cannot as why:
-        errors.print(f"{case.name}: {why}", markup=False)
-        raise typer.Exit(1) from None
-    except (InputError, ValueError) as wrong:
-        errors.print(f"error: {wrong}", style="bold red", markup=False)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        errors.print(f"stopped; {output} keeps the runs: the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
 
 
 def asked(case: Case, kind: Kind, error: float, solver: str) -> None:

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated, cast
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from proofmass.case import Case, load_case
 from proofmass.check import collect
+from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.strict import Kind
 from proofmass.study.axes import lines
@@ -22,8 +21,6 @@ from proofmass.study.trade import Trade, chosen, cost, trade, write_study
 from proofmass.study.verdict import Verdict
 from proofmass.terminal import console, number
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-INTERRUPTED = 130  # a shell's exit code for Ctrl-C
 WANTED = (1e-4, 1e-6)  # errors whose price the table tells
 
 Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
@@ -34,10 +31,8 @@ def trade_command(
     paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and finished "
                       "runs.")] = Path("trade"),
-    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
-                                             show_default="processors")] = None,
-    dask: Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
-    = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
     run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
                    "first of these that a case has")] = None,
     error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
@@ -51,17 +46,11 @@ def trade_command(
     from proofmass.report.trade_page import write_trade  # matplotlib is slow to load
 
     kind = cast(Kind | None, run and run.value)
-    try:
+    with answering(f"{output} keeps the runs"):
         if not (cases := [case for case in named(paths) if turnable(case, kind)]):
             raise typer.Exit(0)
         study = measured(cases, output, jobs, dask, kind)
         write_study(study, output)
-    except (InputError, ValueError) as wrong:
-        errors.print(f"error: {wrong}", style="bold red", markup=False)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        errors.print(f"stopped; {output} keeps the runs: the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
     show(study, error.value)
     print(write_trade(output, output) if study.rows else output / "trade.csv")
     raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
@@ -89,14 +78,7 @@ def turnable(case: Case, kind: Kind | None) -> bool:
 def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None,
              kind: Kind | None) -> Trade:
     """`trade` with a progress bar on standard error."""
-    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
-               TimeElapsedColumn())
-    with pool(jobs, dask) as workers, Progress(*columns, console=errors, transient=True) as bar:
-        line = bar.add_task("starting", total=None)
-
-        def advance(label: str, done: int, total: int) -> None:
-            bar.update(line, description=label[:40], completed=done, total=total)
-
+    with pool(jobs, dask) as workers, counting(letters=40) as advance:
         return trade(cases, Store(folder / "runs"), workers, kind, progress=advance)
 
 

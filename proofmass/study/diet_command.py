@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from proofmass.command import Jobs, answering, errors
 from proofmass.errors import InputError
 from proofmass.study.diet import Diet, Entry, Search
 from proofmass.study.draft import read
@@ -18,8 +18,6 @@ from proofmass.study.slim import write
 from proofmass.study.store import write as write_whole
 from proofmass.terminal import console
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-INTERRUPTED = 130  # a shell's exit code for Ctrl-C
 GOES = {"harmless": "✓ goes", "drawn": "· drawn, kept", "matters": "✗ matters",
         "needed": "✗ needed"}
 COLUMNS = ("kind", "feature", "outcome", "run", "channel", "moved_over_allowed",
@@ -35,8 +33,7 @@ def diet_command(
                        "from its key.")] = 5.0,
     blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
     = False,
-    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
-                                             show_default="processors")] = None,
+    jobs: Jobs = None,
 ) -> None:
     """Find what a scene does not need, and write the model without it.
 
@@ -45,18 +42,12 @@ def diet_command(
     diet that was stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
     file = output or Path("diet") / model.name
-    try:
+    with answering("what was tried is kept", InputError):
         scene = scene_of(model, seconds)
         with errors.status("starting") as status:
             found = Search(scene, blind, jobs=jobs, kept=Kept(file.parent / "runs"),
                            progress=lambda what: status.update(what[:70])).run()
         finish(scene, found, file)
-    except InputError as error:
-        errors.print(f"error: {error}", style="bold red", markup=False)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        errors.print("stopped; what was tried is kept: the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
 
 
 def finish(scene: Scene, found: Diet, file: Path) -> None:

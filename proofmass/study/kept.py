@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from proofmass.study.scene import Watch
-from proofmass.study.store import digest, sources, versions, write
+from proofmass.study.store import digest, saved, sources, versions, write
 
 
 class Kept:
@@ -45,10 +44,3 @@ class Kept:
         key = [*map(saved, models), pickle.dumps(told), repr(versions("mujoco")).encode(),
                sources().encode()]
         return self.folder / f"{digest(b''.join(key))}.json"
-
-
-def saved(model: mujoco.MjModel) -> bytes:
-    """A compiled model as the engine saves it."""
-    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return buffer.tobytes()

@@ -124,7 +124,11 @@ def digest(data: bytes) -> str:
 
 def model_bytes(case: Case) -> bytes:
     """The compiled model, with its rods, and with what the file includes."""
-    model = compiled(case)
+    return saved(compiled(case))
+
+
+def saved(model: mujoco.MjModel) -> bytes:
+    """A compiled model as the engine saves it."""
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()

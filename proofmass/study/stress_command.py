@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from proofmass.case import load_case
 from proofmass.check import collect
+from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.report.words import number
 from proofmass.study.boundary import Boundary
@@ -20,19 +19,14 @@ from proofmass.study.store import Store
 from proofmass.study.stress import kept, stress, write_boundaries
 from proofmass.terminal import console
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-INTERRUPTED = 130  # a shell's exit code for Ctrl-C
-
 
 def stress_command(
     paths: Annotated[list[Path] | None, typer.Argument(help="Sidecars or folders.",
                      show_default="small models whose limits theory knows")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, the page "
                       "and finished runs.")] = Path("stress"),
-    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Boundaries side by side.",
-                                             show_default="processors")] = None,
-    dask: Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
-    = None,
+    jobs: Jobs = None,
+    dask: Dask = None,
     only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
 ) -> None:
     """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
@@ -44,15 +38,9 @@ def stress_command(
     """
     from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
 
-    try:
+    with answering(f"{output} keeps the runs"):
         found = measured(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")
-    except (InputError, ValueError) as wrong:
-        errors.print(f"error: {wrong}", style="bold red", markup=False)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        errors.print(f"stopped; {output} keeps the runs: the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
     console().print(shown(found))
     print(write_stress(output, output))
 
@@ -76,14 +64,7 @@ def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None
     sought = [one for one in sought if only in one.knob]
     if not sought:
         raise ValueError(f"--only {only}: no such knob")
-    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
-               TimeElapsedColumn())
-    with pool(jobs, dask) as workers, Progress(*columns, console=errors, transient=True) as bar:
-        line = bar.add_task("starting", total=len(sought))
-
-        def advance(label: str, done: int, total: int) -> None:
-            bar.update(line, description=label[:40], completed=done, total=total)
-
+    with pool(jobs, dask) as workers, counting(len(sought), letters=40) as advance:
         return stress(sought, workers, advance)
 
 

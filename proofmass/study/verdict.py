@@ -3,6 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
+from proofmass.front import nondominated
 from proofmass.study.row import NAN, Row
 
 
@@ -46,9 +49,7 @@ def front(rows: Iterable[Row], kind: str) -> list[Row]:
     >>> [row.value for row in front(rows, "rate")]
     [1, 3]
     """
-    able = [row for row in rows if row.outcome == "ran" and row.errors.get(kind, NAN) >= 0]
-    found: list[Row] = []
-    for row in sorted(able, key=lambda row: (row.seconds, row.errors[kind])):
-        if row.seconds > 0 and (not found or row.errors[kind] < found[-1].errors[kind]):
-            found.append(row)
-    return found
+    able = [row for row in rows if row.outcome == "ran" and row.errors.get(kind, NAN) >= 0
+            and row.seconds > 0]
+    aims = np.array([(row.seconds, row.errors[kind]) for row in able]).reshape(-1, 2)
+    return [able[k] for k in nondominated(aims)]

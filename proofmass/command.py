@@ -1,0 +1,51 @@
+"""What all commands share: options, errors in a line, exit codes, a bar that counts."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from proofmass.errors import InputError
+
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
+WRONG = (InputError, ValueError)
+
+Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
+                                          show_default="processors")]
+Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
+
+
+@contextmanager
+def answering(kept: str, wrong: type[Exception] | tuple[type[Exception], ...] = WRONG
+              ) -> Iterator[None]:
+    """Say in a line what is wrong with the input, or after Ctrl-C what is `kept`; then exit."""
+    try:
+        yield
+    except wrong as error:
+        errors.print(f"error: {error}", style="bold red", markup=False)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        errors.print(f"stopped; {kept}: the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def counting(total: int | None = None, letters: int | None = None
+             ) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on standard error: call it as ``progress(label, done, total)``.
+
+    Labels are cut to so many letters.
+    """
+    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn())
+    with Progress(*columns, console=errors, transient=True) as bar:
+        line = bar.add_task("starting", total=total)
+
+        def advance(label: str, done: int, total: int) -> None:
+            bar.update(line, description=label[:letters], completed=done, total=total)
+
+        yield advance
