@@ -15,9 +15,9 @@ import numpy as np
 
 from sim.mujoco_model import Recorder, configure, load
 from sim.mujoco_reading import withhold
-from sim.mujoco_steps import FATAL
+from sim.mujoco_still import until_still
 from sim.plane import Plane, find_plane
-from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+from sim.protocol import BadModel, Curves, Run, Unsupported
 from sim.rod_chain import Chain
 from sim.rod_flex import add, fixed, moments, points, stations, tempo
 from sim.rod_shape import Pose, curve, of_rods
@@ -58,7 +58,8 @@ def rest(path: Path, run: Run) -> Curves:
         raise Unsupported(f"a flex stands on the ground: joint {run.drives[0].joint!r} is driven")
     chains, plane = [points(rod) for rod in run.rods], plane_of(path, run)
     model, data = assembled(path, run, chains)
-    steps = calm(model, data, run)
+    still = STILL * min(rod.length / tempo(rod) for rod in run.rods)
+    steps = until_still(model, data, still, block=BLOCK, most=MOST)
     mujoco.mj_forward(model, data)
     record, missing = recorder(model, data, run)
     record.sample(0)
@@ -152,22 +153,6 @@ def put(model: mujoco.MjModel, data: mujoco.MjData, bare: mujoco.MjModel, begin:
         for k, s in list(enumerate(stations(one)))[fixed(one):]:
             first = model.joint(f"{one.rod.name}.{k}.x").qposadr[0]
             data.qpos[first:first + 2] = x[k - 1] - s, y[k - 1]
-
-
-def calm(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> int:
-    """Step until nothing moves; the number of steps."""
-    still = STILL * min(rod.length / tempo(rod) for rod in run.rods)
-    before = np.inf
-    for steps in range(BLOCK, MOST, BLOCK):
-        mujoco.mj_step(model, data, BLOCK)
-        speed = np.abs(data.qvel).max()
-        lost = [w.name[7:].lower() for w in FATAL if data.warning[w].number]
-        if lost:
-            raise Diverged(f"MuJoCo warning {lost[0]} on the way to rest")
-        if max(speed, before) < still:
-            return steps
-        before = speed
-    raise Diverged(f"not at rest after {steps} steps: something moves at {speed:.2g} m/s (rad/s)")
 
 
 def pose(data: mujoco.MjData, one: Chain, plane: Plane) -> Pose:

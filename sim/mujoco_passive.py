@@ -9,7 +9,7 @@ import time
 import mujoco
 import numpy as np
 
-from sim.mujoco_steps import FATAL
+from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
 
 
@@ -45,9 +45,8 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 def check(data: mujoco.MjData, rows: Array, times: Array) -> None:
     """Raise `Diverged` if the run was lost."""
-    for warning in FATAL:
-        if data.warning[warning].number:
-            raise Diverged(f"MuJoCo warning {warning.name[7:].lower()}")
+    if warning := lost(data):
+        raise Diverged(warning)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise Diverged(f"not finite at t = {times[int(np.argmin(finite))]:.4g} s")

@@ -24,8 +24,8 @@ from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import Recorder
 from sim.mujoco_reading import drive_moments, withhold
 from sim.mujoco_rest import Resting
-from sim.mujoco_steps import FATAL
-from sim.protocol import Array, Curves, Diverged, Run
+from sim.mujoco_still import until_still
+from sim.protocol import Array, Curves, Run
 
 VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
@@ -99,21 +99,13 @@ def glide(linkage: Linkage, values: Array) -> int:
 
 def calm(linkage: Linkage, values: Array) -> int:
     """Step with the drives held until nothing moves; the number of steps."""
-    model, data = linkage.model, linkage.data
-    before = np.inf
-    for steps in range(BLOCK, MOST, BLOCK):
+    data = linkage.data
+
+    def hold() -> None:
         data.qpos[linkage.adr], data.qvel[linkage.dofs] = values, 0
-        mujoco.mj_step(model, data, BLOCK)
-        speed = np.abs(data.qvel).max()
-        lost = [w.name[7:].lower() for w in FATAL if data.warning[w].number]
-        if lost:
-            raise Diverged(f"MuJoCo warning {lost[0]}; lost at {linkage.spoken(values)}")
-        if max(speed, before) < STILL:
-            return steps
-        before = speed
-    joint = model.joint(model.dof_jntid[np.abs(data.qvel).argmax()]).name
-    raise Diverged(f"not at rest after {steps} steps at {linkage.spoken(values)}: joint {joint!r} "
-                   f"moves at {speed:.2g} (rad/s or m/s)")
+
+    return until_still(linkage.model, data, STILL, block=BLOCK, most=MOST, hold=hold,
+                       where=f" at {linkage.spoken(values)}")
 
 
 def holding_moments(linkage: Linkage) -> Array:

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import Recorder
+from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
 
 FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
-W = mujoco.mjtWarning
-FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 
 def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
@@ -129,9 +128,8 @@ def check(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, times: A
     gaps, pose = record.gaps(), record.rows["qpos"]
     finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
     when = f"t = {times[int(np.argmin(finite))]:.4g} s" if not finite.all() else "some time"
-    for warning in FATAL:
-        if data.warning[warning].number:
-            raise Diverged(f"MuJoCo warning {warning.name[7:].lower()}; lost at {when}")
+    if warning := lost(data):
+        raise Diverged(f"{warning}; lost at {when}")
     if not finite.all():
         k = int(np.argmin(finite))
         raise Diverged(f"not finite at {when}" if not np.isfinite(pose[k]).all()
