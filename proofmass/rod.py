@@ -14,7 +14,9 @@ class RodTable(Strict):
     It begins at the site `from`, its tangent along that site's x axis, and bends about the z axis.
     The site `to` of another body, or ``OTHER.tip`` of a rod before it, holds its far end; left out,
     that is free.  `turn` is that of its tangent from end to end in the start pose, an arc [rad]:
-    which of several equilibria it comes to rest in.  `mass` is needed where gravity acts.
+    which of several equilibria it comes to rest in.  Sensors on the sites ``NAME.middle`` and
+    ``NAME.tip`` stay in place whatever the number of `segments`.  `mass` is needed where gravity
+    acts.
     """
 
     start: str = Field(alias="from")

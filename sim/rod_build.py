@@ -29,16 +29,20 @@ def joints_of(chain: Chain) -> list[str]:
 
 def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     """Add a rod's links, sites and loops; `bare` is the compiled model without rods."""
-    rod, body = chain.rod, None
-    site = bare.site(rod.start)
+    rod, site = chain.rod, bare.site(chain.rod.start)
     body, place, turn = spec.site(rod.start).parent, site.pos, site.quat
-    for name, length, spring in zip(chain.names, chain.lengths, chain.springs, strict=True):
+    half = rod.length / 2
+    starts, ends = chain.vertices[:-1], chain.vertices[1:]
+    for name, length, spring, first, last in zip(chain.names, chain.lengths, chain.springs, starts,
+                                                 ends, strict=True):
         body = body.add_body(name=name, pos=place, quat=turn)
         if np.isfinite(spring):
             body.add_joint(name=name, type=HINGE, axis=[0, 0, 1], pos=[0, 0, 0],
                            stiffness=[spring, 0, 0], **PLAIN)
         weigh(body, rod, length)
         body.add_site(name=name, pos=[length / 2, 0, 0])
+        if first < half <= last:
+            body.add_site(name=f"{rod.name}.middle", pos=[half - first, 0, 0])
         place, turn = [length, 0, 0], [1, 0, 0, 0]
     tip = body.add_site(name=f"{rod.name}.tip", pos=place)
     if rod.end is not None:

@@ -4,7 +4,8 @@ A rod hangs on the body of its first site; its links follow each other along the
 actuators and loops of the MJCF may name what is added:
 
     NAME.1, NAME.2, ...     bodies, joints, and sites in the links' middles
-    NAME.tip                site at the far end, its x axis along the rod
+    NAME.middle, NAME.tip   sites half way and at the far end, their x axes along the rod; they keep
+                            their places when the rod is cut into other segments
     NAME                    the loop that holds the far end
 """
 

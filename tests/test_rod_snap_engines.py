@@ -25,17 +25,6 @@ def turned(angles, x):
     return np.interp(x, np.arange(len(angles)), angles), 0.0 * x, 0.0 * x
 
 
-@pytest.fixture(scope="module")
-def short(tmp_path_factory):
-    """The model without the middle's sensor, which names the tenth link of twenty."""
-    file = tmp_path_factory.mktemp("snap") / "rod_snap.xml"
-    text = MODEL.read_text()
-    wanted = '<framepos name="middle" objtype="site" objname="rod.10"/>'
-    assert wanted in text
-    file.write_text(text.replace(wanted, ""))
-    return file
-
-
 def swept(file, engine, degrees, segments, **settings):
     """The engine at angles of the motor, from 80 degrees on."""
     angles = np.radians([80.0, *degrees])
@@ -62,11 +51,11 @@ def swing(degrees):
     return solve(np.radians(degrees), distance=0.8, stiffness=STEEL)
 
 
-def test_a_sweep_without_time_ends_at_the_fold(short):
+def test_a_sweep_without_time_ends_at_the_fold():
     """MuJoCo's poses at rest: where it stops converges to a* with the square of the links."""
     ends = []
     for n in (10, 20, 40):
-        found = swept(short, "mujoco", [40.0, 0.0, -40.0, -80.0], n)
+        found = swept(MODEL, "mujoco", [40.0, 0.0, -40.0, -80.0], n)
         assert found.x.size == 4
         assert found.stopped.startswith("the equilibrium becomes unstable beyond motor = ")
         ends.append(float(found.stopped.rpartition(" = ")[2]))
@@ -78,21 +67,21 @@ def test_a_sweep_without_time_ends_at_the_fold(short):
 @pytest.mark.parametrize(("engine", "settings", "atol"), [
     ("pymunk", {}, 1e-11),  # rest to 1e-12 of the model, over its softness
     pytest.param("mujoco", {"settled": True}, 1e-5, marks=pytest.mark.slow)])  # soft loops
-def test_engines_snap_where_their_chain_does(engine, settings, atol, short):
+def test_engines_snap_where_their_chain_does(engine, settings, atol):
     """Down and up again with ten links: on every shape the chain's own equilibrium."""
     degrees = [80.0, 30.0, -20.0, -45.0, -62.0, -80.0, -30.0, 20.0, 45.0, 62.0]
-    found = swept(short, engine, degrees[1:], 10, **settings).channels
+    found = swept(MODEL, engine, degrees[1:], 10, **settings).channels
     assert (np.sign(found["tip.angle"]) == [-1, -1, -1, -1, 1, 1, 1, 1, 1, -1]).all()
     moment, energy = of_chain(degrees, 10)
     np.testing.assert_allclose(found["holding_moment"], moment, atol=atol)
     np.testing.assert_allclose(found["energy"], energy, atol=atol)
 
 
-def test_shapes_converge_on_both_sides_of_a_snap(short):
+def test_shapes_converge_on_both_sides_of_a_snap():
     """Errors of direction, moment and energy go with the square of the links, in pymunk."""
     degrees = [80.0, 20.0, -30.0, -70.0, -20.0, 30.0]
     truth = swing(degrees)
-    found = [swept(short, "pymunk", degrees[1:], n).channels for n in (8, 16)]
+    found = [swept(MODEL, "pymunk", degrees[1:], n).channels for n in (8, 16)]
     for channel, name in zip(NAMES, ("tip_angle", "holding_moment", "energy"), strict=True):
         coarse, fine = (np.abs(curves[channel] - truth[name]) for curves in found)
         np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)  # h^4 of eight links

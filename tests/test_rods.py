@@ -37,8 +37,9 @@ def tip(engine, folder, alpha, n, scheme="half"):
 def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
     """Vertices, directions and moments of all links, against the chain's own equilibrium."""
     load = np.array([-2.0, 3.0, 0.5])
-    file = model(tmp_path, actuators=pull("r.tip", *load[:2], 0, 0, 0, load[2]), ctrl="1")
-    names = tuple(f"r.{part}" for part in TIGHT)
+    file = model(tmp_path, actuators=pull("r.tip", *load[:2], 0, 0, 0, load[2]), ctrl="1",
+                 sensors='<framepos name="middle" objtype="site" objname="r.middle"/>')
+    names = (*(f"r.{part}" for part in TIGHT), "middle.x", "middle.y")
     c = chain(n, scheme=scheme)
     truth = chain_rod.free(c, force=load[:2], moment=load[2])
     ends = points(c, np.zeros(3), truth.angle)
@@ -52,6 +53,8 @@ def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
     for name, values, where in (("x", ends[:, 0], vertices), ("y", ends[:, 1], vertices),
                                 ("angle", truth.angle, links), ("moment", bends, joints)):
         np.testing.assert_allclose(found[f"r.{name}"][where], values, atol=TIGHT[name])
+    for axis in "xy":
+        np.testing.assert_allclose(found[f"middle.{axis}"], found[f"r.{axis}"][n], atol=TIGHT["x"])
 
 
 @EACH
