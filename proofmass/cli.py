@@ -8,7 +8,7 @@ from rich.text import Text
 
 from proofmass.case import load_case
 from proofmass.check import Result, check, collect
-from proofmass.command import Jobs, counting, errors
+from proofmass.command import Jobs, answering, counting, errors
 from proofmass.design.command import app as design
 from proofmass.errors import InputError
 from proofmass.study.choose_command import choose_command
@@ -76,16 +76,20 @@ def report_command(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")]
     = Path("reports"),
     jobs: Jobs = None,
+    study: Annotated[list[Path] | None, typer.Option(help="Folder of proofmass trade, stress or "
+                     "diet: its pages become part of the report.")] = None,
 ) -> None:
     """Check every case and write HTML pages with overlay plots.
 
     Exit codes as for check.
     """
-    from proofmass.report import write_report  # matplotlib is slow to load
+    from proofmass.report import write_report, written  # matplotlib is slow to load
 
+    with answering("nothing is kept"):
+        studies = written(study or [], output)
     result = examine(paths, jobs)
     with errors.status("drawing"):
-        index = write_report(result, output)
+        index = write_report(result, output, studies=studies)
     show(result)
     print(index)
     raise typer.Exit(result.exit_code)

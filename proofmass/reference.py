@@ -3,7 +3,7 @@
 import importlib
 import inspect
 import pkgutil
-from functools import cache
+from functools import lru_cache
 from types import ModuleType
 
 import numpy as np
@@ -19,8 +19,9 @@ from sim.mjcf import compile_model
 from sim.protocol import Array, BadModel, BadRod, Curves
 
 DriveLaw = InProportion | Law | Samples | Steady | Swing
-compile_once = cache(lambda file, changed, rods: compile_model(file, rods))
-read_once = cache(lambda file, changed: read_recorded(file))
+KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
+compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
+read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
 
 
 def module_of(case: Case) -> ModuleType | Recorded:

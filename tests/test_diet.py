@@ -123,7 +123,7 @@ def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
     ("contact of geom", "ball"), ("contact of geom", "table"), ("equality", "pin"),
     ("body", "ball"), ("body", "brace")])
 def test_what_matters_is_kept(stripped, kind, name):
-    entry = next(e for e in stripped[1].entries if (e.feature.kind, e.feature.name) == (kind, name))
+    entry = next(e for e in stripped[1].entries if (e.kind, e.name) == (kind, name))
     assert entry.outcome == "matters"
     assert entry.worst[2] > 1
 
@@ -137,7 +137,7 @@ def test_nothing_is_left_to_remove(stripped, tmp_path):
 
 def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
     _, found = searched(model(tmp_path))
-    assert {e.feature.name for e in found.entries if e.outcome == "drawn"} == {"2: arm, brace"}
+    assert {e.name for e in found.entries if e.outcome == "drawn"} == {"2: arm, brace"}
     assert names(found.slim.spec)["geoms"] == {"table", "ball", "arm", "brace"}
 
 
@@ -233,7 +233,7 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
 
 
 def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    monkeypatch.setattr("proofmass.study.diet.own_core", nullcontext)  # timings are not looked at
+    monkeypatch.setattr("proofmass.study.trial.own_core", nullcontext)  # timings are not looked at
     file, slim = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "slim.xml"
     for _ in range(2):
         answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])

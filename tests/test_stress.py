@@ -187,7 +187,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
                      0.099)]
     write_boundaries(rows, tmp_path / "stress.csv")
     assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
-    page = write_stress(tmp_path, tmp_path).read_text(encoding="utf-8")
+    page = write_stress(tmp_path, tmp_path).first.read_text(encoding="utf-8")
     assert "2 of 2 boundaries that theory knows were measured within 5%" in page
     assert "<strong>in silence</strong>: grew, without a word" in page
     assert "fourbar" in page

@@ -154,7 +154,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     write_study(Trade([*rows, *other], rows[:1],
                       [*verdicts, *(replace(v, case="watt") for v in verdicts)]), folder)
-    return write_trade(folder, folder / "page")
+    return write_trade(folder, folder / "page").first
 
 
 def test_pages_and_files(page: Path) -> None:

@@ -4,7 +4,7 @@ import os
 import platform
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -24,6 +24,7 @@ from proofmass.report import refinements, tables
 from proofmass.report.data import Shown, shown
 from proofmass.report.drawing import SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
+from proofmass.report.study import Study
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
@@ -45,7 +46,8 @@ CAPTIONS = {
 
 
 def write_report(result: Result, folder: Path | str,
-                 progress: Callable[[str, int, int], None] = lambda *_: None) -> Path:
+                 progress: Callable[[str, int, int], None] = lambda *_: None,
+                 studies: Sequence[Study] = ()) -> Path:
     """Write the index, a page for each case, and every figure as SVG and PNG.
 
     Parameters
@@ -56,6 +58,8 @@ def write_report(result: Result, folder: Path | str,
         Made when it is not there; pages of the same name are replaced.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each case.
+    studies : sequence of Study
+        That the pages lead to; see `proofmass.report.studies.written`.
 
     Returns
     -------
@@ -82,6 +86,7 @@ def write_report(result: Result, folder: Path | str,
                 charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
                 beside=tables.side_by_side(case) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
+                studied=[(s.title, link) for s in studies if (link := s.of(case))],
                 own_numbers=from_model(case), freedoms=freedoms(case), knowledge=known(case),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
@@ -90,7 +95,7 @@ def write_report(result: Result, folder: Path | str,
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
     index.write_text(env.get_template("index.html").render(
-        families=families(result.cases, cards), style=style, about=facts,
+        families=families(result.cases, cards), style=style, about=facts, studies=studies,
         states=Counter(c["state"] for c in cards), errors=[complaint(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel]), encoding="utf-8")
     return index

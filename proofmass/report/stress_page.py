@@ -1,5 +1,6 @@
 """The page of a study of extremes: the figure, what it means in words, and the table."""
 
+import shutil
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -12,6 +13,7 @@ from proofmass.errors import InputError
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.stress_sheet import NEAR, stress_sheet
+from proofmass.report.study import Written
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.report.words import number, pretty, spoken
@@ -23,7 +25,7 @@ CAPTION = ("Bars: as far as each knob was turned until the run was lost; black t
            "says that it must be. Each boundary is bisected to 1 %.")
 
 
-def write_stress(folder: Path | str, output: Path | str) -> Path:
+def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Written:
     """Write the page of a study, ``index.html``, and its figures, from its table alone.
 
     Raises
@@ -36,12 +38,15 @@ def write_stress(folder: Path | str, output: Path | str) -> Path:
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
     (output / "figures").mkdir(parents=True, exist_ok=True)
+    if file.parent.resolve() != output.resolve():
+        for name in (file.name, "stress.columns.md"):
+            shutil.copyfile(file.with_name(name), output / name)
     parts = [part(name, list(own), output / "figures")
              for name, own in groupby(found, lambda one: subject(one))]
     page = output / "index.html"
     page.write_text(environment().get_template("stress.html").render(
-        parts=parts, about=about(), style={}), encoding="utf-8")
-    return page
+        parts=parts, about=about(), style={}, home=home), encoding="utf-8")
+    return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
 def subject(one: Boundary) -> str:

@@ -13,6 +13,7 @@ from matplotlib import rc_context
 from proofmass.errors import InputError
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
+from proofmass.report.study import Written
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.report.trade_marks import letter, name_of
@@ -34,7 +35,7 @@ WORK = ("Largest error over a run against its cost. Filled markers and the pale 
 TURNED = "The same for what else can be turned, at a fixed step."
 
 
-def write_trade(folder: Path | str, output: Path | str) -> Path:
+def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Written:
     """Write a page for each case of a study, and an index; from the study's tables alone.
 
     Parameters
@@ -43,11 +44,8 @@ def write_trade(folder: Path | str, output: Path | str) -> Path:
         Holds ``trade.csv`` and ``verdicts.json``; see `proofmass.study.trade.write_study`.
     output : path
         Made when it is not there; gets copies of the tables.
-
-    Returns
-    -------
-    Path
-        The ``index.html``.
+    home : str
+        Link to the report that the pages are part of.
 
     Raises
     ------
@@ -67,14 +65,15 @@ def write_trade(folder: Path | str, output: Path | str) -> Path:
     parts = [part(list(own), verdicts, output) for _, own in groupby(
         sorted(rows, key=place), key=place)]
     env = environment()
-    shared = {"about": about(), "files": files, "margin": MARGIN, "style": {}}
+    shared = {"about": about(), "files": files, "margin": MARGIN, "style": {},
+              "home": home}
     for one in parts:
         text = env.get_template("trade.html").render(parts=[one], index=False, **shared)
         (output / one["page"]).write_text(text, encoding="utf-8")
     index = output / "index.html"
     index.write_text(env.get_template("trade.html").render(parts=parts, index=True, **shared),
                      encoding="utf-8")
-    return index
+    return Written(index, {one["case"]: one["page"] for one in parts})
 
 
 def place(row: Row) -> tuple[str, str]:

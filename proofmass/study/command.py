@@ -52,7 +52,7 @@ def trade_command(
         study = measured(cases, output, jobs, dask, kind)
         write_study(study, output)
     show(study, error.value)
-    print(write_trade(output, output) if study.rows else output / "trade.csv")
+    print(write_trade(output, output).first if study.rows else output / "trade.csv")
     raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
 
 

@@ -5,60 +5,31 @@ channel by more than it may is harmless; all that is harmless is then taken out 
 after the other if not all of it can go at once, and what is left is looked at again.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import mujoco
 
 from proofmass.check import FAILURES
 from proofmass.isolate import isolated
-from proofmass.study.core import own_core
+from proofmass.study.diet_table import WHOLE, Entry, Moved
 from proofmass.study.draft import Draft
 from proofmass.study.feature import DRAWN, Feature, features
 from proofmass.study.kept import Kept
+from proofmass.study.run import pool
 from proofmass.study.scene import Scene, Watch, moved
-from proofmass.study.trial import STEPPED, Cost, attempt, race
+from proofmass.study.trial import STEPPED, attempt, paced
 from sim.protocol import BadModel, Run
 
 FEW = 500  # steps that are timed
 SLOWER = 20.0  # times as long as the model as it is takes: given up
 LEAST = 30.0  # s, to give up
 SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
-Moved = dict[str, dict[str, float]]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """What became of a feature.
-
-    Attributes
-    ----------
-    feature : Feature
-    outcome : str
-        harmless: it goes; drawn: it could, but a picture needs it; matters: it changes a channel;
-        needed: something else names it; otherwise how the model fails without it.
-    moved : dict of str to dict of str to float
-        For each run, how far each channel moves, over what it may.
-    message : str
-        Why it is needed, or how the model fails.
-    costs : tuple of two Cost
-        With and without it; none if the model fails.
-    """
-
-    feature: Feature
-    outcome: str
-    moved: Moved = field(default_factory=dict)
-    message: str = ""
-    costs: tuple[Cost, ...] = ()
-
-    @property
-    def worst(self) -> tuple[str, str, float]:
-        """Run and channel that move most, and how far over what they may."""
-        return max(((run, name, share) for run, shares in self.moved.items()
-                    for name, share in shares.items()), key=lambda w: w[2],
-                   default=("", "", float("nan")))
+T = TypeVar("T")
+ASKING = 8  # features that wait for workers at a time
+Tried = tuple[Feature, Entry]
 
 
 @dataclass(frozen=True)
@@ -92,9 +63,9 @@ class Search:
         Whether geoms that are only drawn go as well.
     rounds : int
         In which the steps of models with and without a feature are timed; 0: not at all.
-    jobs : int, optional
-        Runs side by side, as many as there are processors if not given; what is timed has a
-        processor of its own.
+    workers : Executor, optional
+        Where runs go, from `proofmass.study.run.pool`; local ones if not given.  What is timed has
+        a processor of its own.
     kept : Kept
         What was tried before, which is not done again.
     progress : callable
@@ -104,37 +75,40 @@ class Search:
     scene: Scene
     blind: bool = False
     rounds: int = 5
-    jobs: int | None = None
+    workers: Executor | None = None
     kept: Kept = field(default_factory=Kept)
     progress: Callable[[str], None] = lambda _: None
     found: dict[tuple[str, str], Entry] = field(default_factory=dict)
 
     def run(self) -> Diet:
         """Look at all features, until none is left that can go."""
+        if self.workers is None:
+            with pool() as local:
+                return replace(self, workers=local).run()
         slim, left = self.scene.draft, True
         while left:
             there = list(features(slim, self.scene))
-            with ThreadPoolExecutor(self.jobs or os.cpu_count()) as pool:
-                fresh = [e for entries in pool.map(lambda f, d=slim: self.explored(d, f), there)
-                         for e in entries]
-            self.found |= {(e.feature.kind, e.feature.name): e for e in fresh}
-            wanted = [e.feature for e in fresh if e.outcome == "harmless"]
+            with ThreadPoolExecutor(ASKING) as threads:
+                fresh = [one for each in threads.map(lambda f, d=slim: self.explored(d, f), there)
+                         for one in each]
+            self.found |= {(e.kind, e.name): e for _, e in fresh}
+            wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
             left = bool(wanted)
             slim = self.together(slim, wanted)
         whole = self.timed(*self.tried(slim, all_of([])))
         return Diet(list(self.found.values()), slim, whole)
 
-    def explored(self, now: Draft, feature: Feature) -> list[Entry]:
+    def explored(self, now: Draft, feature: Feature) -> list[Tried]:
         """What becomes of a feature, or of its parts where it cannot go as a whole."""
         last = self.found.get((feature.kind, feature.name))
         if last and last.outcome in SETTLED:
             return []
         draft, entry = self.tried(now, feature)
         if entry.outcome != "harmless" and feature.parts:
-            return [e for part in feature.parts for e in self.explored(now, part)]
+            return [one for part in feature.parts for one in self.explored(now, part)]
         if entry.outcome == "harmless" and feature.kind == DRAWN and not self.blind:
             entry = replace(entry, outcome="drawn")
-        return [self.timed(draft, entry)]
+        return [(feature, self.timed(draft, entry))]
 
     def together(self, now: Draft, wanted: list[Feature]) -> Draft:
         """A draft without as many of the features as can go together."""
@@ -154,19 +128,20 @@ class Search:
             draft = now.without(feature.cut)
             models = [draft.compiled(watch.run.rods) for watch in self.scene.watches]
         except (ValueError, mujoco.FatalError) as error:
-            return now, Entry(feature, "needed", message=" ".join(str(error).split()))
+            return now, Entry(feature.kind, feature.name, "needed",
+                              message=" ".join(str(error).split()))
         known = self.kept.get(models, self.scene.watches)
         outcome, shares, message = known or self.ran(models, draft)
         self.kept.put(models, self.scene.watches, (outcome, shares, message))
-        return draft, Entry(feature, outcome, shares, message)
+        return draft, Entry(feature.kind, feature.name, outcome, shares, message)
 
     def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
         """Outcome, changes and message of a draft's models in the runs of the scene."""
         shares: Moved = {}
         try:
             for watch, model in zip(self.scene.watches, models, strict=True):
-                curves = isolated(attempt, model, rodded(watch, draft),
-                                  timeout=max(LEAST, SLOWER * watch.before.seconds))
+                curves = self.worked(isolated, attempt, model, rodded(watch, draft),
+                                     timeout=max(LEAST, SLOWER * watch.before.seconds))
                 shares[watch.name] = moved(watch, curves, draft.probes)
         except BadModel as error:
             return "needed", shares, str(error)
@@ -184,11 +159,16 @@ class Search:
         run = rodded(watch, draft)
         if run.kind in STEPPED:
             run = replace(run, x=run.x[:max(2, FEW // stride)])
-        with own_core() as core:
-            models = tuple(d.compiled(watch.run.rods) for d in (self.scene.draft, draft))
-            costs = isolated(race, models, run, self.rounds, core,
-                             timeout=self.rounds * SLOWER * max(LEAST, watch.before.seconds))
+        models = tuple(d.compiled(watch.run.rods) for d in (self.scene.draft, draft))
+        costs = self.worked(paced, models, run, self.rounds,
+                            self.rounds * SLOWER * max(LEAST, watch.before.seconds))
         return replace(entry, costs=tuple(costs))
+
+    def worked(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
+        """What a worker makes of something."""
+        if self.workers is None:
+            return what(*args, **more)
+        return self.workers.submit(what, *args, **more).result()
 
 
 def all_of(wanted: list[Feature]) -> Feature:
@@ -197,7 +177,7 @@ def all_of(wanted: list[Feature]) -> Feature:
         for feature in wanted:
             feature.cut(draft)
 
-    return Feature("all of these", "", cut)
+    return Feature(WHOLE, "", cut)
 
 
 def rodded(watch: Watch, draft: Draft) -> Run:

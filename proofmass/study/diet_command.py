@@ -1,27 +1,24 @@
 """``proofmass diet``: what a scene does not need, and the model without it."""
 
-import csv
-import io
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from proofmass.command import Jobs, answering, errors
+from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
-from proofmass.study.diet import Diet, Entry, Search
+from proofmass.study.diet import Diet, Search
+from proofmass.study.diet_table import Entry, write_entries
 from proofmass.study.draft import read
 from proofmass.study.kept import Kept
+from proofmass.study.run import pool
 from proofmass.study.scene import Scene, scene_of
 from proofmass.study.slim import write
-from proofmass.study.store import write as write_whole
 from proofmass.terminal import console
 
 GOES = {"harmless": "✓ goes", "drawn": "· drawn, kept", "matters": "✗ matters",
         "needed": "✗ needed"}
-COLUMNS = ("kind", "feature", "outcome", "run", "channel", "moved_over_allowed",
-           "seconds_before", "seconds_after", "bytes_before", "bytes_after", "message")
 
 
 def diet_command(
@@ -34,6 +31,7 @@ def diet_command(
     blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
     = False,
     jobs: Jobs = None,
+    dask: Dask = None,
 ) -> None:
     """Find what a scene does not need, and write the model without it.
 
@@ -41,17 +39,22 @@ def diet_command(
     their tolerances, or the motion from the model's key, to rounding. What was tried is kept: a
     diet that was stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
+    from proofmass.report.diet_page import write_diet  # matplotlib is slow to load
+
     file = output or Path("diet") / model.name
-    with answering("what was tried is kept", InputError):
+    with answering("what was tried is kept"):
         scene = scene_of(model, seconds)
-        with errors.status("starting") as status:
-            found = Search(scene, blind, jobs=jobs, kept=Kept(file.parent / "runs"),
+        with pool(jobs, dask) as workers, errors.status("starting") as status:
+            found = Search(scene, blind, workers=workers, kept=Kept(file.parent / "runs"),
                            progress=lambda what: status.update(what[:70])).run()
         finish(scene, found, file)
+    console().print(shown(found))
+    for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
+        print(path)
 
 
 def finish(scene: Scene, found: Diet, file: Path) -> None:
-    """Write the slim model and the table, try the model as it was written, and tell."""
+    """Write the slim model and the table, and try the model as it was written."""
     file.parent.mkdir(parents=True, exist_ok=True)
     half = file.with_name(f"{file.stem}.part.xml")
     try:
@@ -66,26 +69,7 @@ def finish(scene: Scene, found: Diet, file: Path) -> None:
         half.replace(file)
     finally:
         half.unlink(missing_ok=True)
-    write_whole(file.with_suffix(".csv"), table(found))
-    console().print(shown(found))
-    for path in (file, file.with_suffix(".csv")):
-        print(path)
-
-
-def table(found: Diet) -> str:
-    """CSV with a row for each channel of each feature; its columns are `COLUMNS`."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for entry in (*found.entries, found.whole):
-        head = entry.feature.kind, entry.feature.name, entry.outcome
-        before, after = entry.costs or (None, None)
-        costs = (before and before.seconds, after and after.seconds, before and before.size,
-                 after and after.size, entry.message)
-        moved = [(run, name, str(share)) for run, shares in entry.moved.items()
-                 for name, share in shares.items()]
-        writer.writerows((*head, *row, *costs) for row in moved or [("", "", "")])
-    return text.getvalue()
+    write_entries((*found.entries, found.whole), file.with_suffix(".csv"))
 
 
 def shown(found: Diet) -> Table:
@@ -110,6 +94,6 @@ def cells(entry: Entry) -> tuple[str, ...]:
         saved = (f"{1 - after.seconds / before.seconds:+.0%}",
                  f"{(before.size - after.size) / 1024:+.1f} KB")
     where = f"{channel} in {run}" if channel and share else entry.message[:80]
-    return (entry.feature.kind, entry.feature.name[:60],
+    return (entry.kind, entry.name[:60],
             GOES.get(entry.outcome, f"✗ {entry.outcome}"), *saved, where,
             f"{share:.1e}" if share == share else "–")

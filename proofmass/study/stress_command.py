@@ -42,7 +42,7 @@ def stress_command(
         found = measured(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")
     console().print(shown(found))
-    print(write_stress(output, output))
+    print(write_stress(output, output).first)
 
 
 def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str

@@ -1,6 +1,6 @@
 """Running a compiled model: once for its channels, in rounds for its pace.
 
-These functions are called in worker processes.
+These functions are called in worker processes, which `paced` starts itself.
 """
 
 import copy
@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from proofmass.isolate import Crashed
-from proofmass.study.core import pinned
+from proofmass.isolate import Crashed, isolated
+from proofmass.study.core import own_core, pinned
 from sim.mujoco_model import begin
 from sim.mujoco_passive import passive
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
@@ -47,6 +47,13 @@ def driven(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves,
     model, data = begin(copy.copy(model), run)
     mujoco.mj_integratePos(model, data.qpos, np.full(model.nv, nudge), 1.0)
     return (passive if run.kind == PASSIVE else follow)(model, data, run), data
+
+
+def paced(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, timeout: float
+          ) -> list[Cost]:
+    """`race`, in a process of its own on a processor of its own."""
+    with own_core() as core:
+        return isolated(race, models, run, rounds, core, timeout=timeout)
 
 
 def race(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, core: int | None = None

@@ -1,0 +1,187 @@
+"""How accurate, how fast, how far: all cases that are stepped in time, or have rods.
+
+    python -m benchmarks.accuracy [folder]
+
+Writes docs/accuracy.md and docs/accuracy.png from the study of `proofmass trade models` in the
+folder (reports/trade); what that lacks is run, half an hour if it is all.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from matplotlib import rc_context
+
+from benchmarks import accuracy_sheet
+from benchmarks.accuracy_lines import causes, orders
+from proofmass.case import Case, load_case
+from proofmass.reference import grid
+from proofmass.report.figures import save
+from proofmass.report.style import RC
+from proofmass.report.words import number, spoken
+from proofmass.study.choose import Cannot, Choice, choose
+from proofmass.study.command import measured, turnable
+from proofmass.study.row import Row
+from proofmass.study.trade import Trade, chosen, write_study
+from proofmass.study.verdict import Verdict
+
+ROOT = Path(__file__).parent.parent
+WANTED = (1e-4, 1e-6)  # of the range of the positions
+GOAL = 10.0
+HEAD = """# How accurate, how fast, how far
+
+`python -m benchmarks.accuracy` made this from `proofmass trade models`: {settings} settings of
+{cases} cases, {runs} timed runs, on {machine}. Errors are the largest of all positions and angles
+over a run, as shares of their ranges. Seconds are of this machine; ratios travel better.
+
+![Wall time over error, of all cases](accuracy.png)
+
+*The band holds the middle half of all cases, the line is their median: wall time of the cheapest
+setting that is so close, over the time that it simulates. A line ends where half of the cases
+cannot go on.*
+"""
+CHOSEN = """## How accurate, how fast
+
+What `proofmass choose CASE --error 1e-4` and `--error 1e-6` find, by engine: the cheapest setting
+whose measured error is half of that and which is as good when it is run again as pasted, and from a
+shifted start. × is how many times as long the engine's defaults take when only their step is
+refined to the same error, by their measured order where no measured step gets there; “never” where
+they stay at a wall above it.
+"""
+
+
+@dataclass(frozen=True)
+class Pick:
+    """What was chosen for an error of a case in an engine, or why nothing was."""
+
+    case: str
+    engine: str
+    wanted: float
+    choice: Choice | None
+    why: str = ""
+
+    @property
+    def never(self) -> bool:
+        """Whether the defaults never get there."""
+        return self.choice is not None and "never get there" in self.choice.beside
+
+
+def main(folder: str = str(ROOT / "reports" / "trade")) -> None:
+    files = sorted((ROOT / "models").glob("*.toml"))
+    cases = [case for case in map(load_case, files) if turnable(case, None)]
+    study = measured(cases, Path(folder), None, None, None)
+    write_study(study, Path(folder))
+    stepped = [case for case in cases if "duration" in case.run]
+    found = picks(stepped, study)
+    with rc_context(RC):
+        save(accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
+             ROOT / "docs" / "accuracy")
+    (ROOT / "docs" / "accuracy.svg").unlink()
+    text = [head(study), CHOSEN, *summary(found), *table(found), *whys(found),
+            *orders(study), *causes(study)]
+    (ROOT / "docs" / "accuracy.md").write_text("\n".join(text) + "\n", encoding="utf-8")
+
+
+def time_of(case: Case) -> float:
+    """How much time a duration simulates [s]."""
+    return float(np.ptp(grid(case, "duration")))
+
+
+def picks(cases: Sequence[Case], study: Trade) -> list[Pick]:
+    """What `choose` finds of each case, in each engine, for each error."""
+    rows: dict[str, list[Row]] = {case.name: [] for case in cases}
+    verdicts: dict[str, list[Verdict]] = {case.name: [] for case in cases}
+    for row in study.rows:
+        rows.get(row.case, []).append(row)
+    for verdict in study.verdicts:
+        verdicts.get(verdict.case, []).append(verdict)
+    asked = [(case, engine, wanted) for case in cases
+             for engine, wanted in product(("mujoco", "pymunk"), WANTED)
+             if any(row.engine == engine for row in rows[case.name])]
+
+    def one(what: tuple[Case, str, float]) -> Pick:
+        case, engine, wanted = what
+        try:
+            return Pick(case.name, engine, wanted, choose(
+                case, chosen(case, None), rows[case.name], wanted, "position", engine,
+                verdicts[case.name]))
+        except Cannot as why:
+            return Pick(case.name, engine, wanted, None, str(why))
+
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        return list(threads.map(one, asked))
+
+
+def head(study: Trade) -> str:
+    """What was run."""
+    machines = dict.fromkeys(row.machine for row in study.rows if row.machine)
+    return HEAD.format(settings=len(study.rows), cases=len({row.case for row in study.rows}),
+                       runs=sum(len(row.repeats) for row in study.rows),
+                       machine=", ".join(machines))
+
+
+def summary(found: Sequence[Pick]) -> Iterator[str]:
+    """How often, and how much cheaper, engine by engine."""
+    yield ("| engine | error | found | dearest | cheapest | defaults never get there | "
+           "median × | least × | median × where they do |")
+    yield "|---|---|---|---|---|---|---|---|---|"
+    groups: list[tuple[str, str, Callable[[Pick], bool]]] = [
+        (spoken(engine), number(wanted), lambda p, e=engine, w=wanted: (p.engine, p.wanted)
+         == (e, w)) for engine, wanted in product(("mujoco", "pymunk"), WANTED)]
+    for engine, error, own in (*groups, ("both", "both", lambda p: True)):
+        asked = [pick for pick in found if own(pick)]
+        got = [pick for pick in asked if pick.choice]
+        seconds = [pick.choice.row.seconds for pick in got if pick.choice]
+        finite = [pick.choice.ratio for pick in got if pick.choice and pick.choice.ratio > 0]
+        never = sum(pick.never for pick in got)
+        every = [*finite, *[float("inf")] * never]
+        cells = [f"{number(max(seconds))} s", f"{number(min(seconds))} s"] if seconds else ["", ""]
+        middle = median(every) if every else float("nan")
+        yield (f"| {engine} | {error} | {len(got)} of {len(asked)} | {' | '.join(cells)} | {never} "
+               f"| {'never' if middle == float('inf') else number(middle)} "
+               f"| {number(min(every, default=float('nan')))} "
+               f"| {number(median(finite)) if finite else '—'} |")
+    yield ""
+
+
+def table(found: Sequence[Pick]) -> Iterator[str]:
+    """A row a case and engine."""
+    asked = " | ".join(f"setting for {number(wanted)} | s | ×" for wanted in WANTED)
+    yield f"| case | engine | {asked} |"
+    yield "|---|---|" + "---|---|---|" * len(WANTED)
+    last = ""
+    for case, engine in dict.fromkeys((pick.case, pick.engine) for pick in found):
+        cells = [cell for pick in found if (pick.case, pick.engine) == (case, engine)
+                 for cell in told(pick)]
+        yield f"| {case if case != last else ''} | {spoken(engine)} | {' | '.join(cells)} |"
+        last = case
+
+
+def told(pick: Pick) -> tuple[str, str, str]:
+    """Setting, seconds, and how much longer the defaults take."""
+    if not pick.choice:
+        return "cannot", "", ""
+    row, ratio = pick.choice.row, pick.choice.ratio
+    line = row.line.removeprefix("MuJoCo ").removeprefix("pymunk").strip(", ")
+    value = number(1e3 * row.value) + " ms" if row.axis == "timestep" else number(row.value)
+    return (f"{line}, {row.axis.replace('timestep', 'step')} {value}", number(row.seconds, 2),
+            "never" if pick.never else number(ratio, 2))
+
+
+def whys(found: Sequence[Pick]) -> Iterator[str]:
+    """Why there is no setting, case by case."""
+    lost = [pick for pick in found if not pick.choice]
+    if lost:
+        yield "\nCannot, and why:\n"
+        for pick in lost:
+            yield f"- {pick.case}, {spoken(pick.engine)}, {number(pick.wanted)}: {pick.why}."
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,72 @@
+"""Orders and walls of all lines of a study, in tables: what holds everywhere, and what does not."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from statistics import median
+
+from proofmass.report.words import number
+from proofmass.study.orders import WITHIN, off
+from proofmass.study.trade import Trade
+from proofmass.study.verdict import Verdict
+
+ORDERS = """
+## Orders
+
+A line turns one knob, usually the step, from coarse to fine; its order is how its error falls
+before the wall. Of {lines} lines with an expected order, {near} are within {within} of it.
+"""
+WALLS = """
+## Walls
+
+Where a line falls no further, one cause after the other was moved; the error follows what it is
+made of.
+"""
+
+
+def family(line: str) -> str:
+    """A line's name without the step that it is taken at, which differs from case to case.
+
+    >>> family("MuJoCo RK4 at 1 ms, solref")
+    'MuJoCo RK4, solref'
+    """
+    return re.sub(r" at [\d.e-]+ ms", "", line)
+
+
+def orders(study: Trade) -> Iterator[str]:
+    """Observed orders by line and kind of error, and every exception with what moves it."""
+    known = [v for v in study.verdicts if v.expected == v.expected and v.observed == v.observed]
+    odd = [v for v in known if off(v.observed, v.expected)]
+    yield ORDERS.format(lines=len(known), near=len(known) - len(odd), within=WITHIN)
+    yield "| line | error of | lines | expected | least | median | greatest | off |"
+    yield "|---|---|---|---|---|---|---|---|"
+    groups: dict[tuple[str, str, float], list[Verdict]] = {}
+    for v in known:
+        groups.setdefault((family(v.line), v.kind, v.expected), []).append(v)
+    for (line, kind, expected), own in sorted(groups.items()):
+        seen = sorted(v.observed for v in own)
+        yield (f"| {line} | {kind} | {len(own)} | {number(expected)} | {number(seen[0])} "
+               f"| {number(median(seen))} | {number(seen[-1])} "
+               f"| {sum(v in odd for v in own) or ''} |")
+    if odd:
+        yield "\n| exception | line | error of | expected | observed | what moves it there |"
+        yield "|---|---|---|---|---|---|"
+        for v in odd:
+            yield (f"| {v.case} | {v.line} | {v.kind} | {number(v.expected)} "
+                   f"| {number(v.observed)} | {v.remark} |")
+
+
+def causes(study: Trade) -> Iterator[str]:
+    """How often a wall of a line is what, and how high."""
+    yield WALLS
+    yield "| line | error of | it is | lines | lowest | median | highest |"
+    yield "|---|---|---|---|---|---|---|"
+    groups: dict[tuple[str, str, str], list[float]] = {}
+    for v in study.verdicts:
+        if v.wall > 0:
+            groups.setdefault((family(v.line), v.kind, v.cause or "unknown"), []).append(v.wall)
+    for (line, kind, cause), walls in sorted(groups.items()):
+        yield (f"| {line} | {kind} | {cause} | {len(walls)} | {number(min(walls), 2)} "
+               f"| {number(median(walls), 2)} | {number(max(walls), 2)} |")
+    told = Counter(v.cause or "unknown" for v in study.verdicts if v.wall > 0)
+    yield "\nAll together: " + ", ".join(f"{cause} {n}" for cause, n in told.most_common()) + "."

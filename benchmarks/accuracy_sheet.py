@@ -1,0 +1,59 @@
+"""Wall time over error of all cases at once: chosen settings beside the engines' defaults."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from proofmass.report.style import KNOWN
+from proofmass.study.choose import default
+from proofmass.study.row import Row
+from sim.protocol import Array
+
+ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for
+NAMES = {"mujoco": "MuJoCo, cheapest of all settings", "mujoco:default": "MuJoCo, defaults refined",
+         "pymunk": "pymunk, cheapest of all settings", "pymunk:default": "pymunk, defaults refined"}
+
+
+def sheet(rows: Sequence[Row], times: Mapping[str, float]) -> Figure:
+    """One panel an engine: medians over cases, and bands of their middle half."""
+    figure = Figure(figsize=(7.2, 3.3))
+    axes = figure.subplots(1, 2, sharey=True, sharex=True)
+    for ax, engine in zip(axes, ("mujoco", "pymunk"), strict=True):
+        for name in (f"{engine}:default", engine):
+            own = [r for r in rows if r.engine == engine and r.outcome == "ran" and r.seconds > 0
+                   and r.case in times and (name == engine or default(r))]
+            curve(ax, np.array([cheapest([r for r in own if r.case == case], time)
+                                for case, time in times.items()]), name)
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_xlabel("largest error of all positions, share of range")
+        ax.axhline(1.0, color="#333333", linewidth=0.8, linestyle=(0, (1, 2)))
+        ax.legend(loc="upper left", frameon=False, fontsize=7)
+    axes[0].annotate("real time", (ERRORS[0], 1.0), xytext=(2, 2), textcoords="offset points",
+                     fontsize=7)
+    axes[0].invert_xaxis()
+    axes[0].set_ylabel("wall time per simulated time [s/s]")
+    figure.tight_layout()
+    return figure
+
+
+def cheapest(rows: Sequence[Row], time: float) -> Array:
+    """Wall time of the cheapest row that is so close, per simulated time; infinite if none is."""
+    errors = np.array([row.errors.get("position", np.inf) for row in rows])
+    seconds = np.array([row.seconds for row in rows]) / time
+    able = np.where(errors[:, None] <= ERRORS, seconds[:, None], np.inf)
+    return np.asarray(able.min(axis=0, initial=np.inf))
+
+
+def curve(ax: Axes, costs: Array, name: str) -> None:
+    """Median and quartiles over cases (cases, errors); what half of them cannot do is left out."""
+    look = KNOWN[name]
+    low, middle, high = np.quantile(costs, (0.25, 0.5, 0.75), axis=0, method="higher")
+    there = np.isfinite(middle)
+    top = np.where(np.isfinite(high), high, np.nan)
+    ax.fill_between(ERRORS[there], low[there], top[there], color=look.colour, alpha=0.18,
+                    linewidth=0)
+    ax.plot(ERRORS[there], middle[there], color=look.colour, linewidth=1.6,
+            linestyle=look.dash, label=NAMES[name])

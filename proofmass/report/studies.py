@@ -1,0 +1,58 @@
+"""Studies in the report: their pages are written below it, and its pages lead to them."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from proofmass.errors import InputError
+from proofmass.report.diet_page import write_diet
+from proofmass.report.stress_page import write_stress
+from proofmass.report.study import Study, Written
+from proofmass.report.trade_page import write_trade
+
+Write = Callable[[Path, Path, str], Written]
+HOME = "../index.html"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of study: the table by which it is known, and what writes its pages."""
+
+    name: str
+    table: str
+    title: str
+    what: str
+    write: Write
+
+
+KINDS = (
+    Kind("trade", "trade.csv", "What accuracy costs",
+         "errors against wall time, orders, walls and what they are", write_trade),
+    Kind("stress", "stress.csv", "Where it breaks",
+         "boundaries bisected, beside the theory where there is one", write_stress),
+    Kind("diet", "diet.columns.md", "What a scene needs",
+         "features taken out one by one, what that saves and what it changes", write_diet),
+)
+
+
+def written(folders: Iterable[Path], output: Path) -> list[Study]:
+    """Write the pages of studies below a report, from their tables.
+
+    Raises
+    ------
+    InputError
+        There is no study in a folder, or two are of one kind.
+    """
+    found: dict[str, Study] = {}
+    for folder in folders:
+        kind = next((k for k in KINDS if (folder / k.table).is_file()), None)
+        if kind is None:
+            raise InputError(folder, "", "no study is there; proofmass trade, stress and diet "
+                             f"write {', '.join(k.table for k in KINDS)} into theirs")
+        if kind.name in found:
+            raise InputError(folder, "", f"a second {kind.name} study; give one folder of each "
+                             "kind")
+        pages = kind.write(folder, output / kind.name, HOME)
+        links = {name: f"{kind.name}/{link}" for name, link in pages.parts.items()}
+        found[kind.name] = Study(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)
+    return list(found.values())

@@ -1,0 +1,37 @@
+"""A study as the report shows it: links to its pages."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from proofmass.case import Case
+
+
+class Written(NamedTuple):
+    """The pages of a study: the first, and links from there to what it says of each case."""
+
+    first: Path
+    parts: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study as the report shows it.
+
+    Attributes
+    ----------
+    title, what : str
+    page : str
+        Link to its first page, from the report's index.
+    parts : dict of str to str
+        Links to what it says of a case or of a model, by the stems of their files.
+    """
+
+    title: str
+    what: str
+    page: str
+    parts: dict[str, str]
+
+    def of(self, case: Case) -> str:
+        """The link to what it says of a case or of its model; empty if it says nothing."""
+        return self.parts.get(case.name) or self.parts.get(case.model_path.stem, "")

@@ -1,0 +1,112 @@
+"""What became of each feature of a model in a diet, as a table: a row for each channel of each."""
+
+import csv
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+
+from proofmass.errors import InputError
+from proofmass.study.store import write
+from proofmass.study.trial import Cost
+
+Moved = dict[str, dict[str, float]]
+EMPTY = ("",) * 4
+WHOLE = "all of these"
+"""The kind of the last entry: all that goes, taken out together."""
+COLUMNS = {
+    "kind": f"what was taken out; the last rows, {WHOLE}: all that is harmless at once",
+    "feature": "which",
+    "outcome": "harmless: it goes; drawn: it could, but a picture needs it; matters: it changes a "
+               "channel; needed: something else names it; otherwise how the model fails without it",
+    "run": "of the scene: case and run; or the motion from the key",
+    "channel": "of that run",
+    "moved_over_allowed": "largest change of that channel over what it may change [1]",
+    "seconds_before": "wall time of a step of the model as it is, least of some rounds [s]",
+    "seconds_after": "the same without the feature [s]",
+    "bytes_before": "memory of the model and of the state it is stepped with",
+    "bytes_after": "the same without the feature",
+    "message": "why it is needed, or how the model fails",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What became of a feature.
+
+    Attributes
+    ----------
+    kind, name : str
+        What it is, and which.
+    outcome : str
+        harmless: it goes; drawn: it could, but a picture needs it; matters: it changes a channel;
+        needed: something else names it; otherwise how the model fails without it.
+    moved : dict of str to dict of str to float
+        For each run, how far each channel moves, over what it may.
+    message : str
+        Why it is needed, or how the model fails.
+    costs : tuple of two Cost
+        With and without it; none if the model fails.
+    """
+
+    kind: str
+    name: str
+    outcome: str
+    moved: Moved = field(default_factory=dict)
+    message: str = ""
+    costs: tuple[Cost, ...] = ()
+
+    @property
+    def worst(self) -> tuple[str, str, float]:
+        """Run and channel that move most, and how far over what they may."""
+        return max(((run, name, share) for run, shares in self.moved.items()
+                    for name, share in shares.items()), key=lambda w: w[2],
+                   default=("", "", float("nan")))
+
+
+def write_entries(entries: Iterable[Entry], file: Path) -> None:
+    """Write ``NAME.csv``, and beside it what its columns are, ``diet.columns.md``."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for entry in entries:
+        costs = [c.seconds for c in entry.costs] + [c.size for c in entry.costs]
+        moved = [(run, name, str(share)) for run, shares in entry.moved.items()
+                 for name, share in shares.items()]
+        for row in moved or [("", "", "")]:
+            writer.writerow((entry.kind, entry.name, entry.outcome, *row,
+                             *(costs or EMPTY), entry.message))
+    write(file, text.getvalue())
+    lines = [f"- `{name}`: {words}" for name, words in COLUMNS.items()]
+    write(file.with_name("diet.columns.md"), "\n".join(["# Columns of a diet", "", *lines, ""]))
+
+
+def read_entries(file: Path) -> list[Entry]:
+    """The entries that `write_entries` wrote.
+
+    Raises
+    ------
+    InputError
+        It is another table.
+    """
+    with file.open(encoding="utf-8", newline="") as stream:
+        reader = csv.DictReader(stream)
+        if reader.fieldnames != list(COLUMNS):
+            raise InputError(file, "", "not the table of a diet: its columns are not "
+                             f"{', '.join(COLUMNS)}")
+        rows = list(reader)
+    whose = itemgetter("kind", "feature", "outcome", "message")
+    return [entry(list(own)) for _, own in groupby(rows, whose)]
+
+
+def entry(rows: list[dict[str, str]]) -> Entry:
+    """An entry, of its rows."""
+    first, moved = rows[0], dict[str, dict[str, float]]()
+    for row in rows:
+        if row["run"]:
+            moved.setdefault(row["run"], {})[row["channel"]] = float(row["moved_over_allowed"])
+    costs = tuple(Cost(float(first[f"seconds_{when}"]), int(first[f"bytes_{when}"]))
+                  for when in ("before", "after") if first[f"seconds_{when}"])
+    return Entry(first["kind"], first["feature"], first["outcome"], moved, first["message"], costs)
