@@ -8,7 +8,7 @@ folder (reports/trade); what that lacks is run, half an hour if it is all.
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
@@ -25,20 +25,24 @@ from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.report.words import number, spoken
-from proofmass.study.choose import Cannot, Choice, choose
+from proofmass.study.choose import MARGIN, Cannot, Choice, choose
 from proofmass.study.command import measured, turnable
+from proofmass.study.finer import refined
 from proofmass.study.row import Row
+from proofmass.study.run import pool
+from proofmass.study.store import Store
 from proofmass.study.trade import Trade, chosen, write_study
 from proofmass.study.verdict import Verdict
 
 ROOT = Path(__file__).parent.parent
+ENGINES = ("mujoco", "pymunk")
 WANTED = (1e-4, 1e-6)  # of the range of the positions
-GOAL = 10.0
 HEAD = """# How accurate, how fast, how far
 
 `python -m benchmarks.accuracy` made this from `proofmass trade models`: {settings} settings of
-{cases} cases, {runs} timed runs, on {machine}. Errors are the largest of all positions and angles
-over a run, as shares of their ranges. Seconds are of this machine; ratios travel better.
+{cases} cases, {runs} timed runs, on {machine}. Errors are the largest
+of all positions and angles over a run, as shares of their ranges. Seconds are of this machine;
+ratios travel better. How far engines can be turned until they break: [Where it breaks](stress.md).
 
 ![Wall time over error, of all cases](accuracy.png)
 
@@ -78,7 +82,8 @@ def main(folder: str = str(ROOT / "reports" / "trade")) -> None:
     study = measured(cases, Path(folder), None, None, None)
     write_study(study, Path(folder))
     stepped = [case for case in cases if "duration" in case.run]
-    found = picks(stepped, study)
+    rows = refined_rows(stepped, study, Path(folder))
+    found = picks(stepped, rows, study.verdicts)
     with rc_context(RC):
         save(accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
              ROOT / "docs" / "accuracy")
@@ -93,16 +98,23 @@ def time_of(case: Case) -> float:
     return float(np.ptp(grid(case, "duration")))
 
 
-def picks(cases: Sequence[Case], study: Trade) -> list[Pick]:
+def refined_rows(cases: Sequence[Case], study: Trade, folder: Path) -> dict[str, list[Row]]:
+    """Settings of each case, with the finer steps that `choose` asks for."""
+    found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
+    with pool() as workers:
+        for case, engine, wanted in product(cases, ENGINES, WANTED):
+            verdicts = [v for v in study.verdicts if v.case == case.name]
+            found[case.name] = refined(case, chosen(case, None), found[case.name], verdicts,
+                                       "position", wanted / MARGIN, Store(folder / "runs"),
+                                       workers, engine)
+    return found
+
+
+def picks(cases: Sequence[Case], rows: Mapping[str, list[Row]], told: Sequence[Verdict]
+          ) -> list[Pick]:
     """What `choose` finds of each case, in each engine, for each error."""
-    rows: dict[str, list[Row]] = {case.name: [] for case in cases}
-    verdicts: dict[str, list[Verdict]] = {case.name: [] for case in cases}
-    for row in study.rows:
-        rows.get(row.case, []).append(row)
-    for verdict in study.verdicts:
-        verdicts.get(verdict.case, []).append(verdict)
-    asked = [(case, engine, wanted) for case in cases
-             for engine, wanted in product(("mujoco", "pymunk"), WANTED)
+    verdicts = {case.name: [v for v in told if v.case == case.name] for case in cases}
+    asked = [(case, engine, wanted) for case in cases for engine, wanted in product(ENGINES, WANTED)
              if any(row.engine == engine for row in rows[case.name])]
 
     def one(what: tuple[Case, str, float]) -> Pick:
@@ -133,7 +145,7 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|---|---|"
     groups: list[tuple[str, str, Callable[[Pick], bool]]] = [
         (spoken(engine), number(wanted), lambda p, e=engine, w=wanted: (p.engine, p.wanted)
-         == (e, w)) for engine, wanted in product(("mujoco", "pymunk"), WANTED)]
+         == (e, w)) for engine, wanted in product(ENGINES, WANTED)]
     for engine, error, own in (*groups, ("both", "both", lambda p: True)):
         asked = [pick for pick in found if own(pick)]
         got = [pick for pick in asked if pick.choice]

@@ -14,7 +14,12 @@ ORDERS = """
 ## Orders
 
 A line turns one knob, usually the step, from coarse to fine; its order is how its error falls
-before the wall. Of {lines} lines with an expected order, {near} are within {within} of it.
+before the wall, where two refinements in turn show the same. Of {lines} lines that show an order,
+{near} are within {within} of the one that theory expects (`proofmass/study/orders.py`). {mute} more
+show none: they come to their wall, or to an end, in fewer refinements, or are still bending.
+"""
+ODD = """
+The others, and what their error follows where they end: one cause after the other was moved there.
 """
 WALLS = """
 ## Walls
@@ -37,7 +42,8 @@ def orders(study: Trade) -> Iterator[str]:
     """Observed orders by line and kind of error, and every exception with what moves it."""
     known = [v for v in study.verdicts if v.expected == v.expected and v.observed == v.observed]
     odd = [v for v in known if off(v.observed, v.expected)]
-    yield ORDERS.format(lines=len(known), near=len(known) - len(odd), within=WITHIN)
+    mute = sum(v.expected == v.expected and v.observed != v.observed for v in study.verdicts)
+    yield ORDERS.format(lines=len(known), near=len(known) - len(odd), within=WITHIN, mute=mute)
     yield "| line | error of | lines | expected | least | median | greatest | off |"
     yield "|---|---|---|---|---|---|---|---|"
     groups: dict[tuple[str, str, float], list[Verdict]] = {}
@@ -49,11 +55,12 @@ def orders(study: Trade) -> Iterator[str]:
                f"| {number(median(seen))} | {number(seen[-1])} "
                f"| {sum(v in odd for v in own) or ''} |")
     if odd:
-        yield "\n| exception | line | error of | expected | observed | what moves it there |"
+        yield ODD
+        yield "| case | line | error of | expected | observed | it follows |"
         yield "|---|---|---|---|---|---|"
         for v in odd:
             yield (f"| {v.case} | {v.line} | {v.kind} | {number(v.expected)} "
-                   f"| {number(v.observed)} | {v.remark} |")
+                   f"| {number(v.observed)} | {v.remark.partition(': ')[0]} |")
 
 
 def causes(study: Trade) -> Iterator[str]:

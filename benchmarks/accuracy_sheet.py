@@ -30,10 +30,11 @@ def sheet(rows: Sequence[Row], times: Mapping[str, float]) -> Figure:
         ax.set_yscale("log")
         ax.set_xlabel("largest error of all positions, share of range")
         ax.axhline(1.0, color="#333333", linewidth=0.8, linestyle=(0, (1, 2)))
+        ax.set_ylim(1e-4, 30.0)
         ax.legend(loc="upper left", frameon=False, fontsize=7)
-    axes[0].annotate("real time", (ERRORS[0], 1.0), xytext=(2, 2), textcoords="offset points",
-                     fontsize=7)
-    axes[0].invert_xaxis()
+        ax.annotate("as long as what it simulates", (ERRORS[-1], 1.0), xytext=(0, -3), fontsize=7,
+                    textcoords="offset points", ha="right", va="top")
+    axes[0].set_xlim(ERRORS[0] * 1.5, ERRORS[-1] / 1.5)
     axes[0].set_ylabel("wall time per simulated time [s/s]")
     figure.tight_layout()
     return figure

@@ -20,7 +20,7 @@ from proofmass.study.snippet import pasted, snippet
 from proofmass.study.verify import PART, fresh, shifted, state_at
 from sim.mujoco_model import configure
 from sim.protocol import Unsupported
-from tests.trade_rows import line, study, verdict
+from tests.trade_rows import line, study
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -96,11 +96,12 @@ def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scal
     plain = line("plain", order=order, scale=scale, defaults=True)
     assert plain[-1].errors["position"] == pytest.approx(6.25e-6)
     tuned = line("tuned", cost=1e-6)
-    told = next(v for v in verdict("plain", order) if v.kind == "position")
-    found = chosen(fourbar, [*plain, *tuned], 1e-6, verdicts=[replace(told, observed=order)])
+    found = chosen(fourbar, [*plain, *tuned], 1e-6)
     cost = 12.5 ** (1 / order) * plain[-1].seconds
     assert found.ratio == pytest.approx(cost / found.row.seconds)
-    assert np.isnan(chosen(fourbar, [*plain, *tuned], 1e-6).ratio)  # no order: no guess
+    assert np.isnan(chosen(fourbar, [plain[-1], *tuned], 1e-6).ratio)  # no order: no guess
+    risen = [replace(plain[-2], errors={"position": 1e-6}), plain[-1]]
+    assert np.isnan(chosen(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
 
 
 def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:

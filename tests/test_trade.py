@@ -12,7 +12,7 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.study import axes, trade
 from proofmass.study.axes import SIZE, Line, lines
-from proofmass.study.line import Track, level, observed, wall
+from proofmass.study.line import Track, deep, level, observed, wall
 from proofmass.study.orders import WITHIN, expected, off
 from proofmass.study.row import Row
 from proofmass.study.setting import Setting
@@ -74,6 +74,32 @@ def test_a_line_ends_at_its_wall_at_its_budget_and_after_a_run_without_end():
     assert tracked([], outcomes=["timed out"]).done(1.0)
     assert not tracked([], outcomes=["diverged"]).done(1.0), "a smaller step may be stable"
     assert tracked([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
+
+
+def test_runs_that_are_lost_at_finer_steps_are_a_wall():
+    lost = tracked([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
+    points = lost.points("rate")
+    assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
+    assert level(points) == 1e-4
+    assert points[deep(points)][1] == 1e-4, "what is moved there must have an error"
+    assert lost.done(1.0)
+    assert np.isnan(observed(points))
+
+
+def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
+    coarse = tracked([0.5, 3.0, 1e-2, 1e-3, 1e-4])
+    coarse.rows[1] = replace(coarse.rows[1], outcome="diverged", errors={})
+    assert [error for _, error in coarse.points("rate")] == [1e-2, 1e-3, 1e-4]
+    risen = tracked([1e-2, 1e-3, 7.0, 9.0])  # finer steps that are far off again are not coarse
+    assert [error for _, error in risen.points("rate")] == [1e-2, 1e-3, 7.0, 9.0]
+    assert level(risen.points("rate")) == 1e-3
+
+
+def test_a_slope_that_changes_is_no_order():
+    slopes = 0.5 * np.arange(8)
+    errors = 0.05 / 2 ** np.cumsum(slopes)
+    assert np.isnan(observed(list(zip(0.1 / 2 ** np.arange(8), errors, strict=True))))
+    assert np.isnan(observed(falling(2.0, count=2))), "one refinement shows no constancy"
 
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])

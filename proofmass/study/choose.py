@@ -8,6 +8,7 @@ from textwrap import fill, indent
 from proofmass.case import Case
 from proofmass.report.words import number
 from proofmass.strict import Kind
+from proofmass.study.line import FALLS, order
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Setting
 from proofmass.study.snippet import snippet
@@ -164,13 +165,14 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
     if wall := wall_at(row, of, verdicts):
         return f"the engine's defaults never get there: {spoken(wall)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
-    order = next((v.observed for v in verdicts if v.observed > 0
-                  and (v.engine, v.line, v.kind) == (row.engine, row.line, of)), NAN)
-    more = (MARGIN * row.errors[of] / wanted) ** (1 / order)  # as many steps
-    ratio = more * row.seconds / chosen.seconds
-    if not isfinite(ratio):
+    before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
+                 default=None)
+    falls = order(*((one.value, one.errors[of]) for one in (before, row))) if before else NAN
+    if not falls > FALLS:
         return short, NAN
-    return (f"{short}; of order {number(order, 2)} they would take {number(more * row.seconds, 2)} "
+    more = (MARGIN * row.errors[of] / wanted) ** (1 / falls)  # as many steps
+    ratio = more * row.seconds / chosen.seconds
+    return (f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
             f"s, {number(ratio, 2)} times as long"), ratio
 
 

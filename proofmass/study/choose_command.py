@@ -9,9 +9,12 @@ from proofmass.case import Case
 from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
 from proofmass.strict import Kind
-from proofmass.study.choose import Cannot, choose, printed
+from proofmass.study.choose import MARGIN, Cannot, choose, printed
 from proofmass.study.command import Errors, Runs, measured, named, turnable
+from proofmass.study.finer import refined
 from proofmass.study.row import Row
+from proofmass.study.run import pool
+from proofmass.study.store import Store
 from proofmass.study.trade import chosen
 
 
@@ -31,6 +34,8 @@ def choose_command(
     """Print the cheapest measured setting whose error is as small as is asked for, to paste.
 
     Its measured error must be half of that, and it is run again, from a shifted start as well.
+    Where the study's steps end above that, or a finer one promises to be cheaper, finer ones are
+    measured.
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
     with answering(f"{output} keeps the runs"):
@@ -44,8 +49,11 @@ def choose_command(
             raise typer.Exit(1)
         study = measured([case], output, jobs, dask, kind)
         there(study.rows, of.value)
+        with pool(jobs, dask) as workers, errors.status("looking for finer steps"):
+            rows = refined(case, kind, study.rows, study.verdicts, of.value, error / MARGIN,
+                           Store(output / "runs"), workers, solver)
         try:
-            choice = choose(case, kind, study.rows, error, of.value, solver, study.verdicts)
+            choice = choose(case, kind, rows, error, of.value, solver, study.verdicts)
         except Cannot as why:
             errors.print(f"{case.name}: {why}", markup=False)
             raise typer.Exit(1) from None

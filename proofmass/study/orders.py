@@ -9,18 +9,23 @@ of the open loop's acceleration that it lets through (`solimp`), and the derivat
     softness of a loop              (1 - d) tau^2; after a jolt (1 - d) tau^(2-j) as well
     semi-implicit in a loop         with kappa = J' v in q'' = - b q' - k q - kappa, b = 2/tau and
                                     k = 1/tau^2, it settles h tau kappa off, its rate h kappa / 2;
-                                    after a jolt h tau^(1-j) as well; accelerations h, h tau else
+                                    accelerations h, h tau; after a jolt h tau^(1-j) as well, until
+                                    it has died away, as exp(-t / tau)
     RK4 in a loop                   (h / tau)^4 tau^(2-j), beside its softness
     Chipmunk without bias           h^2: positions advance with the old velocity, a leapfrog
     with a bias of time constant T  h T; accelerations, differences of rates of which few iterations
                                     leave an error of h, may keep an error of h^0
     rod as a chain of n segments    n^-2; n^-1 with the naive springs
 
+A recorded reference is not asked at the state that the drives really had: it sees what the
+integrator does without a loop as well.
+
 A jolt is a start under load or in motion, from loops that are neither strained nor moving.
 """
 
 from proofmass.case import Case
-from proofmass.reference import compiled, grid, laws
+from proofmass.recorded import Recorded
+from proofmass.reference import compiled, grid, laws, module_of
 from proofmass.strict import Kind
 from proofmass.study.axes import Line
 
@@ -59,13 +64,14 @@ def in_pymunk(line: Line, j: int) -> tuple[float, ...]:
 def in_mujoco(case: Case, line: Line, j: int) -> tuple[float, ...]:
     """Of the step in MuJoCo."""
     fourth = line.settings[0].knobs["integrator"] == "RK4"
-    own = (4.0,) if fourth else (1.0, 2.0) if j == 1 and not case.drive else (1.0,)
+    held_to_drive = bool(case.drive) and not isinstance(module_of(case), Recorded)
+    own = (4.0,) if fourth else (1.0, 2.0) if j == 1 and not held_to_drive else (1.0,)
     if not (compiled(case).neq and line.scaled):
         return own
     if fourth:
         return tuple(dict.fromkeys((2.0 - j, 2.0)))
-    held = {0: (2.0,), 1: (1.0,), 2: (0.0,) if jolted(case) else (1.0, 2.0)}[j]
-    return held if case.drive else (*own, *softness(case, j))
+    held = {0: (2.0,), 1: (1.0,), 2: (1.0, 2.0, 0.0) if jolted(case) else (1.0, 2.0)}[j]
+    return held if held_to_drive else (*own, *softness(case, j))
 
 
 def softness(case: Case, j: int) -> tuple[float, ...]:

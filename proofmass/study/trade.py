@@ -19,7 +19,7 @@ from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.strict import Kind
 from proofmass.study.axes import Line, leading, lines
-from proofmass.study.line import Track, clear, level, observed, wall
+from proofmass.study.line import Track, clear, deep, level, observed
 from proofmass.study.measure import Task
 from proofmass.study.orders import expected, nearest, off
 from proofmass.study.row import Row
@@ -67,11 +67,11 @@ class Lane:
         return seen, nearest(wanted, seen)
 
     def places(self, kind: str) -> tuple[int | None, int | None]:
-        """The numbers of two settings that ask for their causes: two refinements after a wall
-        began, and the finest before it of a line with another order than expected."""
+        """The numbers of two settings that ask for their causes: one well in the wall, and
+        the finest before it of a line with another order than expected."""
         points = self.track.points(kind)
-        k = wall(points)
-        return (None if k is None else self.track.place(points[k + 2][0]),
+        k = deep(points)
+        return (None if k is None else self.track.place(points[k][0]),
                 self.track.place(clear(points)[-1][0]) if off(*self.orders(kind)) else None)
 
     def task(self, k: int) -> Task:
