@@ -32,8 +32,8 @@ def sheet(rows: Sequence[Row], times: Mapping[str, float]) -> Figure:
         ax.axhline(1.0, color="#333333", linewidth=0.8, linestyle=(0, (1, 2)))
         ax.set_ylim(1e-4, 30.0)
         ax.legend(loc="upper left", frameon=False, fontsize=7)
-        ax.annotate("as long as what it simulates", (ERRORS[-1], 1.0), xytext=(0, -3), fontsize=7,
-                    textcoords="offset points", ha="right", va="top")
+        ax.annotate("as long as what it simulates", (ERRORS[0], 1.0), xytext=(0, -3), fontsize=7,
+                    textcoords="offset points", ha="left", va="top")
     axes[0].set_xlim(ERRORS[0] * 1.5, ERRORS[-1] / 1.5)
     axes[0].set_ylabel("wall time per simulated time [s/s]")
     figure.tight_layout()

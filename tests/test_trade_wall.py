@@ -1,5 +1,6 @@
 """Walls whose causes are known: each is found when it is put there, and by no other name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -134,7 +135,31 @@ def test_the_largest_of_several_causes_is_the_wall_s():
 
 def test_a_lost_run_is_told_and_moves_nothing():
     found = [(probe("softness"), row(0.0, "diverged"))]
-    assert judge(1.0, found, "rate") == ("unknown", "moving softness: diverged")
+    assert judge(1.0, found, "rate") == ("softness, finer is lost", "moving softness: diverged")
+    assert judge(1.0, [*found, (probe("step"), row(0.5))], "rate")[0] == "step"
+    away = [(probe("softness", better=False), row(0.0, "diverged"))]
+    assert judge(1.0, away, "rate") == ("unknown", "moving softness: diverged")
+
+
+def test_a_cause_that_is_moved_twice_has_its_larger_effect():
+    for found in ([0.5, 1.0], [1.0, 0.5]):
+        moves = [(probe("bias"), row(error)) for error in found]
+        assert judge(1.0, moves, "rate")[0] == "bias"
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
+    """Of first order, both tell the same share of the error."""
+    half, whole = probe("bias"), replace(probe("bias"), whole=True)
+    assert gain(half, 1 / (1 - share / 2)) == pytest.approx(gain(whole, 1 / (1 - share)))
+
+
+def test_a_bias_that_is_gone_leaves_no_probe_of_it():
+    biased = {p.move: p.setting.knobs["error_bias"] for p in probes(
+        FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5})) if "bias" in p.cause}
+    assert list(biased.values()) == [0.25, 0.0]
+    assert not [p for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}))
+                if "bias" in p.cause]
 
 
 def test_mujoco_is_asked_for_nothing_harder_than_it_takes():

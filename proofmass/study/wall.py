@@ -37,6 +37,8 @@ class Probe:
     better : bool or None
         Whether it was moved to where less error is expected, or away from there because it can go
         no further; None if the error may go either way.
+    whole : bool
+        Whether it was taken away, and not only halved.
     """
 
     cause: str
@@ -44,6 +46,7 @@ class Probe:
     case: Case
     setting: Setting
     better: bool | None = True
+    whole: bool = False
 
 
 def probes(case: Case, run: Kind, setting: Setting) -> list[Probe]:
@@ -90,6 +93,9 @@ def in_pymunk(case: Case, setting: Setting) -> Iterator[Probe]:
     if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
         yield Probe("bias of the loops", "halving its time constant", case,
                     setting.but(error_bias=bias**2))
+        enough = max(known.get("iterations", 0), MOST // 4)  # fewer need it, or loops fall apart
+        yield Probe("bias of the loops", f"taking it away, with {enough} iterations", case,
+                    setting.but(error_bias=0.0, iterations=enough), whole=True)
     more = 4 * known.get("iterations", 10 if own else MOST // 4)
     yield Probe("the solver's iterations", f"{more} iterations", case,
                 setting.but(iterations=more))
@@ -143,18 +149,19 @@ def judge(error: float, found: Sequence[tuple[Probe, Row]], kind: str) -> tuple[
     cause, evidence : str
     """
     gains: dict[str, float] = {}
-    words = []
+    words, lost = [], list[str]()
     for probe, row in found:
         moved = row.errors.get(kind, NAN)
         if row.outcome != "ran" or not moved > 0:
             words.append(f"{probe.move}: {row.outcome}")
+            lost += [f"{probe.cause}, finer is lost"] if probe.better else []
             continue
-        gains[probe.cause] = gain(probe, error / moved)
+        gains[probe.cause] = max(gain(probe, error / moved), gains.get(probe.cause, 0.0))
         words.append(f"{probe.move} {factor(error / moved)}")
     cause = max(gains, key=lambda name: gains[name], default=UNKNOWN)
     if gains.get(cause, 1.0) < MOVES:
         finer = gains.get("time step", 1.0)
-        cause = "rounding" if finer < 1 / MOVES else UNKNOWN
+        cause = "rounding" if finer < 1 / MOVES else next(iter(lost), UNKNOWN)
     return cause, "; ".join(words)
 
 
@@ -162,6 +169,8 @@ def gain(probe: Probe, ratio: float) -> float:
     """How much better the error is, or how much worse where a cause was moved away."""
     if probe.better is None:
         return max(ratio, 1 / ratio)
+    if probe.whole:  # it had a share 1 - 1/ratio, whose half would have given this
+        return 2 / (1 + 1 / ratio)
     return ratio if probe.better else 1 / ratio
 
 
