@@ -24,7 +24,6 @@ from proofmass.case import Case, load_case
 from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.report.words import number, spoken
 from proofmass.study.choose import MARGIN, Cannot, Choice, choose
 from proofmass.study.command import measured, turnable
 from proofmass.study.finer import refined
@@ -33,6 +32,8 @@ from proofmass.study.run import pool
 from proofmass.study.store import Store
 from proofmass.study.trade import Trade, chosen, write_study
 from proofmass.study.verdict import Verdict
+from proofmass.study.words import brief
+from proofmass.wording import number, spoken
 
 ROOT = Path(__file__).parent.parent
 ENGINES = ("mujoco", "pymunk")
@@ -180,10 +181,7 @@ def told(pick: Pick) -> tuple[str, str, str]:
     if not pick.choice:
         return "cannot", "", ""
     row, ratio = pick.choice.row, pick.choice.ratio
-    line = row.line.removeprefix("MuJoCo ").removeprefix("pymunk").strip(", ")
-    value = number(1e3 * row.value) + " ms" if row.axis == "timestep" else number(row.value)
-    return (f"{line}, {row.axis.replace('timestep', 'step')} {value}", number(row.seconds, 2),
-            "never" if pick.never else number(ratio, 2))
+    return (brief(row), number(row.seconds, 2), "never" if pick.never else number(ratio, 2))
 
 
 def whys(found: Sequence[Pick]) -> Iterator[str]:

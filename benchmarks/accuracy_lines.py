@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Iterator
 from statistics import median
 
-from proofmass.report.words import number
 from proofmass.study.orders import WITHIN, off
 from proofmass.study.trade import Trade
 from proofmass.study.verdict import Verdict
+from proofmass.wording import number
 
 ORDERS = """
 ## Orders

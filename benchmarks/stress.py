@@ -16,7 +16,6 @@ from proofmass.case import load_case
 from proofmass.report.figures import save
 from proofmass.report.stress_sheet import NEAR, stress_sheet
 from proofmass.report.style import RC
-from proofmass.report.words import number
 from proofmass.study.boundary import Boundary
 from proofmass.study.extremes import extremes
 from proofmass.study.proven import probes
@@ -24,6 +23,7 @@ from proofmass.study.run import pool
 from proofmass.study.store import Store
 from proofmass.study.stress import kept, stress, write_boundaries
 from proofmass.study.stress_command import reached
+from proofmass.wording import number
 
 ROOT = Path(__file__).parent.parent
 CASES = ("fourbar", "slider_crank", "double_rocker", "pendulum", "balancer_sine", "rod_cantilever")

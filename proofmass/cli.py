@@ -85,7 +85,7 @@ def report_command(
     """
     from proofmass.report import write_report, written  # matplotlib is slow to load
 
-    with answering("nothing is kept"):
+    with answering(f"{output} is not complete"), errors.status("drawing studies"):
         studies = written(study or [], output)
     result = examine(paths, jobs)
     with errors.status("drawing"):

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from analytic.chart import Chart, Field
 from proofmass.report.data import readable
 from proofmass.report.view_sheet import INK
-from proofmass.report.words import pretty
+from proofmass.wording import pretty
 from sim.protocol import Array
 
 ZERO: dict[str, Any] = {"color": INK, "linewidth": 1.8}

@@ -16,7 +16,7 @@ from proofmass.report.chart_field import ZERO, contours, filled
 from proofmass.report.chart_line import PLAIN, drawn, dressed, tones
 from proofmass.report.data import readable
 from proofmass.report.style import Look
-from proofmass.report.words import pretty
+from proofmass.wording import pretty
 from sim.protocol import Array
 
 WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side

@@ -15,8 +15,8 @@ from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
-from proofmass.report.words import number
 from proofmass.study.diet_table import WHOLE, Entry, read_entries
+from proofmass.wording import number
 
 RANK = {"harmless": 0, "drawn": 1, "matters": 2}
 CAPTION = ("What the model can be run without. Left: the channel that moves most, over what it may "

@@ -15,7 +15,7 @@ from PIL import Image
 from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin, ways
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
-from proofmass.report.words import number, pretty
+from proofmass.wording import number, pretty
 from sim.protocol import Array
 
 FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn

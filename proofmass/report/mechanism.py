@@ -14,7 +14,7 @@ from proofmass.reference import compiled
 from proofmass.report.data import joint_type
 from proofmass.report.labels import Label, place
 from proofmass.report.poses import clearest
-from proofmass.report.words import number
+from proofmass.wording import number
 from sim.picture import Picture
 from sim.protocol import Array
 

@@ -28,7 +28,8 @@ from proofmass.report.study import Study
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
-from proofmass.report.words import LOST, SYMBOLS, from_model, headline, number, spoken
+from proofmass.report.words import LOST, SYMBOLS, from_model, headline
+from proofmass.wording import number, spoken
 
 PACKAGES = ("proofmass", "mujoco", "pymunk", "numpy", "scipy")
 HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",

@@ -15,7 +15,7 @@ from proofmass.report.data import Shown
 from proofmass.report.figures import FLOOR, PAPER, decades
 from proofmass.report.refinements import channels
 from proofmass.report.style import Look
-from proofmass.report.words import number, pretty
+from proofmass.wording import number, pretty
 
 INK = "#333333"
 WIDE, HIGH, HEAD = 2.6, 2.2, 0.42  # [inch] a panel with its labels, and the legend above

@@ -8,7 +8,8 @@ from proofmass.compare import Comparison
 from proofmass.refine import Refine
 from proofmass.refined import Row, limit, order
 from proofmass.report.data import Shown
-from proofmass.report.words import SYMBOLS, number, pretty
+from proofmass.report.words import SYMBOLS
+from proofmass.wording import number, pretty
 
 
 @dataclass(frozen=True)

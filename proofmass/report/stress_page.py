@@ -16,9 +16,9 @@ from proofmass.report.stress_sheet import NEAR, stress_sheet
 from proofmass.report.study import Written
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
-from proofmass.report.words import number, pretty, spoken
 from proofmass.study.boundary import Boundary
 from proofmass.study.stress import read_boundaries
+from proofmass.wording import number, pretty, spoken
 
 THEORY = "Small models whose limits theory knows"
 CAPTION = ("Bars: as far as each knob was turned until the run was lost; black ticks: where theory "

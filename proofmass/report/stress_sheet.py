@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from proofmass.report.style import KNOWN
-from proofmass.report.words import number
 from proofmass.study.boundary import Boundary
+from proofmass.wording import number
 
 INK = "#333333"
 HATCH = {"mujoco": "", "pymunk": "////"}

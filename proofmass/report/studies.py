@@ -43,16 +43,21 @@ def written(folders: Iterable[Path], output: Path) -> list[Study]:
     InputError
         There is no study in a folder, or two are of one kind.
     """
-    found: dict[str, Study] = {}
+    asked: dict[str, tuple[Kind, Path]] = {}
     for folder in folders:
         kind = next((k for k in KINDS if (folder / k.table).is_file()), None)
         if kind is None:
             raise InputError(folder, "", "no study is there; proofmass trade, stress and diet "
                              f"write {', '.join(k.table for k in KINDS)} into theirs")
-        if kind.name in found:
+        if kind.name in asked:
             raise InputError(folder, "", f"a second {kind.name} study; give one folder of each "
                              "kind")
-        pages = kind.write(folder, output / kind.name, HOME)
-        links = {name: f"{kind.name}/{link}" for name, link in pages.parts.items()}
-        found[kind.name] = Study(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)
-    return list(found.values())
+        asked[kind.name] = kind, folder
+    return [one(kind, folder, output) for kind, folder in asked.values()]
+
+
+def one(kind: Kind, folder: Path, output: Path) -> Study:
+    """Write the pages of one study."""
+    pages = kind.write(folder, output / kind.name, HOME)
+    links = {name: f"{kind.name}/{link}" for name, link in pages.parts.items()}
+    return Study(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)

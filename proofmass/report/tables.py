@@ -10,8 +10,9 @@ from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.reference import facts
 from proofmass.report.data import Shown
-from proofmass.report.words import LOST, SYMBOLS, listed, number, pretty
+from proofmass.report.words import LOST, SYMBOLS
 from proofmass.sidecar import Tolerance
+from proofmass.wording import listed, number, pretty
 
 NAN = float("nan")
 

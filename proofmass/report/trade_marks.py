@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from proofmass.report.style import Look
-from proofmass.report.words import number
 from proofmass.study.row import Row
 from proofmass.study.verdict import Verdict
+from proofmass.wording import number
 
 INK, PALE = "#333333", "#888888"
 NEAR = 9.0  # [pt] ends of lines that are no further apart have their letters in one place

@@ -18,13 +18,14 @@ from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.report.trade_marks import letter, name_of
 from proofmass.report.trade_sheet import axis_of, dressed, good, trade_sheet, turn_sheet
-from proofmass.report.words import number, spoken
-from proofmass.study.choose import MARGIN, beside, best, enough, told
+from proofmass.study.choose import MARGIN, beside, best, enough
 from proofmass.study.orders import off
 from proofmass.study.row import KINDS, Row
 from proofmass.study.table import read_table
 from proofmass.study.trade import read_verdicts
 from proofmass.study.verdict import Verdict
+from proofmass.study.words import brief, told
+from proofmass.wording import number, spoken
 
 ASKED = (1e-4, 1e-6)  # of the range: errors that the words speak of
 FILES = ("trade.csv", "trade.columns.md", "walls.csv", "verdicts.json")
@@ -65,8 +66,8 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
     parts = [part(list(own), verdicts, output) for _, own in groupby(
         sorted(rows, key=place), key=place)]
     env = environment()
-    shared = {"about": about(), "files": files, "margin": MARGIN, "style": {},
-              "home": home}
+    shared = {"about": about(), "asked": [number(wanted) for wanted in ASKED], "files": files,
+              "margin": MARGIN, "style": {}, "home": home}
     for one in parts:
         text = env.get_template("trade.html").render(parts=[one], index=False, **shared)
         (output / one["page"]).write_text(text, encoding="utf-8")
@@ -87,6 +88,7 @@ def part(rows: Sequence[Row], verdicts: Iterable[Verdict], output: Path) -> dict
     own = [v for v in verdicts if (v.case, v.run) == (case, run)]
     stem = f"{slug(case)}-{run}-trade"
     return {"case": case, "run": run, "page": f"{stem}.html", "advice": advice(rows, own),
+            "prices": list(prices(rows, own)),
             "figures": list(figures(rows, own, output / "figures" / stem)),
             "lines": list(lines(rows, own)), "walls": list(walls(rows, own)),
             "kinds": kinds(rows), "measured": measured(rows)}
@@ -135,6 +137,24 @@ def use(rows: Sequence[Row], engine: str, kind: str, wanted: float, verdicts: Se
     return row.seconds, (f"{told(row)}: {number(row.errors[kind], 2)} off in "
                          f"{number(row.seconds, 2)} s; "
                          f"{beside(rows, row, kind, wanted, verdicts)[0]}")
+
+
+def prices(rows: Sequence[Row], verdicts: Sequence[Verdict]) -> Iterator[list[str]]:
+    """For each engine, and each error of the first kind that is asked: what to use, its wall time
+    [s], and how many times as long the engine's defaults take."""
+    kind = next(iter(kinds(rows)), "")
+    for engine in dict.fromkeys(row.engine for row in rows):
+        own = [row for row in rows if row.engine == engine]
+        cells = [spoken(engine)]
+        for wanted in ASKED:
+            if not (able := enough(own, kind, wanted)):
+                cells += ["cannot", "", ""]
+                continue
+            said, ratio = beside(own, able[0], kind, wanted, verdicts)
+            never = "never get there" in said
+            cells += [brief(able[0]), number(able[0].seconds, 2),
+                      "never" if never else number(ratio, 2)]
+        yield cells
 
 
 def lines(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, Any]]:

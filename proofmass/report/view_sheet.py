@@ -16,7 +16,7 @@ from proofmass.report.data import readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.report.views import Viewed, spread, unit_of
-from proofmass.report.words import number, pretty
+from proofmass.wording import number, pretty
 from sim.protocol import Array
 
 INK = "#1b1f24"

@@ -6,9 +6,9 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.report.data import Shown, readable, ways
-from proofmass.report.words import listed, number, pretty
 from proofmass.seen import Seen, seen
 from proofmass.view import View
+from proofmass.wording import listed, number, pretty
 from sim.protocol import Array
 
 

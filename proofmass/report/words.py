@@ -1,4 +1,4 @@
-"""The sentences and numbers of the report."""
+"""The sentences of the report."""
 
 import inspect
 import math
@@ -9,58 +9,11 @@ from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
+from proofmass.wording import listed, number, spoken
 
 LOST = ("diverged", "crashed", "timed out")
 SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
            "diverged": "⚠", "crashed": "⚠", "timed out": "⚠"}
-ENGINES = {"mujoco": "MuJoCo"}
-
-
-def number(value: float, digits: int = 3) -> str:
-    """A number to `digits` significant digits; a dash for what is not a number.
-
-    >>> number(1.2345e-05), number(361.0), number(0), number(float("nan"))
-    ('1.23e-5', '361', '0', '—')
-    """
-    if not math.isfinite(value):
-        return "—" if math.isnan(value) else ("∞" if value > 0 else "-∞")
-    if value and not 1e-2 <= abs(value) < 1e5:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-        return f"{mantissa}e{int(exponent)}"
-    whole = len(str(int(abs(value))))
-    return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
-
-
-def pretty(unit: str) -> str:
-    """A unit as it is printed.
-
-    >>> pretty("rad/s^2"), pretty("N m")
-    ('rad/s²', 'N·m')
-    """
-    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
-
-
-def spoken(solver: str) -> str:
-    """A solver's name in a sentence.
-
-    >>> spoken("mujoco:default")
-    'MuJoCo default'
-    """
-    engine, _, variant = solver.partition(":")
-    return f"{ENGINES.get(engine, engine)} {variant}".strip()
-
-
-def listed(words: Iterable[str]) -> str:
-    """Words as a list in a sentence, shortened when it is long.
-
-    >>> listed("abc"), listed("abcdef")
-    ('a, b and c', 'a, b, c and 3 more')
-    """
-    words = list(words)
-    if len(words) > 4:
-        words = [*words[:3], f"{len(words) - 3} more"]
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:

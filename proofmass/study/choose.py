@@ -6,7 +6,6 @@ from math import isfinite
 from textwrap import fill, indent
 
 from proofmass.case import Case
-from proofmass.report.words import number
 from proofmass.strict import Kind
 from proofmass.study.line import FALLS, order
 from proofmass.study.row import NAN, Row
@@ -14,6 +13,8 @@ from proofmass.study.setting import Setting
 from proofmass.study.snippet import snippet
 from proofmass.study.verdict import Verdict
 from proofmass.study.verify import LOST, error_of, fresh, shifted
+from proofmass.study.words import cost, off, told, walled
+from proofmass.wording import number
 from sim.mujoco_model import ENGINE_DEFAULTS
 from sim.protocol import Unsupported
 
@@ -145,7 +146,7 @@ def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict
              f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}")
     if not (wall := wall_at(row, of, verdicts)):
         return f"{short}, at no wall, but no finer one was measured",
-    return f"{short}: {spoken(wall)}", wall.evidence
+    return f"{short}: {walled(wall)}", wall.evidence
 
 
 def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: Iterable[Verdict]
@@ -163,7 +164,7 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
                 f"error, {cost(good[0])}"), ratio
     row = min(plain, key=lambda row: row.errors[of])
     if wall := wall_at(row, of, verdicts):
-        return f"the engine's defaults never get there: {spoken(wall)}", NAN
+        return f"the engine's defaults never get there: {walled(wall)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
     before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
                  default=None)
@@ -174,11 +175,6 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
     ratio = more * row.seconds / chosen.seconds
     return (f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
             f"s, {number(ratio, 2)} times as long"), ratio
-
-
-def off(row: Row, of: str) -> str:
-    """How large an error is."""
-    return f"{number(row.errors[of], 2)} off"
 
 
 def default(row: Row) -> bool:
@@ -195,22 +191,6 @@ def wall_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
             and (v.line == row.line or v.wall < ALIKE * row.errors[of])]
     return min(near, key=lambda v: (v.line != row.line, abs(v.wall - row.errors[of])),
                default=None)
-
-
-def spoken(verdict: Verdict) -> str:
-    """A wall in words."""
-    return f"the wall is {number(verdict.wall, 2)}, {verdict.cause}"
-
-
-def told(row: Row) -> str:
-    """A setting in words."""
-    value = f"{number(row.value)} s" if row.axis == "timestep" else number(row.value)
-    return f"{row.line}, {row.axis} {value}"
-
-
-def cost(row: Row) -> str:
-    """What a setting costs, and its place on its line."""
-    return f"{number(row.seconds, 2)} s at {row.axis} {number(row.value)}"
 
 
 def words(choice: Choice, case: Case) -> list[str]:

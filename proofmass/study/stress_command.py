@@ -10,7 +10,6 @@ from proofmass.case import load_case
 from proofmass.check import collect
 from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
-from proofmass.report.words import number
 from proofmass.study.boundary import Boundary
 from proofmass.study.extremes import extremes
 from proofmass.study.proven import probes
@@ -18,6 +17,7 @@ from proofmass.study.run import pool
 from proofmass.study.store import Store
 from proofmass.study.stress import kept, stress, write_boundaries
 from proofmass.terminal import console
+from proofmass.wording import number
 
 
 def stress_command(

@@ -1,0 +1,36 @@
+"""Rows and walls in words."""
+
+from proofmass.study.row import Row
+from proofmass.study.verdict import Verdict
+from proofmass.wording import number, spoken
+
+
+def told(row: Row) -> str:
+    """A setting in words.
+
+    >>> told(Row("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
+    'pymunk at 1 ms, iterations 30'
+    """
+    value = f"{number(row.value)} s" if row.axis == "timestep" else number(row.value)
+    named = row.line.endswith(row.axis)
+    return f"{row.line} {value}" if named else f"{row.line}, {row.axis} {value}"
+
+
+def brief(row: Row) -> str:
+    """The same without the engine."""
+    return told(row).removeprefix(spoken(row.engine)).lstrip(", ")
+
+
+def off(row: Row, of: str) -> str:
+    """How large an error is."""
+    return f"{number(row.errors[of], 2)} off"
+
+
+def cost(row: Row) -> str:
+    """What a setting costs, and its place on its line."""
+    return f"{number(row.seconds, 2)} s at {row.axis} {number(row.value)}"
+
+
+def walled(verdict: Verdict) -> str:
+    """A wall in words."""
+    return f"the wall is {number(verdict.wall, 2)}, {verdict.cause}"
