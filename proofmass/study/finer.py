@@ -75,23 +75,24 @@ def steps(case: Case, kind: Kind, rows: Sequence[Row], verdicts: Sequence[Verdic
     walled = {(v.engine, v.line) for v in verdicts if v.kind == of and v.wall > 0}
     times = grid(case, kind)
     sample = float(times[1] - times[0])
-    stepped = [row for row in rows if row.axis == "timestep"
-               and (row.engine, row.line) not in walled]
-    for _, line in groupby(sorted(stepped, key=lambda r: (r.engine, r.line, -r.value)),
-                           lambda r: (r.engine, r.line)):
-        last = list(line)[-2:]
-        if len(last) < 2 or any(row.outcome != "ran" for row in last):
-            continue
-        coarse, fine = last
+    for coarse, fine in ends(row for row in rows if (row.engine, row.line) not in walled):
         pair = [(row.value, row.errors.get(of, NAN)) for row in (coarse, fine)]
         falls = order(*pair) if all(error > 0 for _, error in pair) else NAN
-        if not falls > FALLS or not fine.errors[of] > needed:
-            continue
-        finer = fine.value * (SAFE * needed / fine.errors[of]) ** (1 / falls)
-        number = ceil(sample / finer) // 2 * 2 + 1  # odd, see `axes.timesteps`
-        yield (fine.seconds * fine.value * number / sample,
-               Task(case, kind, scaled(fine, sample / number), fine.study, fine.line, fine.axis,
-                    sample / number))
+        if falls > FALLS and fine.errors[of] > needed:
+            finer = fine.value * (SAFE * needed / fine.errors[of]) ** (1 / falls)
+            step = sample / (ceil(sample / finer) // 2 * 2 + 1)  # odd, see `axes.timesteps`
+            yield fine.seconds * fine.value / step, Task(case, kind, scaled(fine, step), fine.study,
+                                                         fine.line, fine.axis, step)
+
+
+def ends(rows: Iterable[Row]) -> Iterator[tuple[Row, Row]]:
+    """The two finest steps of each line, if it ran with both."""
+    stepped = sorted((row for row in rows if row.axis == "timestep"),
+                     key=lambda row: (row.engine, row.line, -row.value))
+    for _, line in groupby(stepped, lambda row: (row.engine, row.line)):
+        last = list(line)[-2:]
+        if [row.outcome for row in last] == ["ran", "ran"]:
+            yield last[0], last[1]
 
 
 def scaled(row: Row, step: float) -> Setting:
