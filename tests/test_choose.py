@@ -20,7 +20,7 @@ from proofmass.study.snippet import pasted, snippet
 from proofmass.study.verify import PART, fresh, shifted, state_at
 from sim.mujoco_model import configure
 from sim.protocol import Unsupported
-from tests.trade_rows import line, study
+from tests.trade_rows import line, study, verdict
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -102,6 +102,19 @@ def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scal
     assert np.isnan(chosen(fourbar, [plain[-1], *tuned], 1e-6).ratio)  # no order: no guess
     risen = [replace(plain[-2], errors={"position": 1e-6}), plain[-1]]
     assert np.isnan(chosen(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
+
+
+def test_a_wall_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
+    """They are at the level of that wall by chance, and fall on."""
+    plain = line("plain", order=1.0, scale=0.1, defaults=True)
+    level = plain[-1].errors["position"]
+    others = verdict("other", 2.0, level, "iterations")
+    found = chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6, verdicts=others)
+    assert "never" not in found.beside
+    assert found.ratio > 1
+    own = verdict("plain", 1.0, level, "iterations")
+    assert "never get there" in chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6,
+                                       verdicts=own).beside
 
 
 def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:

@@ -48,6 +48,19 @@ def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
         "log"}
 
 
+def test_rods_are_drawn_over_their_segments() -> None:
+    rows = [Row("trade", "rod", "rest", "mujoco", "MuJoCo, segments", "segments", n,
+                {"segments": n}, {"position": 1.0 / n**2}, seconds=1e-3 * n, steps=1)
+            for n in (10, 20, 40)]
+    told = [replace(v, case="rod", line="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
+    left, right = drawn(rows, told).axes
+    assert list(right.lines[0].get_xdata()) == [10, 20, 40]
+    assert right.get_xlabel() == "segments"
+    foot, _, far = np.array(right.patches[0].get_xy())[:3]
+    assert far[0] / foot[0] == 2.0
+    assert left.get_xlabel() == "wall time of the run [s]"
+
+
 def test_no_two_lines_look_the_same() -> None:
     looks = dressed(study()[0])
     assert len({(look.marker, look.dash) for look in looks.values()}) == len(looks) == 12

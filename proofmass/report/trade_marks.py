@@ -57,10 +57,15 @@ def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
                     va="center", color=looks[lines[0]].colour, zorder=9, annotation_clip=False)
 
 
-def failures(ax: Axes, rows: Sequence[Row], cost: str, looks: Mapping[Name, Look]) -> None:
+def work(row: Row) -> float:
+    """Steps in time, or segments of rods where nothing is stepped."""
+    return row.value if row.axis == "segments" else float(row.steps)
+
+
+def failures(ax: Axes, rows: Sequence[Row], timed: bool, looks: Mapping[Name, Look]) -> None:
     """Crosses at the upper edge, where their cost is known."""
     for row in rows:
-        x = row.seconds if cost == "seconds" else row.steps or planned(row, rows)
+        x = row.seconds if timed else work(row) or planned(row, rows)
         if row.outcome != "ran" and x > 0:
             ax.plot(x, 0.97, transform=ax.get_xaxis_transform(), marker="x", markersize=5,
                     markeredgewidth=1.2, color=looks[name_of(row)].colour, clip_on=False, zorder=8)
@@ -84,23 +89,23 @@ def triangles(ax: Axes, rows: Sequence[Row], kind: str, verdicts: Iterable[Verdi
     for verdict in verdicts:
         if verdict.expected > 0:
             orders.setdefault(verdict.expected, []).append(name_of(verdict))
-    taken: list[int] = []
+    taken: list[float] = []
     for order, lines in sorted(orders.items(), reverse=True):  # steep parts are few
         pairs = [pair for line in lines for pair in pairwise(r for r in rows if name_of(r) == line)
-                 if 0 < pair[0].steps < pair[1].steps and pair[0].steps not in taken
+                 if 0 < work(pair[0]) < work(pair[1]) and work(pair[0]) not in taken
                  and abs(slope(kind, *pair) - order) < SHOWN]
         if pairs:
             a, b = min(pairs, key=lambda pair: abs(slope(kind, *pair) - order))
-            taken.append(a.steps)
-            triangle(ax, (a.steps, b.steps), BELOW * a.errors[kind], order)
+            taken.append(work(a))
+            triangle(ax, (work(a), work(b)), BELOW * a.errors[kind], order)
 
 
 def slope(kind: str, a: Row, b: Row) -> float:
     """Order from one number of steps to the next."""
-    return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(b.steps / a.steps))
+    return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(work(b) / work(a)))
 
 
-def triangle(ax: Axes, steps: tuple[int, int], top: float, order: float) -> None:
+def triangle(ax: Axes, steps: tuple[float, float], top: float, order: float) -> None:
     """Falls from `top` as errors of that order."""
     foot = top * (steps[0] / steps[1]) ** order
     ax.fill([steps[0], steps[0], steps[1]], [top, foot, foot], facecolor="#eeeeee", edgecolor=INK,

@@ -20,6 +20,7 @@ from proofmass.report.trade_marks import (
     name_of,
     triangles,
     walls,
+    work,
 )
 from proofmass.study.axes import SIZE
 from proofmass.study.row import KINDS, Row
@@ -57,8 +58,8 @@ def trade_sheet(rows: Sequence[Row], verdicts: Iterable[Verdict], looks: Mapping
     for pair, kind in zip(axes, kinds, strict=True):
         panels(pair, rows, kind, looks, [v for v in verdicts if v.kind == kind])
     legend(figure, looks, marks=True)
-    for ax, label in zip(axes[-1], ("wall time of the run [s]", "time steps"), strict=True):
-        ax.set_xlabel(label)
+    axes[-1][0].set_xlabel("wall time of the run [s]")
+    axes[-1][1].set_xlabel("segments" if axis_of(rows) == "segments" else "time steps")
     return figure
 
 
@@ -144,26 +145,31 @@ def dressed(rows: Iterable[Row]) -> dict[Name, Look]:
 
 def panels(pair: Sequence[Axes], rows: Sequence[Row], kind: str, looks: Mapping[Name, Look],
            verdicts: Sequence[Verdict]) -> None:
-    """One kind of error, over wall time and over steps."""
+    """One kind of error, over wall time and over steps or segments."""
     left, right = pair
     shown = [row for row in rows if good(row, kind)]
     best = front(rows, kind)
     left.set_title(kind)
     left.set_ylabel(SHARE)
     stairs(left, best, kind)
-    for ax, cost in ((left, "seconds"), (right, "steps")):
+    for ax, cost in ((left, seconds), (right, work)):
         ends = {}
         for line in dict.fromkeys(map(name_of, shown)):
-            own = [row for row in shown if name_of(row) == line and getattr(row, cost) > 0]
+            own = [row for row in shown if name_of(row) == line and cost(row) > 0]
             if own:
-                x = [float(getattr(row, cost)) for row in own]
+                x = [cost(row) for row in own]
                 curve(ax, x, own, kind, looks[line], best)
                 ends[line] = x[-1], min(own[-1].errors[kind], LOST)
         scale(ax, [min(row.errors[kind], LOST) for row in shown])
-        failures(ax, rows, cost, looks)
+        failures(ax, rows, ax is left, looks)
         letters(ax, ends, looks)
         walls(ax, ends, looks, verdicts, named=ax is right)
     triangles(right, shown, kind, verdicts)
+
+
+def seconds(row: Row) -> float:
+    """Wall time [s]."""
+    return row.seconds
 
 
 def scale(ax: Axes, errors: Sequence[float]) -> None:

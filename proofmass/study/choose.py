@@ -163,7 +163,8 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
         return (f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
                 f"error, {cost(good[0])}"), ratio
     row = min(plain, key=lambda row: row.errors[of])
-    if wall := wall_at(row, of, verdicts):
+    own = [verdict for verdict in verdicts if verdict.line == row.line]
+    if wall := wall_at(row, of, own):
         return f"the engine's defaults never get there: {walled(wall)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
     before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
