@@ -3,7 +3,8 @@
     python -m benchmarks.accuracy [folder]
 
 Writes docs/accuracy.md and docs/accuracy.png from the study of `proofmass trade models` in the
-folder (reports/trade); what that lacks is run, half an hour if it is all.
+folder (reports/trade); what that lacks is run, half an hour if it is all.  How far engines go is
+told if `python -m benchmarks.stress` was run before.
 """
 
 import os
@@ -19,6 +20,7 @@ import numpy as np
 from matplotlib import rc_context
 
 from benchmarks import accuracy_sheet
+from benchmarks.accuracy_far import far
 from benchmarks.accuracy_lines import causes, orders
 from proofmass.case import Case, load_case
 from proofmass.reference import grid
@@ -43,7 +45,7 @@ HEAD = """# How accurate, how fast, how far
 `python -m benchmarks.accuracy` made this from `proofmass trade models`: {settings} settings of
 {cases} cases, {runs} timed runs, on {machine}. Errors are the largest
 of all positions and angles over a run, as shares of their ranges. Seconds are of this machine;
-ratios travel better. How far engines can be turned until they break: [Where it breaks](stress.md).
+ratios travel better.
 
 ![Wall time over error, of all cases](accuracy.png)
 
@@ -90,7 +92,7 @@ def main(folder: str = str(ROOT / "reports" / "trade")) -> None:
              ROOT / "docs" / "accuracy")
     (ROOT / "docs" / "accuracy.svg").unlink()
     text = [head(study), CHOSEN, *summary(found), *table(found), *whys(found),
-            *orders(study), *causes(study)]
+            *far(ROOT / "reports" / "stress" / "stress.csv"), *orders(study), *causes(study)]
     (ROOT / "docs" / "accuracy.md").write_text("\n".join(text) + "\n", encoding="utf-8")
 
 

@@ -26,7 +26,8 @@ from proofmass.study.stress_command import reached
 from proofmass.wording import number
 
 ROOT = Path(__file__).parent.parent
-CASES = ("fourbar", "slider_crank", "double_rocker", "pendulum", "balancer_sine", "rod_cantilever")
+CASES = ("fourbar", "slider_crank", "double_rocker", "change_point", "fivebar", "pendulum",
+         "fourbar_released", "balancer_sine", "rod_cantilever", "rod_snap")
 HEAD = """# Where it breaks
 
 `python -m benchmarks.stress` made this; `proofmass stress` and `proofmass stress CASE` do the same
@@ -34,6 +35,13 @@ for the first table and for any case. Each knob is turned until a run is lost, a
 bisected to 1 %. A run is lost when the engine says so, when it is not finite, when a loop comes
 open by a tenth of the mechanism, or when a position or a holding moment is off by a tenth of its
 range: of the latter three the engine says nothing.
+
+Singular poses of a case are found from its reference. *Length to spare where bars come in line*:
+the last link of the last loop is shortened until the mechanism only just makes its way; there bars
+come in line and two assembly modes meet, a change point of a four-bar, the couplers of a five-bar
+one on the other. What is given is the share of that length that an engine needs beyond it to stay
+in its mode. *Drive's way until a rod snaps*: until its positions differ on the way back; of the
+chain, beside the fold of the rod. Energies are those of the free motion, whatever its reference.
 """
 KNOWN = """## Beside theory
 

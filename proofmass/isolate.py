@@ -12,7 +12,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
@@ -59,6 +60,8 @@ class Worker:
             self.process.wait()
             if late.is_set():
                 raise TimedOut(f"no answer in {timeout:g} s") from None
+            if stopped.is_set() or self.process.returncode == -signal.SIGINT:  # a terminal's Ctrl-C
+                raise KeyboardInterrupt from None
             raise Crashed(self.last_words()) from None
         finally:
             timer.cancel()
@@ -80,6 +83,29 @@ class Worker:
 
 
 idle: SimpleQueue[Worker] = SimpleQueue()
+busy: set[Worker] = set()
+stopped = threading.Event()
+
+
+@contextmanager
+def stopping() -> Iterator[None]:
+    """Ctrl-C meanwhile interrupts the calls of all threads, those that are still to come as well.
+    """
+    def stop(*_: object) -> None:
+        stopped.set()
+        for worker in list(busy):
+            worker.process.kill()
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+        yield
+        return
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        stopped.clear()
 
 
 def isolated(function: Callable, *args: object, timeout: float) -> Any:
@@ -101,22 +127,35 @@ def isolated(function: Callable, *args: object, timeout: float) -> Any:
     ------
     Crashed, TimedOut
         The process died, or was killed; with the first line it wrote to standard error.
+    KeyboardInterrupt
+        Ctrl-C reached the process, or `stopping` ended it: that is no crash.
     Exception
         Whatever the function raised.
     """
+    worker = rested() or Worker()
+    busy.add(worker)
     try:
-        worker = idle.get_nowait()
-    except Empty:
-        worker = Worker()
-    try:
+        if stopped.is_set():
+            raise KeyboardInterrupt
         good, value = worker.call(function, args, timeout)
     except BaseException:
         worker.close()
         raise
+    finally:
+        busy.discard(worker)
     idle.put(worker)
     if not good:
         raise value
     return value
+
+
+def rested() -> Worker | None:
+    """A worker that waits for a call, if there is one; an interrupt has ended some of them."""
+    with suppress(Empty):
+        while (worker := idle.get_nowait()).process.poll() is not None:
+            worker.close()
+        return worker
+    return None
 
 
 def main() -> None:
@@ -126,7 +165,7 @@ def main() -> None:
     while True:
         try:
             function, args, timeout = pickle.load(sys.stdin.buffer)
-        except (EOFError, KeyboardInterrupt):
+        except EOFError:
             return
         alarm(timeout + GRACE)
         try:

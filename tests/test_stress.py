@@ -13,12 +13,13 @@ from proofmass.cli import app
 from proofmass.report.stress_page import write_stress
 from proofmass.study import rescaled
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect
-from proofmass.study.extremes import extremes, longer
+from proofmass.study.extremes import extremes
 from proofmass.study.run import pool
 from proofmass.study.setting import Setting
 from proofmass.study.stand import Stand
 from proofmass.study.store import Store
 from proofmass.study.stress import kept, read_boundaries, stress, write_boundaries
+from proofmass.study.ways import longer
 from sim.mjcf import compile_model
 
 
@@ -125,8 +126,9 @@ def test_the_least_inertia_bounds_the_size(stand):
     assert smaller.theory == pytest.approx(10**-1.5)
     assert smaller.find().ratio == pytest.approx(1.0, abs=0.01)
     assert "stiffness: there is no spring and no rod" in skipped
-    assert {s.knob for s in sought} == {"time step", "gravity", "all lengths larger",
-                                        "all lengths smaller", "steps"}
+    assert {s.knob for s in sought} == {
+        "time step", "gravity", "spring in pivot", "all lengths larger", "all lengths smaller",
+        "steps", "steps until the energy is off by 1 %"}
 
 
 def test_limit_positions_come_from_the_reference(stand):

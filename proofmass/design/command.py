@@ -21,7 +21,6 @@ from proofmass.design.selection import CATALOGUE, read_catalogue
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
 from proofmass.recorded import read_recorded
-from proofmass.report.words import headline
 
 app = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
 
@@ -174,7 +173,7 @@ def trade(task: Synthesis, found: Array, folder: Path) -> None:
 
 def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
     """Write the case, run it in the engines and report; its exit code."""
-    from proofmass.report import write_report
+    from proofmass.report import headline, write_report  # matplotlib is slow to load
 
     sidecar = write_case(
         folder, f"balancer_{record['target']}", parameters=record["parameters"],

@@ -43,26 +43,29 @@ def trade_command(
     Every finished run is kept: a study that was stopped goes on when the command is given again.
     Exit code 0: done; 1: nothing ran; 2: bad input.
     """
-    from proofmass.report.trade_page import write_trade  # matplotlib is slow to load
-
     kind = cast(Kind | None, run and run.value)
     with answering(f"{output} keeps the runs"):
+        from proofmass.report.trade_page import write_trade  # matplotlib is slow to load
+
         if not (cases := [case for case in named(paths) if turnable(case, kind)]):
             raise typer.Exit(0)
         study = measured(cases, output, jobs, dask, kind)
         write_study(study, output)
-    show(study, error.value)
-    print(write_trade(output, output).first if study.rows else output / "trade.csv")
+        show(study, error.value)
+        print(write_trade(output, output).first if study.rows else output / "trade.csv")
     raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
 
 
 def named(paths: list[Path]) -> list[Case]:
-    """The cases below the paths; what is wrong with any of them is raised."""
+    """The cases below the paths; what is wrong with any of them is raised.
+
+    Workers of a cluster, which are in a folder of their own, find them as well.
+    """
     found: list[InputError] = []
     files = collect(paths, found)
     if found:
         raise found[0]
-    return [load_case(file) for file in files if file.suffix == ".toml"]
+    return [load_case(file.absolute()) for file in files if file.suffix == ".toml"]
 
 
 def turnable(case: Case, kind: Kind | None) -> bool:

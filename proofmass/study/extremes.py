@@ -11,20 +11,20 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.errors import InputError
-from proofmass.mobility import mobility
-from proofmass.reference import compiled, evaluate, grid, laws
+from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.study import rescaled
-from proofmass.study.boundary import Failure, Sought, bisect
+from proofmass.study.boundary import Failure, Sought
+from proofmass.study.energy import energies
 from proofmass.study.setting import Knob, Setting
-from proofmass.study.stand import Stand
+from proofmass.study.singular import closings, limits, snaps
+from proofmass.study.stand import NotHere, Stand, known, needs
+from proofmass.study.stiffness import stiffnesses
 from proofmass.study.store import Store
+from proofmass.study.ways import longer, sampled
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4", "discrete"
-TURNS = 2.0
-NEAREST, SHARP = 1e-9, 1e-12  # [rad] of a limit position; how sharply the reference knows it
-MANY = 200  # segments
+MANY, PATIENCE = 200, 600.0  # segments, and how long so many may take [s]
 LONG = 1_000_000  # steps
 
 
@@ -45,16 +45,6 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
     return found, list(dict.fromkeys(skipped))
 
 
-class NotHere(Exception):
-    """An extreme that a case does not have; says why."""
-
-
-def needs(there: object, why: str) -> None:
-    """Raise `NotHere` where something is missing."""
-    if not there:
-        raise NotHere(why)
-
-
 def steps(stand: Stand) -> Iterator[Sought]:
     """Larger and larger time steps, with every integrator."""
     needs(stand.kind == "duration", "time step: nothing is stepped")
@@ -67,13 +57,6 @@ def steps(stand: Stand) -> Iterator[Sought]:
 def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Failure | None:
     """Run with a step, looked at no more often than that."""
     return stand.lost(sampled(stand.case, stand.seconds / step), timestep=step, **knobs)
-
-
-def sampled(case: Case, steps: float) -> Case:
-    """The case with no more samples of its duration than steps."""
-    run = case.run["duration"]
-    fewer = run.model_copy(update={"n": min(run.n or 2, max(3, int(steps + 1e-9) + 1))})
-    return case.model_copy(update={"run": {"duration": fewer}})
 
 
 def speeds(stand: Stand) -> Iterator[Sought]:
@@ -104,12 +87,6 @@ def weights(stand: Stand) -> Iterator[Sought]:
           "gravity: the reference has its own")
     yield stand.sought("gravity", "times", 1.0, 1e6, lambda factor: stand.lost(
         rescaled.weightier(stand.case, stand.models, factor)))
-
-
-def known(case: Case) -> bool:
-    """Whether the reference follows changes of the masses: by itself, or since it needs none."""
-    return case.reference == "planar" or (
-        bool(case.drive) and mobility(case) == len(case.drive))
 
 
 def masses(stand: Stand) -> Iterator[Sought]:
@@ -162,58 +139,9 @@ def segments(stand: Stand) -> Iterator[Sought]:
     """Rods in more and more segments."""
     needs(stand.case.rod, "segments: there is no rod")
     fewest = min(rod.segments for rod in stand.case.rods)
+    patient = replace(stand, patience=PATIENCE)
     yield stand.sought("segments of each rod", "1", fewest, MANY,
-                       lambda n: stand.lost(stand.case, segments=round(n)))
-
-
-def limits(stand: Stand) -> Iterator[Sought]:
-    """The drive further and further, until a limit position, in a sweep."""
-    case = stand.case
-    needs("sweep" in case.run and case.leader and case.leader.to is not None
-          and len(case.drive) == 1 and known(case) and hinged(case),
-          "limit position: no single crank to turn on")
-    way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
-    swept = replace(stand, kind="sweep", setting=Setting(stand.setting.engine))
-    reach = max(TURNS * 2 * np.pi, 2 * way)
-    limit = between(*bisect(partial(unreachable, case), way, reach, SHARP)[:2])
-    yield swept.sought("drive's way", "rad", way, reach,
-                       lambda far: swept.lost(farther(case, far)), "sweep", theory=limit,
-                       law="where the reference has no pose any more")
-    if np.isfinite(limit) and stand.kind == "duration":
-        yield stand.sought("drive turns back before its limit", "rad", limit - way, NEAREST,
-                           lambda gap: stand.lost(turning(case, limit - gap, stand.seconds)))
-
-
-def between(holds: float, breaks: float) -> float:
-    """A boundary from its two sides; infinite where there is none."""
-    return float(np.sqrt(holds * breaks)) if np.isfinite(breaks) else np.inf
-
-
-def farther(case: Case, far: float) -> Case:
-    """The case with its sweep so far, at constant speed."""
-    leader = case.drive[0]
-    way = float(leader.to or 0.0) - leader.start
-    to = leader.start + np.sign(way) * far
-    steady = leader.model_copy(update={"to": to, "period": None, "rate": float(np.sign(way))})
-    return case.model_copy(update={"drive": (steady, *case.drive[1:])})
-
-
-def turning(case: Case, far: float, seconds: float) -> Case:
-    """The case with its duration a swing so far, and back."""
-    swing = farther(case, far).drive[0].model_copy(update={"rate": None, "period": seconds})
-    return case.model_copy(update={"drive": (swing, *case.drive[1:])})
-
-
-def unreachable(case: Case, far: float) -> Failure | None:
-    """Whether the reference has no pose on the way there."""
-    there = farther(case, far)
-    x = grid(there, "sweep")
-    state = tuple(np.array([part]) for part in laws(there, "sweep")[0](x))
-    try:
-        evaluate(there, x, state)  # type: ignore[arg-type]
-    except InputError as error:
-        return Failure(str(error))
-    return None
+                       lambda n: patient.lost(stand.case, segments=round(n)))
 
 
 def long(stand: Stand) -> Iterator[Sought]:
@@ -227,34 +155,6 @@ def long(stand: Stand) -> Iterator[Sought]:
         longer(case, count / own, stand.seconds)))
 
 
-def longer(case: Case, factor: float, seconds: float) -> Case:
-    """The case with its duration so many times as long, with as many samples.
-
-    A drive that makes no whole turns goes to and fro instead.
-    """
-    run = case.run["duration"]
-    if case.drive and case.drive[0].steady:
-        leader = case.drive[0]
-        way = abs(float(leader.to or 0.0) - leader.start)
-        if turns(case, way):
-            moved = farther(case, factor * way).drive[0].model_copy(update={"rate": leader.rate})
-            return case.model_copy(update={"drive": (moved, *case.drive[1:])})
-        case = turning(case, way, 2.0 * seconds)
-    return case.model_copy(update={"run": {"duration": run.model_copy(
-        update={"until": seconds * factor})}})
-
-
-def turns(case: Case, way: float) -> bool:
-    """Whether the leader makes whole turns, and may go on."""
-    rest = way / (2 * np.pi) % 1.0
-    return hinged(case) and way > 1.0 and min(rest, 1.0 - rest) < 1e-6
-
-
-def hinged(case: Case) -> bool:
-    """Whether the leader is a hinge."""
-    kind = int(compiled(case).joint(case.drive[0].joint).type[0])
-    return kind == int(mujoco.mjtJoint.mjJNT_HINGE)
-
-
 AXES: tuple[Callable[[Stand], Iterator[Sought]], ...] = (
-    steps, speeds, weights, masses, springs, sizes, segments, limits, long)
+    steps, speeds, weights, masses, springs, stiffnesses, sizes, segments, limits, closings, snaps,
+    long, energies)

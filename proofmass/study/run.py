@@ -16,6 +16,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from proofmass.isolate import stopping
 from proofmass.study.measure import Found, Task, measure
 from proofmass.study.row import Row
 from proofmass.study.store import Store, key_of
@@ -37,7 +38,7 @@ def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]
         dask is not installed, or nothing answers at that address.
     """
     if dask is None:
-        with ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
+        with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
             yield threads
         return
     try:

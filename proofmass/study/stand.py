@@ -14,6 +14,7 @@ from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.errors import InputError
 from proofmass.isolate import isolated
+from proofmass.mobility import mobility
 from proofmass.reference import compiled, grid
 from proofmass.strict import Kind
 from proofmass.study.boundary import Failure, Sought, told
@@ -30,12 +31,13 @@ TIMEOUT = 60.0
 
 @dataclass(frozen=True)
 class Stand:
-    """A case in one engine, in the run that its extremes are tried in."""
+    """A case in one engine, in the run that its extremes are tried in, and how long [s] at most."""
 
     case: Case
     kind: Kind
     setting: Setting
     store: Store
+    patience: float = TIMEOUT
 
     @property
     def models(self) -> Path:
@@ -62,7 +64,7 @@ class Stand:
         """Run a changed case; why it is lost, or None."""
         task = Task(case, self.kind, self.setting.but(**knobs), "stress")
         try:
-            return judged(tried(task, self.store))
+            return judged(tried(task, self.store, self.patience))
         except InputError as error:
             return Failure(error.wrong)
 
@@ -73,18 +75,18 @@ class Stand:
                       reach, trial, **more)
 
 
-def tried(task: Task, store: Store) -> Found:
+def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
     """A run, from the store if it is there; nobody asks for its time, so that it needs no core."""
     key = key_of(task)
-    found = store.load(key, 0, TIMEOUT)
+    found = store.load(key, 0, patience)
     if found is None:
         try:
-            found = isolated(observe, task, False, None, timeout=TIMEOUT)
+            found = isolated(observe, task, False, None, timeout=patience)
         except tuple(FAILURES) as error:
             found = Found(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
             found = Found(outcome="no start", message=str(error))
-        store.save(key, 0, task, found, TIMEOUT)
+        store.save(key, 0, task, found, patience)
     return found
 
 
@@ -97,3 +99,19 @@ def judged(found: Found) -> Failure | None:
         if not found.errors.get(kind, 0.0) <= LOST:
             return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range", silent=True)
     return None
+
+
+class NotHere(Exception):
+    """An extreme that a case does not have; says why."""
+
+
+def needs(there: object, why: str) -> None:
+    """Raise `NotHere` where something is missing."""
+    if not there:
+        raise NotHere(why)
+
+
+def known(case: Case) -> bool:
+    """Whether the reference follows changes of the masses: by itself, or since it needs none."""
+    return case.reference == "planar" or (
+        bool(case.drive) and mobility(case) == len(case.drive))

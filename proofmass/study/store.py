@@ -23,6 +23,7 @@ import proofmass
 import sim
 from proofmass import drive, reference
 from proofmass.case import Case
+from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
 from proofmass.study import invariants, measure
@@ -41,11 +42,11 @@ class Store:
     Parameters
     ----------
     folder : path
-        Made if it is not there.
+        Made if it is not there.  Workers of a cluster need it in the same place.
     """
 
     def __init__(self, folder: Path | str):
-        self.folder = Path(folder)
+        self.folder = Path(folder).absolute()
         self.folder.mkdir(parents=True, exist_ok=True)
         for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
             if time.time() - half.stat().st_mtime > ABANDONED:
@@ -53,10 +54,9 @@ class Store:
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Found | None:
         """What a run gave; None if it was not made, or was given up after less than `timeout`."""
-        try:
-            record = json.loads(self.file(key, repeat).read_text(encoding="utf-8"))
-        except FileNotFoundError:
+        if not (file := self.file(key, repeat)).is_file():
             return None
+        record = read(file)
         found = Found(**record["found"])
         return None if found.outcome == LATE and record["timeout"] < timeout else found
 
@@ -95,6 +95,21 @@ def write(file: Path, what: str | bytes) -> None:
         stream.flush()
         os.fsync(stream.fileno())
     os.replace(half, file)
+
+
+def read(file: Path) -> Any:
+    """What is in a JSON file that `write` wrote.
+
+    Raises
+    ------
+    InputError
+        Something else has changed it since.
+    """
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except ValueError:
+        raise InputError(file, "", "not what a study wrote there; delete it, and it is made again"
+                         ) from None
 
 
 def key_of(task: Task) -> str:

@@ -20,7 +20,7 @@ from typing import Any, get_type_hints
 
 from proofmass.study import proven, specimens
 from proofmass.study.boundary import Boundary, Failure, Sought, Trial
-from proofmass.study.store import Store, digest, sources, versions, write
+from proofmass.study.store import Store, digest, read, sources, versions, write
 
 Progress = Callable[[str, int, int], None]
 COLUMNS = {
@@ -54,7 +54,7 @@ class Kept:
         """The outcome for a value, found or made."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
         if file.is_file():
-            told = json.loads(file.read_text(encoding="utf-8"))
+            told = read(file)
             return Failure(*told) if told else None
         found = self.trial(value)
         write(file, json.dumps(found))

@@ -36,13 +36,13 @@ def stress_command(
     the measured ones. Every run is kept: a study that was stopped goes on when the command is given
     again. Exit code 0: done; 2: bad input.
     """
-    from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
-
     with answering(f"{output} keeps the runs"):
+        from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
+
         found = measured(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")
-    console().print(shown(found))
-    print(write_stress(output, output).first)
+        console().print(shown(found))
+        print(write_stress(output, output).first)
 
 
 def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
@@ -54,7 +54,7 @@ def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None
     for file in collect(paths, wrong):
         if file.suffix != ".toml":
             raise InputError(file, "", "no sidecar says what is right; stress needs one")
-        case = load_case(file)
+        case = load_case(file.absolute())
         ours, skipped = extremes(case, store)
         sought += ours
         for why in skipped:

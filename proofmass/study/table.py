@@ -54,7 +54,9 @@ def write_table(rows: Iterable[Row], file: Path) -> None:
         from pyarrow import csv as arrow
         from pyarrow import parquet
 
-        parquet.write_table(arrow.read_csv(file), file.with_suffix(".parquet"))
+        half = file.with_suffix(".parquet.part")
+        parquet.write_table(arrow.read_csv(file), half)
+        half.replace(file.with_suffix(".parquet"))
 
 
 def read_table(file: Path) -> list[Row]:

@@ -156,3 +156,18 @@ def faded_after(integrator: str, z: float, left: float = 0.9) -> float:
     """
     size = radius(MAPS[integrator](z, 0.0))
     return float(np.log(left) / (2.0 * np.log(size))) if size < 1.0 - 1e-12 else float("inf")
+
+
+def stiffest(integrator: str, steps: float, share: float = 0.1) -> float:
+    """The largest z = dt omega whose oscillation is off by no more than a share after some steps.
+
+    >>> z = stiffest("pymunk", 1000)
+    >>> bool(np.isclose(1000 * z**3 / 24, 2 * np.arcsin(0.1), rtol=0.02))
+    True
+    """
+    low, high = 1e-3, 1.5
+    while high - low > 1e-6 * high:
+        middle = 0.5 * (low + high)
+        held = off_after(integrator, middle, share) * 2.0 * np.pi / middle > steps
+        low, high = (middle, high) if held else (low, middle)
+    return high

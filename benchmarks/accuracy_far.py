@@ -1,0 +1,42 @@
+"""How far: the boundaries of `benchmarks.stress` in short, knob by knob."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from proofmass.report.stress_sheet import NEAR
+from proofmass.study.boundary import Boundary
+from proofmass.study.stress import read_boundaries
+from proofmass.wording import number, spoken
+
+FAR = """
+## How far
+
+From [Where it breaks](stress.md), which `python -m benchmarks.stress` made: each knob is turned
+until a run is lost. Of {known} boundaries that theory knows, {near} are within {within:.0%} of it.
+In {cases}:
+"""
+
+
+def far(file: Path) -> Iterator[str]:
+    """A row for each knob and engine; nothing if the study was not made."""
+    if not file.is_file():
+        return
+    found = read_boundaries(file)
+    known = [one for one in found if one.theory == one.theory]
+    turned = [one for one in found if one.unit in ("times", "s", "rad")]
+    yield FAR.format(known=len(known), near=sum(abs(one.ratio - 1) <= NEAR for one in known),
+                     within=NEAR, cases=", ".join(dict.fromkeys(one.what for one in turned)))
+    yield "| knob | engine | settings | least | greatest | hold to the end | lost in silence |"
+    yield "|---|---|---|---|---|---|---|"
+    for knob, engine in dict.fromkeys((one.knob, one.engine) for one in turned):
+        yield row(knob, engine, [one for one in turned if (one.knob, one.engine) == (knob, engine)])
+
+
+def row(knob: str, engine: str, own: Sequence[Boundary]) -> str:
+    """Where the boundaries of a knob are."""
+    ends = sorted(one.measured for one in own if one.found)
+    unit = {"times": " ×"}.get(own[0].unit, f" {own[0].unit}")
+    cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
+    silent = sum(one.silent for one in own)
+    return (f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
+            f"| {sum(not one.found for one in own)} | {silent or ''} |")

@@ -1,0 +1,90 @@
+"""How long a free motion keeps its energy, which needs no reference: chaos may have it."""
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.reference import compiled
+from proofmass.sidecar import Channel
+from proofmass.solve import simulate
+from proofmass.study.boundary import Failure, Sought, told
+from proofmass.study.invariants import conserved, invariants
+from proofmass.study.measure import Found, Task
+from proofmass.study.rescaled import with_model
+from proofmass.study.setting import Knob
+from proofmass.study.stand import TIMEOUT, Stand, needs
+from proofmass.study.store import key_of
+from sim.protocol import Diverged
+
+INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
+LONG, MOST = 1_000_000, 2000  # steps, and samples of them
+OFF = 0.01
+"""Change of energy, over the largest kinetic energy, that is too much."""
+SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
+
+
+def energies(stand: Stand) -> Iterator[Sought]:
+    """More and more steps of a free motion, until its energy is off by a hundredth."""
+    why = "energy: something drives, loads or brakes it, or nothing is stepped"
+    needs(stand.kind == "duration" and not stand.case.drive, why)
+    watched = weighed(stand.case, stand.models)
+    needs(conserved(watched), why)
+    for words in INTEGRATORS if stand.setting.engine == "mujoco" else ("as in the model",):
+        knobs: dict[str, Knob] = {"integrator": words} if stand.setting.engine == "mujoco" else {}
+        yield stand.sought("steps until the energy is off by 1 %", "1",
+                           stand.seconds / stand.step, LONG,
+                           partial(drifted, stand, watched, knobs), words)
+
+
+def weighed(case: Case, folder: Path) -> Case:
+    """The case with sensors of both energies alone, and without motors that stand idle."""
+    idle = not compiled(case).key_ctrl.any()
+
+    def change(root: Element) -> None:
+        for old in [one for one in root if one.tag == "sensor" or (one.tag == "actuator" and idle)]:
+            root.remove(old)
+        for key in root.iter("key") if idle else ():
+            key.attrib.pop("ctrl", None)
+        sensors = ElementTree.SubElement(root, "sensor")
+        for tag, name in SENSORS.items():
+            ElementTree.SubElement(sensors, tag, name=f"whole_{name}")
+    changed = with_model(case, folder, change)
+    return changed.model_copy(update={"channels": {
+        f"whole_{name}": Channel(equals=0.0, unit="J") for name in SENSORS.values()}})
+
+
+def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> Failure | None:
+    """Run for so many steps, and look at the energy."""
+    per = int(np.ceil(steps / MOST))
+    count = round(steps / per)
+    run = case.run["duration"].model_copy(update={"n": count + 1,
+                                                  "until": count * per * stand.step})
+    own = case.model_copy(update={"run": {"duration": run}})
+    task = Task(own, "duration", stand.setting.but(**knobs), "stress")
+    key = f"{key_of(task)}-energy"
+    found = stand.store.load(key, 0, TIMEOUT)
+    if found is None:
+        found = weighing(task)
+        stand.store.save(key, 0, task, found, TIMEOUT)
+    if found.outcome != "ran":
+        return Failure(f"{found.outcome}: {found.message}", silent=not told(found.message))
+    off = found.invariants.get("energy", 0.0)
+    return Failure(f"energy off by {off:.2g}", silent=True) if off > OFF else None
+
+
+def weighing(task: Task) -> Found:
+    """Run a task for its energy alone."""
+    case, run = task.setting.applied(task.case, task.run)
+    try:
+        curves = isolated(simulate, task.setting.engine, case.model_path, run, timeout=TIMEOUT)
+    except Diverged as error:
+        return Found(outcome="diverged", message=str(error))
+    except (Crashed, TimedOut) as error:
+        return Found(outcome="timed out", message=str(error))
+    return Found(invariants=invariants(case, curves), seconds=curves.seconds, steps=curves.steps)

@@ -1,0 +1,58 @@
+"""Cases whose drives go elsewhere: further, to and fro, on and on; looked at less often."""
+
+import mujoco
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.reference import compiled
+
+
+def farther(case: Case, far: float) -> Case:
+    """The case with its sweep so far, at constant speed."""
+    leader = case.drive[0]
+    way = float(leader.to or 0.0) - leader.start
+    to = leader.start + np.sign(way) * far
+    steady = leader.model_copy(update={"to": to, "period": None, "rate": float(np.sign(way))})
+    return case.model_copy(update={"drive": (steady, *case.drive[1:])})
+
+
+def turning(case: Case, far: float, seconds: float) -> Case:
+    """The case with its duration a swing so far, and back."""
+    swing = farther(case, far).drive[0].model_copy(update={"rate": None, "period": seconds})
+    return case.model_copy(update={"drive": (swing, *case.drive[1:])})
+
+
+def sampled(case: Case, steps: float) -> Case:
+    """The case with no more samples of its duration than steps."""
+    run = case.run["duration"]
+    fewer = run.model_copy(update={"n": min(run.n or 2, max(3, int(steps + 1e-9) + 1))})
+    return case.model_copy(update={"run": {"duration": fewer}})
+
+
+def longer(case: Case, factor: float, seconds: float) -> Case:
+    """The case with its duration so many times as long, with as many samples.
+
+    A drive that makes no whole turns goes to and fro instead.
+    """
+    run = case.run["duration"]
+    if case.drive and case.drive[0].steady:
+        leader = case.drive[0]
+        way = abs(float(leader.to or 0.0) - leader.start)
+        if turns(case, way):
+            moved = farther(case, factor * way).drive[0].model_copy(update={"rate": leader.rate})
+            return case.model_copy(update={"drive": (moved, *case.drive[1:])})
+        case = turning(case, way, 2.0 * seconds)
+    return case.model_copy(update={"run": {"duration": run.model_copy(
+        update={"until": seconds * factor})}})
+
+
+def turns(case: Case, way: float) -> bool:
+    """Whether the leader makes whole turns, and may go on."""
+    rest = way / (2 * np.pi) % 1.0
+    return hinged(case) and way > 1.0 and min(rest, 1.0 - rest) < 1e-6
+
+
+def hinged(case: Case) -> bool:
+    """Whether the leader is a hinge."""
+    kind = int(compiled(case).joint(case.drive[0].joint).type[0])
+    return kind == int(mujoco.mjtJoint.mjJNT_HINGE)

@@ -1,0 +1,118 @@
+"""Bars that come into line, rods that snap, springs and energies of cases, beside what is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analytic.rod_snap import marks
+from proofmass.case import load_case
+from proofmass.study import closing, energy, singular, stiffness, theory
+from proofmass.study.boundary import bisect
+from proofmass.study.extremes import extremes
+from proofmass.study.reread import reread
+from proofmass.study.setting import Setting
+from proofmass.study.stand import Stand
+from proofmass.study.store import Store
+
+
+@pytest.fixture
+def stand(tmp_path, models):
+    def of(name, engine="mujoco", kind="duration", **knobs):
+        return Stand(load_case(models / f"{name}.toml"), kind, Setting(engine, knobs),
+                     Store(tmp_path / "runs"))
+    return of
+
+
+def test_grashof_knows_the_shortest_rocker(stand):
+    """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
+    held = stand("fourbar")
+    case = reread(held.case)
+    assert closing.last_link(case) == "rocker_end"
+    assert closing.unclosed(case, "sweep", held.models, 0.8 + 1e-6) is None
+    assert closing.unclosed(case, "sweep", held.models, 0.8 - 1e-6)
+
+
+def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
+    """They come in line, one on the other, where the crank pins are nearest."""
+    held = stand("fivebar")
+    left = np.linspace(0.0, 2 * np.pi, 1_000_001)
+    nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
+    shortest = (3.5 - nearest) / 4.0
+    case = reread(held.case)
+    assert closing.unclosed(case, "duration", held.models, shortest * 1.001) is None
+    assert closing.unclosed(case, "duration", held.models, shortest * 0.999)
+
+
+def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
+    """With 1e-3 of the rocker to spare; an open loop is then in the other mode for nothing."""
+    held = stand("fourbar")
+    held = replace(held, case=reread(held.case))
+    assert singular.spared(held, 0.8, 1e-3) is None
+    soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
+    failure = singular.spared(soft, 0.8, 1e-3)
+    assert failure
+    assert failure.silent
+
+
+def test_the_reference_snaps_at_its_fold(stand):
+    """Found from curves there and back, against the equation of the fold."""
+    case = stand("rod_snap", kind="sweep").case
+    fold = marks(distance=0.8)["snaps to the left"] + case.drive[0].start
+    holds, breaks, _ = bisect(lambda far: singular.unreturned(case, far), 0.2, 2.7, 1e-9)
+    assert np.sqrt(holds * breaks) == pytest.approx(fold, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
+    """MuJoCo's chains of 10 and 20 links; Richardson's limit is the rod's own fold."""
+    held = stand("rod_snap", kind="sweep")
+    fold = marks(distance=0.8)["snaps to the left"] + held.case.drive[0].start
+    ends = []
+    for pieces in (10, 20):
+        chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
+        holds, breaks, failure = bisect(
+            lambda far, chain=chain: singular.snapped(chain, far), 0.99 * fold, 1.01 * fold, 1e-4)
+        assert "unstable" in failure.message
+        ends.append(np.sqrt(holds * breaks))
+    # bisected to 1e-4, of which Richardson makes 5/3
+    assert (4 * ends[1] - ends[0]) / 3 == pytest.approx(fold, rel=2e-4)
+    assert abs(ends[0] - fold) > 1e-3
+
+
+def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
+    (sought,) = stiffness.stiffnesses(stand("pendulum", integrator="Euler"))
+    assert sought.reach == pytest.approx(1e12 * sought.start)
+    assert sought.trial(0.95 * sought.theory) is None
+    failure = sought.trial(1.05 * sought.theory)
+    assert failure
+    assert failure.message.startswith("position off by")
+
+
+def test_stiffest_is_where_the_phase_is_off():
+    """z^3 / 24 a step with semi-implicit steps, begun with the velocity of half a step before."""
+    z = theory.stiffest("pymunk", 10_000)
+    assert 10_000 * z**3 / 24 == pytest.approx(2 * np.arcsin(0.1), rel=0.01)
+
+
+def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
+    """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
+    held = stand("pendulum", integrator="RK4")
+    case = stiffness.with_spring(energy.weighed(held.case, held.models), held.models,
+                                 stiffness.last_hinge(held.case)[0],
+                                 (0.3 / held.step) ** 2)
+    steps = theory.faded_after("RK4", 0.3, 0.99)
+    assert energy.drifted(held, case, {}, 0.95 * steps) is None
+    failure = energy.drifted(held, case, {}, 1.05 * steps)
+    assert failure
+    assert failure.message.startswith("energy off by 0.01")
+
+
+def test_what_applies_is_found_from_the_case(stand):
+    """No loop, no drive: neither bars in line nor folds; a load: no energy."""
+    held = stand("pendulum")
+    _, skipped = extremes(held.case, held.store)
+    assert "bars in line: no driven loop of links" in skipped
+    assert "fold: no rod that a single drive bends" in skipped
+    _, skipped = extremes(stand("rod_cantilever").case, held.store)
+    assert any(why.startswith("energy: ") for why in skipped)
