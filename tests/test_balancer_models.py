@@ -131,12 +131,12 @@ def test_what_cannot_be_followed_is_said(line):
 @pytest.mark.parametrize("line", ["1825", "1870", "2188"])
 def test_the_engine_as_well_finds_the_rest_posture_unstable(line, model):
     with pytest.raises(BadModel, match="unstable equilibrium"):
-        with_mujoco.simulate(model(line), Run("sweep", ANGLES - ANGLES[0], ("angle",), (DRIVE,)))
+        with_mujoco.simulate(model(line), Run("sweep", ANGLES - ANGLES[0], ("winding1",), (DRIVE,)))
 
 
 def test_the_engine_as_well_stops_at_the_fold(model):
     fine = np.radians(np.arange(0.0, 90.0, 0.5))
-    found = with_mujoco.simulate(model("2159"), Run("sweep", fine, ("angle",), (DRIVE,)))
+    found = with_mujoco.simulate(model("2159"), Run("sweep", fine, ("winding1",), (DRIVE,)))
     assert "pendulum = 1.2385" in found.stopped  # 70.961 degrees, to the digits it says
     assert found.x[-1] == np.radians(70.5)
 

@@ -15,6 +15,7 @@ from proofmass.study.diet import Diet, Search
 from proofmass.study.draft import Draft
 from proofmass.study.scene import Scene, scene_of
 from proofmass.study.slim import all_digits, shortest, write
+from proofmass.study.trial import most_iterations
 
 CORE = """
 <mujoco model="core">
@@ -54,7 +55,7 @@ BALLAST = {
     "asset": '<mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
              '<texture name="sky" type="2d" builtin="checker" width="64" height="64"/>'
              '<material name="paint" texture="sky"/>',
-    "world": '<light name="sun"/><camera name="eye"/>'
+    "world": '<light name="sun"/><camera name="eye"/><site name="mark"/>'
              '<geom name="floor" type="plane" size="9 9 .1" pos="0 0 -20"/>'
              '<geom name="boulder" type="mesh" mesh="rock" pos="40 0 0" contype="0" '
              'conaffinity="0" material="paint"/>'
@@ -65,7 +66,7 @@ BALLAST = {
 IDLE = ('<body name="idle" pos="0 -50 0" gravcomp="1"><joint name="idle" armature="1e6"/>'
         '<geom name="idle" size=".1" mass="1"/></body></worldbody>')
 LISTS = ("joints", "bodies", "geoms", "equalities", "actuators", "sensors", "keys", "lights",
-         "cameras", "meshes", "textures", "materials")
+         "cameras", "meshes", "textures", "materials", "sites")
 
 
 def model(folder: Path, **parts: str) -> Path:
@@ -234,6 +235,7 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
 
 def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr("proofmass.study.trial.own_core", nullcontext)  # timings are not looked at
+    monkeypatch.setattr("proofmass.study.trial.SPAN", 0.0)
     file, slim = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "slim.xml"
     for _ in range(2):
         answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])
@@ -247,6 +249,31 @@ def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, mo
     assert {row["channel"] for row in light} >= {"angle", "rate", "ball[2]"}
     assert all(float(row["moved_over_allowed"]) == 0 for row in light)
     assert int(light[0]["bytes_before"]) > int(light[0]["bytes_after"])
+
+
+def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
+    file = tmp_path / "disc.xml"
+    file.write_text(FLYING.format(speed="1 2 0", wind="").replace("<worldbody>", """
+        <asset><material name="steel" rgba=".5 .5 .5 1"/></asset>
+        <default><geom material="steel"/></default><worldbody>"""))
+    _, found = searched(file)
+    write(found.slim, tmp_path / "slim.xml")
+    slim = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
+    assert slim.nmat == 0
+    assert slim.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
+
+
+@pytest.mark.parametrize(("loops", "iterations"), [(False, 0), (True, 1)])
+def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations):
+    # Newton's first step ends in the minimum of what is quadratic, as soft equalities alone are
+    text = model(tmp_path).read_text()
+    text = text.replace("<freejoint", "<!-- <freejoint").replace('name="ball"/>\n      <geom',
+                                                                  'name="ball"/> -->\n      <geom')
+    text = text.replace("0 3 0.1 1 0 0 0 ", "")
+    (tmp_path / "bars.xml").write_text(text if loops else re.sub("<connect.*?/>", "", text))
+    scene = scene_of(tmp_path / "bars.xml", 0.1)
+    watch = scene.watches[0]
+    assert most_iterations(scene.draft.compiled(), watch.brief, 1e-8) == iterations
 
 
 WRONG = {

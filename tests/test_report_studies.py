@@ -76,8 +76,10 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
     write_entries([*ENTRIES[1:4], replace(ENTRIES[-1], moved={})], tmp_path / "lean.csv")
     (tmp_path / "lean.xml").write_text("<mujoco/>")
     text = write_diet(tmp_path, tmp_path).first.read_text(encoding="utf-8")
-    assert "Nothing is left to remove: each of 3 features was taken out" in text
+    assert ("Nothing is left to remove: of 3 features, each taken out, 1 moves a channel by more "
+            "than it may, and 2 are needed for the model to run.") in text
     assert "go together" not in text
+    assert WHOLE not in text  # of nothing
 
 
 def test_the_figure_shows_changes_and_savings_where_they_are() -> None:

@@ -116,10 +116,12 @@ def finish(what: str, folder: Path, before: str = "", more: str = "") -> None:
 
 
 def kept(what: str, folder: Path) -> dict[str, int]:
-    """What a study has kept so far, by when it was written [ns]."""
+    """The records that a study has kept so far, by when they were written [ns].
+
+    Curves are written before their record: without one they are of a run that is made again.
+    """
     there = folder / FOLDERS.get(what, what) / "runs"
-    return {file.name: file.stat().st_mtime_ns for file in there.glob("*.*")
-            if file.suffix != ".part"}
+    return {file.name: file.stat().st_mtime_ns for file in there.glob("*.json")}
 
 
 def wholes(what: str, folder: Path) -> None:

@@ -41,9 +41,13 @@ def flatten(draft: Draft, name: str) -> None:
     material = draft.find("materials", name)
     if material is None:
         return
-    for element in (*draft.spec.geoms, *draft.spec.sites, *draft.spec.tendons):
-        if element.material == name:
-            element.material, element.rgba = "", material.rgba
+    for kind in ("geom", "site", "tendon"):
+        for element in getattr(draft.spec, f"{kind}s"):
+            if element.material == name:
+                element.material, element.rgba = "", material.rgba
+            usual = getattr(element.classname, kind)
+            if usual.material == name:
+                usual.material = ""
     draft.spec.delete(material)
 
 

@@ -7,7 +7,7 @@ after the other if not all of it can go at once, and what is left is looked at a
 
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from typing import Any, TypeVar
 
 import mujoco
@@ -20,10 +20,9 @@ from proofmass.study.feature import DRAWN, Feature, features
 from proofmass.study.kept import Kept
 from proofmass.study.run import pool
 from proofmass.study.scene import Scene, Watch, moved
-from proofmass.study.trial import STEPPED, attempt, paced
+from proofmass.study.trial import Cost, attempt, paced
 from sim.protocol import BadModel, Run
 
-FEW = 500  # steps that are timed
 SLOWER = 20.0  # times as long as the model as it is takes: given up
 LEAST = 30.0  # s, to give up
 SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
@@ -95,7 +94,7 @@ class Search:
             wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
             left = bool(wanted)
             slim = self.together(slim, wanted)
-        whole = self.timed(*self.tried(slim, all_of([])))
+        whole = self.timed(self.scene.draft, *self.tried(slim, all_of([])))
         return Diet(list(self.found.values()), slim, whole)
 
     def explored(self, now: Draft, feature: Feature) -> list[Tried]:
@@ -108,7 +107,7 @@ class Search:
             return [one for part in feature.parts for one in self.explored(now, part)]
         if entry.outcome == "harmless" and feature.kind == DRAWN and not self.blind:
             entry = replace(entry, outcome="drawn")
-        return [(feature, self.timed(draft, entry))]
+        return [(feature, self.timed(now, draft, entry))]
 
     def together(self, now: Draft, wanted: list[Feature]) -> Draft:
         """A draft without as many of the features as can go together."""
@@ -129,10 +128,9 @@ class Search:
             models = [draft.compiled(watch.run.rods) for watch in self.scene.watches]
         except (ValueError, mujoco.FatalError) as error:
             return now, Entry(feature.kind, feature.name, "needed",
-                              message=" ".join(str(error).split()))
-        known = self.kept.get(models, self.scene.watches)
-        outcome, shares, message = known or self.ran(models, draft)
-        self.kept.put(models, self.scene.watches, (outcome, shares, message))
+                              message=" ".join(str(error).removeprefix("Error: ").split()))
+        watches = [(w.name, w.run, w.allowed, w.before.channels) for w in self.scene.watches]
+        outcome, shares, message = self.kept.once(models, watches, lambda: self.ran(models, draft))
         return draft, Entry(feature.kind, feature.name, outcome, shares, message)
 
     def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
@@ -150,19 +148,17 @@ class Search:
         same = all(share <= 1 for each in shares.values() for share in each.values())
         return "harmless" if same else "matters", shares, ""
 
-    def timed(self, draft: Draft, entry: Entry) -> Entry:
+    def timed(self, now: Draft, draft: Draft, entry: Entry) -> Entry:
         """The same with what a step and the memory cost, before and after, if the model runs."""
         if entry.outcome not in ("harmless", *SETTLED) or not self.rounds:
             return entry
         watch = self.scene.longest
-        stride = max(1, watch.before.steps // watch.run.x.size)
-        run = rodded(watch, draft)
-        if run.kind in STEPPED:
-            run = replace(run, x=run.x[:max(2, FEW // stride)])
-        models = tuple(d.compiled(watch.run.rods) for d in (self.scene.draft, draft))
-        costs = self.worked(paced, models, run, self.rounds,
-                            self.rounds * SLOWER * max(LEAST, watch.before.seconds))
-        return replace(entry, costs=tuple(costs))
+        run = replace(watch.brief, rods=draft.segmented(watch.run.rods))
+        models = [d.compiled(watch.run.rods) for d in (now, draft)]
+        limit = self.rounds * SLOWER * max(LEAST, watch.before.seconds)
+        costs = self.kept.once(models, (run, self.rounds), lambda: [
+            astuple(c) for c in self.worked(paced, tuple(models), run, self.rounds, limit)])
+        return replace(entry, costs=tuple(Cost(*c) for c in costs))
 
     def worked(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
         """What a worker makes of something."""

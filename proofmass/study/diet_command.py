@@ -1,5 +1,6 @@
 """``proofmass diet``: what a scene does not need, and the model without it."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,15 +11,16 @@ from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
 from proofmass.study.diet import Diet, Search
 from proofmass.study.diet_table import Entry, write_entries
+from proofmass.study.diet_words import ranked, sentences
 from proofmass.study.draft import read
 from proofmass.study.kept import Kept
 from proofmass.study.run import pool
 from proofmass.study.scene import Scene, scene_of
 from proofmass.study.slim import write
 from proofmass.terminal import console
+from proofmass.wording import number
 
-GOES = {"harmless": "✓ goes", "drawn": "· drawn, kept", "matters": "✗ matters",
-        "needed": "✗ needed"}
+GOES = {"harmless": "✓ goes", "drawn": "· drawn", "matters": "✗ matters"}
 
 
 def diet_command(
@@ -48,7 +50,9 @@ def diet_command(
             found = Search(scene, blind, workers=workers, kept=Kept(file.parent / "runs"),
                            progress=lambda what: status.update(what[:70])).run()
         finish(scene, found, file)
-    console().print(shown(found))
+    for part in shown((*found.entries, found.whole)):
+        console().print(part, markup=False)
+    print()
     for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
         print(path)
 
@@ -72,17 +76,21 @@ def finish(scene: Scene, found: Diet, file: Path) -> None:
     write_entries((*found.entries, found.whole), file.with_suffix(".csv"))
 
 
-def shown(found: Diet) -> Table:
-    """What standard output shows: a row a feature, what goes first."""
+def shown(entries: Sequence[Entry]) -> Iterator[str | Table]:
+    """What standard output shows: what to make of it, what could be run, and what is needed."""
+    yield from (f"{text}\n" for text in sentences(entries))
     rows = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("what", "which", "outcome", "time", "memory", "moves most", "of allowed"):
-        rows.add_column(name, justify="right" if name in ("time", "memory", "of allowed") else
-                        "left", overflow="fold")
-    rank = {outcome: k for k, outcome in enumerate(GOES)}
-    for entry in (*sorted(found.entries, key=lambda e: rank.get(e.outcome, len(rank))),
-                  found.whole):
-        rows.add_row(*cells(entry))
-    return rows
+    for name in ("feature", "outcome", "time", "memory", "moves", "most of all"):
+        rows.add_column(name, justify="right" if name in ("time", "memory", "moves") else "left",
+                        no_wrap=name not in ("feature", "most of all"), overflow="fold")
+    for entry in ranked(entries):
+        if entry.outcome in GOES:
+            rows.add_row(*cells(entry))
+    if rows.row_count:
+        yield rows
+        yield "\ntime and memory: saved; moves: largest change of a channel, of what is allowed"
+    if needed := [e.title for e in entries if e.outcome not in GOES]:
+        yield f"\nWithout these it does not run: {'; '.join(needed)}"
 
 
 def cells(entry: Entry) -> tuple[str, ...]:
@@ -90,10 +98,6 @@ def cells(entry: Entry) -> tuple[str, ...]:
     run, channel, share = entry.worst
     saved = ("–", "–")
     if entry.costs:
-        before, after = entry.costs
-        saved = (f"{1 - after.seconds / before.seconds:+.0%}",
-                 f"{(before.size - after.size) / 1024:+.1f} KB")
-    where = f"{channel} in {run}" if channel and share else entry.message[:80]
-    return (entry.kind, entry.name[:60],
-            GOES.get(entry.outcome, f"✗ {entry.outcome}"), *saved, where,
-            f"{share:.1e}" if share == share else "–")
+        saved = f"{entry.saved_time:+.0%}", f"{entry.saved_memory:+.1f} KB"
+    return (entry.title, GOES[entry.outcome], *saved, number(share, 2),
+            f"{channel} in {run}" if share else "")

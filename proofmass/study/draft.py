@@ -7,6 +7,7 @@ written.  A model without sensors gets probes, which read every joint.
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import mujoco
@@ -57,6 +58,7 @@ class Draft:
                  cuts: tuple[Cut, ...] = ()):
         self.file, self.rods, self.share = file, rods, 1
         self.source = file, rods, probing
+        self.alone = Lock()  # two threads that compile one spec crash
         self.spec = mujoco.MjSpec.from_file(str(file))
         self.given = {(kind, name) for kind in NAMED for name in unnamed(self.spec, kind)}
         self.probes = set(probes(self.spec)) if probing and not self.spec.sensors else set()
@@ -92,7 +94,8 @@ class Draft:
         try:
             if self.rods:
                 return compile_with_rods(self.again().spec, self.segmented(rods or self.rods))
-            return self.spec.compile()
+            with self.alone:
+                return self.spec.compile()
         except (mujoco.FatalError, BadModel) as error:
             raise ValueError(str(error)) from None
 

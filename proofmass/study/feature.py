@@ -11,6 +11,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
+from proofmass.check import FAILURES
 from proofmass.isolate import isolated
 from proofmass.study.cut import (
     coarser,
@@ -25,19 +26,20 @@ from proofmass.study.cut import (
 )
 from proofmass.study.draft import Cut, Draft
 from proofmass.study.scene import Scene, Watch
-from proofmass.study.trial import STEPPED, most_iterations
+from proofmass.study.trial import by_steps, most_iterations
+from proofmass.wording import number
 
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
 FEWER = (1, 2, 3, 5, 10, 20, 50)  # iterations that are tried
-LOOSER = (1e-8, 1e-10, 1e-12, 1e-15)  # where the solver may stop, in place of a smaller tolerance
+LOOSER = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)  # where the solver may stop, not lower
 LATEST = 60.0  # s
 DRAWN = "drawn geom"
 WHOLE = {  # lists of elements that are deleted as they are, and what one of them is called
     "joints": "joint", "equalities": "equality", "actuators": "actuator", "tendons": "tendon",
     "pairs": "contact pair", "excludes": "exclude", "lights": "light", "cameras": "camera",
-    "skins": "skin", "textures": "texture", "meshes": "mesh", "hfields": "height field",
-    "texts": "text", "numerics": "number", "tuples": "tuple"}
+    "skins": "skin", "sites": "site", "textures": "texture", "meshes": "mesh",
+    "hfields": "height field", "texts": "text", "numerics": "number", "tuples": "tuple"}
 
 
 @dataclass(frozen=True)
@@ -128,13 +130,12 @@ def contacts(draft: Draft) -> Iterator[Feature]:
 
 def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
     """Iterations that change nothing any more: a tolerance that is too small, a cap too high."""
-    if watch.run.kind not in STEPPED:
+    if not by_steps(watch.run):
         return
     option = draft.spec.option
-    used, *fewer = isolated(most_iterations, draft.compiled(watch.run.rods), watch.run,
-                            (option.tolerance, *LOOSER), timeout=LATEST)
+    used, *fewer = (taken(draft, watch, t) for t in (option.tolerance, *LOOSER))
     yield from ladder("solver", [
-        *((f"tolerance {option.tolerance:g} to {t:g}",
+        *((f"tolerance {number(option.tolerance)} to {number(t)}",
            partial(set_option, name="tolerance", value=t))
           for t, n in zip(LOOSER, fewer, strict=True) if t > option.tolerance and n < used),
         *((f"iterations {option.iterations} to {n}",
@@ -145,6 +146,15 @@ def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
     if option.enableflags & ~int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         yield Feature("flag", "what is enabled beside the defaults",
                       partial(set_option, name="enableflags", value=0))
+
+
+def taken(draft: Draft, watch: Watch, tolerance: float) -> int:
+    """Iterations that a run takes with a tolerance; all that it may, if it fails."""
+    try:
+        return int(isolated(most_iterations, draft.compiled(watch.run.rods), watch.brief,
+                            tolerance, timeout=LATEST))
+    except tuple(FAILURES):
+        return int(draft.spec.option.iterations)
 
 
 def subtree(body: mujoco._specs.MjsBody) -> Feature:

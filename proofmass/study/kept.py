@@ -2,17 +2,17 @@
 
 import json
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
-from proofmass.study.scene import Watch
 from proofmass.study.store import digest, saved, sources, versions, write
 
 
 class Kept:
-    """Outcomes of models in the runs of a scene.
+    """What came of models in runs.
 
     Parameters
     ----------
@@ -25,22 +25,21 @@ class Kept:
         if folder:
             folder.mkdir(parents=True, exist_ok=True)
 
-    def get(self, models: list[mujoco.MjModel], watches: tuple[Watch, ...]) -> Any:
-        """What came of models, one for each run; None if they were not tried."""
-        file = self.file(models, watches)
-        return json.loads(file.read_text(encoding="utf-8")) if file and file.is_file() else None
+    def once(self, models: list[mujoco.MjModel], runs: Any, make: Callable[[], Any]) -> Any:
+        """What came of models in runs, made if it is not kept; of lists and numbers, as in JSON.
 
-    def put(self, models: list[mujoco.MjModel], watches: tuple[Watch, ...], found: Any) -> None:
-        """Keep what came of models."""
-        if file := self.file(models, watches):
-            write(file, json.dumps(found))
-
-    def file(self, models: list[mujoco.MjModel], watches: tuple[Watch, ...]) -> Path | None:
-        """Where that is: named by all that it depends on."""
+        Parameters
+        ----------
+        models : list of MjModel
+        runs : object
+            All else that it depends on, such that it pickles.
+        make : callable
+        """
         if not self.folder:
-            return None
-        told = [(w.name, pickle.dumps(w.run), w.allowed,
-                 {n: v.tobytes() for n, v in w.before.channels.items()}) for w in watches]
-        key = [*map(saved, models), pickle.dumps(told), repr(versions("mujoco")).encode(),
+            return make()
+        key = [*map(saved, models), pickle.dumps(runs), repr(versions("mujoco")).encode(),
                sources().encode()]
-        return self.folder / f"{digest(b''.join(key))}.json"
+        file = self.folder / f"{digest(b''.join(key))}.json"
+        if not file.is_file():
+            write(file, json.dumps(make()))
+        return json.loads(file.read_text(encoding="utf-8"))

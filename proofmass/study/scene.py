@@ -21,7 +21,7 @@ from proofmass.isolate import isolated
 from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.study.draft import Draft, read
-from proofmass.study.trial import PASSIVE, STEPPED, attempt
+from proofmass.study.trial import PASSIVE, attempt, by_steps
 from sim.protocol import Array, BadModel, Curves, Run
 
 ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
@@ -31,6 +31,7 @@ FEWEST = 10  # samples before that
 SAMPLES = 501
 SHARE = 0.1  # of what an error leaves of its tolerance: a change that uses it up would be a loss
 LATEST = 600.0  # s
+FEW = 500  # steps that are timed, and whose iterations are counted
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Watch:
     Attributes
     ----------
     name : str
-        Case and kind of run.
+        Case, kind of run, and setting if it has a name.
     run : Run
     allowed : dict of str to ndarray
         How far each channel may move at each sample, in its unit.
@@ -52,6 +53,12 @@ class Watch:
     run: Run
     allowed: dict[str, Array]
     before: Curves
+
+    @property
+    def brief(self) -> Run:
+        """As few samples of the run as have `FEW` steps, but two at least."""
+        stride = max(1, self.before.steps // self.run.x.size)
+        return replace(self.run, x=self.run.x[:max(2, FEW // stride)])
 
 
 @dataclass(frozen=True)
@@ -77,7 +84,7 @@ class Scene:
     @property
     def longest(self) -> Watch:
         """The run that takes longest, of those that go by time steps if there are any."""
-        return max(self.watches, key=lambda w: (w.run.kind in STEPPED, w.before.seconds))
+        return max(self.watches, key=lambda w: (by_steps(w.run), w.before.seconds))
 
 
 def scene_of(file: Path, seconds: float) -> Scene:
@@ -90,7 +97,7 @@ def scene_of(file: Path, seconds: float) -> Scene:
     """
     cases = list(sidecars(file)) if file.is_file() else []
     runs = [(case, kind, solver) for case in cases for kind in case.run
-            if (solver := solver_of(case, kind))]
+            for solver in solvers_of(case, kind)]
     draft = read(file, next((case.rods for case in cases), ()), probing=not runs)
     if not runs:
         watch = let_go(file, draft, seconds)
@@ -102,11 +109,10 @@ def scene_of(file: Path, seconds: float) -> Scene:
     return Scene(draft, tuple(watches), sensors, {case.start for case in cases})
 
 
-def solver_of(case: Case, kind: Kind) -> str | None:
-    """The setting in which a case runs in MuJoCo, its first but for the engine's defaults."""
-    own = [s for s in case.run[kind].solvers if s.partition(":")[0] == "mujoco"
-           and s != "mujoco:default" and not case.settings.get(s, {}).get("flex")]
-    return next(iter(own), None)
+def solvers_of(case: Case, kind: Kind) -> list[str]:
+    """The settings in which a case runs in MuJoCo, but for the engine's defaults and its flexes."""
+    return [s for s in case.run[kind].solvers if s.partition(":")[0] == "mujoco"
+            and s != "mujoco:default" and not case.settings.get(s, {}).get("flex")]
 
 
 def sidecars(file: Path) -> Iterator[Case]:
@@ -132,7 +138,8 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
         most = tolerance.allowed(float(np.ptp(truth[name]))) if tolerance else 0.0
         left = SHARE * (most - float(np.abs(curve - truth[name]).max()))
         allowed[name] = np.full(curve.size, max(left, ROUNDING * scale(before, name)))
-    return Watch(f"{case.name} {run.kind}", run, allowed, before)
+    setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
+    return Watch(f"{case.name} {run.kind}{setting}", run, allowed, before)
 
 
 def let_go(file: Path, draft: Draft, seconds: float) -> Watch:

@@ -32,9 +32,9 @@ def stress_command(
     """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
 
     Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
-    positions, long runs. Without a case: small models, with the limits that theory knows beside
-    the measured ones. Every run is kept: a study that was stopped goes on when the command is given
-    again. Exit code 0: done; 2: bad input.
+    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, with
+    the limits that theory knows beside the measured ones. Every run is kept: a study that was
+    stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
     with answering(f"{output} keeps the runs"):
         from proofmass.report.stress_page import write_stress  # matplotlib is slow to load

@@ -4,7 +4,8 @@ These functions are called in worker processes, which `paced` starts itself.
 """
 
 import copy
-from dataclasses import dataclass, replace
+import time
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -18,7 +19,7 @@ from sim.with_mujoco import follow
 
 PASSIVE = "passive"
 STEPPED = ("duration", PASSIVE)  # runs that go by time steps
-LOOK = 8  # samples at which the solver's iterations are counted
+SPAN = 0.5  # s, of rounds at least
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,11 @@ class Cost:
 
     seconds: float
     size: int
+
+
+def by_steps(run: Run) -> bool:
+    """Whether a run goes by time steps."""
+    return run.kind in STEPPED or bool(run.settings.get("settled"))
 
 
 def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
@@ -53,30 +59,40 @@ def paced(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, timeout: fl
           ) -> list[Cost]:
     """`race`, in a process of its own on a processor of its own."""
     with own_core() as core:
-        return isolated(race, models, run, rounds, core, timeout=timeout)
+        return isolated(race, models, run, rounds, SPAN, core, timeout=timeout)
 
 
-def race(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, core: int | None = None
-         ) -> list[Cost]:
-    """What a step of each model costs; they run in turn, after a round that warms up."""
+def race(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, span: float,
+         core: int | None = None) -> list[Cost]:
+    """What a step of each model costs; they run in turn, after a round that warms up.
+
+    Short runs get more rounds, a `span` [s] of them.
+    """
     best = [float("inf")] * len(models)
     sizes = [0] * len(models)
+    turn, began = 0, time.perf_counter()
     with pinned(core):
-        for turn in range(rounds + 1):
+        while turn <= rounds or time.perf_counter() - began < span:
             for k, model in enumerate(models):
                 curves, data = driven(model, run)
                 sizes[k] = mujoco.mj_sizeModel(model) + data.nbuffer + data.maxuse_arena
                 if turn:
                     best[k] = min(best[k], curves.seconds / curves.steps)
+            turn += 1
     return [Cost(seconds, int(size)) for seconds, size in zip(best, sizes, strict=True)]
 
 
-def most_iterations(model: mujoco.MjModel, run: Run, tolerances: tuple[float, ...]) -> list[int]:
-    """Iterations that the solver takes at most with each tolerance, at the first samples of a run.
-    """
-    most = []
-    for tolerance in tolerances:
-        model.opt.tolerance = tolerance
-        ends = [driven(model, replace(run, x=run.x[:n]))[1] for n in range(2, LOOK + 2)]
-        most.append(max(int(data.solver_niter.max()) for data in ends))
+def most_iterations(model: mujoco.MjModel, run: Run, tolerance: float) -> int:
+    """Iterations that the solver takes at most in a step of a run, with a tolerance."""
+    model.opt.tolerance, most = tolerance, 0
+
+    def look(_: mujoco.MjModel, data: mujoco.MjData) -> None:
+        nonlocal most
+        most = max(most, int(data.solver_niter.max()))  # of the step before
+
+    mujoco.set_mjcb_control(look)
+    try:
+        driven(model, run)
+    finally:
+        mujoco.set_mjcb_control(None)
     return most

@@ -1,0 +1,103 @@
+"""What scenes need: the diet of all own models, and of a fat one.
+
+    python -m benchmarks.diet [folder]
+
+Writes docs/diet.md and docs/diet.png.  Runs are kept in the folder (reports/diet), so that a call
+goes on where another was interrupted.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib import rc_context
+
+from proofmass.report.diet_page import write_diet
+from proofmass.report.diet_sheet import LOOKS, diet_sheet
+from proofmass.report.figures import save
+from proofmass.report.style import RC
+from proofmass.study.core import machine
+from proofmass.study.diet import Search
+from proofmass.study.diet_command import finish
+from proofmass.study.diet_table import WHOLE, Entry, read_entries
+from proofmass.study.diet_words import ranked, sentences
+from proofmass.study.kept import Kept
+from proofmass.study.run import pool
+from proofmass.study.scene import scene_of
+from proofmass.wording import number
+
+ROOT = Path(__file__).parent.parent
+FAT = ROOT / "docs" / "fourbar_fat.xml"
+SECONDS = 5.0  # that a model without a sidecar is followed
+HEAD = """# What scenes need
+
+`python -m benchmarks.diet` made this; `proofmass diet MODEL.xml` does it for any MJCF. Each feature
+is taken out by itself, and every run is done again: those of the sidecars in MuJoCo, where a
+channel may move by a tenth of what its error leaves of its tolerance, or else the motion from the
+key, where it may move by rounding. What is harmless goes, all of it together.
+
+## A fat model
+
+[`fourbar_fat.xml`](fourbar_fat.xml) is a four-bar let go, and a nut that has come off it, with much
+of what a scene collects over the years.
+
+![What each feature of the fat model changes, and what its removal saves](diet.png)
+
+*Left: the channel that moves most; right: what a step would save. Filled: goes; ring: drawn, kept
+for the eye; cross: matters. The last row is all that goes, at once.*
+"""
+OWN = """## proofmass's own models
+
+{clean} of {all} have nothing left to remove. Drawn geoms could go, for no run needs them, and stay
+for the eye; what they cost together is the time and the memory of the table, on {machine}.
+Steps of a sweep or a rest are its poses.
+"""
+COLUMNS = ("model", "features", "goes", "only drawn", "moves a channel", "needed to run",
+           "ms a step", "without drawn", "KB", "without drawn")
+
+
+def main(folder: str = str(ROOT / "reports" / "diet")) -> None:
+    fat = searched(FAT, Path(folder))
+    own = {file.stem: searched(file, Path(folder)) for file in sorted(ROOT.glob("models/*.xml"))}
+    write_diet(folder, folder)
+    with rc_context(RC):
+        save(diet_sheet([e for e in ranked(fat) if e.outcome in LOOKS]), ROOT / "docs" / "diet")
+    (ROOT / "docs" / "diet.svg").unlink()
+    clean = sum(not named(entries, "harmless") for entries in own.values())
+    lines = [HEAD, *sentences(fat), "", OWN.format(clean=clean, all=len(own), machine=machine()),
+             f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}",
+             *(row(name, entries) for name, entries in own.items())]
+    (ROOT / "docs" / "diet.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def searched(model: Path, folder: Path) -> list[Entry]:
+    """The diet of a model, its table and its slim model in the folder."""
+    print(model.stem, flush=True)
+    file = folder / model.name
+    scene = scene_of(model, SECONDS)
+    with pool() as workers:
+        found = Search(scene, workers=workers, kept=Kept(folder / "runs")).run()
+    finish(scene, found, file)
+    return read_entries(file.with_suffix(".csv"))
+
+
+def named(entries: Sequence[Entry], outcome: str) -> list[str]:
+    """Features with an outcome."""
+    return [e.title for e in entries if e.outcome == outcome and e.kind != WHOLE]
+
+
+def row(name: str, entries: Sequence[Entry]) -> str:
+    """A model's row of the table: features by outcome, and the cost of what is only drawn."""
+    gone, drawn, matters = (named(entries, o) for o in ("harmless", "drawn", "matters"))
+    single = len(entries) - 1
+    needed = single - len(gone) - len(drawn) - len(matters)
+    costs = next((e.costs for e in entries if e.outcome == "drawn"), entries[-1].costs)
+    cells = [number(1e3 * c.seconds, 2) for c in costs] + [number(c.size / 1024) for c in costs]
+    geoms = sum(name.count(",") + 1 for name in drawn)
+    told = [f"{geoms} geom{'s' * (geoms > 1)}" if geoms else "nothing", len(matters), needed]
+    return "| " + " | ".join(map(str, (name, single, "; ".join(gone) or "nothing", *told,
+                                       *cells))) + " |"
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
