@@ -15,7 +15,7 @@ from analytic.rod.solutions import Solutions, solutions
 from analytic.rod.state import clamps
 from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import loop_gap
-from sim.mujoco_steps import FATAL
+from sim.mujoco_still import lost
 from sim.protocol import Diverged, Rod
 from sim.pymunk_links import read_links
 from sim.pymunk_shape import shape
@@ -177,7 +177,7 @@ def mujoco_rest(scene: Scene, qpos: Array) -> Array:
     data.qpos[:], data.ctrl[:] = qpos, 1.0
     for _ in range(BLOCK, MOST, BLOCK):
         mujoco.mj_step(model, data, BLOCK)
-        if any(data.warning[w].number for w in FATAL):
+        if lost(data):
             raise Diverged("MuJoCo gave up")
         if np.abs(data.qvel).max() < STILL:
             return scene.angles(data.qpos)
