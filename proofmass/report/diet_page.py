@@ -1,6 +1,5 @@
 """The page of diets: what each model does not need, in a figure, in words, and as a table."""
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from proofmass.errors import InputError
 from proofmass.report.diet_sheet import LOOKS, diet_sheet
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
-from proofmass.report.study import Written
+from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.study.diet_table import Entry, read_entries
@@ -35,10 +34,7 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
     files = sorted(folder.glob("*.csv"))
     if not files:
         raise InputError(folder, "", "no MODEL.csv there; proofmass diet MODEL.xml writes it")
-    (output / "figures").mkdir(parents=True, exist_ok=True)
-    if folder.resolve() != output.resolve():
-        for file in (*files, *(f.with_suffix(".xml") for f in files), folder / "diet.columns.md"):
-            shutil.copyfile(file, output / file.name)
+    prepared(output, (*files, *(f.with_suffix(".xml") for f in files), folder / "diet.columns.md"))
     parts = [part(file, output / "figures") for file in files]
     page = output / "index.html"
     page.write_text(environment().get_template("diet.html").render(

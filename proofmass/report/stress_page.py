@@ -1,6 +1,5 @@
 """The page of a study of extremes: the figure, what it means in words, and the table."""
 
-import shutil
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -13,7 +12,7 @@ from proofmass.errors import InputError
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.stress_sheet import NEAR, stress_sheet
-from proofmass.report.study import Written
+from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.study.boundary import Boundary
@@ -37,10 +36,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
     if not file.is_file():
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
-    (output / "figures").mkdir(parents=True, exist_ok=True)
-    if file.parent.resolve() != output.resolve():
-        for name in (file.name, "stress.columns.md"):
-            shutil.copyfile(file.with_name(name), output / name)
+    prepared(output, (file, file.with_name("stress.columns.md")))
     parts = [part(name, list(own), output / "figures")
              for name, own in groupby(found, lambda one: subject(one))]
     page = output / "index.html"

@@ -1,5 +1,7 @@
-"""A study as the report shows it: links to its pages."""
+"""A study as the report shows it: its pages, links to them, and its tables beside them."""
 
+import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +14,16 @@ class Written(NamedTuple):
 
     first: Path
     parts: dict[str, str]
+
+
+def prepared(output: Path, tables: Iterable[Path]) -> list[str]:
+    """Make the folder of a study's pages, with copies of its tables; their names there."""
+    (output / "figures").mkdir(parents=True, exist_ok=True)
+    there = [table for table in tables if table.is_file()]
+    for table in there:
+        if table.parent.resolve() != output.resolve():
+            shutil.copyfile(table, output / table.name)
+    return [table.name for table in there]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Pages of a study of work and precision: the diagram, what to do, in words, and the table."""
 
-import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from math import inf
@@ -13,7 +12,7 @@ from matplotlib import rc_context
 from proofmass.errors import InputError
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
-from proofmass.report.study import Written
+from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.report.trade_marks import letter, name_of
@@ -58,11 +57,7 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
         if not (folder / name).is_file():
             raise InputError(folder / name, "", "no such file; proofmass trade CASE writes it")
     rows, verdicts = read_table(folder / "trade.csv"), read_verdicts(folder / "verdicts.json")
-    (output / "figures").mkdir(parents=True, exist_ok=True)
-    files = [name for name in FILES if (folder / name).is_file()]
-    if folder.resolve() != output.resolve():
-        for name in files:
-            shutil.copyfile(folder / name, output / name)
+    files = prepared(output, (folder / name for name in FILES))
     parts = [part(list(own), verdicts, output) for _, own in groupby(
         sorted(rows, key=place), key=place)]
     env = environment()

@@ -34,8 +34,8 @@ Trial = Callable[[float], Failure | None]
 
 
 @dataclass(frozen=True)
-class Boundary:
-    """How far one knob can be turned.
+class Turned:
+    """One knob, and between what it is turned.
 
     Attributes
     ----------
@@ -47,6 +47,23 @@ class Boundary:
         What was turned.
     start, reach : float
         From where, and how far.
+    """
+
+    what: str
+    engine: str
+    setting: str
+    knob: str
+    unit: str
+    start: float
+    reach: float
+
+
+@dataclass(frozen=True)
+class Boundary(Turned):
+    """How far one knob can be turned.
+
+    Attributes
+    ----------
     holds, breaks : float
         The furthest value that held, and the next that did not: NaN if all did up to `reach`, and
         if `start` did not.
@@ -60,13 +77,6 @@ class Boundary:
         Whether the engine itself said nothing of that.
     """
 
-    what: str
-    engine: str
-    setting: str
-    knob: str
-    unit: str
-    start: float
-    reach: float
     holds: float = NAN
     breaks: float = NAN
     theory: float = NAN
@@ -98,16 +108,9 @@ class Boundary:
 
 
 @dataclass(frozen=True)
-class Sought:
-    """A boundary to be found: how to try a value, and all of `Boundary` that is known before."""
+class Sought(Turned):
+    """A boundary to be found: how to try a value, and what theory says; see `Boundary`."""
 
-    what: str
-    engine: str
-    setting: str
-    knob: str
-    unit: str
-    start: float
-    reach: float
     trial: Trial
     theory: float = NAN
     law: str = ""

@@ -24,11 +24,12 @@ from analytic.planar import read
 from analytic.planar.closure import Drives, newton
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.reference import compiled, evaluate, grid, laws
+from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.study.boundary import Failure, bisect
 from proofmass.study.rescaled import times, with_model
 from proofmass.study.store import MATTERS, Store, digest, model_bytes, sources, write
+from proofmass.study.ways import followed
 from sim.protocol import Array
 
 LONGEST, SHORTEST = (1.1, 1.0), 0.2  # times its length: from where and to where it is shortened
@@ -104,12 +105,8 @@ def least_kept(case: Case, kind: Kind, store: Store) -> float:
 
 def unclosed(case: Case, kind: Kind, folder: Path, factor: float) -> Failure | None:
     """Why the mechanism does not make its whole way with its last link so many times as long."""
-    x = grid(case, kind)
     try:
-        short = shortened(case, folder, factor)
-        state = tuple(np.array(part) for part in zip(
-            *(law(x) for law in laws(short, kind)), strict=True))
-        evaluate(short, x, state)  # type: ignore[arg-type]
+        followed(shortened(case, folder, factor), kind)
     except InputError as error:
         return Failure(error.wrong)
     return None

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from proofmass.errors import InputError
 from proofmass.study.store import write
+from proofmass.study.table import write_columns
 from proofmass.study.trial import Cost
 
 Moved = dict[str, dict[str, float]]
@@ -97,8 +98,7 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
             writer.writerow((entry.kind, entry.name, entry.outcome, *row,
                              *(costs or EMPTY), entry.message))
     write(file, text.getvalue())
-    lines = [f"- `{name}`: {words}" for name, words in COLUMNS.items()]
-    write(file.with_name("diet.columns.md"), "\n".join(["# Columns of a diet", "", *lines, ""]))
+    write_columns(file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMNS)
 
 
 def read_entries(file: Path) -> list[Entry]:

@@ -9,7 +9,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.check import FAILURES
+from proofmass.isolate import isolated
 from proofmass.reference import compiled
 from proofmass.sidecar import Channel
 from proofmass.solve import simulate
@@ -20,7 +21,6 @@ from proofmass.study.rescaled import with_model
 from proofmass.study.setting import Knob
 from proofmass.study.stand import TIMEOUT, Stand, needs
 from proofmass.study.store import key_of
-from sim.protocol import Diverged
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
 LONG, MOST = 1_000_000, 2000  # steps, and samples of them
@@ -35,11 +35,9 @@ def energies(stand: Stand) -> Iterator[Sought]:
     needs(stand.kind == "duration" and not stand.case.drive, why)
     watched = weighed(stand.case, stand.models)
     needs(conserved(watched), why)
-    for words in INTEGRATORS if stand.setting.engine == "mujoco" else ("as in the model",):
-        knobs: dict[str, Knob] = {"integrator": words} if stand.setting.engine == "mujoco" else {}
-        yield stand.sought("steps until the energy is off by 1 %", "1",
-                           stand.seconds / stand.step, LONG,
-                           partial(drifted, stand, watched, knobs), words)
+    yield from stand.integrated("steps until the energy is off by 1 %", "1",
+                                stand.seconds / stand.step, LONG,
+                                partial(drifted, stand, watched), INTEGRATORS)
 
 
 def weighed(case: Case, folder: Path) -> Case:
@@ -83,8 +81,6 @@ def weighing(task: Task) -> Found:
     case, run = task.setting.applied(task.case, task.run)
     try:
         curves = isolated(simulate, task.setting.engine, case.model_path, run, timeout=TIMEOUT)
-    except Diverged as error:
-        return Found(outcome="diverged", message=str(error))
-    except (Crashed, TimedOut) as error:
-        return Found(outcome="timed out", message=str(error))
+    except tuple(FAILURES) as error:
+        return Found(outcome=FAILURES[type(error)], message=str(error))
     return Found(invariants=invariants(case, curves), seconds=curves.seconds, steps=curves.steps)

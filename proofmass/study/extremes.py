@@ -48,10 +48,8 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
 def steps(stand: Stand) -> Iterator[Sought]:
     """Larger and larger time steps, with every integrator."""
     needs(stand.kind == "duration", "time step: nothing is stepped")
-    for words in INTEGRATORS if stand.setting.engine == "mujoco" else ("as in the model",):
-        knobs: dict[str, Knob] = {"integrator": words} if stand.setting.engine == "mujoco" else {}
-        yield stand.sought("time step", "s", stand.step, stand.seconds / 4,
-                           partial(stepped, stand, knobs), words)
+    yield from stand.integrated("time step", "s", stand.step, stand.seconds / 4,
+                                partial(stepped, stand), INTEGRATORS)
 
 
 def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Failure | None:

@@ -7,14 +7,16 @@ READS = "planar"
 
 
 def reread(case: Case) -> Case:
-    """The case with every channel held to what the planar reference reads from the model.
+    """The case with its channels held to what the planar reference reads from the model.
 
-    Drives must not take their law from the reference that is left behind: see `movable`.
+    Channels that must equal a number still must.  Drives must not take their law from the
+    reference that is left behind: see `movable`.
     """
     if case.reference == READS:
         return case
-    channels = {name: channel.model_copy(update={"equals": name, "scale": 1.0, "shift": 0.0})
-                for name, channel in case.channels.items()}
+    channels = {name: channel if isinstance(channel.equals, float) else channel.model_copy(
+        update={"equals": name, "scale": 1.0, "shift": 0.0})
+        for name, channel in case.channels.items()}
     return case.model_copy(update={"reference": READS, "parameters": {}, "channels": channels})
 
 

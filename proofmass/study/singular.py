@@ -12,7 +12,6 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, grid, laws
 from proofmass.strict import Kind
 from proofmass.study import closing
 from proofmass.study.boundary import Failure, Sought, bisect
@@ -21,7 +20,7 @@ from proofmass.study.reread import movable, reread
 from proofmass.study.setting import Setting
 from proofmass.study.stand import LOST, Stand, judged, known, needs, tried
 from proofmass.study.store import key_of
-from proofmass.study.ways import farther, hinged, turning
+from proofmass.study.ways import farther, followed, hinged, turning
 from sim.protocol import Array
 
 TURNS = 2.0
@@ -56,11 +55,8 @@ def between(holds: float, breaks: float) -> float:
 
 def unreachable(case: Case, far: float) -> Failure | None:
     """Whether the reference has no pose on the way there."""
-    there = farther(case, far)
-    x = grid(there, "sweep")
-    state = tuple(np.array([part]) for part in laws(there, "sweep")[0](x))
     try:
-        evaluate(there, x, state)  # type: ignore[arg-type]
+        followed(farther(case, far), "sweep")
     except InputError as error:
         return Failure(str(error))
     return None
@@ -119,10 +115,7 @@ def snapped(stand: Stand, far: float) -> Failure | None:
 
 def unreturned(case: Case, far: float) -> Failure | None:
     """Whether the reference's rod comes back another way than it went."""
-    there = there_and_back(case, far)
-    x = grid(there, "sweep")
-    state = tuple(np.array([part]) for part in laws(there, "sweep")[0](x))
-    wanted = evaluate(there, x, state).channels  # type: ignore[arg-type]
+    wanted = followed(there_and_back(case, far), "sweep").channels
     return parted({name: wanted[name] for name in places(case)})
 
 

@@ -5,8 +5,9 @@ mechanism, and when a position, or a holding moment of a sweep, is off by a tent
 the engine does not see.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from proofmass.reference import compiled, grid
 from proofmass.strict import Kind
 from proofmass.study.boundary import Failure, Sought, told
 from proofmass.study.measure import Found, Task, observe
+from proofmass.study.reread import READS
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.store import Store, key_of
 from sim.protocol import BadModel
@@ -68,6 +70,17 @@ class Stand:
         except InputError as error:
             return Failure(error.wrong)
 
+    def integrated(self, knob: str, unit: str, start: float, reach: float,
+                   trial: Callable[[dict[str, Knob], float], Failure | None],
+                   integrators: Iterable[str]) -> Iterator[Sought]:
+        """A boundary of this case for each integrator, where the engine has several."""
+        if self.setting.engine != "mujoco":
+            yield self.sought(knob, unit, start, reach, partial(trial, {}), "as in the model")
+            return
+        for words in integrators:
+            yield self.sought(knob, unit, start, reach, partial(trial, {"integrator": words}),
+                              words)
+
     def sought(self, knob: str, unit: str, start: float, reach: float,
                trial: Callable[[float], Failure | None], words: str = "", **more: Any) -> Sought:
         """A boundary of this case."""
@@ -113,5 +126,5 @@ def needs(there: object, why: str) -> None:
 
 def known(case: Case) -> bool:
     """Whether the reference follows changes of the masses: by itself, or since it needs none."""
-    return case.reference == "planar" or (
+    return case.reference == READS or (
         bool(case.drive) and mobility(case) == len(case.drive))

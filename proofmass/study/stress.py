@@ -21,6 +21,7 @@ from typing import Any, get_type_hints
 from proofmass.study import proven, specimens
 from proofmass.study.boundary import Boundary, Failure, Sought, Trial
 from proofmass.study.store import Store, digest, read, sources, versions, write
+from proofmass.study.table import write_columns
 
 Progress = Callable[[str, int, int], None]
 COLUMNS = {
@@ -110,8 +111,7 @@ def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
         cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
         rows.writerow({key: "" if value != value else value for key, value in cells.items()})
     write(file, text.getvalue())
-    lines = [f"- `{name}`: {words}" for name, words in COLUMNS.items()]
-    write(file.with_suffix(".columns.md"), "\n".join([f"# Columns of {file.name}", "", *lines, ""]))
+    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMNS)
 
 
 def read_boundaries(file: Path) -> list[Boundary]:

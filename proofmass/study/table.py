@@ -49,7 +49,8 @@ def write_table(rows: Iterable[Row], file: Path) -> None:
     """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
     rows = list(rows)
     write(file, table(rows))
-    write(file.with_suffix(".columns.md"), described(file.name))
+    write_columns(file.with_suffix(".columns.md"), file.name, "run", {
+        f"{name}.*" if name in SPREAD.values() else name: what for name, what in COLUMNS.items()})
     if rows and find_spec("pyarrow"):
         from pyarrow import csv as arrow
         from pyarrow import parquet
@@ -141,8 +142,8 @@ def parsed(cells: dict[str, str]) -> Row:
     return Row(**told)
 
 
-def described(name: str) -> str:
-    """What the columns of a table are."""
-    rows = "\n".join(f"| `{column}{'.*' if column in SPREAD.values() else ''}` | {what} |"
-                     for column, what in COLUMNS.items())
-    return f"# Columns of {name}\n\nOne row a run.\n\n| column | is |\n|---|---|\n{rows}\n"
+def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
+    """Write what the columns of a table are, and what its rows."""
+    lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
+    write(file, "\n".join([f"# Columns of {table}", "", f"One row a {row}.", "", "| column | is |",
+                           "|---|---|", *lines, ""]))

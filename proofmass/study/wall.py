@@ -12,6 +12,7 @@ from typing import Any
 from proofmass.case import Case
 from proofmass.reference import compiled
 from proofmass.strict import Kind
+from proofmass.study.reread import READS, movable, reread
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Setting
 from sim.mujoco_model import ENGINE_DEFAULTS
@@ -103,14 +104,8 @@ def in_pymunk(case: Case, setting: Setting) -> Iterator[Probe]:
 
 def of_reference(case: Case, setting: Setting) -> Iterator[Probe]:
     """The general solver as a second reference, where the first does not bring the drive's law."""
-    if case.reference == "planar" or case.reference.endswith(".csv") or case.rod or any(
-            drive.law for drive in case.drive):
-        return
-    channels = {name: channel if isinstance(channel.equals, float) else channel.model_copy(
-        update={"equals": name, "scale": 1.0, "shift": 0.0})
-        for name, channel in case.channels.items()}
-    second = case.model_copy(update={"reference": "planar", "parameters": {}, "channels": channels})
-    yield Probe("the reference", "a second reference", second, setting, None)
+    if case.reference != READS and movable(case) and not case.rod:
+        yield Probe("the reference", "a second reference", reread(case), setting, None)
 
 
 def of_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Probe]:

@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.reference import compiled
+from proofmass.reference import compiled, evaluate, grid, laws
+from proofmass.strict import Kind
+from sim.protocol import Curves
 
 
 def farther(case: Case, far: float) -> Case:
@@ -44,6 +46,14 @@ def longer(case: Case, factor: float, seconds: float) -> Case:
         case = turning(case, way, 2.0 * seconds)
     return case.model_copy(update={"run": {"duration": run.model_copy(
         update={"until": seconds * factor})}})
+
+
+def followed(case: Case, kind: Kind) -> Curves:
+    """The reference's curves of a run whose drives go just as they should."""
+    x = grid(case, kind)
+    state = tuple(np.array(part) for part in zip(*(law(x) for law in laws(case, kind)),
+                                                 strict=True))
+    return evaluate(case, x, state)  # type: ignore[arg-type]
 
 
 def turns(case: Case, way: float) -> bool:
