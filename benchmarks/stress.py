@@ -39,9 +39,14 @@ range: of the latter three the engine says nothing.
 Singular poses of a case are found from its reference. *Length to spare where bars come in line*:
 the last link of the last loop is shortened until the mechanism only just makes its way; there bars
 come in line and two assembly modes meet, a change point of a four-bar, the couplers of a five-bar
-one on the other. What is given is the share of that length that an engine needs beyond it to stay
-in its mode. *Drive's way until a rod snaps*: until its positions differ on the way back; of the
-chain, beside the fold of the rod. Energies are those of the free motion, whatever its reference.
+one on the other. *Length to spare where an arm is stretched*: the same for both links that the last
+loop holds together, until they are in line end to end. What is given is the share of that length
+that an engine needs beyond it to stay in its mode: an open loop turns the bars by its gap over the
+root of that share (`tests/test_stress_singular.py`). *Drive's way until a rod snaps*: until its
+positions differ on the way back; of the chain, beside the fold of the rod. *Spring in a joint*:
+stiffer and stiffer; in Chipmunk, whose bodies go straight ahead during a step, large swings have no
+theory, and small ones that of one coordinate. Energies are those of the free motion, whatever its
+reference.
 """
 KNOWN = """## Beside theory
 

@@ -17,7 +17,7 @@ from proofmass.study import rescaled
 from proofmass.study.boundary import Failure, Sought
 from proofmass.study.energy import energies
 from proofmass.study.setting import Knob, Setting
-from proofmass.study.singular import closings, limits, snaps
+from proofmass.study.singular import closings, limits, snaps, stretchings
 from proofmass.study.stand import NotHere, Stand, known, needs
 from proofmass.study.stiffness import stiffnesses
 from proofmass.study.store import Store
@@ -154,5 +154,5 @@ def long(stand: Stand) -> Iterator[Sought]:
 
 
 AXES: tuple[Callable[[Stand], Iterator[Sought]], ...] = (
-    steps, speeds, weights, masses, springs, stiffnesses, sizes, segments, limits, closings, snaps,
-    long, energies)
+    steps, speeds, weights, masses, springs, stiffnesses, sizes, segments, limits, closings,
+    stretchings, snaps, long, energies)

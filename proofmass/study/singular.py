@@ -64,21 +64,33 @@ def unreachable(case: Case, far: float) -> Failure | None:
 
 def closings(stand: Stand) -> Iterator[Sought]:
     """The last link with less and less to spare, until bars in line are passed the wrong way."""
-    needs(stand.case.drive and movable(stand.case) and known(stand.case)
-          and closing.last_link(stand.case), "bars in line: no driven loop of links")
+    yield from spared(stand, "bars in line", "length to spare where bars come in line",
+                      closing.last_link(stand.case))
+
+
+def stretchings(stand: Stand) -> Iterator[Sought]:
+    """Both links of the last loop with less and less to spare, until they are stretched."""
+    yield from spared(stand, "stretched arm", "length to spare where an arm is stretched",
+                      closing.last_arm(stand.case))
+
+
+def spared(stand: Stand, pose: str, knob: str, links: closing.Links) -> Iterator[Sought]:
+    """Links with less and less to spare, in each run."""
+    needs(stand.case.drive and movable(stand.case) and known(stand.case) and links,
+          f"{pose}: no such links in a driven loop")
     case = reread(stand.case)
     way: Kind = "duration" if "duration" in case.run else "sweep"
-    length = closing.least_kept(case, way, stand.store)
-    needs(np.isfinite(length), "bars in line: no length of the last link brings them there")
+    length = closing.least_kept(case, links, way, stand.store)
+    needs(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("duration", "sweep") if kind in case.run):
         own = replace(stand, case=case, kind=kind)
-        yield own.sought("length to spare where bars come in line", "share", SPARE, LEAST,
-                         partial(spared, own, length), own.words if kind == "duration" else kind)
+        yield own.sought(knob, "share", SPARE, LEAST, partial(sparing, own, links, length),
+                         own.words if kind == "duration" else kind)
 
 
-def spared(stand: Stand, length: float, share: float) -> Failure | None:
-    """Run with the last link so much longer than what just closes."""
-    return stand.lost(closing.shortened(stand.case, stand.models, length * (1.0 + share)))
+def sparing(stand: Stand, links: closing.Links, length: float, share: float) -> Failure | None:
+    """Run with links so much longer than what just closes."""
+    return stand.lost(closing.shortened(stand.case, links, stand.models, length * (1.0 + share)))
 
 
 def snaps(stand: Stand) -> Iterator[Sought]:
