@@ -143,6 +143,21 @@ def test_limit_positions_come_from_the_reference(stand):
         assert found.ratio == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_model_with_another_limit_position_is_noticed(stand):
+    """A rocker longer by 2 % turns on by 1 %; before, the root of the way left is a tenth off."""
+    held = stand("triple_rocker")
+
+    def change(root):
+        next(s for s in root.iter("site") if s.get("name") == "rocker_end").set("pos", "2.55 0 0")
+    case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
+        update={"n": 41})}})
+    wrong = rescaled.with_model(case, held.models, change)
+    sought = next(s for s in extremes(wrong, held.store)[0] if s.knob == "drive's way")
+    found = sought.find()
+    assert found.ratio < 0.99
+    assert found.failure.startswith("position off by")
+
+
 def test_boundaries_that_begin_alike_do_not_meet(stand):
     """Eight threads change the same model at once; none finds a file of another gone."""
     held = stand("fourbar")

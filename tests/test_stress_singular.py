@@ -121,6 +121,21 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
     assert abs(ends[0] - fold) > 1e-3
 
 
+@pytest.mark.slow
+def test_a_rod_of_another_length_snaps_elsewhere(stand):
+    """2 % longer in the engine alone: its ends are nearer for it, and the fold is elsewhere."""
+    held = stand("rod_snap", kind="sweep", segments=10)
+    start = held.case.drive[0].start
+    right, wrong = (marks(distance=distance)["snaps to the left"] + start
+                    for distance in (0.8, 0.8 / 1.02))
+    rod = held.case.rod["rod"].model_copy(update={"length": 1.02})
+    longer = held.case.model_copy(update={"rod": {"rod": rod}})
+    assert abs(wrong / right - 1) > 0.01
+    middle = np.sqrt(right * wrong)
+    theirs = replace(held, case=longer)
+    assert bool(singular.snapped(held, middle)) is not bool(singular.snapped(theirs, middle))
+
+
 def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
     (sought,) = stiffness.stiffnesses(stand("pendulum", integrator="Euler"))
     assert sought.reach == pytest.approx(1e12 * sought.start)
