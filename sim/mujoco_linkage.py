@@ -15,9 +15,9 @@ from sim.protocol import Array, BadModel, Unsupported
 EQ = mujoco.mjtEq
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
-NEAR = 1e-8  # [m or rad] the last Newton step where the drives are held: its square is left
-CLOSED = 1e-11  # of the extent, or of 1 m: what may stay open of a loop
-UNSURE = 1e5  # [rad or m per m] a pose that moves so much for a gap is singular, to rounding
+NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
+CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
+UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
 
 
@@ -28,6 +28,10 @@ class Linkage:
     ----------
     dofs, adr : ndarray (drives,) of int
         Where the driven joints stand in ``qvel`` and in ``qpos``.
+    sizes : ndarray (nv,)
+        What rates and moves are measured in: the extent of the model [m], or radians.
+    lever : float
+        Largest move [extents or rad] for a gap of an extent, in the pose last closed.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]):
@@ -35,8 +39,9 @@ class Linkage:
         index = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in joints]
         self.dofs, self.adr = model.jnt_dofadr[index], model.jnt_qposadr[index]
         self.units = np.eye(model.nv)[self.dofs]
-        hinge = model.jnt_type[index] == mujoco.mjtJoint.mjJNT_HINGE
-        self.stride = STRIDE * np.where(hinge, 1.0, model.stat.extent)
+        slides = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
+        self.sizes = np.where(slides, model.stat.extent, 1.0)
+        self.stride = STRIDE * self.sizes[self.dofs]
         for i in range(model.neq):
             kind = EQ(model.eq_type[i])
             if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
@@ -70,7 +75,7 @@ class Linkage:
             mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
             try:
                 there = self.place(target)
-                sure = np.abs(self.inverse).max() < UNSURE
+                sure = self.lever < UNSURE
             except (BadModel, Unsupported):
                 if not part:
                     raise
@@ -89,10 +94,11 @@ class Linkage:
             move = -self.invert(jacobian)[:, : residual.size] @ residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
-            if not np.abs(move).max(initial=0.0) > NEAR:
+            if not np.abs(move / self.sizes).max(initial=0.0) > NEAR:
                 break
         residual, jacobian = self.rows()
-        if not np.abs(residual).max(initial=0.0) < CLOSED * max(1.0, self.model.stat.extent):
+        gaps = residual / self.spans()[: residual.size]
+        if not np.abs(gaps).max(initial=0.0) < CLOSED:
             open_by = loop_gap(self.model, self.data).max(initial=0.0)
             raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
                            f"the loop stays open by {open_by:.3g} m")
@@ -113,8 +119,22 @@ class Linkage:
 
     def freedoms(self) -> int:
         """Freedoms left at the present pose when the drives are held."""
-        rows = np.vstack([self.rows()[1], self.units])
+        rows = self.scaled(self.rows()[1])
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
+
+    def spans(self) -> Array:
+        """What the rows of the active equalities, then the drives, are measured in: m, or rad."""
+        model, found = self.model, list[float]()
+        for i in np.flatnonzero(self.data.eq_active):
+            if model.eq_type[i] == EQ.mjEQ_CONNECT:
+                found += [model.stat.extent] * 3
+            else:
+                found.append(self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]])
+        return np.array([*found, *self.sizes[self.dofs]])
+
+    def scaled(self, jacobian: Array) -> Array:
+        """The loops' rows and, below them, the drives', with all lengths in extents."""
+        return np.vstack([jacobian, self.units]) * self.sizes / self.spans()[:, None]
 
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""
@@ -126,14 +146,16 @@ class Linkage:
         Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
         that are always zero, hence no plain inverse.
         """
-        left, values, right = np.linalg.svd(np.vstack([jacobian, self.units]), full_matrices=False)
+        left, values, right = np.linalg.svd(self.scaled(jacobian), full_matrices=False)
         rank = int((values > 1e-10 * values[0]).sum())
         if rank < self.model.nv:
             raise Unsupported(
                 f"{self.model.nv - rank} degree(s) of freedom left when "
                 f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose")
-        return np.asarray((right.T / values) @ left.T)
+        inverse = (right.T / values) @ left.T
+        self.lever = float(np.abs(inverse).max())
+        return np.asarray(self.sizes[:, None] * inverse / self.spans())
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""

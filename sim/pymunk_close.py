@@ -5,10 +5,12 @@ from scipy.optimize import least_squares
 
 from sim.protocol import Array, BadModel
 from sim.pymunk_links import Links
-from sim.pymunk_pose import bound, gaps, jacobian, residual, values
+from sim.pymunk_pose import bound, gaps, jacobian, least, residual, values
 
 MOVE = 0.05
 """Largest move of a drive [rad, or extents] between two poses, so that a branch is kept."""
+CLOSED = 1e-9
+"""Gap [extents] and miss of a drive [extents or radians] of a pose that is closed."""
 
 
 def stages(links: Links, now: Array, then: Array) -> Array:
@@ -45,20 +47,20 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
 
 
 def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Array:
-    best, least = pose, np.inf
+    best, off = pose, np.inf
     for _ in range(40):
         error = _error(links, pose, drives) - rest
-        size = np.abs(error).max(initial=0.0)
-        if not size < least:
+        size = np.abs(error / links.bounds).max(initial=0.0)
+        if not size < off:
             break
-        best, least = pose, size
-        step = np.linalg.lstsq(jacobian(lambda p: bound(links, p), pose), error, rcond=1e-12)[0]
+        best, off = pose, size
+        step = least(links, jacobian(lambda p: bound(links, p), pose), error)
         pose = pose - np.append(step, np.zeros(3)).reshape(pose.shape)
-    closed = 1e-9 * max(links.extent, 1.0)
-    if least > closed:
+    if off > CLOSED:
         missed = _missed(links, best, drives)
         raise BadModel(f"the loops cannot be closed at {named(links, drives) or 'the start'}" + (
-            f", open by {missed:.2g} m" if missed > closed else ": a singular pose before it"))
+            f", open by {missed:.2g} m" if missed > CLOSED * links.extent
+            else ": a singular pose before it"))
     return best
 
 
@@ -76,12 +78,13 @@ def _error(links: Links, pose: Array, drives: Array) -> Array:
 def _missed(links: Links, pose: Array, drives: Array) -> float:
     """The gap [m] of the loops at their closest, with joints and drives held."""
     tree = residual(links, pose).size - 2 * len(links.loops)
-    weight = np.full(bound(links, pose).size, 1e4)
-    weight[tree: tree + 2 * len(links.loops)] = 1.0
+    weight = 1e4 / links.bounds
+    weight[tree: tree + 2 * len(links.loops)] /= 1e4
     ground = pose[-1:]
 
-    def error(flat: Array) -> Array:
-        return weight * _error(links, np.vstack([flat.reshape(-1, 3), ground]), drives)
+    def moved(flat: Array) -> Array:
+        return np.vstack([(links.sizes * flat).reshape(-1, 3), ground])
 
-    fit = least_squares(error, pose[:-1].ravel(), xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    return float(gaps(links, np.vstack([fit.x.reshape(-1, 3), ground])).max())
+    fit = least_squares(lambda flat: weight * _error(links, moved(flat), drives),
+                        pose[:-1].ravel() / links.sizes, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    return float(gaps(links, moved(fit.x)).max())

@@ -17,7 +17,7 @@ from sim.protocol import Array, BadModel, Diverged
 from sim.pymunk_close import close, named
 from sim.pymunk_drive import Motor, add_drives, aim
 from sim.pymunk_links import Links
-from sim.pymunk_modes import free_directions
+from sim.pymunk_modes import free_directions, sizes
 from sim.pymunk_patience import enough
 from sim.pymunk_pose import along, bound, gaps, jacobian, potential, values
 from sim.pymunk_rest import rest, stride
@@ -27,7 +27,7 @@ from sim.pymunk_stops import Stops, beyond, ease, find_stops
 FAR = 3.0
 """Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
 STILL = 1e-12
-"""Largest remaining move in a step, in extents, that counts as rest at a sample."""
+"""Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
 ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch."""
 DOUBT = 12
@@ -39,7 +39,7 @@ LEFT = 1e-3
 PATIENT = 10**6
 """Iterations that it may have, in a step and its repetitions."""
 ROUNDING = 1e-16
-"""What an iteration adds to the move in a step, in extents."""
+"""What an iteration adds to the move in a step, in extents or radians."""
 AGREED = 1e-6
 """Share by which a step may differ from its repetition: stops and steps of all lengths ask more of
 the solver than it does at once."""
@@ -70,7 +70,7 @@ class Held:
 
     @property
     def rounding(self) -> float:
-        """What the solver's iterations add to the move in a step, in extents."""
+        """What the solver's iterations add to the move in a step, in extents or radians."""
         return ROUNDING * self.space.iterations
 
     def step(self, target: Array) -> None:
@@ -87,13 +87,13 @@ class Held:
         """
         aim(self.drives, target.tolist())
         ease(self.stops, self.pose, self.dt)
-        noise = self.rounding * self.links.extent / self.dt
+        noise = self.rounding / self.dt
         change = np.nan
         for _ in range(0, PATIENT, self.space.iterations):
             last, before = self.velocity, change
             self._solve()
-            change = np.abs(self.velocity - last).max()
-            error = AGREED * np.abs(self.velocity).max() + noise
+            change = float(sizes(self.links, self.velocity - last))
+            error = AGREED * sizes(self.links, self.velocity) + noise
             # changes in a geometric row add up to change before / (before - change); at last they
             # do not fall any more, and are rounding
             small = change * before <= error * (before - change) or before <= change <= error
@@ -133,7 +133,7 @@ class Held:
             self.step(target)
             on = beyond(self.stops, self.pose)
             self.pose = self.pose + self.dt * self.velocity
-            moved = np.abs(self.velocity).max() * self.dt / self.links.extent
+            moved = sizes(self.links, self.velocity) * self.dt
             if not np.isfinite(moved):
                 break
             # a step to a stop is as short as the way there, and small whatever the forces are
@@ -213,7 +213,7 @@ class Held:
         for _ in range(MOST[False]):
             last = self.velocity
             self.step(ahead)
-            if np.abs(self.velocity - last).max() < STILL * np.abs(self.velocity).max():
+            if sizes(self.links, self.velocity - last) < STILL * sizes(self.links, self.velocity):
                 break
         return size * self.velocity
 

@@ -144,6 +144,18 @@ class Links:
                      np.array([hold.on_a for hold in holds]),
                      np.array([hold.on_b for hold in holds]), np.array(axes))
 
+    @cached_property
+    def sizes(self) -> Array:
+        """What the coordinates of a pose are measured in (3 links,): extents [m], radians."""
+        return np.tile([self.extent, self.extent, 1.0], len(self.mass))
+
+    @cached_property
+    def bounds(self) -> Array:
+        """What all that is prescribed is measured in (rows + drives,): extents [m], radians."""
+        across = np.column_stack([np.ones(len(self.holds)), ~self.table.slides])
+        along = [joint.hold.axis is not None for joint in self.drives]
+        return np.where(np.append(across, along), self.extent, 1.0)
+
     @property
     def pose(self) -> Array:
         """The start pose (links + 1, 3)."""

@@ -43,7 +43,8 @@ class Modes:
 def free_directions(links: Links, rows: Array) -> Array:
     """Moves (n, links + 1, 3) of unit mass that leave what is held as it is, by its Jacobian."""
     root = _root(links)
-    _, sizes, modes = np.linalg.svd(rows / root)
+    long = np.linalg.norm(rows / root, axis=1, keepdims=True)
+    _, sizes, modes = np.linalg.svd(rows / root / np.where(long == 0, 1.0, long))
     rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
     moves = (modes[rank:] / root).reshape(-1, len(links.mass), 3)
     return np.pad(moves, ((0, 0), (0, 1), (0, 0)))

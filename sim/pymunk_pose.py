@@ -84,6 +84,23 @@ def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
     return np.moveaxis(along(function, pose, units), 0, -1)
 
 
+def least(links: Links, rows: Array, wanted: Array) -> Array:
+    """The least move (3 links,) by which rows change as wanted, lengths as shares of the extent."""
+    rows, wanted = alike(links, rows, wanted)
+    return np.asarray(np.linalg.lstsq(rows, wanted, rcond=1e-12)[0] * links.sizes)
+
+
+def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
+    """Rows of a linear system of moves as shares of their sizes, all of them of length one.
+
+    So that nothing is lost between radians and lengths of any size.
+    """
+    rows = rows * links.sizes
+    long = np.linalg.norm(rows, axis=1)
+    long[long == 0] = 1.0
+    return rows / long[:, None], wanted / long
+
+
 def potential(links: Links, pose: Array) -> Array:
     """Energy [J] (...) of gravity, joint springs and loads, as the engine's links carry it."""
     weight = links.mass[:, None] * links.gravity

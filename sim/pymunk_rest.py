@@ -5,7 +5,7 @@ import numpy as np
 from sim.protocol import Array
 from sim.pymunk_links import HAIR, Links
 from sim.pymunk_modes import Modes, find_modes, sizes
-from sim.pymunk_pose import along, bound, values
+from sim.pymunk_pose import along, bound, least, values
 from sim.pymunk_stops import way_back
 
 SOFT = 1e-8
@@ -59,7 +59,7 @@ def rest(links: Links, pose: Array, drives: Array, usual: float) -> Array:
         amiss[amiss.size - drives.size:] -= drives
         back = np.array([way_back(joint, pose) for joint in modes.stops])
         amiss = np.append(amiss, np.copysign(HAIR, back) - back)  # on the limit: a hair beyond
-        closing = np.linalg.lstsq(modes.rows, -amiss, rcond=1e-12)[0]
+        closing = least(links, modes.rows, -amiss)
         fall = np.tensordot(modes.forces / _stiff(modes, usual), modes.shapes, 1)
         move = (np.append(closing, np.zeros(3)).reshape(pose.shape)
                 + fall / max(1.0, _excess(links, pose, fall)))

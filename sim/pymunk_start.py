@@ -5,7 +5,8 @@ import numpy as np
 from sim.protocol import Array
 from sim.pymunk_close import close
 from sim.pymunk_links import Links
-from sim.pymunk_pose import along, bound, jacobian, potential, residual, values
+from sim.pymunk_modes import sizes
+from sim.pymunk_pose import alike, along, bound, jacobian, least, potential, residual, values
 
 
 def start_motion(links: Links, pose: Array, rate: Array, acceleration: Array
@@ -28,25 +29,27 @@ def start_motion(links: Links, pose: Array, rate: Array, acceleration: Array
     closed = np.zeros(len(rows) - len(rate))
     tree = np.vstack([jacobian(lambda p: residual(links, p), pose), rates])
     wanted = np.append(closed, [joint.rate for joint in links.joints])
-    velocity = np.linalg.lstsq(tree, wanted, rcond=1e-12)[0]
-    mass = np.diag(np.column_stack([links.mass, links.mass, links.moment]).ravel())
+    velocity = least(links, tree, wanted)
     lacking = np.append(closed, rate) - rows @ velocity
-    velocity = velocity + _held(mass, rows, np.zeros(len(mass)), lacking)
+    velocity = velocity + _held(links, rows, np.zeros(len(velocity)), lacking)
     full = _padded(velocity)
-    h = 1e-5 / (1e-5 + np.abs(velocity).max())
+    h = 1e-5 / (1e-5 + sizes(links, full))
     turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
     damping = np.array([joint.damping for joint in links.joints])
     force = -jacobian(lambda p: potential(links, p), pose)
     force = force - rates.T @ (damping * (rates @ velocity))
     needed = np.append(closed, acceleration) - turning @ velocity
-    return full, _padded(_held(mass, rows, force, needed))
+    return full, _padded(_held(links, rows, force, needed))
 
 
-def _held(mass: Array, rows: Array, force: Array, needed: Array) -> Array:
+def _held(links: Links, rows: Array, force: Array, needed: Array) -> Array:
     """Solve ``M a + J^T f = force`` with ``J a = needed``, redundant rows allowed."""
-    zero = np.zeros((len(rows), len(rows)))
-    matrix = np.block([[mass, rows.T], [rows, zero]])
-    return np.linalg.lstsq(matrix, np.append(force, needed), rcond=1e-14)[0][: len(mass)]
+    rows, needed = alike(links, rows, needed)
+    inertia = np.column_stack([links.mass, links.mass, links.moment]).ravel() * links.sizes**2
+    most = inertia.max()
+    matrix = np.block([[np.diag(inertia / most), rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    right = np.append(force * links.sizes / most, needed)
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-14)[0][: len(force)] * links.sizes)
 
 
 def _padded(links_only: Array) -> Array:

@@ -196,7 +196,7 @@ def test_trials_are_made_once(tmp_path):
 def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     rows = [Boundary("spring, \"soft\"", "mujoco", "Euler", "dt ω", "1", 0.1, 10.0, 1.99, 2.005,
                      2.0, "2 √(1 + ζ²)", "grew, without a word", True),
-            Boundary("spring", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0, theory=np.inf,
+            Boundary("spring, hard", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0, theory=np.inf,
                      law="implicit"),
             Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
                      failure="at 1 already: no"),

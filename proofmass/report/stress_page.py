@@ -47,7 +47,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
 
 def subject(one: Boundary) -> str:
     """What a section of the page is about: a case, or all that theory knows."""
-    return THEORY if one.law and one.knob != "drive's way" else one.what
+    return THEORY if one.law and " " in one.what else one.what  # words, not a sidecar's name
 
 
 def part(name: str, found: Sequence[Boundary], folder: Path) -> dict[str, Any]:

@@ -101,8 +101,11 @@ def snaps(stand: Stand) -> Iterator[Sought]:
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     fold = between(*bisect(partial(unreturned, case), way / 16, way, SHARP)[:2])
     unit = "rad" if hinged(case) else "m"
+    # an equilibrium that is followed ends at its fold, and need not fall
+    knobs = {k: v for k, v in stand.setting.knobs.items() if k != "settled"}
     for pieces in PIECES:
-        own = replace(stand, kind="sweep", setting=stand.setting.but(segments=pieces),
+        own = replace(stand, kind="sweep",
+                      setting=Setting(stand.setting.engine, {**knobs, "segments": pieces}),
                       patience=max(stand.patience, case.run["sweep"].timeout))
         yield own.sought("drive's way until a rod snaps", unit, way / 16, way,
                          partial(snapped, own), f"{pieces} segments", theory=fold,

@@ -14,9 +14,10 @@ from typing import Any
 from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.errors import InputError
-from proofmass.isolate import isolated
+from proofmass.isolate import TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.reference import compiled, grid
+from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.study.boundary import Failure, Sought, told
 from proofmass.study.measure import Found, Task, observe
@@ -62,13 +63,17 @@ class Stand:
         x = grid(self.case, self.kind)
         return float(x[-1] - x[0])
 
-    def lost(self, case: Case, **knobs: Knob) -> Failure | None:
-        """Run a changed case; why it is lost, or None."""
+    def run(self, case: Case, **knobs: Knob) -> Found:
+        """Run a changed case."""
         task = Task(case, self.kind, self.setting.but(**knobs), "stress")
         try:
-            return judged(tried(task, self.store, self.patience))
+            return tried(task, self.store, self.patience)
         except InputError as error:
-            return Failure(error.wrong)
+            return Found(outcome="refused", message=error.wrong)
+
+    def lost(self, case: Case, **knobs: Knob) -> Failure | None:
+        """Run a changed case; why it is lost, or None."""
+        return judged(self.run(case, **knobs))
 
     def integrated(self, knob: str, unit: str, start: float, reach: float,
                    trial: Callable[[dict[str, Knob], float], Failure | None],
@@ -95,12 +100,24 @@ def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
     if found is None:
         try:
             found = isolated(observe, task, False, None, timeout=patience)
+        except TimedOut:
+            found = unanswered(task, patience)
         except tuple(FAILURES) as error:
             found = Found(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
             found = Found(outcome="no start", message=str(error))
         store.save(key, 0, task, found, patience)
     return found
+
+
+def unanswered(task: Task, patience: float) -> Found:
+    """Whose answer was not there in time: the engine's, or that of the reference."""
+    case, run = task.setting.applied(task.case, task.run)
+    try:
+        isolated(simulate, task.setting.engine, case.model_path, run, timeout=patience)
+    except tuple(FAILURES) as error:
+        return Found(outcome=FAILURES[type(error)], message=str(error))
+    return Found(outcome="no reference", message=f"none in {patience:g} s; the engine has its run")
 
 
 def judged(found: Found) -> Failure | None:

@@ -10,18 +10,21 @@ from sim.protocol import Curves
 
 
 def farther(case: Case, far: float) -> Case:
-    """The case with its sweep so far, at constant speed."""
+    """The case with its first drive so far, at constant speed, and the others in proportion."""
     leader = case.drive[0]
     way = float(leader.to or 0.0) - leader.start
-    to = leader.start + np.sign(way) * far
-    steady = leader.model_copy(update={"to": to, "period": None, "rate": float(np.sign(way))})
-    return case.model_copy(update={"drive": (steady, *case.drive[1:])})
+    times = far / abs(way)
+    first, *others = (drive if drive.to is None else drive.model_copy(
+        update={"to": drive.start + (drive.to - drive.start) * times}) for drive in case.drive)
+    steady = first.model_copy(update={"period": None, "rate": float(np.sign(way))})
+    return case.model_copy(update={"drive": (steady, *others)})
 
 
 def turning(case: Case, far: float, seconds: float) -> Case:
     """The case with its duration a swing so far, and back."""
-    swing = farther(case, far).drive[0].model_copy(update={"rate": None, "period": seconds})
-    return case.model_copy(update={"drive": (swing, *case.drive[1:])})
+    leader, *others = farther(case, far).drive
+    swing = leader.model_copy(update={"rate": None, "period": seconds})
+    return case.model_copy(update={"drive": (swing, *others)})
 
 
 def sampled(case: Case, steps: float) -> Case:
@@ -41,8 +44,9 @@ def longer(case: Case, factor: float, seconds: float) -> Case:
         leader = case.drive[0]
         way = abs(float(leader.to or 0.0) - leader.start)
         if turns(case, way):
-            moved = farther(case, factor * way).drive[0].model_copy(update={"rate": leader.rate})
-            return case.model_copy(update={"drive": (moved, *case.drive[1:])})
+            moved, *others = farther(case, factor * way).drive
+            moved = moved.model_copy(update={"rate": leader.rate})
+            return case.model_copy(update={"drive": (moved, *others)})
         case = turning(case, way, 2.0 * seconds)
     return case.model_copy(update={"run": {"duration": run.model_copy(
         update={"until": seconds * factor})}})
