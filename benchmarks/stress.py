@@ -36,17 +36,24 @@ bisected to 1 %. A run is lost when the engine says so, when it is not finite, w
 open by a tenth of the mechanism, or when a position or a holding moment is off by a tenth of its
 range: of the latter three the engine says nothing.
 
-Singular poses of a case are found from its reference. *Length to spare where bars come in line*:
-the last link of the last loop is shortened until the mechanism only just makes its way; there bars
-come in line and two assembly modes meet, a change point of a four-bar, the couplers of a five-bar
-one on the other. *Length to spare where an arm is stretched*: the same for both links that the last
-loop holds together, until they are in line end to end. What is given is the share of that length
-that an engine needs beyond it to stay in its mode: an open loop turns the bars by its gap over the
-root of that share (`tests/test_stress_singular.py`). *Drive's way until a rod snaps*: until its
-positions differ on the way back; of the chain, beside the fold of the rod. *Spring in a joint*:
-stiffer and stiffer; in Chipmunk, whose bodies go straight ahead during a step, large swings have no
-theory, and small ones that of one coordinate. Energies are those of the free motion, whatever its
-reference.
+Where no truth is there in 60 s the way ends with *no reference*. The knobs of cases:
+
+- *Length to spare where bars come in line*: the last link of the last loop is shortened until the
+  mechanism only just makes its way, by its reference. There bars come in line and two assembly
+  modes meet: a change point of a four-bar, the couplers of a five-bar one on the other. Given is
+  the share of that length that an engine needs beyond it to stay in its mode. *Where an arm is
+  stretched*: the same for both links that the last loop holds together, in line end to end. An
+  open loop turns them by its gap over the root of that share (`tests/test_stress_singular.py`).
+- *Drive's way*: to a limit position, of the reference and of the engine. *Until a rod snaps*: until
+  positions differ on the way back; of chains, beside the fold of the rod.
+- *Spring in a joint*: from one swing in the run to 1e12 times as stiff. Chipmunk's bodies go
+  straight ahead during a step, so that there only small swings have a theory.
+- *All lengths*: gravity goes with them, masses and times stay. By dimensional analysis errors are
+  those of the mechanism's own size; where they are ten times as large the run is lost. MuJoCo
+  compiles what is less than 1e-6 m from its body's origin as the origin (`kFrameEps`), and refuses
+  inertias up to 1e-15 kg m² (`mjMINVAL`): that is the theory, for both engines read its model.
+- *Steps*: the same motion on and on, to and fro where it does not close; *until the energy is off*:
+  of the free motion, whatever its reference.
 """
 KNOWN = """## Beside theory
 
