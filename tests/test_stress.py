@@ -14,10 +14,11 @@ from proofmass.isolate import TimedOut
 from proofmass.report.stress_page import write_stress
 from proofmass.study import rescaled
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect
-from proofmass.study.extremes import extremes, resized, sizes
+from proofmass.study.extremes import extremes
 from proofmass.study.measure import observe
 from proofmass.study.run import pool
 from proofmass.study.setting import Setting
+from proofmass.study.size import resized, sizes
 from proofmass.study.stand import Stand
 from proofmass.study.store import Store
 from proofmass.study.stress import kept, read_boundaries, stress, write_boundaries
