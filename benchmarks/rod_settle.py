@@ -17,7 +17,7 @@ from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import loop_gap
 from sim.mujoco_still import lost
 from sim.protocol import Diverged, Rod
-from sim.pymunk_links import read_links
+from sim.pymunk_compiled import read_links
 from sim.pymunk_shape import shape
 from sim.pymunk_space import build
 from sim.rod_chain import Chain, chain

@@ -12,8 +12,8 @@ import numpy as np
 from pymunk import batch
 
 from sim.protocol import Drive, Run
+from sim.pymunk_compiled import read_links
 from sim.pymunk_drive import aim
-from sim.pymunk_links import read_links
 from sim.pymunk_steps import SURE, prepared, step_through
 
 MODEL = Path(__file__).parents[1] / "models" / "fourbar.xml"

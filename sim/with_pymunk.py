@@ -6,8 +6,8 @@ import mujoco
 
 from sim.mjcf import compile_model
 from sim.protocol import BadModel, Curves, Run, Unsupported
+from sim.pymunk_compiled import read_links
 from sim.pymunk_duration import duration
-from sim.pymunk_links import read_links
 from sim.pymunk_read import Channel, channel
 from sim.pymunk_shape import rest
 from sim.pymunk_space import Settings

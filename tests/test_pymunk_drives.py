@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.protocol import BadModel, Drive, Run
-from sim.pymunk_links import read_links
+from sim.pymunk_compiled import read_links
 from sim.pymunk_patience import contraction
 from sim.pymunk_space import build, put
 from sim.with_pymunk import simulate

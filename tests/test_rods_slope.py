@@ -7,7 +7,7 @@ import pytest
 
 from proofmass import load_case
 from sim.mjcf import compile_model
-from sim.pymunk_links import read_links
+from sim.pymunk_compiled import read_links
 from sim.pymunk_pose import bound, jacobian, potential, values
 from sim.pymunk_slope import slope
 
