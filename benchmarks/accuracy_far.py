@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from proofmass.report.stress_page import THEORY, subject
 from proofmass.report.stress_sheet import NEAR
 from proofmass.study.boundary import Boundary
 from proofmass.study.stress import read_boundaries
@@ -23,20 +24,27 @@ def far(file: Path) -> Iterator[str]:
         return
     found = read_boundaries(file)
     known = [one for one in found if one.theory == one.theory]
-    turned = [one for one in found if one.unit in ("times", "s", "rad")]
+    turned = [one for one in found if subject(one) != THEORY]
     yield FAR.format(known=len(known), near=sum(abs(one.ratio - 1) <= NEAR for one in known),
                      within=NEAR, cases=", ".join(dict.fromkeys(one.what for one in turned)))
     yield "| knob | engine | settings | least | greatest | hold to the end | lost in silence |"
     yield "|---|---|---|---|---|---|---|"
-    for knob, engine in dict.fromkeys((one.knob, one.engine) for one in turned):
-        yield row(knob, engine, [one for one in turned if (one.knob, one.engine) == (knob, engine)])
+    for knob, engine in dict.fromkeys((knob_of(one), one.engine) for one in turned):
+        yield row(knob, engine, [one for one in turned
+                                 if (knob_of(one), one.engine) == (knob, engine)])
+
+
+def knob_of(one: Boundary) -> str:
+    """The knob, without the name of a joint."""
+    return "spring in a joint" if one.knob.startswith("spring in ") else one.knob
 
 
 def row(knob: str, engine: str, own: Sequence[Boundary]) -> str:
     """Where the boundaries of a knob are."""
     ends = sorted(one.measured for one in own if one.found)
-    unit = {"times": " ×"}.get(own[0].unit, f" {own[0].unit}")
+    unit = {"times": " ×", "1": "", "share": ""}.get(own[0].unit, f" {own[0].unit}")
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
     silent = sum(one.silent for one in own)
     return (f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
-            f"| {sum(not one.found for one in own)} | {silent or ''} |")
+            f"| {sum(one.holds == one.holds and not one.found for one in own)} "
+            f"| {silent or ''} |")
