@@ -29,7 +29,11 @@ class Linkage:
     dofs, adr : ndarray (drives,) of int
         Where the driven joints stand in ``qvel`` and in ``qpos``.
     sizes : ndarray (nv,)
-        What rates and moves are measured in: the extent of the model [m], or radians.
+        What moves are measured in: the extent of the model [m], or radians.
+    spans : ndarray (rows + drives,)
+        The same of the active equalities' rows, then of the drives.
+    shares : ndarray (rows + drives, nv)
+        Their quotients, that of the rows' Jacobian by one of lengths in extents.
     lever : float
         Largest move [extents or rad] for a gap of an extent, in the pose last closed.
     """
@@ -42,11 +46,17 @@ class Linkage:
         slides = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.sizes = np.where(slides, model.stat.extent, 1.0)
         self.stride = STRIDE * self.sizes[self.dofs]
+        spans = list[float]()
         for i in range(model.neq):
             kind = EQ(model.eq_type[i])
             if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
                 word = f"{kind.name[5:].lower()} {model.equality(i).name!r}"
                 raise Unsupported(f"equality <{word}> in a sweep; connect and joint are covered")
+            if data.eq_active[i]:
+                spans += [model.stat.extent] * 3 if kind == EQ.mjEQ_CONNECT else [
+                    self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]]]
+        self.spans = np.array([*spans, *self.sizes[self.dofs]])
+        self.shares = self.sizes / self.spans[:, None]
 
     def rows(self) -> tuple[Array, Array]:
         """Residual and Jacobian of the active equalities at the present pose."""
@@ -97,7 +107,7 @@ class Linkage:
             if not np.abs(move / self.sizes).max(initial=0.0) > NEAR:
                 break
         residual, jacobian = self.rows()
-        gaps = residual / self.spans()[: residual.size]
+        gaps = residual / self.spans[: residual.size]
         if not np.abs(gaps).max(initial=0.0) < CLOSED:
             open_by = loop_gap(self.model, self.data).max(initial=0.0)
             raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
@@ -122,19 +132,9 @@ class Linkage:
         rows = self.scaled(self.rows()[1])
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
 
-    def spans(self) -> Array:
-        """What the rows of the active equalities, then the drives, are measured in: m, or rad."""
-        model, found = self.model, list[float]()
-        for i in np.flatnonzero(self.data.eq_active):
-            if model.eq_type[i] == EQ.mjEQ_CONNECT:
-                found += [model.stat.extent] * 3
-            else:
-                found.append(self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]])
-        return np.array([*found, *self.sizes[self.dofs]])
-
     def scaled(self, jacobian: Array) -> Array:
         """The loops' rows and, below them, the drives', with all lengths in extents."""
-        return np.vstack([jacobian, self.units]) * self.sizes / self.spans()[:, None]
+        return np.vstack([jacobian, self.units]) * self.shares
 
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""
@@ -155,7 +155,7 @@ class Linkage:
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose")
         inverse = (right.T / values) @ left.T
         self.lever = float(np.abs(inverse).max())
-        return np.asarray(self.sizes[:, None] * inverse / self.spans())
+        return np.asarray(inverse * self.shares.T)
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""

@@ -70,7 +70,7 @@ def find_modes(links: Links, pose: Array) -> Modes:
 
 def sizes(links: Links, moves: Array) -> Array:
     """Largest part of each of some moves (..., links + 1, 3), in extents or radians."""
-    return np.abs(moves / [links.extent, links.extent, 1.0]).max(axis=(-2, -1))
+    return np.asarray(np.abs(moves / links.sizes[:3]).max(axis=(-2, -1)))
 
 
 def _pressed(links: Links, pose: Array) -> tuple[Array, Array, tuple[Joint, ...]]:
