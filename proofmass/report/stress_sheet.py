@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from proofmass.report.style import KNOWN
 from proofmass.study.boundary import Boundary
-from proofmass.wording import number
+from proofmass.wording import number, spoken
 
 INK = "#333333"
 HATCH = {"mujoco": "", "pymunk": "////"}
@@ -52,7 +52,7 @@ def stress_sheet(found: Sequence[Boundary]) -> Figure:
 
 def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
     """One boundary: a bar from where it was turned from, and how it ends."""
-    label = f"{one.what}, {one.setting}" if known else f"{one.engine}, {one.setting}"
+    label = f"{one.what}, {one.setting}" if known else f"{spoken(one.engine)}, {one.setting}"
     ax.annotate(label, (0, y), xycoords=("axes fraction", "data"), xytext=(-4, 0), fontsize=6.5,
                 textcoords="offset points", ha="right", va="center")
     low, high = span(one, known)
@@ -109,7 +109,7 @@ def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     engines = dict.fromkeys(one.engine for one in found)
     handles: list[Patch | Line2D] = [
         Patch(facecolor=KNOWN[e].colour, alpha=0.5, hatch=HATCH[e], edgecolor=KNOWN[e].colour,
-              label={"mujoco": "MuJoCo"}.get(e, e)) for e in engines]
+              label=spoken(e)) for e in engines]
     plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
     handles += [Line2D([], [], marker="o", label="lost, and said so", **plain),
                 Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence",
