@@ -100,8 +100,8 @@ def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
     if found is None:
         try:
             found = isolated(observe, task, False, None, timeout=patience)
-        except TimedOut:
-            found = unanswered(task, patience)
+        except TimedOut as late:
+            found = unanswered(task, str(late))
         except tuple(FAILURES) as error:
             found = Found(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
@@ -110,14 +110,14 @@ def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
     return found
 
 
-def unanswered(task: Task, patience: float) -> Found:
-    """Whose answer was not there in time: the engine's, or that of the reference."""
+def unanswered(task: Task, late: str) -> Found:
+    """Whose answer was not there in time: the engine's, if it has none again, or the reference's."""
     case, run = task.setting.applied(task.case, task.run)
     try:
-        isolated(simulate, task.setting.engine, case.model_path, run, timeout=patience)
-    except tuple(FAILURES) as error:
-        return Found(outcome=FAILURES[type(error)], message=str(error))
-    return Found(outcome="no reference", message=f"none in {patience:g} s; the engine has its run")
+        isolated(simulate, task.setting.engine, case.model_path, run, timeout=TIMEOUT)
+    except tuple(FAILURES):
+        return Found(outcome=FAILURES[TimedOut], message=late)
+    return Found(outcome="no reference", message=f"{late}; the engine has its run")
 
 
 def judged(found: Found) -> Failure | None:
