@@ -111,7 +111,7 @@ def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
 
 
 def unanswered(task: Task, late: str) -> Found:
-    """Whose answer was not there in time: the engine's, if it has none again, or the reference's."""
+    """Whose answer was not there in time: the engine's, if late again, or the reference's."""
     case, run = task.setting.applied(task.case, task.run)
     try:
         isolated(simulate, task.setting.engine, case.model_path, run, timeout=TIMEOUT)
