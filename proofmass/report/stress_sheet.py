@@ -96,7 +96,8 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
     axes[0].set_xlabel("value of the knob" if known else "turned so many times, up or down, from "
                        "what the case has")
     right = max(span(one, known)[1] for one in found if one.holds == one.holds)
-    axes[0].set_xlim(min(span(one, known)[0] for one in found) * 0.9, right * (1.3 if known else 60))
+    room = 1.3 if known else 60.0  # for words at the ends of bars
+    axes[0].set_xlim(min(span(one, known)[0] for one in found) * 0.9, right * room)
     if known:
         axes[1].axvspan(1 - NEAR, 1 + NEAR, color="#eeeeee", zorder=0)
         axes[1].axvline(1.0, color=INK, linewidth=0.8)
