@@ -7,7 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from proofmass.case import load_case
 from proofmass.study import core
+from proofmass.study.setting import Setting
+from proofmass.study.stand import Stand
+from proofmass.study.store import Store
 
 pytest_plugins = ["pytester"]
 MODELS = Path(__file__).parent.parent / "models"
@@ -26,6 +30,17 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def models(tmp_path: Path) -> Path:
     """A copy of `models/` that a test may change."""
     return Path(shutil.copytree(MODELS, tmp_path / "models"))
+
+
+@pytest.fixture
+def stand(tmp_path: Path, models: Path) -> Callable[..., Stand]:
+    """``stand(name, engine, kind, **knobs)``: a case in one engine and run, with a store."""
+
+    def of(name: str, engine: str = "mujoco", kind: str = "duration", **knobs: object) -> Stand:
+        return Stand(load_case(models / f"{name}.toml"), kind, Setting(engine, knobs),
+                     Store(tmp_path / "runs"))
+
+    return of
 
 
 @pytest.fixture

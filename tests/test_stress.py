@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.case import load_case
 from proofmass.cli import app
 from proofmass.isolate import TimedOut
 from proofmass.report.stress_page import write_stress
@@ -19,19 +18,10 @@ from proofmass.study.measure import observe
 from proofmass.study.run import pool
 from proofmass.study.setting import Setting
 from proofmass.study.size import resized, sizes
-from proofmass.study.stand import Stand
 from proofmass.study.store import Store
 from proofmass.study.stress import kept, read_boundaries, stress, write_boundaries
 from proofmass.study.ways import longer
 from sim.mjcf import compile_model
-
-
-@pytest.fixture
-def stand(tmp_path, models):
-    def of(name, engine="mujoco", kind="duration", **knobs):
-        return Stand(load_case(models / f"{name}.toml"), kind, Setting(engine, knobs),
-                     Store(tmp_path / "runs"))
-    return of
 
 
 @pytest.mark.parametrize(("start", "reach", "edge"), [(0.1, 1e4, 37.0), (10.0, 1e-9, 2e-5)])

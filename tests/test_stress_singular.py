@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analytic.rod_snap import marks
-from proofmass.case import load_case
 from proofmass.reference import compiled
 from proofmass.study import closing, energy, rescaled, singular, stiffness, theory
 from proofmass.study.boundary import bisect
@@ -14,16 +13,7 @@ from proofmass.study.extremes import extremes
 from proofmass.study.measure import Task
 from proofmass.study.reread import reread
 from proofmass.study.setting import Setting
-from proofmass.study.stand import Stand, tried
-from proofmass.study.store import Store
-
-
-@pytest.fixture
-def stand(tmp_path, models):
-    def of(name, engine="mujoco", kind="duration", **knobs):
-        return Stand(load_case(models / f"{name}.toml"), kind, Setting(engine, knobs),
-                     Store(tmp_path / "runs"))
-    return of
+from proofmass.study.stand import tried
 
 
 def test_grashof_knows_the_shortest_rocker(stand):

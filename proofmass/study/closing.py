@@ -12,7 +12,6 @@ engine leaves open by a share e of its size turns the bars by e / sqrt(g), and p
 mode from g = e on.
 """
 
-import json
 from collections.abc import Iterator
 from copy import copy
 from functools import partial
@@ -30,7 +29,7 @@ from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.study.boundary import Failure, bisect
 from proofmass.study.rescaled import times, with_model
-from proofmass.study.store import MATTERS, Store, digest, model_bytes, sources, write
+from proofmass.study.store import MATTERS, Store, digest, model_bytes, once, sources
 from proofmass.study.ways import followed
 from sim.protocol import Array
 
@@ -119,9 +118,7 @@ def least_kept(case: Case, links: Links, kind: Kind, store: Store) -> float:
     """The same, found once for both engines: steps of the reference are short at singular poses."""
     name = repr((case.model_dump_json(include=MATTERS), links, kind, sources()))
     file = store.folder / f"{digest(name.encode() + model_bytes(case))}.least.json"
-    if not file.is_file():
-        write(file, json.dumps(least(case, links, kind, store.folder / "models")))
-    return float(json.loads(file.read_text(encoding="utf-8")))
+    return float(once(file, lambda: least(case, links, kind, store.folder / "models")))
 
 
 def unclosed(case: Case, links: Links, kind: Kind, folder: Path, factor: float

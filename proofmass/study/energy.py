@@ -19,11 +19,11 @@ from proofmass.study.invariants import conserved, invariants
 from proofmass.study.measure import Found, Task
 from proofmass.study.rescaled import with_model
 from proofmass.study.setting import Knob
-from proofmass.study.stand import TIMEOUT, Stand, needs
+from proofmass.study.stand import LONG, TIMEOUT, Stand, needs
 from proofmass.study.store import key_of
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
-LONG, MOST = 1_000_000, 2000  # steps, and samples of them
+MOST = 2000  # samples
 OFF = 0.01
 """Change of energy, over the largest kinetic energy, that is too much."""
 SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
@@ -65,11 +65,7 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> F
                                                   "until": count * per * stand.step})
     own = case.model_copy(update={"run": {"duration": run}})
     task = Task(own, "duration", stand.setting.but(**knobs), "stress")
-    key = f"{key_of(task)}-energy"
-    found = stand.store.load(key, 0, TIMEOUT)
-    if found is None:
-        found = weighing(task)
-        stand.store.save(key, 0, task, found, TIMEOUT)
+    found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
     if found.outcome != "ran":
         return Failure(f"{found.outcome}: {found.message}", silent=not told(found.message))
     off = found.invariants.get("energy", 0.0)

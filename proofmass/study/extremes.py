@@ -16,14 +16,13 @@ from proofmass.study.energy import energies
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.singular import closings, limits, snaps, stretchings
 from proofmass.study.size import sizes
-from proofmass.study.stand import NotHere, Stand, known, needs
+from proofmass.study.stand import LONG, NotHere, Stand, known, needs
 from proofmass.study.stiffness import stiffnesses
 from proofmass.study.store import Store
 from proofmass.study.ways import longer, sampled
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4", "discrete"
 MANY, PATIENCE = 200, 600.0  # segments, and how long so many may take [s]
-LONG = 1_000_000  # steps
 
 
 def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
@@ -31,8 +30,10 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
     found: list[Sought] = []
     skipped: list[str] = []
     kind: Kind = next(k for k in ("duration", "sweep", "rest") if k in case.run)  # type: ignore
-    solvers = {s.partition(":")[0]: s for s in reversed(case.run[kind].solvers)}  # first of each
-    for engine, solver in reversed(solvers.items()):
+    first = dict[str, str]()
+    for solver in case.run[kind].solvers:
+        first.setdefault(solver.partition(":")[0], solver)
+    for engine, solver in first.items():
         knobs = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
         stand = Stand(case, kind, Setting(engine, knobs), store)
         for axis in AXES:

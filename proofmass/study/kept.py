@@ -1,6 +1,5 @@
 """What was tried in a diet, a file each, so that one that was stopped goes on."""
 
-import json
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import mujoco
 
-from proofmass.study.store import digest, saved, sources, versions, write
+from proofmass.study.store import digest, once, saved, sources, versions
 
 
 class Kept:
@@ -39,7 +38,4 @@ class Kept:
             return make()
         key = [*map(saved, models), pickle.dumps(runs), repr(versions("mujoco")).encode(),
                sources().encode()]
-        file = self.folder / f"{digest(b''.join(key))}.json"
-        if not file.is_file():
-            write(file, json.dumps(make()))
-        return json.loads(file.read_text(encoding="utf-8"))
+        return once(self.folder / f"{digest(b''.join(key))}.json", make)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from proofmass.case import Case
 from proofmass.check import FAILURES
@@ -30,6 +30,7 @@ LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""
 JUDGED = "position", "effort"
 TIMEOUT = 60.0
+LONG = 1_000_000  # steps of the longest runs
 
 
 @dataclass(frozen=True)
@@ -95,19 +96,19 @@ class Stand:
 
 def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
     """A run, from the store if it is there; nobody asks for its time, so that it needs no core."""
-    key = key_of(task)
-    found = store.load(key, 0, patience)
-    if found is None:
-        try:
-            found = isolated(observe, task, False, None, timeout=patience)
-        except TimedOut as late:
-            found = unanswered(task, str(late))
-        except tuple(FAILURES) as error:
-            found = Found(outcome=FAILURES[type(error)], message=str(error))
-        except BadModel as error:
-            found = Found(outcome="no start", message=str(error))
-        store.save(key, 0, task, found, patience)
-    return found
+    return store.once(key_of(task), task, patience, partial(observed, task, patience))
+
+
+def observed(task: Task, patience: float) -> Found:
+    """A run, and whatever keeps it from one."""
+    try:
+        return cast(Found, isolated(observe, task, False, None, timeout=patience))
+    except TimedOut as late:
+        return unanswered(task, str(late))
+    except tuple(FAILURES) as error:
+        return Found(outcome=FAILURES[type(error)], message=str(error))
+    except BadModel as error:
+        return Found(outcome="no start", message=str(error))
 
 
 def unanswered(task: Task, late: str) -> Found:

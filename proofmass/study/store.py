@@ -9,6 +9,7 @@ import io
 import json
 import os
 import time
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -60,6 +61,14 @@ class Store:
         found = Found(**record["found"])
         return None if found.outcome == LATE and record["timeout"] < timeout else found
 
+    def once(self, key: str, task: Task, timeout: float, make: Callable[[], Found]) -> Found:
+        """What a task's first run gave; made and saved first if it is not there."""
+        found = self.load(key, 0, timeout)
+        if found is None:
+            found = make()
+            self.save(key, 0, task, found, timeout)
+        return found
+
     def curves(self, key: str) -> dict[str, Array]:
         """The curves of a task's first run: x, and ``channel.NAME`` for each of its channels."""
         with np.load(self.folder / f"{key}.npz") as arrays:
@@ -110,6 +119,13 @@ def read(file: Path) -> Any:
     except ValueError:
         raise InputError(file, "", "not what a study wrote there; delete it, and it is made again"
                          ) from None
+
+
+def once(file: Path, make: Callable[[], Any]) -> Any:
+    """What is in a JSON file; made and written there first if it is not there."""
+    if not file.is_file():
+        write(file, json.dumps(make()))
+    return read(file)
 
 
 def key_of(task: Task) -> str:

@@ -11,7 +11,6 @@ Boundaries are looked for side by side; each trial is kept, so that a killed stu
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass, fields, replace
@@ -20,7 +19,7 @@ from typing import Any, get_type_hints
 
 from proofmass.study import proven, specimens
 from proofmass.study.boundary import Boundary, Failure, Sought, Trial
-from proofmass.study.store import Store, digest, read, sources, versions, write
+from proofmass.study.store import Store, digest, once, sources, versions, write
 from proofmass.study.table import write_columns
 
 Progress = Callable[[str, int, int], None]
@@ -54,12 +53,8 @@ class Kept:
     def __call__(self, value: float) -> Failure | None:
         """The outcome for a value, found or made."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
-        if file.is_file():
-            told = read(file)
-            return Failure(*told) if told else None
-        found = self.trial(value)
-        write(file, json.dumps(found))
-        return found
+        told = once(file, lambda: self.trial(value))
+        return Failure(*told) if told else None
 
 
 def kept(sought: Sought, store: Store) -> Sought:
