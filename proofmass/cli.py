@@ -1,4 +1,4 @@
-"""The command line: check, report, list, design, trade, choose."""
+"""The command line: check, report, list, design, trade, choose, stress, diet."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,8 +17,8 @@ from proofmass.study.diet_command import diet_command
 from proofmass.study.stress_command import stress_command
 from proofmass.terminal import as_json, case_table, console, failures, summary
 
-app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False,
-                  pretty_exceptions_enable=False)
+app = typer.Typer(help="Hold multibody simulators against mathematics.",
+                  no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 app.add_typer(design, name="design")
 app.command("trade")(trade_command)
 app.command("diet")(diet_command)
@@ -111,8 +111,3 @@ def list_command(paths: Paths = None) -> None:
     console().print(case_table(cases, lone))
     complain(found)
     raise typer.Exit(2 if found else 0)
-
-
-def main() -> None:
-    """Entry point of the command ``proofmass``."""
-    app()

@@ -12,7 +12,6 @@ from proofmass.errors import InputError
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
-WRONG = (InputError, ValueError)
 
 Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
                                           show_default="processors")]
@@ -20,17 +19,23 @@ Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://hos
 
 
 @contextmanager
-def answering(kept: str, wrong: type[Exception] | tuple[type[Exception], ...] = WRONG
-              ) -> Iterator[None]:
+def answering(kept: str) -> Iterator[None]:
     """Say in a line what is wrong with the input, or after Ctrl-C what is `kept`; then exit."""
     try:
         yield
-    except wrong as error:
+    except (KeyboardInterrupt, InputError, ValueError) as error:
+        if interrupted(error):
+            errors.print(f"stopped; {kept}: the same command goes on from there")
+            raise typer.Exit(INTERRUPTED) from None
         errors.print(f"error: {error}", style="bold red", markup=False)
         raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt:
-        errors.print(f"stopped; {kept}: the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
+
+
+def interrupted(error: BaseException | None) -> bool:
+    """Whether it all began with Ctrl-C: a file that it finds half packed complains for itself."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 @contextmanager

@@ -1,9 +1,13 @@
 """The command line and the pytest plugin: exit codes, JSON, items."""
 
 import json
+import sys
+from types import ModuleType
 
+import pytest
 from typer.testing import CliRunner
 
+from proofmass.__main__ import main
 from proofmass.cli import app
 from proofmass.terminal import KEYS
 
@@ -81,3 +85,14 @@ def test_bad_input_is_a_line_in_pytest(models, edit, pytester):
     result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-p", "no:cacheprovider")
     result.assert_outcomes(failed=4)
     result.stdout.fnmatch_lines(["*pendulum.toml: parameters.lenght*known: length*"])
+
+
+def test_an_interrupt_while_commands_are_loaded_is_no_traceback(monkeypatch):
+    class Loading(ModuleType):
+        def __getattr__(self, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "proofmass.cli", Loading("proofmass.cli"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130

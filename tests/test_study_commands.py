@@ -9,17 +9,21 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from proofmass.cli import app
+from proofmass.command import answering
 from proofmass.errors import InputError
 from proofmass.study import run as runs
+from proofmass.study.measure import Found
 from proofmass.study.store import Store
 from tests.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
@@ -100,7 +104,7 @@ def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]
 
 def begin(what: str, folder: Path, before: str = "", more: str = "") -> subprocess.Popen:
     """A command, as the shell starts it: in a process group of its own."""
-    code = f"{before}\nfrom proofmass.cli import main; main()"
+    code = f"{before}\nfrom proofmass.__main__ import main; main()"
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, "-c", code, *ASKED[what].split(), *more.split()], cwd=folder,
@@ -276,3 +280,18 @@ def test_an_interrupt_is_one_line_that_says_what_is_kept(what, place):
     assert study.returncode == 130
     assert not shown
     assert ended(study.pid, ALIVE)
+
+
+def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, capsys):
+    begun = zipfile.ZipFile.open
+
+    def interrupt(*args, **options):
+        open_still = begun(*args, **options)
+        raise KeyboardInterrupt(open_still)
+
+    monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # whose file then raises ValueError
+    found = Found(curves={"x": np.zeros(3)})
+    with pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+        Store(tmp_path).save("key", 0, None, found, 1.0)
+    assert ended.value.exit_code == 130
+    assert capsys.readouterr().err.startswith("stopped; runs are kept")

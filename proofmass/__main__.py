@@ -1,0 +1,16 @@
+"""The command ``proofmass``, also ``python -m proofmass``."""
+
+import sys
+
+
+def main() -> None:
+    """Load the commands, which takes a second that Ctrl-C may fall into, and run one."""
+    try:
+        from proofmass.cli import app
+    except KeyboardInterrupt:
+        sys.exit(130)
+    app()
+
+
+if __name__ == "__main__":
+    main()
