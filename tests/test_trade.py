@@ -170,11 +170,13 @@ def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
         assert told[kind].remark == ""
 
 
-def test_an_order_that_the_reference_spoils_says_so(tmp_path, monkeypatch):
-    """The closed form has a point mass; the MJCF gives it 1e-12 kg m2, a phase of 1e-11 in 10 s."""
+def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):
+    """The closed form has a point mass; this one has 1e-12 kg m2, a phase of 1e-11 in 10 s."""
+    edit("pendulum.xml", '"1e-14 1e-14 1e-14"', '"1e-12 1e-12 1e-12"')
     monkeypatch.setattr(trade, "lines", lambda case, kind: [
         line for line in lines(case, kind) if line.name == "MuJoCo RK4"])
-    study = trade.trade([load_case(MODELS / "pendulum.toml")], Store(tmp_path), repeats=0)
+    study = trade.trade([load_case(tmp_path / "models" / "pendulum.toml")],
+                        Store(tmp_path / "runs"), repeats=0)
     told = next(v for v in study.verdicts if v.kind == "position")
     assert off(told.observed, told.expected)
     assert told.remark.startswith("the reference: ")
