@@ -92,7 +92,8 @@ def main(folder: str = str(ROOT / "reports" / "trade")) -> None:
              ROOT / "docs" / "accuracy")
     (ROOT / "docs" / "accuracy.svg").unlink()
     text = [head(study), CHOSEN, *summary(found), *table(found), *whys(found),
-            *far(ROOT / "reports" / "stress" / "stress.csv"), *orders(study), *causes(study)]
+            *far(ROOT / "reports" / "stress" / "stress.csv"), *orders(study, cases),
+            *causes(study)]
     (ROOT / "docs" / "accuracy.md").write_text("\n".join(text) + "\n", encoding="utf-8")
 
 

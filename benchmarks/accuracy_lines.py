@@ -2,9 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from statistics import median
 
+from benchmarks.accuracy_places import orders_of_places
+from proofmass.case import Case
 from proofmass.study.orders import WITHIN, off
 from proofmass.study.trade import Trade
 from proofmass.study.verdict import Verdict
@@ -20,6 +22,9 @@ show none: they come to their wall, or to an end, in fewer refinements, or are s
 """
 ODD = """
 The others, and what their error follows where they end: one cause after the other was moved there.
+The order is that of the largest error of a run.  Where that is now here and now there, or a sum of
+two terms, no power of the step is to be seen in it: beside it are the medians of the orders at all
+places, those that are off by a hundredth of it, from each refinement to the next.
 """
 WALLS = """
 ## Walls
@@ -38,7 +43,7 @@ def family(line: str) -> str:
     return re.sub(r" at [\d.e-]+ ms", "", line)
 
 
-def orders(study: Trade) -> Iterator[str]:
+def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
     """Observed orders by line and kind of error, and every exception with what moves it."""
     known = [v for v in study.verdicts if v.expected == v.expected and v.observed == v.observed]
     odd = [v for v in known if off(v.observed, v.expected)]
@@ -56,11 +61,14 @@ def orders(study: Trade) -> Iterator[str]:
                f"| {sum(v in odd for v in own) or ''} |")
     if odd:
         yield ODD
-        yield "| case | line | error of | expected | observed | it follows |"
-        yield "|---|---|---|---|---|---|"
+        yield "| case | line | error of | expected | observed | at all places | it follows |"
+        yield "|---|---|---|---|---|---|---|"
+        named = {case.name: case for case in cases}
         for v in odd:
+            own = [row for row in study.rows if (row.case, row.line) == (v.case, v.line)]
+            places = ", ".join(f"{p:.2f}" for p in orders_of_places(named[v.case], v, own))
             yield (f"| {v.case} | {v.line} | {v.kind} | {number(v.expected)} "
-                   f"| {number(v.observed)} | {v.remark.partition(': ')[0]} |")
+                   f"| {number(v.observed)} | {places} | {v.remark.partition(': ')[0]} |")
 
 
 def causes(study: Trade) -> Iterator[str]:

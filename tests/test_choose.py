@@ -64,7 +64,7 @@ def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tupl
     found = chosen(fourbar, line("quick"), 1e-4, verify=lucky)
     assert found.row.value == 0.00025
     assert len(found.refused) == 1
-    assert found.refused[0].startswith("quick, timestep 5e-4 s")
+    assert found.refused[0].startswith("quick, timestep 0.5 ms")
 
 
 def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:

@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from proofmass.case import load_case
 from proofmass.reference import compiled
 from proofmass.study.axes import lines
 from proofmass.study.line import order
-from proofmass.study.measure import Task
+from proofmass.study.measure import Task, simulate
 from proofmass.study.run import run
+from proofmass.study.setting import Setting
 from proofmass.study.store import Store
 from tests.conftest import MODELS
 
@@ -56,3 +58,21 @@ def test_pymunk_with_its_bias_is_not(tmp_path):
 
     found = errors(CASES["slider_crank"], tmp_path, biased)
     assert order(*found["position"]) < ORDER
+
+
+def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
+    """Energy swings with the gap, h T, and falls by h T^2 t, for the gap is late by T."""
+    case = load_case(MODELS / "pendulum.toml")
+
+    def fall_and_swing(h, lag):
+        setting = Setting("pymunk", {"timestep": h, "error_bias": np.exp(-1 / lag)})
+        model, duration = setting.applied(case, "duration")
+        curves = simulate("pymunk", model.model_path, duration)
+        energy = curves.channels["kinetic"] + curves.channels["potential"]
+        fall = -np.polyfit(curves.x, energy, 1)[0]
+        return np.array([fall, np.ptp(energy + fall * curves.x)])
+
+    coarse, quick, fine = (fall_and_swing(*of) for of in ((1e-3, 0.02), (1e-3, 0.01), (5e-4, 0.02)))
+    assert all(coarse > 0)
+    np.testing.assert_allclose(np.log2(coarse / quick), [2, 1], atol=0.1)  # T over a swing of 2 s
+    np.testing.assert_allclose(np.log2(coarse / fine), [1, 1], atol=0.1)

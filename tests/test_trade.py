@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.accuracy_places import orders_of_places
 from proofmass.case import load_case
 from proofmass.cli import app
 from proofmass.errors import InputError
@@ -18,7 +19,6 @@ from proofmass.study.row import Row
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store
 from proofmass.study.table import read_table
-from proofmass.study.wall import probes
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -139,8 +139,7 @@ def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
     assert SIZE["error_bias"](np.exp(-1 / 0.25)) == pytest.approx(0.25)
 
 
-SECOND = next(probe.case for probe in probes(load_case(MODELS / "pendulum.toml"), "duration",
-                                             Setting("mujoco")) if probe.cause == "the reference")
+PENDULUM = load_case(MODELS / "pendulum.toml")
 # Released from rest, semi-implicit Euler is a leapfrog half a step early: places are off by the
 # first order, rates by the second. Runge-Kutta is of fourth order, Chipmunk with bias 0 of second;
 # its bias, which falls with the step, is of first order.
@@ -150,13 +149,13 @@ ORDERS = {"MuJoCo Euler": (1, 2), "MuJoCo discrete": (1, 2), "MuJoCo RK4": (4, 4
 
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory):
-    """The trade of the pendulum, some of its lines, against the general solver."""
+    """The trade of the pendulum, some of its lines."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trade, "lines", lambda case, kind: [
             replace(line, settings=line.settings[:5])
             for line in lines(case, kind) if line.name in ORDERS])
         folder = tmp_path_factory.mktemp("pendulum")
-        study = trade.trade([SECOND], Store(folder / "runs"), repeats=1)
+        study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=1)
         trade.write_study(study, folder)
     return study, folder
 
@@ -168,6 +167,14 @@ def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
         assert told[kind].observed == pytest.approx(order, abs=WITHIN)
         assert told[kind].expected == order
         assert told[kind].remark == ""
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
+    rows = [row for row in pendulum[0].rows if row.line == name]
+    for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
+        told = next(v for v in pendulum[0].verdicts if (v.line, v.kind) == (name, kind))
+        assert orders_of_places(PENDULUM, told, rows)[-1] == pytest.approx(order, abs=WITHIN)
 
 
 def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):

@@ -11,7 +11,7 @@ def told(row: Row) -> str:
     >>> told(Row("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
     'pymunk at 1 ms, iterations 30'
     """
-    value = f"{number(row.value)} s" if row.axis == "timestep" else number(row.value)
+    value = f"{number(1e3 * row.value)} ms" if row.axis == "timestep" else number(row.value)
     named = row.line.endswith(row.axis)
     return f"{row.line} {value}" if named else f"{row.line}, {row.axis} {value}"
 

@@ -1,0 +1,55 @@
+"""Orders at all places of a run, beside that of its largest error.
+
+The largest shows another order than theory where it is now here and now there, as after a jolt, or
+is the sum of two terms that fall in different orders.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import log
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.study.axes import lines
+from proofmass.study.line import Track, clear
+from proofmass.study.measure import KINDS, simulate, span
+from proofmass.study.row import Row
+from proofmass.study.setting import Setting
+from proofmass.study.truth import truth
+from proofmass.study.verdict import Verdict
+from sim.protocol import Array
+
+COUNTS = 0.01
+"""Share of the largest error from which on a place counts: elsewhere it may be rounding."""
+
+
+def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[Row]) -> list[float]:
+    """Median of the orders at all places, from each setting before the wall to the next one.
+
+    Parameters
+    ----------
+    case : Case
+    verdict : Verdict
+        Of a line of it, in one kind of error.
+    rows : sequence of Row
+        Those of that line.
+    """
+    line = next(one for one in lines(case, verdict.run) if one.name == verdict.line)
+    track = Track(line, list(rows))
+    errors = [(size, everywhere(case, verdict, line.settings[track.place(size)]))
+              for size, _ in clear(track.points(verdict.kind))]
+    return [float(np.median(np.log(a[both] / b[both]))) / log(coarse / fine)
+            for (coarse, a), (fine, b) in pairwise(errors)
+            for both in ((a > COUNTS * a.max()) & (b > COUNTS * b.max()),)]
+
+
+def everywhere(case: Case, verdict: Verdict, setting: Setting) -> Array:
+    """Errors of one kind at all samples of all channels, as shares of the channels' ranges."""
+    model, run = setting.applied(case, verdict.run)
+    curves = simulate(setting.engine, model.model_path, run)
+    wanted = truth(model, curves)
+    return np.concatenate([
+        np.abs(curves.channels[name] - wanted[name]) / span(wanted[name])
+        for name, channel in model.channels_of(verdict.run).items() if name in curves.channels
+        and channel.unit in KINDS[verdict.kind] and span(wanted[name]) > 0])
