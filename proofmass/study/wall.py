@@ -94,9 +94,9 @@ def in_pymunk(case: Case, setting: Setting) -> Iterator[Probe]:
     if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
         yield Probe("bias of the loops", "halving its time constant", case,
                     setting.but(error_bias=bias**2))
-        enough = max(known.get("iterations", 0), MOST // 4)  # fewer need it, or loops fall apart
-        yield Probe("bias of the loops", f"taking it away, with {enough} iterations", case,
-                    setting.but(error_bias=0.0, iterations=enough), whole=True)
+        kept = {k: v for k, v in known.items() if k not in ("defaults", "iterations")}
+        yield Probe("bias of the loops", "taking it away, with iterations enough for that", case,
+                    Setting("pymunk", {**kept, "error_bias": 0.0}), whole=True)
     more = 4 * known.get("iterations", 10 if own else MOST // 4)
     yield Probe("the solver's iterations", f"{more} iterations", case,
                 setting.but(iterations=more))
