@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from proofmass.cli import app
 from proofmass.isolate import TimedOut
 from proofmass.report.stress_page import write_stress
+from proofmass.report.stress_sheet import stress_sheet
 from proofmass.study import rescaled
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect
 from proofmass.study.extremes import extremes
@@ -249,13 +250,19 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
             Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
                      failure="at 1 already: no"),
             Boundary("fourbar", "pymunk", "as in the model", "size", "times", 1.0, 1e-6, 0.1,
-                     0.099)]
+                     0.099),
+            Boundary("fourbar", "pymunk", "as in the model", "steps", "1", 100.0, 1e6, 1000.0,
+                     1009.0, failure="no reference: none in 60 s; the engine has its run")]
     write_boundaries(rows, tmp_path / "stress.csv")
     assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
     page = write_stress(tmp_path, tmp_path).first.read_text(encoding="utf-8")
     assert "2 of 2 boundaries that theory knows were measured within 5%" in page
     assert "<strong>in silence</strong>: grew, without a word" in page
     assert "fourbar" in page
+    assert [row.judged for row in rows] == [True, False, False, True, False]
+    for some, here in ((rows[:2], False), (rows[2:], True)):
+        told = [text.get_text() for text in stress_sheet(some).legends[0].get_texts()]
+        assert ("no reference beyond" in told) == here
     assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
 
 

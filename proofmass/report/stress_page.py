@@ -69,7 +69,7 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
                f"{NEAR:.0%} of it.")
     silent = [one for one in found if one.silent]
     if silent:
-        yield (f"{len(silent)} of {sum(one.found for one in found)} boundaries are passed in "
+        yield (f"{len(silent)} of {sum(one.judged for one in found)} boundaries are passed in "
                f"silence: the run goes on, finite and wrong.")
     for one in found:
         if one.holds != one.holds:

@@ -63,7 +63,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
         return
     ax.barh(y, high - low, left=low, height=0.6, color=colour, alpha=0.35, hatch=HATCH[one.engine],
             edgecolor=colour, linewidth=0.4)
-    marker = "o" if one.found else ">"
+    marker = "o" if one.judged else "X" if one.found else ">"
     ax.plot(high, y, marker=marker, color=colour, markersize=4.5, clip_on=False,
             markerfacecolor="white" if one.silent else colour)
     if np.isfinite(one.theory) and one.theory:
@@ -115,7 +115,9 @@ def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     handles += [Line2D([], [], marker="o", label="lost, and said so", **plain),
                 Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence",
                        **plain),
-                Line2D([], [], marker=">", label="holds as far as it was turned", **plain)]
+                Line2D([], [], marker=">", label="holds to the end", **plain)]
+    if any(one.found and not one.judged for one in found):
+        handles.append(Line2D([], [], marker="X", label="no reference beyond", **plain))
     if any(np.isfinite(one.theory) and one.theory for one in found):
         handles.append(Line2D([], [], marker="|", markeredgewidth=1.3, label="theory",
                               **{**plain, "color": "black", "markersize": 8}))

@@ -90,6 +90,11 @@ class Boundary(Turned):
         return bool(np.isfinite(self.breaks))
 
     @property
+    def judged(self) -> bool:
+        """Whether it is the engine's: not where only the reference had no answer."""
+        return self.found and not self.failure.startswith("no reference")
+
+    @property
     def measured(self) -> float:
         """The boundary, between what held and what did not; infinite (or zero) if there is none."""
         if self.found:
