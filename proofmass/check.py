@@ -46,8 +46,11 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
         if not path.exists():
             raise InputError(path, "", "no such file or folder")
         if path.is_dir():
-            yield from sorted(path.glob("*.toml"))
-            yield from sorted(x for x in path.glob("*.xml") if not x.with_suffix(".toml").exists())
+            sidecars, models = sorted(path.glob("*.toml")), sorted(path.glob("*.xml"))
+            if not sidecars and not models:
+                raise InputError(path, "", "no sidecar (.toml) and no model (.xml) in this folder")
+            yield from sidecars
+            yield from (model for model in models if not model.with_suffix(".toml").exists())
         elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
             yield path.with_suffix(".toml")
         elif path.suffix in (".toml", ".xml"):

@@ -55,6 +55,13 @@ def test_no_argument_means_the_folder_models(models, monkeypatch):
     assert answer.output.count("unchecked: no sidecar") == others
 
 
+def test_a_folder_with_nothing_in_it_is_bad_input(tmp_path):
+    for command in ("list", "check", "trade", "stress"):
+        answer = run(command, tmp_path)
+        assert answer.exit_code == 2
+        assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
+
+
 def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
     answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 0

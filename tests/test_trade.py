@@ -254,6 +254,18 @@ def test_bad_input_is_one_line(args, words, tmp_path):
     assert "Traceback" not in answer.output
 
 
+def test_a_model_without_a_sidecar_is_bad_input_and_among_others_passed_over(tmp_path, models):
+    for file in models.iterdir():
+        if file.stem not in ("pendulum", "fourbar"):
+            file.unlink()
+    (models / "pendulum.toml").unlink()
+    words = "pendulum.xml: no sidecar says what is right; a study needs one"
+    alone = command(models / "pendulum.xml", "-o", tmp_path / "trade")
+    assert (alone.exit_code, words in alone.output) == (2, True)
+    among = command(models, "--run", "sweep", "-o", tmp_path / "trade")
+    assert (among.exit_code, words in among.output) == (0, True)
+
+
 def test_what_has_nothing_to_trade_is_said(tmp_path):
     answer = command(MODELS / "fourbar.toml", "--run", "sweep", "-o", tmp_path)
     assert answer.exit_code == 0

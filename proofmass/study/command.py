@@ -59,13 +59,19 @@ def trade_command(
 def named(paths: list[Path]) -> list[Case]:
     """The cases below the paths; what is wrong with any of them is raised.
 
-    Workers of a cluster, which are in a folder of their own, find them as well.
+    Workers of a cluster, which are in a folder of their own, find them as well.  Models without a
+    sidecar are passed over, unless there are no others.
     """
-    found: list[InputError] = []
-    files = collect(paths, found)
-    if found:
-        raise found[0]
-    return [load_case(file.absolute()) for file in files if file.suffix == ".toml"]
+    wrong: list[InputError] = []
+    files = collect(paths, wrong)
+    cases = [load_case(file.absolute()) for file in files if file.suffix == ".toml"]
+    lone = [InputError(file, "", "no sidecar says what is right; a study needs one")
+            for file in files if file.suffix != ".toml"]
+    if wrong or not cases:
+        raise (wrong or lone)[0]
+    for one in lone:
+        errors.print(f"passed over: {one}", markup=False)
+    return cases
 
 
 def turnable(case: Case, kind: Kind | None) -> bool:

@@ -6,11 +6,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from proofmass.case import load_case
-from proofmass.check import collect
 from proofmass.command import Dask, Jobs, answering, counting, errors
-from proofmass.errors import InputError
 from proofmass.study.boundary import Boundary
+from proofmass.study.command import named
 from proofmass.study.extremes import extremes
 from proofmass.study.proven import probes
 from proofmass.study.run import pool
@@ -50,17 +48,11 @@ def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None
     """Find boundaries with a progress bar on standard error; say what does not apply."""
     store = Store(folder / "runs")
     sought = [] if paths else [kept(one, store) for one in probes()]
-    wrong: list[InputError] = []
-    for file in collect(paths, wrong):
-        if file.suffix != ".toml":
-            raise InputError(file, "", "no sidecar says what is right; stress needs one")
-        case = load_case(file.absolute())
+    for case in named(paths) if paths else ():
         ours, skipped = extremes(case, store)
         sought += ours
         for why in skipped:
             errors.print(f"{case.name}: not turned: {why}")
-    if wrong:
-        raise wrong[0]
     sought = [one for one in sought if only in one.knob]
     if not sought:
         raise ValueError(f"--only {only}: no such knob")
