@@ -11,9 +11,19 @@ def told(row: Row) -> str:
     >>> told(Row("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
     'pymunk at 1 ms, iterations 30'
     """
-    value = f"{number(1e3 * row.value)} ms" if row.axis == "timestep" else number(row.value)
-    named = row.line.endswith(row.axis)
-    return f"{row.line} {value}" if named else f"{row.line}, {row.axis} {value}"
+    place = turned(row)
+    return f"{row.line.removesuffix(row.axis)}{place}" if row.line.endswith(row.axis) else (
+        f"{row.line}, {place}")
+
+
+def turned(row: Row) -> str:
+    """What was turned along its line, and how far.
+
+    >>> turned(Row("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
+    'timestep 2.5 ms'
+    """
+    ms = f"{number(1e3 * row.value)} ms"
+    return f"{row.axis} {ms if row.axis == 'timestep' else number(row.value)}"
 
 
 def brief(row: Row) -> str:
@@ -28,7 +38,7 @@ def off(row: Row, of: str) -> str:
 
 def cost(row: Row) -> str:
     """What a setting costs, and its place on its line."""
-    return f"{number(row.seconds, 2)} s at {row.axis} {number(row.value)}"
+    return f"{number(row.seconds, 2)} s at {turned(row)}"
 
 
 def walled(verdict: Verdict) -> str:
