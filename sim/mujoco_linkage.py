@@ -63,7 +63,7 @@ class Linkage:
         mujoco.mj_fwdPosition(self.model, self.data)
         data, keep = self.data, self.data.efc_type == EQUALITY
         if not mujoco.mj_isSparse(self.model):
-            return data.efc_pos[keep], data.efc_J.reshape(-1, self.model.nv)[keep]
+            return data.efc_pos[keep], data.efc_J.reshape(data.nefc, self.model.nv)[keep]
         rows = np.zeros((data.nefc, self.model.nv))
         mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr,
                                 data.efc_J_colind)

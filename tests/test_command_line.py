@@ -62,6 +62,13 @@ def test_a_folder_with_nothing_in_it_is_bad_input(tmp_path):
         assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
 
 
+def test_a_model_in_which_nothing_moves_loads_and_steps(tmp_path):
+    (tmp_path / "still.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    answer = run("check", tmp_path, "--json")
+    assert answer.exit_code == 0
+    assert [row["outcome"] for row in json.loads(answer.stdout)] == ["unchecked"]
+
+
 def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
     answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 0
