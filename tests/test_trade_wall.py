@@ -23,7 +23,7 @@ STIFF = Setting("mujoco", {"timestep": 2e-3, "integrator": "RK4", "solref": (0.0
 
 def moved(folder, case, setting, kind="duration"):
     """The errors of a setting, and all its causes moved."""
-    wanted = probes(case, kind, setting)
+    wanted = probes(case, kind, setting, folder)
     first, *rows = run([Task(case, kind, setting), *(Task(p.case, kind, p.setting)
                                                      for p in wanted)], Store(folder), repeats=0)
     return first.errors, list(zip(wanted, rows, strict=True))
@@ -82,6 +82,17 @@ def test_a_bias_is_found_by_taking_it_away_with_iterations_enough_for_that(tmp_p
     setting = Setting("pymunk", {"timestep": 0.5e-3, "defaults": True})
     errors, found = moved(tmp_path, load_case(MODELS / "fivebar.toml"), setting)
     assert judge(errors["acceleration"], found, "acceleration")[0] == "bias of the loops"
+
+
+def test_a_recorded_curve_is_found_by_half_of_it(tmp_path):
+    """Between rows the drive has no kink in its third derivative, which its law has."""
+    case = load_case(MODELS / "hacksaw_recorded.toml")
+    setting = Setting("pymunk", {"timestep": 0.25e-3, "error_bias": 0.0, "iterations": 100})
+    errors, found = moved(tmp_path, case, setting)
+    assert judge(errors["acceleration"], found, "acceleration")[0] == "the reference"
+    assert judge(errors["position"], found, "position")[0] == "time step"
+    told = gains(errors, found, "acceleration")["the reference"]
+    assert told == pytest.approx(2.0, rel=0.2)  # first order: where in its interval the kink is
 
 
 def test_too_few_iterations_are_found(tmp_path):
@@ -161,35 +172,37 @@ def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
     assert gain(half, 1 / (1 - share / 2)) == pytest.approx(gain(whole, 1 / (1 - share)))
 
 
-def test_a_bias_that_is_gone_leaves_no_probe_of_it():
+def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
     biased = {p.move: p.setting.knobs["error_bias"] for p in probes(
-        FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5})) if "bias" in p.cause}
+        FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5}), tmp_path) if "bias" in p.cause}
     assert list(biased.values()) == [0.25, 0.0]
-    assert not [p for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}))
-                if "bias" in p.cause]
+    assert not [p for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}),
+                                  tmp_path) if "bias" in p.cause]
 
 
-def test_mujoco_is_asked_for_nothing_harder_than_it_takes():
+def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
     """solimp is capped at 0.9999, solref at two steps: those are moved away."""
-    found = {p.cause: p for p in probes(FOURBAR, "duration", STIFF.but(solref=(4e-3, 1.0)))}
+    hard = STIFF.but(solref=(4e-3, 1.0))
+    found = {p.cause: p for p in probes(FOURBAR, "duration", hard, tmp_path)}
     assert found["softness of the loops, solimp"].better is False
     assert found["softness of the loops"].setting.knobs["solref"] == (8e-3, 1.0)
     soft = Setting("mujoco", {"defaults": True, "timestep": 1e-3})
-    found = {p.cause: p for p in probes(FOURBAR, "duration", soft)}
+    found = {p.cause: p for p in probes(FOURBAR, "duration", soft, tmp_path)}
     assert found["softness of the loops, solimp"].better is True
     assert found["softness of the loops"].setting.knobs["solref"] == (0.01, 1.0)
 
 
 @pytest.mark.parametrize(("name", "missing"), [("stephenson", "the reference"),
                                                ("pendulum", "softness of the loops")])
-def test_what_there_is_none_of_is_not_moved(name, missing):
+def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
     case = load_case(MODELS / f"{name}.toml")
     setting = Setting("mujoco", {"timestep": 1e-3})
-    assert missing not in {p.cause for p in probes(case, "duration", setting)}
+    assert missing not in {p.cause for p in probes(case, "duration", setting, tmp_path)}
 
 
-def test_other_samples_leave_the_steps_as_they_are():
-    thinned = next(p for p in probes(FOURBAR, "duration", STIFF) if p.cause == "sampling")
+def test_other_samples_leave_the_steps_as_they_are(tmp_path):
+    found = probes(FOURBAR, "duration", STIFF, tmp_path)
+    thinned = next(p for p in found if p.cause == "sampling")
     every, other = (STIFF.applied(case, "duration")[1] for case in (FOURBAR, thinned.case))
     assert other.x == pytest.approx(every.x[::2], abs=1e-12)
     assert other.steps(2e-3)[1] == pytest.approx(every.steps(2e-3)[1])

@@ -33,11 +33,25 @@ def with_model(case: Case, folder: Path, change: Callable[[Element], None]) -> C
     tree = ElementTree.parse(case.model_path)
     change(tree.getroot())
     text = ElementTree.tostring(tree.getroot(), encoding="unicode")
-    file = folder.absolute() / f"{case.model_path.stem}-{digest(text.encode())[:16]}.xml"
+    return case.model_copy(update={"model": str(placed(folder, case.model_path, text))})
+
+
+def thinned(case: Case, folder: Path) -> Case:
+    """The case held to every other row of its recorded curve, as a file in a folder."""
+    file = case.file.parent / case.reference
+    head, *rows = [line for line in file.read_text(encoding="utf-8-sig").splitlines()
+                   if line.strip() and not line.lstrip().startswith("#")]
+    text = "\n".join([head, *rows[::2]]) + "\n"
+    return case.model_copy(update={"reference": str(placed(folder, file, text))})
+
+
+def placed(folder: Path, like: Path, text: str) -> Path:
+    """A text in a folder, in a file named after another one and what is in it."""
+    file = folder.absolute() / f"{like.stem}-{digest(text.encode())[:16]}{like.suffix}"
     folder.mkdir(parents=True, exist_ok=True)
     if not file.exists():
         write(file, text)
-    return case.model_copy(update={"model": str(file)})
+    return file
 
 
 def times(element: Element, key: str, factor: ArrayLike) -> None:

@@ -139,7 +139,8 @@ def at_walls(lanes: list[Lane], store: Store, workers: Executor | None,
     places = dict.fromkeys((n, k) for n, lane in enumerate(lanes) for kind in lane.track.kinds
                            for k in lane.places(kind) if k is not None)
     asked = [(place, probe) for place in places for lane in (lanes[place[0]],)
-             for probe in probes(lane.case, lane.run, lane.line.settings[place[1]])]
+             for probe in probes(lane.case, lane.run, lane.line.settings[place[1]],
+                                 store.folder / "models")]
     tasks = [Task(probe.case, lanes[n].run, probe.setting, "wall", lanes[n].line.name, probe.cause)
              for (n, _), probe in asked]
     rows = run(tasks, store, workers, repeats=0, timeout=LONGEST, progress=progress)

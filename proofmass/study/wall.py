@@ -7,12 +7,15 @@ when it is halved.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log
+from pathlib import Path
 from typing import Any
 
 from proofmass.case import Case
-from proofmass.reference import compiled
+from proofmass.recorded import Recorded
+from proofmass.reference import compiled, module_of
 from proofmass.strict import Kind
 from proofmass.study.reread import READS, movable, reread
+from proofmass.study.rescaled import thinned
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Setting
 from sim.mujoco_model import ENGINE_DEFAULTS
@@ -50,15 +53,15 @@ class Probe:
     whole: bool = False
 
 
-def probes(case: Case, run: Kind, setting: Setting) -> list[Probe]:
-    """All causes that can be moved in a run, each of them moved."""
+def probes(case: Case, run: Kind, setting: Setting, folder: Path) -> list[Probe]:
+    """All causes that can be moved in a run, each of them moved; a folder takes what that needs."""
     if run != "duration":
         own = [] if not case.rod else [Probe(
             "segments", "twice as many segments", case,
             setting.but(segments=2 * int(str(setting.knobs["segments"]))))]
     else:
         own = [*(in_pymunk if setting.engine == "pymunk" else in_mujoco)(case, setting)]
-    return [*own, *of_reference(case, setting), *of_samples(case, run, setting)]
+    return [*own, *of_reference(case, setting, folder), *of_samples(case, run, setting)]
 
 
 def in_mujoco(case: Case, setting: Setting) -> Iterator[Probe]:
@@ -102,9 +105,13 @@ def in_pymunk(case: Case, setting: Setting) -> Iterator[Probe]:
                 setting.but(iterations=more))
 
 
-def of_reference(case: Case, setting: Setting) -> Iterator[Probe]:
-    """The general solver as a second reference, where the first does not bring the drive's law."""
-    if case.reference != READS and movable(case) and not case.rod:
+def of_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Probe]:
+    """Half of a recorded curve, or the general solver as a second reference, which knows only the
+    model: not the law that a drive may have from the first."""
+    if isinstance(module_of(case), Recorded):
+        yield Probe("the reference", "every other row of the recorded curve",
+                    thinned(case, folder), setting, False)
+    elif case.reference != READS and movable(case) and not case.rod:
         yield Probe("the reference", "a second reference", reread(case), setting, None)
 
 
