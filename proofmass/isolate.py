@@ -5,6 +5,7 @@ worker that died or was killed is replaced.  `multiprocessing` is not used becau
 caller's main script again, which a ten-line script or a notebook does not survive.
 """
 
+import atexit
 import os
 import pickle
 import signal
@@ -156,6 +157,13 @@ def rested() -> Worker | None:
             worker.close()
         return worker
     return None
+
+
+@atexit.register
+def dismiss() -> None:
+    """End the workers that wait for a call, lest they outlive this process for a moment."""
+    while worker := rested():
+        worker.close()
 
 
 def main() -> None:

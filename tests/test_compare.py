@@ -116,6 +116,13 @@ def test_errors_come_back_as_themselves():
         isolated(fail, timeout=20)
 
 
+def test_workers_that_wait_end_with_who_asked():
+    call = "import os; from proofmass.isolate import isolated; isolated(os.getpid, timeout=60)"
+    ended = subprocess.run([sys.executable, "-X", "dev", "-W", "error", "-c", call],
+                           capture_output=True, text=True, check=True)
+    assert ended.stderr == ""  # Python tells of processes and files that are left open
+
+
 @pytest.mark.slow
 def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
     file = tmp_path / "pid"
