@@ -1,4 +1,4 @@
-"""Shared fixtures: a writable copy of the models, and a way to change one of them."""
+"""Shared fixtures: a writable copy of the models, a way to change one, a stand, a cluster."""
 
 import re
 import shutil
@@ -55,3 +55,12 @@ def edit(models: Path) -> Callable[..., Path]:
         return file
 
     return change
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    """Of the scheduler of a Dask cluster: two workers, each a process, in a folder of their own."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
+                                  dashboard_address=":0") as cluster:  # any port that is free
+        yield cluster.scheduler_address

@@ -77,15 +77,6 @@ Search.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
 FORGETS = "from proofmass.study.store import Store; Store.load = lambda *_: None"
 
 
-@pytest.fixture(scope="module")
-def address():
-    """Of the scheduler of two workers, each a process in another folder than the studies."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
-                                  dashboard_address=None) as cluster:
-        yield cluster.scheduler_address
-
-
 @pytest.fixture
 def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]:
     """Makes a folder with a short case, and a model without one."""

@@ -13,14 +13,6 @@ from tests.study_tasks import tasks
 distributed = pytest.importorskip("distributed")
 
 
-@pytest.fixture(scope="module")
-def address():
-    """Of the scheduler of two workers, each a process."""
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
-                                  dashboard_address=None) as cluster:
-        yield cluster.scheduler_address
-
-
 def values(store: Store, workers: Executor | None) -> list[tuple]:
     """What does not depend on clocks."""
     return [(one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
