@@ -11,6 +11,7 @@ import sys
 import time
 import zipfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 
@@ -274,15 +275,16 @@ def test_an_interrupt_is_one_line_that_says_what_is_kept(what, place):
 
 
 def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, capsys):
-    begun = zipfile.ZipFile.open
+    begun, held = zipfile.ZipFile.open, ExitStack()
 
-    def interrupt(*args, **options):
-        open_still = begun(*args, **options)
-        raise KeyboardInterrupt(open_still)
+    def interrupt(packed, *args, **options):
+        held.push(packed)
+        held.push(begun(packed, *args, **options))
+        raise KeyboardInterrupt
 
     monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # whose file then raises ValueError
     found = Found(curves={"x": np.zeros(3)})
-    with pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+    with held, pytest.raises(typer.Exit) as ended, answering("runs are kept"):
         Store(tmp_path).save("key", 0, None, found, 1.0)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().err.startswith("stopped; runs are kept")
