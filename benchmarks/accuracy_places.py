@@ -13,10 +13,9 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.study.axes import lines
 from proofmass.study.line import Track, clear
-from proofmass.study.measure import KINDS, simulate, span
+from proofmass.study.measure import deviations, simulate
 from proofmass.study.row import Row
 from proofmass.study.setting import Setting
-from proofmass.study.truth import truth
 from proofmass.study.verdict import Verdict
 from sim.protocol import Array
 
@@ -48,8 +47,5 @@ def everywhere(case: Case, verdict: Verdict, setting: Setting) -> Array:
     """Errors of one kind at all samples of all channels, as shares of the channels' ranges."""
     model, run = setting.applied(case, verdict.run)
     curves = simulate(setting.engine, model.model_path, run)
-    wanted = truth(model, curves)
-    return np.concatenate([
-        np.abs(curves.channels[name] - wanted[name]) / span(wanted[name])
-        for name, channel in model.channels_of(verdict.run).items() if name in curves.channels
-        and channel.unit in KINDS[verdict.kind] and span(wanted[name]) > 0])
+    return np.concatenate([errors for kind, errors in deviations(model, verdict.run, curves)
+                           if kind == verdict.kind])

@@ -8,7 +8,7 @@ def main() -> None:
     try:
         from proofmass.cli import app
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(130)  # as a shell says it; to ask `proofmass.command` would be to load it
     app()
 
 

@@ -1,6 +1,7 @@
 """One run of a study: in the engine, on a processor of its own, held against the reference."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -147,11 +148,19 @@ def not_finite(channels: dict[str, Array]) -> str:
 
 
 def shares(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
-    """Largest error of each kind of channel, as a share of the reference's range.
+    """Largest error of each kind of channel, as a share of the reference's range."""
+    found = dict[str, float]()
+    for what, errors in deviations(case, kind, curves):
+        found[what] = max(float(errors.max()), found.get(what, 0.0))
+    return found
+
+
+def deviations(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Array]]:
+    """Kind and errors of one channel after the other, as shares of the reference's range.
 
     Curves that the reference has constant have no range and are left out.
     """
-    wanted, found = truth(case, curves), dict[str, float]()
+    wanted = truth(case, curves)
     channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
     widest = dict[str, float]()
     for name, channel in channels.items():
@@ -159,9 +168,7 @@ def shares(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
     for name, channel in channels.items():
         what = next((k for k, units in KINDS.items() if channel.unit in units), None)
         if what and span(wanted[name]) > CONSTANT * widest[channel.unit]:
-            off = float(np.abs(curves.channels[name] - wanted[name]).max()) / span(wanted[name])
-            found[what] = max(off, found.get(what, 0.0))
-    return found
+            yield what, np.abs(curves.channels[name] - wanted[name]) / span(wanted[name])
 
 
 def span(values: Array) -> float:

@@ -22,8 +22,8 @@ def turned(row: Row) -> str:
     >>> turned(Row("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
     'timestep 2.5 ms'
     """
-    ms = f"{number(1e3 * row.value)} ms"
-    return f"{row.axis} {ms if row.axis == 'timestep' else number(row.value)}"
+    place = f"{number(1e3 * row.value)} ms" if row.axis == "timestep" else number(row.value)
+    return f"{row.axis} {place}"
 
 
 def brief(row: Row) -> str:
