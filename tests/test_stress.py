@@ -1,5 +1,6 @@
 """Extremes of cases: bisection, changed models, silent failures, tables, commands."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -260,6 +261,11 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     assert "<strong>in silence</strong>: grew, without a word" in page
     assert "fourbar" in page
     assert [row.judged for row in rows] == [True, False, False, True, False]
+    drawing = (tmp_path / "figures" / "fourbar-stress.svg").read_text(encoding="utf-8")
+    grounds = re.findall(r'<pattern.*?<rect[^>]* fill="(#\w+)".*?stroke: (#\w+)', drawing,
+                         re.DOTALL)
+    assert grounds  # of the bars and in the legend, each other than the lines on it
+    assert all(ground != lines for ground, lines in grounds)
     for some, here in ((rows[:2], False), (rows[2:], True)):
         told = [text.get_text() for text in stress_sheet(some).legends[0].get_texts()]
         assert ("no reference beyond" in told) == here

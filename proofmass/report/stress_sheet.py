@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -16,6 +17,7 @@ from proofmass.wording import number, spoken
 INK = "#333333"
 HATCH = {"mujoco": "", "pymunk": "////"}
 ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
+PALE = 0.35  # of an engine's colour, the rest is white
 NEAR = 0.05
 """How close to theory a measured boundary must be."""
 
@@ -61,8 +63,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
         ax.annotate("lost from the start", (0.01, y), xycoords=("axes fraction", "data"),
                     fontsize=6.5, va="center")
         return
-    ax.barh(y, high - low, left=low, height=0.6, color=colour, alpha=0.35, hatch=HATCH[one.engine],
-            edgecolor=colour, linewidth=0.4)
+    ax.barh(y, high - low, left=low, height=0.6, **filled(one.engine))
     marker = "o" if one.judged else "X" if one.found else ">"
     ax.plot(high, y, marker=marker, color=colour, markersize=4.5, clip_on=False,
             markerfacecolor="white" if one.silent else colour)
@@ -73,6 +74,17 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
         unit = {"times": "×", "1": ""}.get(one.unit, one.unit)
         ax.annotate(f"{number(one.measured)} {unit}", (high, y), xytext=(6, 0), fontsize=6.5,
                     textcoords="offset points", va="center")
+
+
+def filled(engine: str) -> dict[str, Any]:
+    """The look of an engine's bars.
+
+    Pale by its colour alone: an SVG has a hatch's ground opaque, where a translucent one would be
+    of one colour with its lines.
+    """
+    colour = KNOWN[engine].colour
+    return {"facecolor": 1 - PALE * (1 - np.array(to_rgb(colour))), "edgecolor": colour,
+            "hatch": HATCH[engine], "linewidth": 0.4}
 
 
 def span(one: Boundary, known: bool) -> tuple[float, float]:
@@ -109,8 +121,7 @@ def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     """Engines, and what the ends of bars mean."""
     engines = dict.fromkeys(one.engine for one in found)
     handles: list[Patch | Line2D] = [
-        Patch(facecolor=KNOWN[e].colour, alpha=0.5, hatch=HATCH[e], edgecolor=KNOWN[e].colour,
-              label=spoken(e)) for e in engines]
+        Patch(label=spoken(e), **filled(e)) for e in engines]
     plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
     handles += [Line2D([], [], marker="o", label="lost, and said so", **plain),
                 Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence",
