@@ -10,6 +10,7 @@ from proofmass.reference import compiled
 from proofmass.study.axes import lines
 from proofmass.study.line import order
 from proofmass.study.measure import Task, simulate
+from proofmass.study.orders import expected
 from proofmass.study.run import run
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store
@@ -76,3 +77,12 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
     assert all(coarse > 0)
     np.testing.assert_allclose(np.log2(coarse / quick), [2, 1], atol=0.1)  # T over a swing of 2 s
     np.testing.assert_allclose(np.log2(coarse / fine), [1, 1], atol=0.1)
+
+
+def test_that_order_is_expected_of_what_is_let_go_alone():
+    for name, orders in (("pendulum", (1.0, 2.0)), ("fourbar_released", (1.0, 2.0)),
+                         ("fourbar", (1.0,))):
+        case = load_case(MODELS / f"{name}.toml")
+        line = next(one for one in lines(case, "duration") if one.axis == "error_bias")
+        assert expected(case, "duration", line, "position") == orders
+        assert expected(case, "duration", line, "acceleration") == (*orders, 0.0)
