@@ -30,7 +30,8 @@ def solve(
 
     Returns
     -------
-    dict of (...) arrays: x, y [m], theta [rad], m [N m]; and force_x, force_y [N], the pin's.
+    dict of (...) arrays: x, y [m], theta [rad], m [N m]; and force_x, force_y [N], the pin's, and
+    hold [N m], the moment that holds the clamp.
 
     Raises
     ------
@@ -58,4 +59,5 @@ def solve(
     place, theta = flow(theta0, found.unknowns[2], n, arc, stiffness)
     m = found.unknowns[2] + (np.conj(n) * place[0]).imag
     return {"x": place[0].real, "y": place[0].imag, "theta": theta[0], "m": m,
-            "force_x": np.full(arc.shape, n.real), "force_y": np.full(arc.shape, n.imag)}
+            "force_x": np.full(arc.shape, n.real), "force_y": np.full(arc.shape, n.imag),
+            "hold": np.full(arc.shape, -found.unknowns[2])}

@@ -9,9 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from sim.protocol import Array
+from sim.protocol import Array, Curves, Diverged, Run
 
 State = tuple[Array, Array, Array]
+LAG = 0.05
+"""Share of its way that a driven joint may be off: a soft drive lags, MuJoCo's default one by 2e-3.
+"""
 
 
 @dataclass(frozen=True)
@@ -91,3 +94,26 @@ class Samples:
             return self.value, self.rate, self.acceleration
         spline = CubicHermiteSpline(self.x, self.value, self.rate)
         return spline(x), spline(x, 1), np.interp(x, self.x, self.acceleration)
+
+
+def check_driven(run: Run, curves: Curves) -> None:
+    """Refuse curves of an engine that did not move the driven joints.
+
+    Curves are compared at the state that the drives really had, in which a mechanism that stands
+    still would agree.
+
+    Raises
+    ------
+    Diverged
+        A driven joint is off its law by more than `LAG` of the longest way of all drives.
+    """
+    if curves.drive is None:
+        return
+    led = run.motion(curves.x)[0]
+    off = np.abs(curves.drive[0] - led)
+    way = float(np.ptp(led, axis=1).max(initial=0.0)) or 1.0  # all of them are held: rad or m
+    if not (off <= LAG * way).all():
+        drive, sample = np.unravel_index(np.argmax(np.nan_to_num(off, nan=np.inf)), off.shape)
+        raise Diverged(f"joint {run.drives[drive].joint!r} is at "
+                       f"{curves.drive[0][drive, sample]:.4g} where its drive leads it to "
+                       f"{led[drive, sample]:.4g}, at x = {curves.x[sample]:.4g}")

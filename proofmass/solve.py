@@ -6,6 +6,7 @@ from pathlib import Path
 
 import sim
 from proofmass.case import Case
+from proofmass.drive import check_driven
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import grid, laws
@@ -73,9 +74,11 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     run = plan(case, kind, solver)
     engine = solver.partition(":")[0]
     try:
-        return isolated(simulate, engine, case.model_path, run, timeout=case.run[kind].timeout)
+        curves = isolated(simulate, engine, case.model_path, run, timeout=case.run[kind].timeout)
     except BadModel as error:
         raise InputError(case.model_path, "", str(error)) from None
+    check_driven(run, curves)
+    return curves
 
 
 def simulate(engine: str, model: Path, run: Run) -> Curves:

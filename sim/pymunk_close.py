@@ -49,7 +49,7 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
 def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Array:
     best, off = pose, np.inf
     for _ in range(40):
-        error = _error(links, pose, drives) - rest
+        error = missing(links, pose, drives) - rest
         size = np.abs(error / links.bounds).max(initial=0.0)
         if not size < off:
             break
@@ -69,7 +69,8 @@ def named(links: Links, drives: Array) -> str:
     return ", ".join(f"{j.name} = {v:.6g}" for j, v in zip(links.drives, drives, strict=True))
 
 
-def _error(links: Links, pose: Array, drives: Array) -> Array:
+def missing(links: Links, pose: Array, drives: Array) -> Array:
+    """How far all that is prescribed is from held (..., rows + drives), of some poses."""
     error = bound(links, pose)
     error[..., error.shape[-1] - len(drives):] -= drives
     return error
@@ -85,6 +86,6 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
     def moved(flat: Array) -> Array:
         return np.vstack([(links.sizes * flat).reshape(-1, 3), ground])
 
-    fit = least_squares(lambda flat: weight * _error(links, moved(flat), drives),
+    fit = least_squares(lambda flat: weight * missing(links, moved(flat), drives),
                         pose[:-1].ravel() / links.sizes, xtol=1e-12, ftol=1e-12, gtol=1e-12)
     return float(gaps(links, moved(fit.x)).max())

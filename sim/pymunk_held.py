@@ -1,10 +1,12 @@
 """A mechanism whose drives are held until Chipmunk comes to rest: poses, efforts and rates.
 
+Every pose is at rest by the engine's own answer: a step from standstill gives it no velocity.
 With all velocity taken out in every step, a step of Chipmunk is one Newton step of the holds in
 the metric of the masses, so a linkage without free coordinates rests after a few of them.  Free
-coordinates (springs, hanging bodies) go down the slope of the energy, by the step's square over
-their mass: `sim.pymunk_rest.stride` chooses steps after which they rest as soon.  They begin where
-`sim.pymunk_rest.rest` finds the energy lowest, and so fall into the next valley where theirs ends.
+coordinates (springs, hanging bodies) get a velocity down the slope of the engine's energy;
+`sim.pymunk_rest.toward_rest` chooses how far they go along it, and so they fall into the next
+valley where theirs ends.  They begin beside the start pose: an engine that does nothing stays
+there, and is not at rest in the right pose by having been put into it.
 """
 
 from dataclasses import dataclass, field
@@ -14,13 +16,13 @@ import pymunk
 from pymunk import batch
 
 from sim.protocol import Array, BadModel, Diverged
-from sim.pymunk_close import close, named
+from sim.pymunk_close import close, missing, named
 from sim.pymunk_drive import Motor, add_drives, aim
 from sim.pymunk_links import Links
 from sim.pymunk_modes import free_directions, sizes
 from sim.pymunk_patience import enough
 from sim.pymunk_pose import along, bound, gaps, jacobian, potential, values
-from sim.pymunk_rest import rest, stride
+from sim.pymunk_rest import toward_rest
 from sim.pymunk_space import FIELDS, Settings, build, put, taken
 from sim.pymunk_stops import Stops, beyond, ease, find_stops
 
@@ -31,7 +33,9 @@ STILL = 1e-12
 ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch."""
 DOUBT = 12
-"""Steps after which it is asked whether the loops can be closed at all, and where it rests."""
+"""Steps after which it is asked whether the loops can be closed at all."""
+BESIDE = 1e-3
+"""How far beside the start pose free coordinates begin, in extents or radians."""
 MOST = {True: 1000, False: 200}
 """Steps after which a pose that still moves is given up, with and without free coordinates."""
 LEFT = 1e-3
@@ -63,7 +67,7 @@ class Held:
     free: bool
     pose: Array
     usual: int
-    dt: float = 0.0
+    dt: float
     velocity: Array = field(default_factory=lambda: np.zeros(1))
     most: int = 0
     past: tuple[Array, Array] | None = None
@@ -118,41 +122,39 @@ class Held:
         BadModel
             The loops cannot be closed there, or stops are in the way.
         Diverged
-            They can, but Chipmunk does not come to rest.
+            They can, but Chipmunk does not close them, or does not come to rest.
         """
         last = values(self.links.drives, self.pose), self.pose
         self.ahead(target)
-        if self.free:  # its steps from a pose far from rest may lead to another one, further off
-            self._doubt(self.pose, target)
         calm, began = 0, self.pose
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
-            if count % DOUBT == 0 < count and (self.free or count == DOUBT):
+            if count == DOUBT:
                 self._doubt(began, target)
-            self.dt = stride(self.links, self.pose, self.calm) if self.free else self.calm
             self.step(target)
-            on = beyond(self.stops, self.pose)
-            self.pose = self.pose + self.dt * self.velocity
-            moved = sizes(self.links, self.velocity) * self.dt
-            if not np.isfinite(moved):
+            if not np.isfinite(self.velocity).all():
                 break
+            on, move = beyond(self.stops, self.pose), self.dt * self.velocity
+            if self.free:
+                move = toward_rest(self.links, self.pose, self.velocity, self.dt)
+            self.pose = self.pose + move
+            moved = sizes(self.links, move)
             # a step to a stop is as short as the way there, and small whatever the forces are
             steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
             calm = calm + 1 if steady else 0
             if calm > 2:
-                self._free_of_stops(target)
+                if self._missed(target):
+                    raise self._lost(target, "at rest")
                 self.most, self.past = max(self.most, self.space.iterations), last
                 return
         close(self.links, began, target)
-        self._free_of_stops(target)
-        gap = gaps(self.links, self.pose).max()
-        raise Diverged(f"drives at {np.round(target, 4).tolist()}: not at rest after {count + 1} "
-                       f"steps, loops open by {gap:.3g} m")
+        raise self._lost(target, f"not at rest after {count + 1} steps")
 
     def ahead(self, target: Array) -> None:
         """Begin where the last two rests point to, if the drives go on in the same direction.
 
-        Nearer to the next rest, and on the smooth branch where two of them cross.
+        Nearer to the next rest, and on the smooth branch where two of them cross; unless less is
+        held there than here, as after a snap to another equilibrium.
         """
         if self.past is None:
             return
@@ -160,30 +162,38 @@ class Held:
         before, way = here - self.past[0], target - here
         share = float(way @ before) / float(before @ before or 1.0)
         straight = np.abs(way - share * before).max() <= 1e-3 * np.abs(way).max()
-        if straight and 0 < share <= FAR:
-            self.pose = self.pose + share * (self.pose - self.past[1])
+        there = self.pose + share * (self.pose - self.past[1])
+        poses = np.stack([there, self.pose])
+        amiss = np.abs(missing(self.links, poses, target) / self.links.bounds).max(axis=-1)
+        if straight and 0 < share <= FAR and amiss[0] < amiss[1]:
+            self.pose = there
 
     def _doubt(self, began: Array, target: Array) -> None:
-        """Ask whether the loops can be closed; if so, begin there, with a more patient solver.
+        """Ask whether the loops can be closed; if so, begin again with a more patient solver.
 
-        Free coordinates begin where they are at rest by the energy.
+        Free coordinates go on from where they are, since each of their steps is solved.
         """
-        if self.free:
-            there = close(self.links, self.pose, target)
-            self.pose = rest(self.links, there, target, self.calm)
-        else:
-            self.pose = close(self.links, began, target)
-            needed = enough(self.links, self.pose[None], LEFT)
+        there = close(self.links, began, target)
+        if not self.free:
+            needed = enough(self.links, there[None], LEFT)
             self.space.iterations = min(max(self.usual, needed), PATIENT)
+            self.pose = began
 
-    def _free_of_stops(self, target: Array) -> None:
-        """Raise `BadModel` if joints on their stops keep loops open or drives from their values."""
-        off = max(gaps(self.links, self.pose).max(),
-                  np.abs(values(self.links.drives, self.pose) - target).max(initial=0.0))
+    def _missed(self, target: Array) -> bool:
+        """Whether a loop is open or a drive not at its value by more than `ROUGH`."""
+        off = missing(self.links, self.pose, target) / self.links.bounds
+        return bool(np.abs(off).max(initial=0.0) > ROUGH)
+
+    def _lost(self, target: Array, how: str) -> Exception:
+        """The error of a pose that is not what it should be: stops are in the way, or nothing."""
         names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
-        if names and off > ROUGH * self.links.extent:
-            raise BadModel(f"joint {', '.join(names)} is on its stop before "
-                           f"{named(self.links, target)}")
+        if names and self._missed(target):
+            return BadModel(f"joint {', '.join(names)} is on its stop before "
+                            f"{named(self.links, target)}")
+        here = named(self.links, values(self.links.drives, self.pose))
+        return Diverged(f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
+                        f"{gaps(self.links, self.pose).max():.3g} m"
+                        + (f", {here}" if here else ""))
 
     def efforts(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
@@ -218,17 +228,27 @@ class Held:
         return size * self.velocity
 
 
-def hold(links: Links, target: Array, settings: Settings) -> Held:
-    """The space with its drives at their first values.
+def hold(links: Links, settings: Settings) -> Held:
+    """The space in its start pose; with free coordinates beside it, see `BESIDE`.
 
-    With free coordinates it is still in the start pose: they are to follow the drives at rest.
+    Raises
+    ------
+    BadModel
+        The loops cannot be closed there.
     """
     space = build(links, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
-    free = len(free_directions(links, jacobian(lambda p: bound(links, p), pose))) > 0
-    pose = pose if free else close(links, links.pose, target)
-    return Held(links, space, add_drives(space, links), find_stops(links, space),
-                _calm(links, pose), free, pose, settings["iterations"])
+    moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
+    calm = _calm(links, pose)
+    return Held(links, space, add_drives(space, links), find_stops(links, space), calm,
+                len(moves) > 0, links.pose + _beside(links, moves), settings["iterations"], calm)
+
+
+def _beside(links: Links, moves: Array) -> Array:
+    """A move in all free directions (n, links + 1, 3), whatever basis they are given in."""
+    shares = np.pad(np.cos(np.arange(links.sizes.size)) * links.sizes, (0, 3))
+    way = np.tensordot(np.tensordot(moves, links.weights * shares.reshape(-1, 3), 2), moves, 1)
+    return np.asarray(BESIDE * way / (sizes(links, way) or 1.0))
 
 
 def _calm(links: Links, pose: Array) -> float:

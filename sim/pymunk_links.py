@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim.plane import Plane
 from sim.protocol import Array
 
-HAIR = 1e-12
+HAIR = 1e-13
 """How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
 stops hold a joint only beyond them, and let one fall in anew that they put back to the last digit.
 """
@@ -138,6 +138,11 @@ class Links:
         return Table(np.array([hold.a for hold in holds]), np.array([hold.b for hold in holds]),
                      np.array([hold.on_a for hold in holds]),
                      np.array([hold.on_b for hold in holds]), np.array(axes))
+
+    @cached_property
+    def weights(self) -> Array:
+        """Masses and moments of all coordinates of a pose (links + 1, 3); the ground has none."""
+        return np.pad(np.column_stack([self.mass, self.mass, self.moment]), ((0, 1), (0, 0)))
 
     @cached_property
     def sizes(self) -> Array:

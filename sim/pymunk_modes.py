@@ -9,7 +9,6 @@ from sim.protocol import Array
 from sim.pymunk_links import Joint, Links
 from sim.pymunk_pose import bound, jacobian, potential, values
 from sim.pymunk_slope import slope
-from sim.pymunk_stops import way_back
 
 NUDGE = 1e-4
 """Displacement for differences of the energy's slope, in extents or radians."""
@@ -25,19 +24,21 @@ class Modes:
         Moves of unit mass.
     squares : ndarray (n,)
         Curvature of the energy along them: their frequencies squared [1/s2].
-    forces : ndarray (n,)
-        Fall of the energy along them.
-    rows : ndarray (held, 3 links)
-        Jacobian of all that is held: holds, drives, then the joints on their stops.
+    pull : ndarray (held,)
+        What it takes to hold what is held: holds, drives, then the joints on their stops.
     stops : tuple of Joint
         These joints.
     """
 
     shapes: Array
     squares: Array
-    forces: Array
-    rows: Array
+    pull: Array
     stops: tuple[Joint, ...]
+
+    def rise(self, links: Links, pose: Array, move: Array) -> Array:
+        """By how much a move from the pose makes the energy's slope along each mode larger."""
+        there, here = (slope(links, p, self.pull, self.stops) for p in (pose + move, pose))
+        return np.tensordot(self.shapes, there - here, 2)
 
 
 def free_directions(links: Links, rows: Array) -> Array:
@@ -50,41 +51,27 @@ def free_directions(links: Links, rows: Array) -> Array:
     return np.pad(moves, ((0, 0), (0, 1), (0, 0)))
 
 
-def find_modes(links: Links, pose: Array) -> Modes:
-    """The modes of a pose (links + 1, 3).
+def find_modes(links: Links, pose: Array, stops: tuple[Joint, ...]) -> Modes:
+    """The modes of a pose (links + 1, 3) whose joints `stops` stay on their stops.
 
     The curvature is that of ``V - pull . held``, so that it counts how the paths bend on which
     what is held stays as it is.
     """
-    rows, pull, stops = _pressed(links, pose)
+    rows = jacobian(partial(_held, links, stops), pose)
+    load, root = jacobian(partial(potential, links), pose), _root(links)
+    pull = np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
     moves = free_directions(links, rows)
     size = sizes(links, moves)
     nudge = moves * (NUDGE / size)[:, None, None]
     rise = slope(links, pose + nudge, pull, stops) - slope(links, pose - nudge, pull, stops)
     bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
-    shapes = np.tensordot(modes.T, moves, 1)
-    forces = -np.tensordot(shapes, slope(links, pose, pull, stops), 2)
-    return Modes(shapes, squares, forces, rows, stops)
+    return Modes(np.tensordot(modes.T, moves, 1), squares, pull, stops)
 
 
 def sizes(links: Links, moves: Array) -> Array:
     """Largest part of each of some moves (..., links + 1, 3), in extents or radians."""
     return np.asarray(np.abs(moves / links.sizes[:3]).max(axis=(-2, -1)))
-
-
-def _pressed(links: Links, pose: Array) -> tuple[Array, Array, tuple[Joint, ...]]:
-    """The Jacobian of all that is held, what it takes to hold it, and the stops pressed on."""
-    root, beyond = _root(links), [joint for joint in links.joints if way_back(joint, pose)]
-    load = jacobian(partial(potential, links), pose) / root
-    while True:
-        stops = tuple(beyond)
-        rows = jacobian(partial(_held, links, stops), pose)
-        pull = np.linalg.lstsq((rows / root).T, load, rcond=1e-12)[0]
-        pushes = zip(stops, pull[pull.size - len(stops):], strict=True)
-        beyond = [joint for joint, push in pushes if push * way_back(joint, pose) > 0]
-        if len(beyond) == len(stops):
-            return rows, np.asarray(pull, float), stops
 
 
 def _held(links: Links, stops: tuple[Joint, ...], pose: Array) -> Array:
@@ -93,4 +80,4 @@ def _held(links: Links, stops: tuple[Joint, ...], pose: Array) -> Array:
 
 def _root(links: Links) -> Array:
     """Roots of the masses of all coordinates."""
-    return np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
+    return np.asarray(np.sqrt(links.weights[:-1]).ravel())

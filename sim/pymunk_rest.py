@@ -1,77 +1,78 @@
-"""How free coordinates come to rest: how long to step, and where to begin if steps do not do."""
+"""The next pose on the way to rest, from what a step of Chipmunk gives to a pose that stands still.
+
+The engine alone says where the rest is: its velocity is zero there and nowhere else.  The energy of
+`sim.pymunk_modes` says how far to go: by how much the velocity of each free motion would fall.
+"""
+
+from itertools import compress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.protocol import Array
-from sim.pymunk_links import HAIR, Links
-from sim.pymunk_modes import Modes, find_modes, sizes
-from sim.pymunk_pose import along, bound, least, values
+from sim.pymunk_links import HAIR, Joint, Links
+from sim.pymunk_modes import find_modes, sizes
+from sim.pymunk_pose import along, values
 from sim.pymunk_stops import way_back
 
 SOFT = 1e-8
 """Least stiffness that a mode is taken to have, as a share of what makes the usual step."""
 SLIP = 0.1
 """How far a joint may pass a stop, as a share of its way there: to be pressed on it thereafter."""
+PAST = 10 * HAIR
+"""The least that it may: to be put back to the limit, where a joint within a hair would stay."""
 MOVE = 0.1
 """Largest move in a step, in extents or radians: stiffnesses are those of the pose it begins in."""
-TRIES = 200
-"""Newton steps to a rest at most."""
+LEAVES = 1e-5
+"""Share of the fastest velocity with which a joint leaves its stop: less may be the solver's."""
 
 
-def stride(links: Links, pose: Array, usual: float) -> float:
-    """Time step [s] from rest that brings a pose nearest to its equilibrium.
+def toward_rest(links: Links, pose: Array, velocity: Array, dt: float) -> Array:
+    """The move (links + 1, 3) that the engine's velocity asks for.
 
-    A step moves each mode of unit mass by dt^2 times its force; what it lacks is that force over
-    w^2, so that a share 1 - dt^2 w^2 is left.  A step of 1/w takes a mode out: that one of which
-    it leaves least of all modes.
-
-    Parameters
-    ----------
-    links : Links
-    pose : ndarray (links + 1, 3)
-    usual : float
-        The step [s] for a pose without free coordinates.
-    """
-    modes = find_modes(links, pose)
-    if not modes.squares.size:
-        return usual
-    squares = _stiff(modes, usual)
-    left = np.abs((1 - squares / squares[:, None]) * modes.forces / squares).max(axis=1)
-    downhill = np.tensordot(modes.forces, modes.shapes, 1)
-    return float(1 / np.sqrt(max(squares[left.argmin()], _excess(links, pose, downhill))))
-
-
-def rest(links: Links, pose: Array, drives: Array, usual: float) -> Array:
-    """The pose in which Newton's method finds the energy lowest, with the drives at their values.
+    From standstill a step gives each free motion of unit mass a velocity of dt times its force; a
+    move of that velocity over dt w^2 takes the force away.  All other velocity closes the holds,
+    brings the drives to their values or leaves a stop, in one step of dt.
 
     Parameters
     ----------
     links : Links
     pose : ndarray (links + 1, 3)
-    drives : ndarray (drives,)
-        Values [rad or m].
-    usual : float
-        The step [s] for a pose without free coordinates.
+    velocity : ndarray (links + 1, 3)
+        What a step of the engine gives to the pose.
+    dt : float
+        That step [s].
     """
-    for _ in range(TRIES):
-        modes = find_modes(links, pose)
-        amiss = bound(links, pose)
-        amiss[amiss.size - drives.size:] -= drives
-        back = np.array([way_back(joint, pose) for joint in modes.stops])
-        amiss = np.append(amiss, np.copysign(HAIR, back) - back)  # on the limit: a hair beyond
-        closing = least(links, modes.rows, -amiss)
-        fall = np.tensordot(modes.forces / _stiff(modes, usual), modes.shapes, 1)
-        move = (np.append(closing, np.zeros(3)).reshape(pose.shape)
-                + fall / max(1.0, _excess(links, pose, fall)))
-        pose = pose + move
-        if sizes(links, move) < HAIR:
-            break
-    return pose
+    beyond = tuple(joint for joint in links.joints if way_back(joint, pose))
+    kept = ~_leaving(links, beyond, pose, velocity, dt,
+                     LEAVES * float(sizes(links, velocity)))
+    while True:
+        move = _move(links, tuple(compress(beyond, kept)), pose, velocity, dt)
+        pressed = kept | ~_leaving(links, beyond, pose, move / dt, dt)
+        if (pressed == kept).all():
+            return move
+        kept = pressed  # what the engine lets go in its step falls back in a longer one
 
 
-def _stiff(modes: Modes, usual: float) -> Array:
-    """The modes' squares, with the sign that makes a step go downhill."""
-    return np.maximum(np.abs(modes.squares), SOFT / usual**2)
+def _move(links: Links, stops: tuple[Joint, ...], pose: Array, velocity: Array, dt: float
+          ) -> Array:
+    """The move if those joints stay on their stops."""
+    modes = find_modes(links, pose, stops)
+    parts = np.tensordot(modes.shapes, links.weights * velocity, 2)
+    stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
+    closing = dt * (velocity - np.tensordot(parts, modes.shapes, 1))
+    back = np.tensordot(modes.rise(links, pose, closing) / stiff, modes.shapes, 1)
+    fall = np.tensordot(parts / (dt * stiff), modes.shapes, 1)
+    return closing - back + fall / max(1.0, _excess(links, pose, fall))
+
+
+def _leaving(links: Links, beyond: tuple[Joint, ...], pose: Array, velocity: Array, dt: float,
+             least: float = 0.0) -> NDArray[np.bool_]:
+    """Which of the joints beyond their stops move back faster than `sim.pymunk_stops.ease` asks."""
+    back = np.array([way_back(joint, pose) for joint in beyond])
+    rates = along(lambda p: values(beyond, p), pose, velocity)
+    due = np.maximum(np.abs(back) - HAIR, 0.0) / dt
+    return np.sign(back) * rates - due > least
 
 
 def _excess(links: Links, pose: Array, move: Array) -> float:
@@ -80,5 +81,5 @@ def _excess(links: Links, pose: Array, move: Array) -> float:
     value, rate = values(joints, pose), along(lambda p: values(joints, p), pose, move)
     low, high = np.array([joint.limits for joint in joints]).reshape(-1, 2).T
     room = np.where(rate < 0, value - low, high - value)
-    beyond = np.abs(rate) / ((1 + SLIP) * room + HAIR)
+    beyond = np.abs(rate) / ((1 + SLIP) * room + PAST)
     return float(max(beyond.max(initial=0.0), sizes(links, move) / MOVE))

@@ -22,7 +22,7 @@ def rest(links: Links, run: Run, channels: dict[str, Channel], settings: Setting
     Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.
     """
     began, start = time.perf_counter(), run.motion(run.x[:1])[0][:, 0]
-    held = hold(links, start, settings)
+    held = hold(links, settings)
     held.settle(start)
     pose = held.pose
     efforts = held.efforts() if any(c.order == -2 for c in channels.values()) else np.empty(0)

@@ -26,7 +26,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Channel], settings: Settin
     began = time.perf_counter()
     laws = np.array([[curve * np.ones(len(run.x)) for curve in drive.law(run.x)]
                      for drive in run.drives])  # drives, (value, rate, acceleration), samples
-    held = hold(links, laws[:, 0, 0], settings)
+    held = hold(links, settings)
     missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
     if held.free:
         missing |= {name: NO_RATE for name, c in channels.items() if c.order in (1, -1)}

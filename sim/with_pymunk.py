@@ -34,12 +34,14 @@ def simulate(model: Path, run: Run) -> Curves:
 
     Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
     joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
-    polynomials.  Joint ranges are stops: exact to 1e-12 rad in a sweep, soft in a duration.
+    polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in a duration.
 
     Loads are motors on sites, constant in the frame of a refsite on the ground.
 
     In a sweep the coordinates that drives leave free follow them at rest, from the start key on,
-    and in a rest they come there with the drives held.
+    and in a rest they come there with the drives held.  The pose is the engine's: one that its own
+    step from standstill gives no velocity.  How far to go along that velocity is chosen by a
+    stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
 
     Second order in time, but for joint damping: Chipmunk's dampers are first order.
 
