@@ -1,12 +1,14 @@
 """All 112 balancers of van Nes 2022, designed again, and the 56 that its tables have a dash for.
 
     python -m benchmarks.design_balancer [ROW ...] [--effort 1] [--jobs 2] [--states FOLDER]
+    python -m benchmarks.design_balancer --redraw
 
 A ROW is a line of the thesis's text, "left-out" for all dashes, or the words of one of these, such
 as "laevo 3 nonlinear contact".
 
 Prints a row a variant: the thesis's figures as printed, those of its parameters recomputed exactly,
 and ours; puts them into docs/balancer_designs.json and writes the .md and .png beside it from that.
+With --redraw it designs nothing and writes these two again.
 """
 
 import argparse
@@ -27,7 +29,7 @@ from analytic.balancer.synthesis import POINTS, Synthesis
 from analytic.balancer.targets import TARGETS
 from analytic.balancer.variants import Variant, left_out
 from analytic.domain import Array
-from benchmarks.design_table import HEAD, HELD, Row, draw, missed, summary, table
+from benchmarks.design_table import HELD, Row, draw, missed, page, summary, table
 from proofmass.design.command import times
 from proofmass.design.search import Effort, Search
 
@@ -137,6 +139,7 @@ def main() -> None:
     parser.add_argument("--effort", type=float, default=1.0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--states", type=Path)
+    parser.add_argument("--redraw", action="store_true")
     given = parser.parse_args()
     thesis = json.loads(THESIS.read_text())["rows"]
     if given.states:
@@ -144,14 +147,13 @@ def main() -> None:
     rows = [{**row, "line": int(line)} for line, row in thesis.items()] + dashes()
     known = {key(row): row for row in json.loads(TABLE.read_text())}
     for part in (rows[: len(thesis)], rows[len(thesis) :]):  # the dashes begin where others end
-        chosen = [row for row in part if not given.rows or {
-            str(row["line"] or "left-out"), " ".join(map(str, key(row)))} & set(given.rows)]
+        chosen = [row for row in part if not given.redraw and (not given.rows or {
+            str(row["line"] or "left-out"), " ".join(map(str, key(row)))} & set(given.rows))]
         known |= run(chosen, known, given)
     found = [known[key(row)] for row in rows if key(row) in known]
     print(summary(found))
     TABLE.write_text(json.dumps(found, indent=1) + "\n")
-    TABLE.with_suffix(".md").write_text(HEAD.format(summary=summary(found))
-                                        + "\n".join(table(found)) + "\n")
+    TABLE.with_suffix(".md").write_text(page(found))
     draw(found[: len(thesis)], thesis).savefig(TABLE.with_suffix(".png"), dpi=130)
 
 

@@ -16,18 +16,21 @@ Row = dict[str, Any]
 HELD = {"printed": (4, 2), "recomputed": (15, 15), "narrower": (7, 5)}  # digits that count
 
 
-def missed(row: Row) -> list[str]:
-    """What a design of ours is worse in, the print at its own digits."""
-    words = []
+def compared(row: Row) -> dict[str, int]:
+    """Each figure of a design of ours beside the same of others: 1 better, 0 the same, -1 worse."""
+    found = {}
     for kind, (fine, coarse) in HELD.items():
         theirs = row.get(kind, {"why": "-"})
         if "ours" in row and "why" not in theirs:
-            if not round(row["ours"]["rmse"], fine) <= round(theirs["rmse"], fine):
-                words.append(f"rmse {kind}")
-            if not (round(row["ours"]["work_reduction"], coarse)
-                    >= round(theirs["work_reduction"], coarse)):
-                words.append(f"work reduction {kind}")
-    return words
+            for name, digits, sign in (("rmse", fine, -1), ("work_reduction", coarse, 1)):
+                own, other = (round(of[name], digits) for of in (row["ours"], theirs))
+                found[f"{name.replace('_', ' ')} {kind}"] = sign * ((own > other) - (own < other))
+    return found
+
+
+def missed(row: Row) -> list[str]:
+    """What a design of ours is worse in, the print at its own digits."""
+    return [figure for figure, sign in compared(row).items() if sign < 0]
 
 
 def table(rows: list[Row]) -> Iterator[str]:
@@ -68,16 +71,32 @@ stand in `balancer_designs.json`.
 
 
 def summary(rows: list[Row]) -> str:
-    """What came out, in one sentence."""
+    """What came out, in a few sentences."""
     theirs, dashes = ([row for row in rows if bool(row["line"]) is real] for real in (True, False))
-    good, own = (sum(not missed(row) for row in part) for part in (theirs, dashes))
+    least = {row["line"]: min(compared(row).values()) for row in theirs}
+    same, worse = ([line for line, sign in least.items() if sign == own] for own in (0, -1))
+    up = [row for row in theirs if "mode" not in row["parameters"]]
     ratio = np.median([row["ours"]["rmse"] / row["printed"]["rmse"] for row in theirs])
     used = [row["cpu_seconds"] for row in rows]
-    down = sum("mode" in row["parameters"] for row in theirs)
-    return (f"{good} of {len(theirs)} are as good as the thesis or better in all figures; {down} "
-            f"of all have their elbow down. The median error is {ratio:.2f} of the printed one. "
-            f"Of the {len(dashes)} where it has a dash, {own} are as good as ours with an option "
-            f"less. CPU time: {sum(used):.0f} s in all, {max(used):.0f} s for the longest.")
+    return (f"{len(theirs) - len(same) - len(worse)} of {len(theirs)} are better than the thesis "
+            f"in all figures; {len(same)} are the same at the digits of the print in some figure "
+            f"and worse in none (lines {listed(same)}); {len(worse)} are worse in some figure "
+            f"(lines {listed(worse)}). {len(theirs) - len(up)} of the {len(theirs)} have their "
+            f"elbow down, where the thesis has it up; {sum(least[row['line']] >= 0 for row in up)} "
+            f"are as good or better with the elbow up. The median error is {ratio:.2f} of the "
+            f"printed one. Of the {len(dashes)} where the thesis has a dash, "
+            f"{sum(not missed(row) for row in dashes)} are as good as ours with an option less. "
+            f"CPU time: {sum(used):.0f} s in all, {max(used):.0f} s for the longest.")
+
+
+def listed(lines: list[int]) -> str:
+    """Lines of the thesis with commas."""
+    return ", ".join(map(str, lines)) or "none"
+
+
+def page(rows: list[Row]) -> str:
+    """docs/balancer_designs.md."""
+    return HEAD.format(summary=summary(rows)) + "\n".join(table(rows)) + "\n"
 
 
 def draw(rows: list[Row], thesis: dict[str, Row]) -> Figure:
@@ -97,6 +116,7 @@ def draw(rows: list[Row], thesis: dict[str, Row]) -> Figure:
                 error = solve(angle, **row["parameters"])["balancing_moment"] - wanted
                 axes.semilogy(np.degrees(angle), np.abs(error), look, label=f"{label}, {line}")
             axes.set(xlabel="pendulum angle [deg]", ylabel="|M1 - target| / m g r")
-            axes.set_title(name, loc="left")
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8)
+            axes.set_title(name, loc="left", pad=20.0)  # points: the legend's line is below
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8,
+                        borderaxespad=0.0)
         return figure

@@ -109,6 +109,19 @@ def test_work_reductions_name_their_reference():
     assert found["measured", "expected"] > 99.7 > printed["ten measured runs", "expected"]
 
 
+def test_listing_n2_prints_the_work_reduction_with_the_opposite_sign():
+    """Line 2331 has (W_bal - W_ref) / W_ref, eq. 34 (W_ref - W_bal) / W_ref: -93.47 for 93.47."""
+    angle = precision_points(90)
+    wanted = MGR * np.sin(angle)
+    measured = (2.0 - 0.9347) * wanted, 0.9347 * wanted  # loading and unloading of a loop
+    work = sum(np.trapezoid(np.abs(moment - wanted), angle) for moment in measured)
+    reference = 2.0 * np.trapezoid(wanted, angle)
+    listing = 100.0 * (work - reference) / reference
+    assert listing == pytest.approx(-93.47, rel=1e-12)  # rounding, here and below
+    for moment in measured:
+        assert work_reduction(moment, wanted, angle) == pytest.approx(-listing, rel=1e-12)
+
+
 def test_bounds_of_the_measurement_against_the_sine():
     angle = precision_points(90)
     expected, sine = prototype.expected_moment(angle), MGR * np.sin(angle)

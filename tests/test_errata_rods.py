@@ -32,12 +32,17 @@ def pins(s: State):
     return s.pose @ [1.0, 1.0j, 0.0] + np.exp(1j * s.pose[2]) * s.assembly.arm
 
 
-def test_moments_of_equation_115_have_the_opposite_sign():
-    """Eq. 114 adds M_ext to sums of F_x (B_y - P_y) - F_y (B_x - P_x): they are minus r x F."""
+def test_equations_114_and_115_hold_for_tips_whose_loads_add_up_to_the_load():
+    """M_i of eq. 115 is -r x R, the moment of rod i on the platform, if R is the load of its tip.
+
+    Eq. 113 has loads that add up to -F: with these the residual of eq. 114 is 2 M_ext.
+    """
     s = platform(moment=0.01)
-    (x, y), n = xy(pins(s) - s.pose @ [1.0, 1.0j, 0.0]).T, s.force
-    printed = np.sum(n[:, 0] * y - n[:, 1] * x)
-    assert printed == pytest.approx(-0.01, abs=1e-10)  # closed to 1e-10 EI/L
+    (x, y), load = xy(pins(s) - s.pose @ [1.0, 1.0j, 0.0]).T, s.force
+    assert load.sum(axis=0) == pytest.approx(s.load[:2], abs=1e-10)  # closed to 1e-10 EI/L
+    for sign, residual in ((1.0, 0.0), (-1.0, 2.0 * s.load[2])):
+        moment = sign * (load[:, 0] * y - load[:, 1] * x)
+        assert moment.sum() + s.load[2] == pytest.approx(residual, abs=1e-10)  # likewise
 
 
 def test_equation_110_adds_the_moment_of_one_rod_three_times():

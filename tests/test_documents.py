@@ -1,0 +1,72 @@
+"""Numbers in README.md and docs/ are those that the benchmarks' data and the sources give."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import design_table
+from benchmarks.design_balancer import TABLE, exact
+from benchmarks.rod_solutions import PRINTED, TAIL
+from tests.balancer_table import rows
+
+ROOT = Path(__file__).parent.parent
+DESIGNS = json.loads(TABLE.read_text())
+THESIS = [row for row in DESIGNS if row["line"]]
+
+
+def words(file: str) -> str:
+    """A document with single spaces, whatever its lines."""
+    return " ".join((ROOT / file).read_text(encoding="utf-8").split())
+
+
+def beside(row, theirs, digits):
+    """Whether our design has the lesser error and the larger work reduction, and both as good."""
+    (error, reduction), (fine, coarse) = (theirs["rmse"], theirs["work_reduction"]), digits
+    own = round(row["ours"]["rmse"], fine), round(row["ours"]["work_reduction"], coarse)
+    error, reduction = round(error, fine), round(reduction, coarse)
+    return (own[0] < error and own[1] > reduction), (own[0] <= error and own[1] >= reduction)
+
+
+def test_readme_counts_the_designs_that_are_better_than_the_thesis():
+    better = same = up = down = 0
+    for row in THESIS:
+        found = [beside(row, row["printed"], (4, 2))]  # the digits of the print
+        if "why" not in row["recomputed"]:
+            found.append(beside(row, row["recomputed"], (15, 13)))  # all of a float's
+        strict, good = (all(part) for part in zip(*found, strict=True))
+        elbow_down = row["parameters"].get("mode", 1.0) < 0.0
+        better, same, down = better + strict, same + (good and not strict), down + elbow_down
+        up += good and not elbow_down
+    text = words("README.md")
+    assert f"Of the thesis's {len(THESIS)} kinds of balancers [{better} come out better" in text
+    assert f"and {same} the same at the digits of the print in some figure and worse in" in text
+    assert f"{down} of the {len(THESIS)} designs have their elbow down" in text
+    assert f"{up} are as good or better with the elbow up" in text
+
+
+def test_page_of_designs_is_the_one_that_its_command_writes():
+    assert TABLE.with_suffix(".md").read_text(encoding="utf-8") == design_table.page(DESIGNS)
+
+
+def test_errata_count_the_rows_whose_exact_error_is_larger():
+    text = words("docs/errata.md")
+    three, four = (
+        np.array([exact(row)[0] / row["printed"]["rmse"] for row in rows(n).values()])
+        for n in (3, 4))  # NaN where the printed parameters have no path to 90 degrees
+    paths = [part[np.isfinite(part)] for part in (three, four)]
+    larger = [np.sort(part[part > 1.0]) - 1.0 for part in paths]
+    assert (f"of three segments, {paths[0].size} of {three.size} rows have a path, and the exact "
+            f"RMSE is larger in {larger[0].size}, by up to {100 * larger[0][-1]:.0f} %") in text
+    assert (f"of four, {paths[1].size} of {four.size} have a path, and it is larger in "
+            f"{larger[1].size}, by up to {100 * larger[1][-2]:.0f} % in {larger[1].size - 1} and "
+            f"{1 + larger[1][-1]:.1f} times the print in row 1800") in text
+
+
+def test_times_of_the_thesis_for_three_rods():
+    """Table 2, lines 1152-1155, prints 985 s first and 17,241 s at the end."""
+    least, most = 985, max(seconds for _, seconds in PRINTED.values())
+    assert f"thesis took {least} to {most:,} s for three to six" in words("README.md")
+    page = (ROOT / "docs" / "rod_solutions.md").read_text(encoding="utf-8")
+    assert page.endswith(TAIL)
+    assert f"takes {least} s (n = 15, three solutions) to {most:,} s" in " ".join(TAIL.split())
