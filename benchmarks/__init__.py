@@ -1,6 +1,35 @@
-"""Measurements that are run by hand.  NumPy is held to one thread, before it is loaded."""
+"""Measurements that are run by hand.  NumPy is held to one thread, before it is loaded.
+
+Each module that can be run has `--quick`: the same at small sizes, in seconds, with nothing written
+into docs/.  `tests/test_benchmarks.py` runs all of them that way.
+"""
 
 import os
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+ROOT = Path(__file__).parent.parent
+
+
+def command(text: str | None) -> ArgumentParser:
+    """A command line with `--quick`."""
+    parser = ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true",
+                        help="the same at small sizes, in seconds; writes nothing into docs/")
+    return parser
+
+
+@contextmanager
+def folders(quick: bool, runs: Path) -> Iterator[tuple[Path, Path]]:
+    """Where runs are kept and where pages are written; if quick, both are removed afterwards."""
+    if not quick:
+        yield runs, ROOT / "docs"
+        return
+    with TemporaryDirectory() as folder:
+        yield Path(folder) / "runs", Path(folder)

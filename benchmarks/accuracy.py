@@ -1,6 +1,6 @@
 """How accurate, how fast, how far: all cases that are stepped in time, or have rods.
 
-    python -m benchmarks.accuracy [folder]
+    python -m benchmarks.accuracy [folder] [--quick]
 
 Writes docs/accuracy.md and docs/accuracy.png from the study of `proofmass trade models` in the
 folder (reports/trade); what that lacks is run, half an hour if it is all.  How far engines go is
@@ -8,7 +8,6 @@ told if `python -m benchmarks.stress` was run before.
 """
 
 import os
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from statistics import median
 import numpy as np
 from matplotlib import rc_context
 
-from benchmarks import accuracy_sheet
+from benchmarks import ROOT, accuracy_sheet, command, folders
 from benchmarks.accuracy_far import far
 from benchmarks.accuracy_lines import causes, orders
 from proofmass.case import Case, load_case
@@ -32,12 +31,11 @@ from proofmass.study.finer import refined
 from proofmass.study.row import Row
 from proofmass.study.run import pool
 from proofmass.study.store import Store
-from proofmass.study.trade import Trade, chosen, write_study
+from proofmass.study.trade import Trade, chosen, trade, write_study
 from proofmass.study.verdict import Verdict
 from proofmass.study.words import brief
 from proofmass.wording import number, spoken
 
-ROOT = Path(__file__).parent.parent
 ENGINES = ("mujoco", "pymunk")
 WANTED = (1e-4, 1e-6)  # of the range of the positions
 HEAD = """# How accurate, how fast, how far
@@ -79,22 +77,28 @@ class Pick:
         return self.choice is not None and "never get there" in self.choice.beside
 
 
-def main(folder: str = str(ROOT / "reports" / "trade")) -> None:
-    files = sorted((ROOT / "models").glob("*.toml"))
-    cases = [case for case in map(load_case, files) if turnable(case, None)]
-    study = measured(cases, Path(folder), None, None, None)
-    write_study(study, Path(folder))
-    stepped = [case for case in cases if "duration" in case.run]
-    rows = refined_rows(stepped, study, Path(folder))
-    found = picks(stepped, rows, study.verdicts)
-    with rc_context(RC):
-        save(accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
-             ROOT / "docs" / "accuracy")
-    (ROOT / "docs" / "accuracy.svg").unlink()
-    text = [head(study), CHOSEN, *summary(found), *table(found), *whys(found),
-            *far(ROOT / "reports" / "stress" / "stress.csv"), *orders(study, cases),
-            *causes(study)]
-    (ROOT / "docs" / "accuracy.md").write_text("\n".join(text) + "\n", encoding="utf-8")
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
+    given = parser.parse_args(argv)
+    files = sorted((ROOT / "models").glob("pendulum.toml" if given.quick else "*.toml"))
+    with folders(given.quick, given.folder) as (folder, docs):
+        cases = [case for case in map(load_case, files) if turnable(case, None)]
+        study = (trade(cases, Store(folder / "runs"), budget=0.01, repeats=1) if given.quick else
+                 measured(cases, folder, None, None, None))
+        write_study(study, folder)
+        stepped = [case for case in cases if "duration" in case.run]
+        wanted = (1e-2,) if given.quick else WANTED
+        rows = refined_rows(stepped, study, folder, wanted)
+        found = picks(stepped, rows, study.verdicts, wanted)
+        with rc_context(RC):
+            save(accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
+                 docs / "accuracy")
+        (docs / "accuracy.svg").unlink()
+        text = [head(study), CHOSEN, *summary(found), *table(found), *whys(found),
+                *far(ROOT / "reports" / "stress" / "stress.csv"), *orders(study, cases),
+                *causes(study)]
+        (docs / "accuracy.md").write_text("\n".join(text) + "\n", encoding="utf-8")
 
 
 def time_of(case: Case) -> float:
@@ -102,11 +106,12 @@ def time_of(case: Case) -> float:
     return float(np.ptp(grid(case, "duration")))
 
 
-def refined_rows(cases: Sequence[Case], study: Trade, folder: Path) -> dict[str, list[Row]]:
+def refined_rows(cases: Sequence[Case], study: Trade, folder: Path, errors: Sequence[float]
+                 ) -> dict[str, list[Row]]:
     """Settings of each case, with the finer steps that `choose` asks for."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     with pool() as workers:
-        for case, engine, wanted in product(cases, ENGINES, WANTED):
+        for case, engine, wanted in product(cases, ENGINES, errors):
             verdicts = [v for v in study.verdicts if v.case == case.name]
             found[case.name] = refined(case, chosen(case, None), found[case.name], verdicts,
                                        "position", wanted / MARGIN, Store(folder / "runs"),
@@ -114,11 +119,11 @@ def refined_rows(cases: Sequence[Case], study: Trade, folder: Path) -> dict[str,
     return found
 
 
-def picks(cases: Sequence[Case], rows: Mapping[str, list[Row]], told: Sequence[Verdict]
-          ) -> list[Pick]:
+def picks(cases: Sequence[Case], rows: Mapping[str, list[Row]], told: Sequence[Verdict],
+          errors: Sequence[float]) -> list[Pick]:
     """What `choose` finds of each case, in each engine, for each error."""
     verdicts = {case.name: [v for v in told if v.case == case.name] for case in cases}
-    asked = [(case, engine, wanted) for case in cases for engine, wanted in product(ENGINES, WANTED)
+    asked = [(case, engine, wanted) for case in cases for engine, wanted in product(ENGINES, errors)
              if any(row.engine == engine for row in rows[case.name])]
 
     def one(what: tuple[Case, str, float]) -> Pick:
@@ -147,9 +152,10 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
     yield ("| engine | error | found | dearest | cheapest | defaults never get there | "
            "median × | least × | median × where they do |")
     yield "|---|---|---|---|---|---|---|---|---|"
+    errors = dict.fromkeys(pick.wanted for pick in found)
     groups: list[tuple[str, str, Callable[[Pick], bool]]] = [
         (spoken(engine), number(wanted), lambda p, e=engine, w=wanted: (p.engine, p.wanted)
-         == (e, w)) for engine, wanted in product(ENGINES, WANTED)]
+         == (e, w)) for engine, wanted in product(ENGINES, errors)]
     for engine, error, own in (*groups, ("both", "both", lambda p: True)):
         asked = [pick for pick in found if own(pick)]
         got = [pick for pick in asked if pick.choice]
@@ -168,9 +174,10 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
 
 def table(found: Sequence[Pick]) -> Iterator[str]:
     """A row a case and engine."""
-    asked = " | ".join(f"setting for {number(wanted)} | s | ×" for wanted in WANTED)
+    errors = dict.fromkeys(pick.wanted for pick in found)
+    asked = " | ".join(f"setting for {number(wanted)} | s | ×" for wanted in errors)
     yield f"| case | engine | {asked} |"
-    yield "|---|---|" + "---|---|---|" * len(WANTED)
+    yield "|---|---|" + "---|---|---|" * len(errors)
     last = ""
     for case, engine in dict.fromkeys((pick.case, pick.engine) for pick in found):
         cells = [cell for pick in found if (pick.case, pick.engine) == (case, engine)
@@ -197,4 +204,4 @@ def whys(found: Sequence[Pick]) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -2,6 +2,7 @@
 
     python -m benchmarks.design_balancer [ROW ...] [--effort 1] [--jobs 2] [--states FOLDER]
     python -m benchmarks.design_balancer --redraw
+    python -m benchmarks.design_balancer --quick
 
 A ROW is a line of the thesis's text, "left-out" for all dashes, or the words of one of these, such
 as "laevo 3 nonlinear contact".
@@ -11,10 +12,11 @@ and ours; puts them into docs/balancer_designs.json and writes the .md and .png 
 With --redraw it designs nothing and writes these two again.
 """
 
-import argparse
 import json
 import os
 import time
+from argparse import Namespace
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -29,11 +31,11 @@ from analytic.balancer.synthesis import POINTS, Synthesis
 from analytic.balancer.targets import TARGETS
 from analytic.balancer.variants import Variant, left_out
 from analytic.domain import Array
+from benchmarks import ROOT, command, folders
 from benchmarks.design_table import HELD, Row, draw, missed, page, summary, table
 from proofmass.design.command import times
 from proofmass.design.search import Effort, Search
 
-ROOT = Path(__file__).parent.parent
 THESIS = ROOT / "tests" / "data" / "balancer.json"
 TABLE = ROOT / "docs" / "balancer_designs.json"
 OURS = ("ours", "short", "parameters")
@@ -132,15 +134,17 @@ def best(task: Synthesis, row: Row, vectors: Array) -> Row:
                            task.variant.parameters(vectors[k][None]).items()}}
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Design the rows asked for, or all, and write what is then known of all."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command(__doc__)
     parser.add_argument("rows", nargs="*")
     parser.add_argument("--effort", type=float, default=1.0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--states", type=Path)
     parser.add_argument("--redraw", action="store_true")
-    given = parser.parse_args()
+    given = parser.parse_args(argv)
+    if given.quick:
+        given.rows, given.effort, given.jobs = ["1743"], 0.01, 1
     thesis = json.loads(THESIS.read_text())["rows"]
     if given.states:
         given.states.mkdir(parents=True, exist_ok=True)
@@ -152,12 +156,14 @@ def main() -> None:
         known |= run(chosen, known, given)
     found = [known[key(row)] for row in rows if key(row) in known]
     print(summary(found))
-    TABLE.write_text(json.dumps(found, indent=1) + "\n")
-    TABLE.with_suffix(".md").write_text(page(found))
-    draw(found[: len(thesis)], thesis).savefig(TABLE.with_suffix(".png"), dpi=130)
+    with folders(given.quick, Path()) as (_, docs):
+        (docs / TABLE.name).write_text(json.dumps(found, indent=1) + "\n")
+        (docs / TABLE.name).with_suffix(".md").write_text(page(found))
+        draw(found[: len(thesis)], thesis).savefig(
+            (docs / TABLE.name).with_suffix(".png"), dpi=130)
 
 
-def run(rows: list[Row], known: dict[Any, Row], given: argparse.Namespace) -> dict[Any, Row]:
+def run(rows: list[Row], known: dict[Any, Row], given: Namespace) -> dict[Any, Row]:
     """Design rows side by side; print and return them."""
     os.environ["OMP_NUM_THREADS"] = "1"  # a process a row; its threads would wait for the others'
     found = {}

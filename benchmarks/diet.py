@@ -1,17 +1,17 @@
 """What scenes need: the diet of all own models, and of a fat one.
 
-    python -m benchmarks.diet [folder]
+    python -m benchmarks.diet [folder] [--quick]
 
 Writes docs/diet.md and docs/diet.png.  Runs are kept in the folder (reports/diet), so that a call
 goes on where another was interrupted.
 """
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib import rc_context
 
+from benchmarks import ROOT, command, folders
 from proofmass.report.diet_page import write_diet
 from proofmass.report.diet_sheet import LOOKS, diet_sheet
 from proofmass.report.figures import save
@@ -26,9 +26,9 @@ from proofmass.study.run import pool
 from proofmass.study.scene import scene_of
 from proofmass.wording import number
 
-ROOT = Path(__file__).parent.parent
 FAT = ROOT / "docs" / "fourbar_fat.xml"
 SECONDS = 5.0  # that a model without a sidecar is followed
+ROUNDS = 5  # in which steps are timed
 HEAD = """# What scenes need
 
 `python -m benchmarks.diet` made this; `proofmass diet MODEL.xml` does it for any MJCF. Each feature
@@ -56,27 +56,34 @@ COLUMNS = ("model", "features", "goes", "only drawn", "moves a channel", "needed
            "ms a step", "without drawn", "KB", "without drawn")
 
 
-def main(folder: str = str(ROOT / "reports" / "diet")) -> None:
-    fat = searched(FAT, Path(folder))
-    own = {file.stem: searched(file, Path(folder)) for file in sorted(ROOT.glob("models/*.xml"))}
-    write_diet(folder, folder)
-    with rc_context(RC):
-        save(diet_sheet([e for e in ranked(fat) if e.outcome in LOOKS]), ROOT / "docs" / "diet")
-    (ROOT / "docs" / "diet.svg").unlink()
-    clean = sum(not named(entries, "harmless") for entries in own.values())
-    lines = [HEAD, *sentences(fat), "", OWN.format(clean=clean, all=len(own), machine=machine()),
-             f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}",
-             *(row(name, entries) for name, entries in own.items())]
-    (ROOT / "docs" / "diet.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "diet")
+    given = parser.parse_args(argv)
+    files = sorted(ROOT.glob("models/pendulum.xml" if given.quick else "models/*.xml"))
+    rounds = 1 if given.quick else ROUNDS
+    with folders(given.quick, given.folder) as (folder, docs):
+        own = {file.stem: searched(file, folder, rounds) for file in files}
+        fat = own[files[0].stem] if given.quick else searched(FAT, folder, rounds)
+        write_diet(folder, folder)
+        with rc_context(RC):
+            save(diet_sheet([e for e in ranked(fat) if e.outcome in LOOKS]), docs / "diet")
+        (docs / "diet.svg").unlink()
+        clean = sum(not named(entries, "harmless") for entries in own.values())
+        lines = [HEAD, *sentences(fat), "",
+                 OWN.format(clean=clean, all=len(own), machine=machine()),
+                 f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}",
+                 *(row(name, entries) for name, entries in own.items())]
+        (docs / "diet.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def searched(model: Path, folder: Path) -> list[Entry]:
+def searched(model: Path, folder: Path, rounds: int) -> list[Entry]:
     """The diet of a model, its table and its slim model in the folder."""
     print(model.stem, flush=True)
     file = folder / model.name
     scene = scene_of(model, SECONDS)
     with pool() as workers:
-        found = Search(scene, workers=workers, kept=Kept(folder / "runs")).run()
+        found = Search(scene, rounds=rounds, workers=workers, kept=Kept(folder / "runs")).run()
     finish(scene, found, file)
     return read_entries(file.with_suffix(".csv"))
 
@@ -100,4 +107,4 @@ def row(name: str, entries: Sequence[Entry]) -> str:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

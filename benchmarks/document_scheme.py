@@ -1,6 +1,6 @@
 """Four linkages in natural coordinates by Newton-Raphson, as B. Díaz Lozano solves them.
 
-    python -m benchmarks.document_scheme
+    python -m benchmarks.document_scheme [--quick]
 
 The coordinates q are those of the moving points, then the driven angles. Every constraint is a
 row; a driven angle adds one *switched* row, cosine or sine, and a unit row that keeps Newton from
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic.newton_raphson import Solution, newton_raphson
+from benchmarks import command
 
 Array = NDArray[np.float64]
 Row = Callable[[Array, Array], tuple[float, Array, float]]  # q, rates: value, gradient, bias
@@ -193,14 +194,15 @@ EXAMPLES = {  # linkage, printed first guess (text lines 1262, 5898, 7762, 9091)
 }
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
+    poses = 20 if command(__doc__).parse_args(argv).quick else 500
     print(f"{'linkage':24}{'iterations':>11}{'poses/s':>10}")
     for name, (linkage, start) in EXAMPLES.items():
         found = position(linkage, start)
-        angles = found.root[-linkage.inputs :] + np.linspace(0.0, 0.1, 500)[:, None]
+        angles = found.root[-linkage.inputs :] + np.linspace(0.0, 0.1, poses)[:, None]
         began = time.perf_counter()
         sweep(linkage, found.root, angles, (1.0,) * linkage.inputs, (0.0,) * linkage.inputs)
-        print(f"{name:24}{found.iterations:11}{500 / (time.perf_counter() - began):10,.0f}")
+        print(f"{name:24}{found.iterations:11}{poses / (time.perf_counter() - began):10,.0f}")
 
 
 if __name__ == "__main__":

@@ -1,16 +1,17 @@
 """Poses per second of position, velocity and acceleration: one table, ratios from one run.
 
-    uv run --group bench python -m benchmarks.kinematics [rounds]
+    uv run --group bench python -m benchmarks.kinematics [rounds] [--quick]
 
 Closed forms, the general solver, the document's own scheme, pylinkage, and quasi-static sweeps of
 the two simulators, on the drives of the sidecars.  Before anything is timed, what comes from
 elsewhere is held against the closed form.  The simulators also load the model and read its sensors.
+pylinkage is left out if it is not installed.
 """
 
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, cast
 
@@ -21,23 +22,49 @@ from analytic import fivebar_inverse, fourbar, slider_crank, threeprr_inverse
 from analytic.planar.branch import Branch
 from analytic.planar.closure import rates
 from analytic.planar.read import read
-from benchmarks import document_scheme, fourbar_newton, with_pylinkage
-from benchmarks.timing import Row, measure
+from benchmarks import ROOT, command, document_scheme, fourbar_newton
+from benchmarks.timing import SPELL, Row, measure
 from proofmass.case import Case, load_case
 from proofmass.reference import call, compiled, module_of
 from proofmass.solve import plan, simulate
 from sim.protocol import Run
 
 Array = NDArray[np.float64]
-MODELS = Path(__file__).parent.parent / "models"
+MODELS = ROOT / "models"
 CLOSED = {"fourbar": "four-bar", "slider_crank": "slider-crank", "fivebar": "five-bar",
           "inverted_slider_crank": "inverted slider-crank", "hacksaw": "hacksaw",
           "inverted_slider_crank_classic": "swinging block", "threeprr": "3PRR"}
 GENERAL = {**CLOSED, "peaucellier": "Peaucellier cell", "watt": "Watt six-bar"}
-MANY, SAMPLES, FEW = 1_000_000, (361, 10_000, 100_000), 500
 MOST = {"threeprr": 100_000}  # finds the zeros of a polynomial of degree six at every pose
 BARS: dict[str, Any] = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
 SLIDER: dict[str, Any] = {"crank": 1.0, "coupler": 2.0}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many poses a call solves, and which mechanisms the general solver and engines do.
+
+    Attributes
+    ----------
+    most : int
+        Of a closed form, beside the last of `samples`.
+    samples : tuple of int
+        Of the general solver; the last one also of the closed forms.
+    python, few, many : int
+        Of the document's scheme; of pylinkage in Python, and compiled.
+    general, engines : tuple of str
+    """
+
+    most: int = 1_000_000
+    samples: tuple[int, ...] = (361, 10_000, 100_000)
+    python: int = 500
+    few: int = 10_000
+    many: int = 100_000
+    general: tuple[str, ...] = tuple(GENERAL)
+    engines: tuple[str, ...] = ("fourbar", "slider_crank", "fivebar")
+
+
+QUICK = Sizes(361, (37,), 10, 100, 1000, ("slider_crank",), ("slider_crank",))
 
 
 def sized(name: str, n: int) -> tuple[Case, Run]:
@@ -52,7 +79,7 @@ def closed_form(name: str, n: int) -> Callable[[], dict[str, Array]]:
     """The closed form of a sidecar at all its poses, every curve that it has."""
     case, run = sized(name, n)
     module = cast(ModuleType, module_of(case))
-    return partial(call, case, module, run.x, run.motion(run.x), {})
+    return partial(call, case, module, run.x, run.motion(run.x), case.parameters)
 
 
 def general(name: str, n: int) -> Callable[[], object]:
@@ -78,32 +105,32 @@ def lengths(name: str) -> dict[str, Any]:
             if k not in other and not k.endswith("_mass")}
 
 
-def inverses() -> Iterator[Row]:
+def inverses(count: int) -> Iterator[Row]:
     """Inverse kinematics, on the way that the direct closed form gives."""
-    found = closed_form("fivebar", SAMPLES[-1])()
+    found = closed_form("fivebar", count)()
     tip = [np.array([found[f"tip_{order}{axis}"] for axis in "xy"]) for order in ("", "v", "a")]
-    yield Row("five-bar", "closed form, inverse", "p v a", SAMPLES[-1],
+    yield Row("five-bar", "closed form, inverse", "p v a", count,
               partial(fivebar_inverse.solve, *tip, **lengths("fivebar")))
-    found = closed_form("threeprr", SAMPLES[-1])()
+    found = closed_form("threeprr", count)()
     pose = [np.array([found[axis + order] for axis in ("x", "y", "psi")])
             for order in ("", "_rate", "_acceleration")]
-    yield Row("3PRR", "closed form, inverse", "p v a", SAMPLES[-1],
+    yield Row("3PRR", "closed form, inverse", "p v a", count,
               partial(threeprr_inverse.solve, *pose, **lengths("threeprr")))
 
 
-def document() -> Iterator[Row]:
+def document(count: int) -> Iterator[Row]:
     """The document's linkages by its scheme, and the four-bar with its equations written out."""
-    turn, arc = np.linspace(0.0, 2.0 * np.pi, FEW), np.linspace(0.0, 0.1, FEW)[:, None]
+    turn, arc = np.linspace(0.0, 2.0 * np.pi, count), np.linspace(0.0, 0.1, count)[:, None]
     for name, (linkage, start) in document_scheme.EXAMPLES.items():
         first = document_scheme.position(linkage, start).root
         ones = (1.0,) * linkage.inputs
         angles = first[-linkage.inputs :] + arc
-        yield Row(name, "document's scheme, Python", "p v a", FEW, partial(
+        yield Row(name, "document's scheme, Python", "p v a", count, partial(
             document_scheme.sweep, linkage, first, angles, ones, [0.0] * linkage.inputs))
     near, truth = np.array([1.4375, 1.95]), pin(fourbar.solve(turn, **BARS), "pin")
     error = np.abs(fourbar_newton.sweep(turn, near) - truth).max()
     assert error < 1e-12, error  # rounding through condition numbers up to 17
-    yield Row("four-bar", "the same, equations written out", "p v a", FEW,
+    yield Row("four-bar", "the same, equations written out", "p v a", count,
               partial(fourbar_newton.sweep, turn, near))
 
 
@@ -113,8 +140,13 @@ def pin(pose: dict[str, Array], name: str) -> Array:
                      for order in ("", "v", "a")])
 
 
-def pylinkage() -> Iterator[Row]:
+def pylinkage(few: int, many: int) -> Iterator[Row]:
     """The two linkages that the document and pylinkage have in common."""
+    if find_spec("pylinkage") is None:
+        print("pylinkage is not installed and is left out: uv run --group bench")
+        return
+    from benchmarks import with_pylinkage
+
     def bars(angle: Array) -> Array:
         return pin(fourbar.solve(angle, **BARS), "pin")
 
@@ -123,14 +155,14 @@ def pylinkage() -> Iterator[Row]:
 
     for name, build, truth in (("four-bar", with_pylinkage.fourbar, bars),
                                ("slider-crank", with_pylinkage.slider_crank, slider)):
-        error = with_pylinkage.difference(build, truth)
+        error = with_pylinkage.difference(build, truth, many)
         assert error < 1e-8, error  # its crank turns by adding up 100 000 steps: 2e-10 here
-        yield from with_pylinkage.rows(name, build)
+        yield from with_pylinkage.rows(name, build, few, many)
 
 
-def simulators() -> Iterator[Row]:
+def simulators(names: Sequence[str]) -> Iterator[Row]:
     """Sweeps in the two engines, with the samples of the sidecar."""
-    for name in ("fourbar", "slider_crank", "fivebar"):
+    for name in names:
         case = load_case(MODELS / f"{name}.toml")
         for engine, gives in (("mujoco", "p v a h"), ("pymunk", "p v h")):
             run = plan(case, "sweep", engine)
@@ -150,16 +182,22 @@ def table(rows: list[Row]) -> None:
                   f"{row.own:9.4f}{row.speed:12,.0f}{ratio:>16}")
 
 
-def main(rounds: int = 5) -> None:
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("rounds", type=int, nargs="?", default=5)
+    given = parser.parse_args(argv)
+    sizes, rounds = (QUICK, 1) if given.quick else (Sizes(), given.rounds)
+    last = sizes.samples[-1]
     rows = [Row(word, "closed form", "p v a h", n, closed_form(name, n))
-            for name, word in CLOSED.items() for n in (SAMPLES[-1], MANY) if n <= MOST.get(name, n)]
-    rows += [*inverses(), *document(), *pylinkage(), *simulators()]
-    rows += [Row(word, "general solver", "p v a", n, general(name, n))
-             for name, word in GENERAL.items() for n in SAMPLES]
-    measure(rows, rounds)
+            for name, word in CLOSED.items() for n in (last, sizes.most) if n <= MOST.get(name, n)]
+    rows += [*inverses(last), *document(sizes.python), *pylinkage(sizes.few, sizes.many),
+             *simulators(sizes.engines)]
+    rows += [Row(GENERAL[name], "general solver", "p v a", n, general(name, n))
+             for name in sizes.general for n in sizes.samples]
+    measure(rows, rounds, 0.0 if given.quick else SPELL)
     print("least of", rounds, "interleaved rounds, one thread; poses/s and ratios by CPU time")
     table(rows)
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

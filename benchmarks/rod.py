@@ -1,10 +1,9 @@
 """Elliptic integrals and rods: tip poses, shapes and shooting, against scipy's integrals.
 
-    python -m benchmarks.rod [rounds]
+    python -m benchmarks.rod [rounds] [--quick]
 """
 
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
@@ -12,7 +11,8 @@ from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
 from analytic.domain import Array
 from analytic.rod import equilibria, integrate, modulus, pinned, shape, solve, tip
 from analytic.rod.integrals import legendre
-from benchmarks.timing import Row, measure
+from benchmarks import command
+from benchmarks.timing import SPELL, Row, measure
 
 COUNT = 100_000
 BATCH = 1000
@@ -31,28 +31,28 @@ def by_scipy(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array
             -along * np.sin(psi) + across * np.cos(psi))
 
 
-def ways() -> Iterator[Row]:
-    """What is timed."""
+def ways(count: int, batch: int) -> Iterator[Row]:
+    """What is timed: so many tips, and rods that are shot at once."""
     rng = np.random.default_rng(0)
-    psi, k_rel = rng.uniform(0.05, 6.2, COUNT), rng.uniform(-0.999, 0.999, COUNT)
-    mode = rng.integers(1, 4, COUNT).astype(float)
-    phi, other = rng.uniform(0.0, 1.57, COUNT), rng.uniform(0.01, 1.0, COUNT)
+    psi, k_rel = rng.uniform(0.05, 6.2, count), rng.uniform(-0.999, 0.999, count)
+    mode = rng.integers(1, 4, count).astype(float)
+    phi, other = rng.uniform(0.0, 1.57, count), rng.uniform(0.01, 1.0, count)
     sine, cosine = np.sin(phi), np.cos(phi)
     delta, square = np.hypot(cosine, other * sine), 1.0 - other**2
-    start = [np.full(BATCH, value) for value in (-3.23, -1.16, -0.61)]
+    start = [np.full(batch, value) for value in (-3.23, -1.16, -0.61)]
     s = np.linspace(0.0, 1.0, 101)
 
     def four() -> None:
         ellipkinc(phi, square), ellipeinc(phi, square), ellipkm1(other**2), ellipe(square)
 
-    yield Row("F, E, K, E", "one mean", "", COUNT, lambda: legendre(sine, cosine, delta, other))
-    yield Row("F, E, K, E", "scipy", "", COUNT, four)
-    yield Row("tip pose", "all of it", "", COUNT, lambda: tip(psi, k_rel, mode))
-    yield Row("tip pose", "R, x, y with scipy", "", COUNT, lambda: by_scipy(psi, k_rel, mode))
-    yield Row("shape", "1000 rods, 100 points", "", COUNT, lambda: shape(
-        psi[:BATCH, None], k_rel[:BATCH, None], mode[:BATCH, None], s[:-1]))
+    yield Row("F, E, K, E", "one mean", "", count, lambda: legendre(sine, cosine, delta, other))
+    yield Row("F, E, K, E", "scipy", "", count, four)
+    yield Row("tip pose", "all of it", "", count, lambda: tip(psi, k_rel, mode))
+    yield Row("tip pose", "R, x, y with scipy", "", count, lambda: by_scipy(psi, k_rel, mode))
+    yield Row("shape", f"{batch} rods, 100 points", "", 100 * batch, lambda: shape(
+        psi[:batch, None], k_rel[:batch, None], mode[:batch, None], s[:-1]))
     for scheme, nodes in (("rk4", 61), ("dop853", 41)):
-        yield Row("shooting", f"{scheme}, {nodes} nodes, {BATCH} at once", "", BATCH, lambda
+        yield Row("shooting", f"{scheme}, {nodes} nodes, {batch} at once", "", batch, lambda
                   scheme=scheme, nodes=nodes: integrate(*start, scheme=scheme, nodes=nodes))
     yield Row("clamped-pinned", "Newton, exact Jacobian", "", 1, lambda: pinned(**PINNED))
     yield Row("clamped-pinned", "document's Newton, RK4", "", 1, lambda: pinned(
@@ -62,9 +62,13 @@ def ways() -> Iterator[Row]:
     yield Row("cantilever", "five branches, stability", "", 1, lambda: equilibria(force_y=100.0))
 
 
-def main(rounds: int = 5) -> None:
-    found = list(ways())
-    measure(found, rounds)
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("rounds", type=int, nargs="?", default=5)
+    given = parser.parse_args(argv)
+    rounds = 1 if given.quick else given.rounds
+    found = list(ways(100, 10) if given.quick else ways(COUNT, BATCH))
+    measure(found, rounds, 0.0 if given.quick else SPELL)
     print(f"least of {rounds} interleaved rounds, one thread, CPU time")
     print(f"{'what':16}{'how':34}{'us each':>12}{'a second':>14}")
     for row in found:
@@ -73,4 +77,4 @@ def main(rounds: int = 5) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

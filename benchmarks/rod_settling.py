@@ -1,15 +1,15 @@
 """Into which equilibria two engines settle, from random shapes and from nudged equilibria.
 
-    python -m benchmarks.rod_settling [folder]
+    python -m benchmarks.rod_settling [folder] [--quick]
 
 Writes docs/rod_settling.md.  Runs are kept one by one in the folder (reports), so that a call goes
 on where another was interrupted.  Two processes.
 """
 
 import json
-import sys
 import time
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from analytic.rod.assembly import assembly, triangle
+from benchmarks import ROOT, command, folders
 from benchmarks.rod_settle import ENGINES, Scene, scene
 from sim.protocol import Diverged
 
@@ -36,9 +37,10 @@ RANDOM = {  # case, engine, links: random starts
     ("2RFR, Table 7", "pymunk", 10): 60, ("3RFR, Table 8", "mujoco", 20): 200,
     ("3PFR, annex", "mujoco", 20): 200}
 NUDGES = 2  # of each equilibrium, in the same scenes
-DOCUMENT = Path(__file__).parent.parent / "docs" / "rod_settling.md"
+QUICK = {("2RFR, Table 7", "mujoco", 10): 1, ("2RFR, Table 7", "pymunk", 10): 1}
 Task = tuple[str, str, int, str, int]
 Row = dict[str, Any]
+Starts = Mapping[tuple[str, str, int], int]
 
 
 @cache
@@ -48,11 +50,12 @@ def built(case: str, links: int) -> Scene:
     return scene(a, given, modes, links)
 
 
-def tasks() -> list[Task]:
+def tasks(starts: Starts, equilibria: int | None) -> list[Task]:
     """Case, engine, links, which start (an equilibrium's number or "random"), and its seed."""
-    some = [(*key, "random", seed) for key, count in RANDOM.items() for seed in range(count)]
-    for case, engine, links in RANDOM:
-        some += [(case, engine, links, str(k), seed) for k in range(len(built(case, links).found))
+    some = [(*key, "random", seed) for key, count in starts.items() for seed in range(count)]
+    for case, engine, links in starts:
+        some += [(case, engine, links, str(k), seed)
+                 for k in range(len(built(case, links).found))[:equilibria]
                  for seed in range(NUDGES) if not np.isnan(built(case, links).standing.energy[k])]
     return some
 
@@ -78,14 +81,14 @@ def kept(file: Path) -> list[Row]:
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
 
-def document(rows: list[Row]) -> str:
+def document(rows: list[Row], starts: Starts) -> str:
     """The page that the rows make."""
     parts = [HEAD]
-    for key in RANDOM:
+    for key in starts:
         own = [row for row in rows if tuple(row["task"][:3]) == key]
         if own:
             parts += [f"## {key[0]}: {key[1]}, {key[2]} links a rod\n", *table(key, own)]
-    return "\n".join([*parts, agreement(rows), ""])
+    return "\n".join([*parts, agreement(rows, starts), ""])
 
 
 def table(key: tuple[str, str, int], rows: list[Row]) -> list[str]:
@@ -128,10 +131,10 @@ def whither(k: int, row: Row) -> str:
     return "lost" if to is None else "stays" if to == k else f"to {to + 1}" if to >= 0 else "other"
 
 
-def agreement(rows: list[Row]) -> str:
+def agreement(rows: list[Row], starts: Starts) -> str:
     """From how many of the same starts both engines go to the same rest."""
     lines = ["## The same starts in both engines\n"]
-    for case, links in dict.fromkeys((key[0], key[2]) for key in RANDOM if key[1] == "pymunk"):
+    for case, links in dict.fromkeys((key[0], key[2]) for key in starts if key[1] == "pymunk"):
         ends: dict[str, dict[tuple[str, int], Any]] = {}
         for row in rows:
             if row["task"][0] == case and row["task"][2] == links and "to" in row:
@@ -169,20 +172,25 @@ Chipmunk is left out with three rods: its steps did not come to rest there, in f
 """
 
 
-def main(folder: str = "reports") -> None:
-    file = Path(folder) / "rod_settling.jsonl"
-    rows = kept(file)
-    done = {tuple(row["task"]) for row in rows}
-    left = [task for task in tasks() if task not in done]
-    file.parent.mkdir(exist_ok=True)
-    try:
-        with get_context("fork").Pool(2) as pool, file.open("a") as out:
-            for row in pool.imap_unordered(run, left):
-                rows.append(row)
-                print(json.dumps(row), file=out, flush=True)
-    finally:
-        DOCUMENT.write_text(document(rows))
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports")
+    given = parser.parse_args(argv)
+    starts, equilibria = (QUICK, 1) if given.quick else (RANDOM, None)
+    with folders(given.quick, given.folder) as (folder, docs):
+        file = folder / "rod_settling.jsonl"
+        rows = kept(file)
+        done = {tuple(row["task"]) for row in rows}
+        left = [task for task in tasks(starts, equilibria) if task not in done]
+        file.parent.mkdir(exist_ok=True)
+        try:
+            with get_context("fork").Pool(2) as pool, file.open("a") as out:
+                for row in pool.imap_unordered(run, left):
+                    rows.append(row)
+                    print(json.dumps(row), file=out, flush=True)
+        finally:
+            (docs / "rod_settling.md").write_text(document(rows, starts))
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -1,13 +1,12 @@
 """All equilibria of flexible mechanisms: our search against the grids of Pérez Gámiz 2018.
 
-    python -m benchmarks.rod_solutions [-o docs/rod_solutions.md]
+    python -m benchmarks.rod_solutions [-o docs/rod_solutions.md] [--quick]
 
 Modes are one tuple for a grid, and all up to them for the search.
 """
 
-import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from analytic.rod.assembly import assembly, triangle
 from analytic.rod.solutions import Solutions, solutions
 from analytic.rod.state import State, state
+from benchmarks import command
 from benchmarks.rod_grid import Grid, three, two
 
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
@@ -29,6 +29,7 @@ CASES = {
     "3PFR, annex": (assembly(CORNERS, stiffness=EI, arm=triangle(0.5), angle=GUIDES, guide=GUIDES),
                     {"inputs": 0.1, "load": [0.3, -0.2, 0.0]}, (1, 2)),
 }
+NODES = 15, 30, 60, 120  # n, two rods
 PRINTED = {  # Table 2, a 3PFR: n, tolL [m], tolM [N m]: solutions, seconds
     (15, 0.5, 1.0): (5, 1686), (20, 0.5, 1.0): (6, 4341), (25, 0.5, 1.0): (6, 12176),
     (30, 0.1, 1.0): (6, 17241), (25, 0.1, 0.1): (3, 5467)}
@@ -76,11 +77,11 @@ def timed(work: Callable[[], Grid | Solutions]) -> tuple[Grid | Solutions, float
     return work(), time.process_time() - began
 
 
-def searched() -> Iterator[str]:
-    """Rows of the first table."""
+def searched(most: int) -> Iterator[str]:
+    """Rows of the first table, with so many inflections at most."""
     before = {("2RFR, Table 7", 3): 33, ("3RFR, Table 8", 2): 4, ("3PFR, annex", 1): 3}
     for name, (a, given, modes) in CASES.items():
-        for upto in modes:
+        for upto in modes[:most]:
             found, seconds = timed(lambda a=a, upto=upto, given=given: solutions(
                 a, modes=upto, **given))
             yield (f"| {name} | {upto} | {len(found)} | {(found.negative == 0).sum()} | "
@@ -88,23 +89,24 @@ def searched() -> Iterator[str]:
                    f"{seconds:.1f} |")
 
 
-def gridded() -> Iterator[str]:
-    """Rows of the second table."""
+def gridded(nodes: Sequence[int], settings: Sequence[tuple[int, float, float]]) -> Iterator[str]:
+    """Rows of the second table: n for two rods; n, tolL [m] and tolM [N m] for three."""
     at = {name: (state(a, **given), len(solutions(a, modes=1, **given)))
           for name, (a, given, _) in CASES.items()}
     s, known = at["2RFR, Table 7"]
-    for n in (15, 30, 60, 120):
+    for n in nodes:
         grid, seconds = timed(lambda n=n: two(s, n))
         yield row("2RFR, Table 7", (n, "", ""), grid, known, seconds)
     for name in ("3RFR, Table 8", "3PFR, annex"):
         s, known = at[name]
-        for setting in PRINTED:
+        for setting in settings:
             yield of_three(name, s, setting, known)
 
 
 def of_three(name: str, s: State, setting: tuple[int, float, float], known: int) -> str:
     grid, seconds = timed(lambda: three(s, *setting))
-    return row(name, setting, grid, known, seconds, PRINTED[setting] if "3PFR" in name else None)
+    printed = PRINTED.get(setting) if "3PFR" in name else None
+    return row(name, setting, grid, known, seconds, printed)
 
 
 def row(name: str, setting: tuple[object, ...], grid: Grid, known: int, seconds: float,
@@ -126,13 +128,15 @@ Tables 7 and 8 print two each: the document's own keeps the sign of k_rel and ps
 """
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
     parser.add_argument("-o", "--output", type=Path, default=None)
-    output = parser.parse_args().output
-    text = "\n".join([HEAD.rstrip("\n"), *searched(), GRIDS.rstrip("\n"), *gridded(), TAIL])
-    if output:
-        output.write_text(text)
+    given = parser.parse_args(argv)
+    grids = gridded((3,), ((3, 0.5, 1.0),)) if given.quick else gridded(NODES, tuple(PRINTED))
+    text = "\n".join([HEAD.rstrip("\n"), *searched(1 if given.quick else 3),
+                      GRIDS.rstrip("\n"), *grids, TAIL])
+    if given.output:
+        given.output.write_text(text)
     print(text)
 
 

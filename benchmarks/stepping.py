@@ -1,6 +1,6 @@
 """What recording costs: a run of proofmass against the bare loop of the same engine and model.
 
-    python -m benchmarks.stepping
+    python -m benchmarks.stepping [--quick]
 
 Both do the same steps from the same start state with the same drive torque; the bare loop writes
 the torque and steps, the run also reads the sensors at every sample, checks that it is not lost
@@ -8,12 +8,14 @@ and hands over curves.  Interleaved, minimum of the repeats.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from benchmarks import ROOT, command
 from proofmass.case import load_case
 from proofmass.solve import plan
 from sim.mujoco_linkage import Linkage
@@ -22,7 +24,6 @@ from sim.mujoco_steps import start
 from sim.protocol import Run
 from sim.with_mujoco import simulate
 
-MODELS = Path(__file__).parent.parent / "models"
 REPEATS = 15
 
 
@@ -45,17 +46,18 @@ def bare(path: Path, run: Run) -> float:
     return time.perf_counter() - began
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Print a row a case and setting."""
+    quick = command(__doc__).parse_args(argv).quick
     print(f"{'case':<18}{'solver':<16}{'steps':>8}{'bare [s]':>10}{'run [s]':>10}{'ratio':>8}")
-    for name in ("fourbar", "hacksaw", "pendulum"):
-        case = load_case(MODELS / f"{name}.toml")
+    for name in ("fourbar",) if quick else ("fourbar", "hacksaw", "pendulum"):
+        case = load_case(ROOT / "models" / f"{name}.toml")
         for solver in case.run["duration"].solvers:
             if not solver.startswith("mujoco"):
                 continue
             run = replace(plan(case, "duration", solver))
             alone, whole, steps = [], [], 0
-            for _ in range(REPEATS):
+            for _ in range(1 if quick else REPEATS):
                 alone.append(bare(case.model_path, run))
                 curves = simulate(case.model_path, run)
                 whole.append(curves.seconds)

@@ -1,27 +1,31 @@
 """What recording costs: a recorded run against the bare loop (drive, step) of its space.
 
-    python -m benchmarks.stepping_pymunk [samples]
+    python -m benchmarks.stepping_pymunk [samples] [--quick]
 """
 
-import sys
 import time
-from pathlib import Path
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from pymunk import batch
 
+from benchmarks import ROOT, command
 from sim.protocol import Drive, Run
 from sim.pymunk_compiled import read_links
 from sim.pymunk_drive import aim
 from sim.pymunk_steps import SURE, prepared, step_through
 
-MODEL = Path(__file__).parents[1] / "models" / "fourbar.xml"
+MODEL = ROOT / "models" / "fourbar.xml"
 SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
 
 
-def main(samples: int = 361, repeats: int = 9) -> float:
-    """Print and return recorded time over bare time, the least of some repeats each."""
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print recorded time over bare time, the least of some repeats each."""
+    parser = command(__doc__)
+    parser.add_argument("samples", type=int, nargs="?", default=361)
+    given = parser.parse_args(argv)
+    samples, repeats = (37, 1) if given.quick else (given.samples, 9)
     drive = Drive("crank", lambda t: (t, np.ones_like(t), np.zeros_like(t)))
     run = Run("duration", np.linspace(0.0, 2 * np.pi, samples), (), (drive,))
     links = read_links(mujoco.MjModel.from_xml_path(str(MODEL)), run.start, (0,))
@@ -41,11 +45,9 @@ def main(samples: int = 361, repeats: int = 9) -> float:
                     aim(drives, target)
                     step(dt)
             times.append(time.perf_counter() - began)
-    ratio = min(recorded) / min(bare)
     print(f"{len(targets)} steps, {per} a sample: bare {min(bare):.4f} s, "
-          f"recorded {min(recorded):.4f} s, ratio {ratio:.3f}")
-    return ratio
+          f"recorded {min(recorded):.4f} s, ratio {min(recorded) / min(bare):.3f}")
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

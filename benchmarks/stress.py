@@ -1,17 +1,18 @@
 """Where engines break: small models beside the limits that theory knows, and extremes of cases.
 
-    python -m benchmarks.stress [folder]
+    python -m benchmarks.stress [folder] [--quick]
 
 Writes docs/stress.md and docs/stress.png.  Runs are kept in the folder (reports/stress), so that a
 call goes on where another was interrupted.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 from matplotlib import rc_context
 
+from benchmarks import ROOT, command, folders
 from proofmass.case import load_case
 from proofmass.report.figures import save
 from proofmass.report.stress_sheet import NEAR, stress_sheet
@@ -25,7 +26,6 @@ from proofmass.study.stress import kept, stress, write_boundaries
 from proofmass.study.stress_command import reached
 from proofmass.wording import number
 
-ROOT = Path(__file__).parent.parent
 CASES = ("fourbar", "slider_crank", "double_rocker", "change_point", "fivebar", "pendulum",
          "fourbar_released", "balancer_sine", "rod_cantilever", "rod_snap")
 HEAD = """# Where it breaks
@@ -75,21 +75,27 @@ of {all} boundaries are within {within:.0%} of theory, the furthest at a ratio o
 """
 
 
-def main(folder: str = str(ROOT / "reports" / "stress")) -> None:
-    store = Store(Path(folder) / "runs")
-    with pool() as workers:
-        known = stress([kept(one, store) for one in probes()], workers)
-        cases = {name: extremes(load_case(ROOT / "models" / f"{name}.toml"), store)
-                 for name in CASES}
-        turned = stress([one for sought, _ in cases.values() for one in sought], workers)
-    write_boundaries([*known, *turned], Path(folder) / "stress.csv")
-    with rc_context(RC):
-        save(stress_sheet(known), ROOT / "docs" / "stress")
-    (ROOT / "docs" / "stress.svg").unlink()
-    lines = [HEAD, *beside(known)]
-    for name, (_, skipped) in cases.items():
-        lines += of_case(name, [one for one in turned if one.what == name], skipped)
-    (ROOT / "docs" / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "stress")
+    given = parser.parse_args(argv)
+    most = 2 if given.quick else None  # boundaries, of small models and of each case
+    with folders(given.quick, given.folder) as (folder, docs):
+        store = Store(folder / "runs")
+        with pool() as workers:
+            known = stress([kept(one, store) for one in islice(probes(), most)], workers)
+            cases = {name: extremes(load_case(ROOT / "models" / f"{name}.toml"), store)
+                     for name in (("pendulum",) if given.quick else CASES)}
+            turned = stress([one for sought, _ in cases.values() for one in sought[:most]],
+                            workers)
+        write_boundaries([*known, *turned], folder / "stress.csv")
+        with rc_context(RC):
+            save(stress_sheet(known), docs / "stress")
+        (docs / "stress.svg").unlink()
+        lines = [HEAD, *beside(known)]
+        for name, (_, skipped) in cases.items():
+            lines += of_case(name, [one for one in turned if one.what == name], skipped)
+        (docs / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def beside(known: Sequence[Boundary]) -> Iterator[str]:
@@ -118,4 +124,4 @@ def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Ite
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

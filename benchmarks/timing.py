@@ -34,14 +34,16 @@ class Row:
     wall: float = float("inf")
     own: float = float("inf")
 
-    def run(self) -> None:
-        """Time calls until a spell is over."""
-        end = time.perf_counter() + SPELL
-        while (wall := time.perf_counter()) < end:
-            own = time.process_time()
+    def run(self, spell: float) -> None:
+        """Time calls until a spell [s] is over, one at least."""
+        end = time.perf_counter() + spell
+        while True:
+            wall, own = time.perf_counter(), time.process_time()
             self.work()
             self.own = min(self.own, time.process_time() - own)
             self.wall = min(self.wall, time.perf_counter() - wall)
+            if time.perf_counter() >= end:
+                return
 
     @property
     def speed(self) -> float:
@@ -49,11 +51,11 @@ class Row:
         return self.poses / self.own
 
 
-def measure(rows: Iterable[Row], rounds: int) -> None:
+def measure(rows: Iterable[Row], rounds: int, spell: float = SPELL) -> None:
     """Run every row once to warm up (compilers, caches), then `rounds` times in turn."""
     rows = list(rows)
     for row in rows:
         row.work()
     for _ in range(rounds):
         for row in rows:
-            row.run()
+            row.run(spell)

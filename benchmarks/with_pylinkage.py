@@ -16,7 +16,6 @@ from pylinkage.simulation import Linkage
 from benchmarks.timing import Row
 
 Array = NDArray[np.float64]
-FEW, MANY = 10_000, 100_000
 
 
 def fourbar(poses: int) -> Linkage:
@@ -47,20 +46,21 @@ def angles(poses: int) -> Array:
     return np.linspace(0.0, 2.0 * np.pi, poses + 1)[1:]
 
 
-def rows(mechanism: str, build: Callable[[int], Linkage]) -> list[Row]:
-    """All ways to move one linkage once round."""
-    slow, fast = build(FEW), build(MANY)
+def rows(mechanism: str, build: Callable[[int], Linkage], few: int, many: int) -> list[Row]:
+    """All ways to move one linkage once round, in few poses where Python does it, else in many."""
+    slow, fast = build(few), build(many)
     return [
-        Row(mechanism, "pylinkage step", "p", FEW, lambda: list(slow.step(FEW))),
-        Row(mechanism, "pylinkage step_with_derivatives", "p v a", FEW,
-            lambda: list(slow.step_with_derivatives(FEW))),
-        Row(mechanism, "pylinkage step_fast, numba", "p", MANY, lambda: fast.step_fast(MANY)),
-        Row(mechanism, "pylinkage step_fast_with_kinematics", "p v a", MANY,
-            lambda: fast.step_fast_with_kinematics(MANY)),
+        Row(mechanism, "pylinkage step", "p", few, lambda: list(slow.step(few))),
+        Row(mechanism, "pylinkage step_with_derivatives", "p v a", few,
+            lambda: list(slow.step_with_derivatives(few))),
+        Row(mechanism, "pylinkage step_fast, numba", "p", many, lambda: fast.step_fast(many)),
+        Row(mechanism, "pylinkage step_fast_with_kinematics", "p v a", many,
+            lambda: fast.step_fast_with_kinematics(many)),
     ]
 
 
-def difference(build: Callable[[int], Linkage], truth: Callable[[Array], Array]) -> float:
+def difference(build: Callable[[int], Linkage], truth: Callable[[Array], Array], many: int
+               ) -> float:
     """Largest error of position, velocity and acceleration of a turn; truth gives (3, n, 2)."""
-    found = np.array(build(MANY).step_fast_with_kinematics(MANY))[:, :, -1]
-    return float(np.abs(found - truth(angles(MANY))).max())
+    found = np.array(build(many).step_fast_with_kinematics(many))[:, :, -1]
+    return float(np.abs(found - truth(angles(many))).max())

@@ -1,0 +1,33 @@
+"""Every module of benchmarks/ runs to its end: with `--quick`, as a command, in another folder."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+TEXTS = {file.stem: file.read_text(encoding="utf-8")
+         for file in sorted((ROOT / "benchmarks").glob("*.py")) if file.stem != "__init__"}
+
+
+def docs():
+    """The documents and when they were written."""
+    return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path):
+    if 'if __name__ == "__main__":' not in TEXTS[name]:  # what a benchmark is made of
+        others = [text for other, text in TEXTS.items() if other != name]
+        assert any(name in line.replace(",", " ").replace(".", " ").split() for text in others
+                   for line in text.splitlines() if "import" in line), f"nothing imports {name}"
+        return
+    before = docs()
+    done = subprocess.run([sys.executable, "-m", f"benchmarks.{name}", "--quick"], cwd=tmp_path,
+                          env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True,
+                          text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert docs() == before
+    assert {file.name for file in tmp_path.iterdir()} <= {"MUJOCO_LOG.TXT"}  # its own, of warnings
