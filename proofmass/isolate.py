@@ -18,7 +18,10 @@ from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
-ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # threads of runs side by side would wait for each other
+ALONE = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
+                       "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
+"""Whatever the environment says: the last digits of what BLAS solves depend on the number of its
+threads, and threads of runs side by side would wait for each other."""
 
 GRACE = 5.0  # [s] a worker outlives its time limit by, if the process that asked is gone
 
@@ -40,7 +43,7 @@ class Worker:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "proofmass.isolate"], stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, stderr=self.errors,
-            env={**ALONE, **os.environ, "PYTHONPATH": path})
+            env={**os.environ, **ALONE, "PYTHONPATH": path})
 
     def call(self, function: Callable, args: tuple, timeout: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""
