@@ -1,0 +1,69 @@
+"""Small copies of shipped cases that the fuzz tests mutate: few samples, one to four short runs.
+
+The closed forms, the models and the channels are those of `models/`.  Samples are few, paths are
+short and each run has a time limit of `TIMEOUT`.  Short paths have small ranges, of which rounding
+and softness are a larger share than in the shipped cases: tolerances of a range are 1e4 times
+wider.  That changes no verdict of the fuzz tests: their oracle reads the tolerance that was
+allowed.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+
+MODELS = Path(__file__).parent.parent.parent / "models"
+TIMEOUT = 6.0
+"""Limit of each run of a small case [s]; a run that has no fault takes 0.05 s.  The limit
+includes the start of an engine's process, 1.5 s on a quiet machine."""
+
+Files = dict[str, bytes]
+
+SHORT = [(r"(?m)^n = \d+", "n = 7"), (r'"mujoco:default", |, "pymunk:default"', ""),
+         (r"(?m)^to = 6\.28\d+", "to = 0.6"),
+         (r"of_range = (\S+)", lambda m: f"of_range = {min(float(m[1]) * 1e4, 1e-2):g}")]
+EDITS: dict[str, list] = {
+    "pendulum": [*SHORT, (r"until = 10\.0", "until = 0.3")],
+    "fourbar": SHORT,
+    "slider_crank": SHORT,
+    "hacksaw_recorded": SHORT,
+    "balancer_sine": [*SHORT, (r"to = 1\.57\d+", "to = 0.3"), (r"abs = 1e-12", "abs = 1e-10")],
+    "rod_cantilever": [*SHORT, (r"segments = 40\n\n", "segments = 8\n\n"),
+                       (r"(?s)\[refine\].*?\n\n", ""), (r"of_range = \S+", "of_range = 0.1")],
+    "watt": SHORT,
+}
+FORCED = {"hacksaw_recorded": slice(300, 308)}
+"""Rows of the recorded curve that are kept, beside its comments and its header."""
+
+
+@cache
+def small(name: str) -> tuple[tuple[str, bytes], ...]:
+    """Files of a small case, as pairs of name and content."""
+    text = (MODELS / f"{name}.toml").read_text(encoding="utf-8")
+    for old, new in EDITS[name]:
+        text = re.sub(old, new, text)
+    text = re.sub(r"(?m)^(\[run\.\w+\])$", rf"\1\ntimeout = {TIMEOUT}", text)
+    model = re.search(r'(?m)^model = "(.*)"', text)
+    files = {f"{name}.toml": text.encode()}
+    xml = model[1] if model else f"{name}.xml"
+    files[xml] = (MODELS / xml).read_bytes()
+    if rows := FORCED.get(name):
+        lines = (MODELS / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        files[f"{name}.csv"] = "".join(lines[:3] + lines[rows]).encode()
+    return tuple(files.items())
+
+
+def started(folder: Path) -> None:
+    """Check a good case without haste, so that an engine's process waits for the next one."""
+    from proofmass.check import check
+
+    slow = {k: v.replace(f"timeout = {TIMEOUT}".encode(), b"timeout = 120")
+            for k, v in small("pendulum")}
+    write(slow, folder)
+    assert check([folder / "pendulum.toml"], jobs=1).exit_code == 0
+
+
+def write(files: Files, folder: Path) -> None:
+    """Write a case's files into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)

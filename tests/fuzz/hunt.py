@@ -1,0 +1,131 @@
+"""Inputs by number, and a hunt over many of them that shrinks and keeps what it finds.
+
+``python -m tests.fuzz.hunt FIRST LAST [FOLDER]`` judges the inputs FIRST to LAST - 1 and writes the
+smallest input of each new signature into FOLDER, `tests/data/fuzz` if left out.
+"""
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+from tests.fuzz.cases import EDITS, Files, small, write
+from tests.fuzz.judge import ROOT, Judge, Verdict
+from tests.fuzz.mutators import Mutation, drawn, mutated
+
+KEPT = ROOT / "tests" / "data" / "fuzz"
+
+
+def numbered(number: int) -> tuple[str, list[Mutation]]:
+    """The case of an input and its mutations."""
+    rng = Random(number)
+    name = rng.choice(list(EDITS))
+    endings = [Path(file).suffix for file in dict(small(name))]
+    return name, drawn(rng, endings)
+
+
+def made(name: str, mutations: list[Mutation]) -> Files:
+    """The files of an input."""
+    return mutated(dict(small(name)), mutations)
+
+
+def shrunk(judge: Judge, name: str, mutations: list[Mutation], signature: str) -> list[Mutation]:
+    """As few of the mutations as still have a finding with that signature."""
+    for k in reversed(range(len(mutations))):
+        fewer = mutations[:k] + mutations[k + 1:]
+        if fewer and signature in judge.judge(name, made(name, fewer)).findings:
+            mutations = fewer
+    return mutations
+
+
+def by_command_line(name: str, files: Files, folder: Path, limit: float) -> Verdict:
+    """The same input through ``proofmass check FOLDER --json``."""
+    write(files, folder)
+    answer, began = Verdict(), time.perf_counter()
+    try:
+        done = subprocess.run([sys.executable, "-m", "proofmass", "check", str(folder), "--json"],
+                              cwd=folder, capture_output=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        return Verdict(["command line: hang"], seconds=limit)
+    answer.exit_code, answer.seconds = done.returncode, time.perf_counter() - began
+    words = done.stderr.decode(errors="replace")
+    if done.returncode not in (0, 1, 2):
+        answer.findings.append(f"command line: exit code {done.returncode}")
+    if "Traceback (most recent call last)" in words:
+        last = [w for w in words.splitlines() if re.match(r"\w[\w.]*(Error|Exception|Warning)\b",
+                                                          w)]
+        kind = last[-1].split(":")[0] if last else "?"
+        answer.findings.append(f"command line: traceback, {kind}")
+    elif done.returncode == 2 and "error: " not in words:
+        answer.findings.append("command line: exit code 2 without a line that says why")
+    if not answer.findings:
+        try:
+            json.loads(done.stdout)
+        except ValueError:
+            answer.findings.append("command line: no JSON")
+    answer.detail = words[-2000:]
+    return answer
+
+
+def keep(folder: Path, signature: str, name: str, mutations: list[Mutation]) -> Path:
+    """Store an input under its signature; `open` says that the finding is there still."""
+    folder.mkdir(parents=True, exist_ok=True)
+    slug = re.sub(r"\W+", "_", signature).strip("_")[:80]
+    file = folder / f"{slug}.json"
+    base, files = dict(small(name)), made(name, mutations)
+    changed = {k: v.decode("latin-1") for k, v in files.items() if v != base[k]}
+    file.write_text(json.dumps({
+        "signature": signature, "open": True, "case": name, "by": [list(m) for m in mutations],
+        "changed": changed}, indent=1) + "\n", encoding="ascii")
+    return file
+
+
+def kept(file: Path) -> tuple[str, Files, dict]:
+    """A stored input: its case, its files, and what is known of it."""
+    table = json.loads(file.read_text(encoding="ascii"))
+    changed = {k: v.encode("latin-1") for k, v in table["changed"].items()}
+    return table["case"], dict(small(table["case"])) | changed, table
+
+
+def hunt(first: int, last: int, folder: Path) -> Counter[str]:
+    """Judge inputs, print what is new, and count signatures and notes."""
+    known = {kept(file)[2]["signature"] for file in folder.glob("*.json")}
+    seen, slow = Counter[str](), list[tuple[float, int]]()
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        judge = Judge(Path(scratch))
+        for number in range(first, last):
+            name, mutations = numbered(number)
+            answer = judge.judge(name, made(name, mutations))
+            slow.append((answer.seconds, number))
+            if number % 100 == 99:
+                print(f"{number}: {time.perf_counter() - began:.0f} s", flush=True)
+            seen[f"exit code {answer.exit_code}"] += 1
+            seen.update(set(answer.findings))
+            seen.update(f"note: {note}" for note in set(answer.notes))
+            for signature in answer.findings:
+                if signature not in known:
+                    known.add(signature)
+                    file = keep(folder, signature, name,
+                                shrunk(judge, name, mutations, signature))
+                    print(f"{number} {name}: {signature}\n    {file.name}", flush=True)
+                    print("    " + answer.detail[-700:].replace("\n", "\n    "), flush=True)
+            for note in answer.notes:
+                if note not in known and not note.startswith("timed out"):
+                    known.add(note)
+                    print(f"{number} {name}: note: {note} {mutations}", flush=True)
+        judge.close()
+    print(f"{last - first} inputs in {time.perf_counter() - began:.0f} s; slowest:",
+          [(n, round(s, 1)) for s, n in sorted(slow)[-8:]])
+    for what, count in seen.most_common():
+        print(f"{count:6d}  {what}")
+    return seen
+
+
+if __name__ == "__main__":
+    hunt(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]) if len(sys.argv) > 3 else KEPT)

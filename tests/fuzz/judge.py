@@ -1,0 +1,211 @@
+"""One process that judges inputs, and the handle by which a test uses and replaces it.
+
+The product compiles models and evaluates references in the process that calls `check`.  An input
+that crashes or hangs that process must not end the test, so the judge is a process of its own, in
+a session of its own, with a limit of memory; whoever asks it ends it when it is late.
+"""
+
+import json
+import os
+import resource
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.fuzz.cases import TIMEOUT, Files, small, started, write
+
+ROOT = Path(__file__).parent.parent.parent
+MARGIN = 15.0
+"""[s] beyond the stated limits of all runs: start of processes on a busy machine."""
+LONGEST = 40.0
+"""[s] stated limits are not waited for any longer; such an input is left unjudged."""
+MEMORY = 6 << 30
+"""Address space of a judge and, each, of its engines [bytes]."""
+LIFE = 300
+"""Inputs that a judge takes before it is replaced: the product keeps what it compiled."""
+
+
+@dataclass
+class Verdict:
+    """What came of an input: findings by their signatures, and notes that are no findings."""
+
+    findings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    exit_code: int | None = None
+    seconds: float = 0.0
+    detail: str = ""
+
+
+class Judge:
+    """A process that judges one input after the other; it is started again when it is lost."""
+
+    def __init__(self, folder: Path):
+        self.folder, self.process, self.count = folder, None, 0
+        self.words = None
+
+    def start(self) -> subprocess.Popen:
+        """The running process, or a new one."""
+        if self.process is None or self.count % LIFE == 0:
+            self.close()
+            self.words = tempfile.TemporaryFile()  # noqa: SIM115, closed with the process
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.fuzz.judge"], cwd=ROOT, start_new_session=True,
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.words)
+            assert self.process.stdout.readline() == b"started\n", self.said()
+        return self.process
+
+    def close(self) -> None:
+        """End the process and its engines."""
+        if self.process is not None:
+            with suppress(ProcessLookupError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.communicate()
+            self.words.close()
+            self.process = None
+
+    def said(self) -> str:
+        """What the process wrote to standard error."""
+        self.words.seek(0)
+        return self.words.read().decode(errors="replace")[-20_000:]
+
+    def judge(self, name: str, files: Files) -> Verdict:
+        """Write an input into a folder of its own and have it judged."""
+        process = self.start()
+        place = self.folder / f"{os.getpid()}_{self.count}"
+        self.count += 1
+        write(files, place)
+        limit, stated = patience(files, name)
+        process.stdin.write((json.dumps([str(place), name, limit]) + "\n").encode())
+        process.stdin.flush()
+        ready, _, _ = select.select([process.stdout], [], [], limit + 5)
+        line = process.stdout.readline() if ready else b""
+        for file in place.iterdir():
+            file.unlink()
+        place.rmdir()
+        if line:
+            return Verdict(**json.loads(line))
+        if not ready:
+            where = stuck(self.said())
+            self.close()
+            if not stated:
+                return Verdict(notes=["stated limit too long to wait for"], seconds=limit)
+            return Verdict([f"hang in {where}"], seconds=limit)
+        process.wait()
+        words, code = self.said(), process.returncode
+        self.close()
+        last = [w for w in words.splitlines() if w.strip()]
+        return Verdict([f"process died: {f'signal {-code}' if code < 0 else f'exit code {code}'}: "
+                        f"{last[-1][:120] if last else ''}"], detail=words[-2000:])
+
+
+def patience(files: Files, name: str) -> tuple[float, bool]:
+    """Seconds to wait for an input, and whether that covers the limits that it states."""
+    import tomllib
+
+    total = 0.0
+    try:
+        for run in tomllib.loads(files[f"{name}.toml"].decode()).get("run", {}).values():
+            total += float(run.get("timeout", 120.0)) * len(run.get("solvers", []))
+    except (ValueError, AttributeError, TypeError, RecursionError):
+        total = 4 * TIMEOUT  # not a case: nothing should run
+    return min(max(total, TIMEOUT), LONGEST) + MARGIN, total <= LONGEST
+
+
+def place_of(frames: list[tuple[str, str]]) -> str:
+    """The innermost place of the product in a stack of (file, function), innermost last."""
+    for file, function in reversed(frames):
+        for part in ("proofmass", "sim", "analytic"):
+            if f"/{part}/" in file and "site-packages" not in file:
+                return f"{part}/{file.split(f'/{part}/')[-1]}:{function}"
+    return frames[-1][1] if frames else "?"
+
+
+def stuck(words: str) -> str:
+    """Where the main thread or a task was, from a dump of all stacks, innermost first there."""
+    import re
+
+    found = [place_of(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
+             for block in re.split(r"Thread |Current thread ", words.split("Timeout (")[-1])]
+    inner = [f for f in found if ":" in f and "check.py:check" not in f and "isolate" not in f]
+    return inner[0] if inner else "; ".join(f for f in found if f != "?")[:200]
+
+
+# in the process
+
+def examine(folder: Path, name: str) -> Verdict:
+    """Check a folder as the command line does, and judge what comes of it."""
+    from proofmass.check import check
+    from proofmass.terminal import as_json, failures, summary
+    from tests.fuzz.oracle import judge
+
+    answer = Verdict()
+    try:
+        result = check([folder / f"{name}.toml"], jobs=1)
+        answer.exit_code = result.exit_code
+        as_json(result.comparisons)
+        list(summary(result, True))
+        list(failures(result))
+    except Exception as error:
+        where = [(f.filename, f.name) for f in traceback.extract_tb(error.__traceback__)]
+        answer.findings.append(f"uncaught {type(error).__name__} in {place_of(where)}")
+        answer.detail = "".join(traceback.format_exception(error))[-3000:]
+        return answer
+    for error in result.errors:
+        answer.detail += f"{error}\n"[:1000]
+        if len(str(error).splitlines()) > 2 or len(str(error)) > 1000:
+            answer.notes.append(f"long message about {error.key[:30] or error.file.suffix!r}")
+    lost = {(c.outcome, c.message) for c in result.comparisons if c.outcome in ("crashed",)}
+    answer.notes += [f"{outcome} run: {message[:80]}" for outcome, message in sorted(lost)]
+    if any(c.outcome == "timed out" for c in result.comparisons):
+        answer.notes.append("timed out")
+    if result.exit_code != 0:
+        return answer
+    counts = [c.outcome for c in result.comparisons]
+    if "agrees" not in counts:
+        answer.notes.append("exit code 0, nothing agrees: " + ", ".join(sorted(set(counts))))
+    else:
+        was = sum(c.outcome == "unchecked" for c in result.comparisons)
+        answer.notes += ["green, some unchecked"] * bool(was)
+    try:
+        false, why = judge(folder, name, dict(small(name)), result)
+    except Exception as error:
+        answer.notes.append(f"oracle failed: {type(error).__name__}: {str(error)[:120]}")
+        answer.detail = traceback.format_exc()[-3000:]
+        return answer
+    answer.findings += [f"false agreement: {what}" for what in false]
+    if why:
+        answer.notes.append(f"unjudged: {why}")
+    return answer
+
+
+def main() -> None:
+    """Answer requests, a line each."""
+    import faulthandler
+    import time
+
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    with tempfile.TemporaryDirectory() as folder:
+        started(Path(folder))
+    print("started", file=answers, flush=True)
+    for line in sys.stdin:
+        folder, name, limit = json.loads(line)
+        faulthandler.dump_traceback_later(limit)
+        began = time.perf_counter()
+        answer = examine(Path(folder), name)
+        faulthandler.cancel_dump_traceback_later()
+        answer.seconds = time.perf_counter() - began
+        answers.write(json.dumps(answer.__dict__) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

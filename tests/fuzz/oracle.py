@@ -1,0 +1,399 @@
+"""An oracle for verdicts that are good: what bare MuJoCo makes of the same files.
+
+It shares no code with the product.  It reads the sidecar with `tomllib`, the recorded curve with
+`csv`, compiles the MJCF with MuJoCo alone, and computes every channel by a second way:
+
+- driven runs by Newton's method on loops and forces at once, ``f + J' s = 0`` and ``c(q) = 0``,
+  with the engine's rows and forces and numerical derivatives; rates and accelerations are
+  differences along the drive; the multiplier of the drive is its holding moment;
+- free motions by `mj_step` with the options of the file.
+
+A verdict is a *false agreement* if a channel agrees although one of these holds:
+
+- the engine's curve, or its x, is not what bare MuJoCo gives for the mutated files;
+- a parameter of a closed form differs by more than three times its would-notice, or the assembly
+  mode differs;
+- a channel's `equals` or `unit` differs from that of the case before the mutation;
+- dry friction, a joint range that the motion leaves, or a contact is in the model, although a
+  channel depends on forces; the product's sweeps have none of them.
+
+Harmless changes, which no verdict has to notice, and why:
+
+- drawing (colours, sizes and groups of geoms without contact, lights, comments, names of what no
+  channel uses): nothing that moves depends on it;
+- masses, inertias, springs, dampers, armature, gravity and loads in a run whose channels are
+  kinematic: its drives prescribe the motion (bare MuJoCo gives the same curves);
+- steps, iterations, softness: they are the engine's accuracy, which the tolerance judges;
+- samples, limits of time, rates and ends of a drive: both sides follow them;
+- lengths of a model whose reference is the general solver: it reads them from the same MJCF, as
+  the README says;
+- tolerances that are wider, narrower or gone, channels, runs and solvers that are gone: the result
+  says so (`allowed`, "unchecked", no row);
+- words: titles, sources, reasons.
+"""
+
+import csv
+import inspect
+import io
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+S, OFF = mujoco.mjtSensor, mujoco.mjtDisableBit
+Array = Any
+FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
+
+
+class Unjudged(Exception):
+    """The oracle does not cover this input; the reason."""
+
+
+def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tuple[list[str], str]:
+    """False agreements among the channels of a result, and why some of it was not judged."""
+    new = tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8"))
+    old = tomllib.loads(before[f"{name}.toml"].decode())
+    agrees = [c for c in result.comparisons if c.outcome == "agrees" and c.case == name]
+    if not agrees:
+        return [], ""
+    found = [*parameters(old, new, agrees), *channels(old, new, agrees)]
+    try:
+        found += rods(folder, name, old, new, before, agrees) if "rod" in new else behaviour(
+            folder, name, new, agrees, result)
+    except Unjudged as error:
+        return list(dict.fromkeys(found)), str(error)
+    return list(dict.fromkeys(found)), ""
+
+
+def parameters(old: dict, new: dict, agrees: list) -> list[str]:
+    """Parameters that differ by more than what the channels that agree would notice."""
+    if old["reference"] != new["reference"] or "parameters" not in old:
+        return []
+    import importlib
+
+    solve = importlib.import_module(f"analytic.{new['reference']}").solve
+    default = {k: p.default for k, p in inspect.signature(solve).parameters.items()}
+    found = []
+    for key, value in old["parameters"].items():
+        now = new.get("parameters", {}).get(key, default.get(key))
+        if isinstance(value, str) or isinstance(now, str) or now == value:
+            continue
+        if key == "mode":
+            found.append(f"parameter mode {value} is {now}")
+            continue
+        least = min((c.would_notice[key] for c in agrees if key in c.would_notice),
+                    default=math.inf)
+        if now is None or abs(now - value) > 3 * least * abs(value):
+            found.append(f"parameter {key}")
+    return found
+
+
+def channels(old: dict, new: dict, agrees: list) -> list[str]:
+    """Channels that agree although they are held against another quantity or in another unit."""
+    found = []
+    for c in agrees:
+        was, now = old["channels"].get(c.channel), new["channels"][c.channel]
+        if was is None:
+            continue
+        if was["unit"] != now["unit"]:
+            found.append("channel unit")
+        if was["equals"] != now["equals"] and new["reference"] == old["reference"]:
+            found.append("channel equals")
+        for key, usual in (("scale", 1.0), ("shift", 0.0)):
+            if abs(was.get(key, usual) - now.get(key, usual)) > max(3 * c.allowed, 1e-3):
+                found.append(f"channel {key}")
+    return found
+
+
+# behaviour of bare MuJoCo
+
+def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> list[str]:
+    """Channels whose curves are not those that bare MuJoCo gives."""
+    model = mujoco.MjModel.from_xml_path(str(folder / new.get("model", f"{name}.xml")))
+    if (model.jnt_type < int(mujoco.mjtJoint.mjJNT_SLIDE)).any() or model.nq > 12:
+        raise Unjudged("joints other than a few hinges and slides")
+    found = []
+    recorded = table(folder / new["reference"]) if new["reference"].endswith(".csv") else None
+    for run, solver in dict.fromkeys((c.run, c.solver) for c in agrees):
+        mine = [c for c in agrees if (c.run, c.solver) == (run, solver)]
+        curves = result.curves[name, run, solver]
+        x, drives = motion(new, run, recorded)
+        if x.shape != curves.x.shape or not np.allclose(x, curves.x, rtol=1e-9, atol=1e-12):
+            found.append(f"x of {run}")
+            continue
+        bare = Bare(model, new, run, x, drives)
+        for c in mine:
+            if recorded is not None:
+                want = recorded[new["channels"][c.channel]["equals"]]
+                shown = new["channels"][c.channel]
+                want = shown.get("scale", 1.0) * want + shown.get("shift", 0.0)
+                if far(curves.channels[c.channel], want, c.allowed):
+                    found.append(f"recorded column in {run} {solver}")
+            want = bare.channel(c.channel)
+            if want is not None and far(curves.channels[c.channel], want, c.allowed,
+                                        c.channel.endswith(".angle")):
+                found.append(f"curve of {bare.kind(c.channel)} in {run} {solver}")
+            if bare.kind(c.channel) in FORCES or not drives:
+                found += [f"{word} in {run} {solver}" for word in sorted(bare.warnings)]
+    return found
+
+
+def far(curve: Array, want: Array, allowed: float, angle: bool = False) -> bool:
+    """Whether two curves differ by more than tolerance and the oracle's own error allow."""
+    error = curve - want
+    if angle:
+        error = np.angle(np.exp(1j * (error - error[0]))) + np.angle(np.exp(1j * error[0]))
+    scale = max(float(np.ptp(want)), 1e-3 * float(np.abs(want).max()))
+    limit = 3 * allowed + 1e-4 * scale + 1e-9
+    return not bool(np.all(np.abs(error) <= limit))
+
+
+def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
+    """The grid of a run, and for each drive (joint, value, rate, acceleration) on it."""
+    drives = new.get("drive", [])
+    drives = [drives] if isinstance(drives, dict) else drives
+    if len(drives) > 1:
+        raise Unjudged("several drives")
+    table = new["run"][run]
+    if recorded is not None:
+        x = next(iter(recorded.values()))
+        return x, [(d["joint"], *(recorded[c] for c in d["law"])) for d in drives]
+    n = int(table["n"])
+    if not drives:
+        return np.linspace(0, table["until"], n), []
+    drive = drives[0]
+    if "law" in drive:
+        raise Unjudged("a law of the reference")
+    a, b = drive.get("from", 0.0), drive["to"]
+    if "period" in drive:
+        x, w = np.linspace(0, table.get("until", drive.get("until", drive["period"])), n), (
+            2 * np.pi / drive["period"])
+        half = (b - a) / 2
+        return x, [(drive["joint"], a + half * (1 - np.cos(w * x)), half * w * np.sin(w * x),
+                    half * w * w * np.cos(w * x))]
+    rate = float(drive.get("rate", 1.0))
+    x = np.linspace(a, b, n) if run == "sweep" else np.linspace(0, (b - a) / rate, n)
+    value = x if run == "sweep" else a + rate * x
+    return x, [(drive["joint"], value, np.full(n, rate), np.zeros(n))]
+
+
+def table(file: Path) -> dict[str, Array]:
+    """A recorded curve in SI units; the oracle knows few of them."""
+    text = file.read_bytes().decode("utf-8-sig")
+    rows = [r for r in csv.reader(io.StringIO(text)) if r and not r[0].lstrip().startswith("#")]
+    found: dict[str, Array] = {}
+    numbers = np.array([[float(v) for v in r] for r in rows[1:]])
+    for head, column in zip(rows[0], numbers.T, strict=True):
+        hit = re.fullmatch(r"\s*(.*?)\s*\[\s*(.*?)\s*\]\s*", head)
+        if not hit:
+            raise Unjudged(f"header {head!r}")
+        factor = {"mm": 1e-3, "deg": math.pi / 180}.get(hit[2].split("/")[0])
+        if factor is None and hit[2].split("/")[0] not in ("m", "rad", "s"):
+            raise Unjudged(f"unit {hit[2]!r}")
+        if hit[1] in found and not np.array_equal(found[hit[1]], column):
+            raise Unjudged(f"twice column {hit[1]!r}")
+        found[hit[1]] = column * (factor or 1.0)
+    return found
+
+
+class Bare:
+    """One run in bare MuJoCo."""
+
+    def __init__(self, model: Any, new: dict, run: str, x: Array, drives: list):
+        self.model, self.data = model, mujoco.MjData(model)
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self.warnings: set[str] = set()
+        m, d = self.model, self.data
+        if m.nkey:
+            mujoco.mj_resetDataKeyframe(m, d, model.key(new.get("start", "start")).id)
+        frictionless = bool(m.opt.disableflags & int(OFF.mjDSBL_FRICTIONLOSS))
+        if not frictionless and m.dof_frictionloss.any():
+            self.warnings.add("dry friction")
+        self.drives = drives
+        self.joints = [model.joint(joint).id for joint, *_ in drives]
+        self.dofs = [int(m.jnt_dofadr[j]) for j in self.joints]
+        for a in range(m.nu):
+            if m.actuator_trntype[a] <= 1 and m.actuator_trnid[a, 0] in self.joints:
+                d.ctrl[a] = 0
+        self.rows = np.empty((x.size, m.nsensordata))
+        self.accelerations = np.empty((x.size, m.nv))
+        self.moments = np.empty(x.size)
+        if drives:
+            self.follow(x)
+        else:
+            self.fall(x)
+
+    def fall(self, x: Array) -> None:
+        m, d = self.model, self.data
+        if m.neq:
+            raise Unjudged("a free motion with loops")
+        width = (x[-1] - x[0]) / (x.size - 1)
+        if not m.opt.timestep > width / 1e5:
+            raise Unjudged("a step too small")
+        count = max(1, math.ceil(width / m.opt.timestep - 1e-9))
+        m.opt.timestep = width / count
+        for k in range(x.size):
+            mujoco.mj_forward(m, d)
+            self.read(k)
+            for _ in range(count):
+                mujoco.mj_step(m, d)
+
+    def read(self, k: int) -> None:
+        m, d = self.model, self.data
+        self.rows[k], self.accelerations[k] = d.sensordata, d.qacc
+        if d.ncon:
+            self.warnings.add("contact")
+        limits = bool(m.opt.disableflags & int(OFF.mjDSBL_LIMIT | OFF.mjDSBL_CONSTRAINT))
+        outside = (d.qpos < m.jnt_range[:, 0] - 1e-3) | (d.qpos > m.jnt_range[:, 1] + 1e-3)
+        if not limits and self.drives and (outside & (m.jnt_limited > 0)).any():
+            self.warnings.add("joint range")
+
+    def follow(self, x: Array) -> None:
+        m, d = self.model, self.data
+        (_, value, rate, acceleration), = self.drives
+        q, h = d.qpos.copy(), 1e-3
+        start = float(q[self.dofs[0]])
+        strides = max(1, math.ceil(abs(value[0] - start) / 0.05))
+        if strides > 2000:
+            raise Unjudged("a start pose far off")
+        s = np.zeros(self.constraints(q, start)[0].size)
+        for part in range(1, strides + 1):
+            q, s = self.close(q, s, start + (value[0] - start) * part / strides)
+        last = value[0]
+        for k in range(x.size):
+            way = max(1, math.ceil(abs(value[k] - last) / 0.2))
+            if way > 2000:
+                raise Unjudged("a long way")
+            for part in range(1, way + 1):
+                q, s = self.close(q, s, last + (value[k] - last) * part / way)
+            last = value[k]
+            up, down = (self.close(q, s, value[k] + side * h)[0] for side in (1, -1))
+            first, second = (up - down) / (2 * h), (up - 2 * q + down) / h**2
+            d.qpos[:], d.qvel[:] = q, first * rate[k]
+            d.qacc[:] = second * rate[k] ** 2 + first * acceleration[k]
+            acc = d.qacc.copy()
+            mujoco.mj_fwdPosition(m, d)
+            mujoco.mj_fwdActuation(m, d)
+            d.qacc[:] = acc
+            mujoco.mj_inverse(m, d)
+            d.qacc[:] = acc
+            self.read(k)
+            self.moments[k] = s[-1]
+            d.qvel[:] = 0
+
+    def constraints(self, q: Array, value: float) -> tuple[Array, Array, Array]:
+        """Residual of loops and drive, its Jacobian, and forces on the joints at rest."""
+        m, d = self.model, self.data
+        d.qpos[:], d.qvel[:] = q, 0
+        mujoco.mj_fwdPosition(m, d)
+        mujoco.mj_fwdVelocity(m, d)
+        mujoco.mj_fwdActuation(m, d)
+        keep = d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+        unit = np.eye(m.nv)[self.dofs]
+        c = np.append(d.efc_pos[keep], q[self.dofs[0]] - value)
+        jacobian = np.vstack([d.efc_J.reshape(d.nefc, m.nv)[keep], unit])
+        return c, jacobian, d.qfrc_passive + d.qfrc_actuator - d.qfrc_bias
+
+    def close(self, q: Array, s: Array, value: float) -> tuple[Array, Array]:
+        """Loops closed, drive at its value, forces balanced."""
+        nv, e = self.model.nv, 1e-6
+        scale = 1.0
+        for _ in range(40):
+            c, jacobian, f = self.constraints(q, value)
+            if s.size != c.size:
+                raise Unjudged("loops come and go")
+            scale = max(1.0, float(np.abs(f).max(initial=0)))
+            r = np.concatenate([(f + jacobian.T @ s) / scale, c])
+            big = np.zeros((r.size, nv + s.size))
+            for k in range(nv):
+                c2, j2, f2 = self.constraints(q + e * np.eye(nv)[k], value)
+                if c2.size != c.size:
+                    raise Unjudged("loops come and go")
+                big[:, k] = (np.concatenate([(f2 + j2.T @ s) / scale, c2]) - r) / e
+            big[:nv, nv:] = jacobian.T / scale
+            move = -np.linalg.lstsq(big, r, rcond=1e-11)[0]
+            if not np.isfinite(move).all() or np.abs(move[:nv]).max() > 3:
+                raise Unjudged("no rest nearby")
+            q, s = q + move[:nv], s + move[nv:]
+            if np.abs(move[:nv]).max() < 1e-11 and np.abs(r).max() < 1e-7:
+                return q, s
+        raise Unjudged("no rest found")
+
+    def kind(self, channel: str) -> str:
+        """Type of the sensor of a channel, as MJCF calls it."""
+        kind = S(int(self.model.sensor(channel.partition(".")[0]).type[0]))
+        return kind.name[7:].lower()
+
+    def channel(self, name: str) -> Array | None:
+        """The curve of a channel; None for one that the oracle cannot tell."""
+        m = self.model
+        sensor, _, part = name.partition(".")
+        i = m.sensor(sensor).id
+        kind, obj = S(int(m.sensor_type[i])), int(m.sensor_objid[i])
+        block = self.rows[:, m.sensor_adr[i]: m.sensor_adr[i] + m.sensor_dim[i]]
+        if kind == S.mjSENS_USER:
+            return self.accelerations[:, m.jnt_dofadr[obj]]
+        if kind == S.mjSENS_FRAMELINACC and not m.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
+            block = block + m.opt.gravity
+        if kind in (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC) and self.drives:
+            joint = int(m.actuator_trnid[obj, 0]) if kind == S.mjSENS_ACTUATORFRC else obj
+            if joint in self.joints:
+                gear = m.actuator_gear[obj, 0] if kind == S.mjSENS_ACTUATORFRC else 1.0
+                return self.moments / gear if gear else None
+        if part == "angle":
+            flat = np.abs(m.jnt_axis[:, :2]).max() < 1e-12 or (m.jnt_type == 2).any()
+            if not flat:
+                return None
+            first = np.flatnonzero(m.jnt_type == 3)
+            if not first.size or m.jnt_axis[first[0], 2] < 0:
+                return None  # seen from below: the sense of the plane's angles is the product's
+            return np.arctan2(block[:, 1], block[:, 0])
+        return block[:, "xyz".index(part) if part else 0]
+
+
+# rods
+
+def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes],
+         agrees: list) -> list[str]:
+    """Rods are compared by the numbers that they and their loads are built from."""
+    found = []
+    for rod, was in old["rod"].items():
+        now = new["rod"].get(rod, {})
+        for key in ("length", "stiffness"):
+            least = min((c.would_notice[key] for c in agrees if key in c.would_notice),
+                        default=math.inf)
+            if abs(now.get(key, math.inf) - was[key]) > 3 * least * was[key]:
+                found.append(f"rod {key}")
+        for key in ("from", "to", "ends"):
+            if was.get(key) != now.get(key) and now.get(key) != ["clamped", "free"]:
+                found.append(f"rod {key}")
+    xml = new.get("model", f"{name}.xml")
+    one, two = (loads(ElementTree.fromstring(text)) for text in (
+        before[f"{name}.xml"], (folder / xml).read_bytes()))
+    least = min((share for c in agrees for share in c.would_notice.values()), default=math.inf)
+    for key, numbers in one.items():
+        other = two.get(key)
+        if other is None or len(other) != len(numbers) or any(
+                abs(a - b) > 3 * least * max(1.0, abs(a)) for a, b in zip(numbers, other,
+                                                                          strict=True)):
+            found.append(f"{key} of a rod's model")
+    return found
+
+
+def loads(root: ElementTree.Element) -> dict[str, list[float]]:
+    """Numbers on which the rest of the small rod depends."""
+    found = {}
+    for tag, key, default in (("key", "ctrl", ""), ("motor", "gear", ""), ("site", "pos", "0 0 0"),
+                              ("site", "euler", "0 0 0"), ("site", "quat", "1 0 0 0"),
+                              ("option", "gravity", "0 0 -9.81")):
+        element = root.find(f".//{tag}")
+        if element is not None:
+            found[f"{tag} {key}"] = [float(v) for v in element.get(key, default).split()]
+    off = [e.get("actuation") == "disable" for e in root.iter("flag")]
+    found["flag actuation"] = [float(any(off))]
+    return found

@@ -1,0 +1,139 @@
+"""Mutated MJCF, TOML and CSV: no uncaught exception, no hang, no false agreement.
+
+An input is a small shipped case and one to three mutations, all from one seed, its number.
+`oracle` says what a false agreement is, and which changes are harmless.  Findings are shrunk and
+kept in `tests/data/fuzz` by `python -m tests.fuzz.hunt`; those that are `open` are known and not
+repaired yet: they fail nothing, and must still be found.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from proofmass.check import check
+from tests.fuzz import oracle
+from tests.fuzz.cases import EDITS, small, started, write
+from tests.fuzz.hunt import KEPT, by_command_line, kept, made, numbered
+from tests.fuzz.judge import Judge, patience
+from tests.fuzz.mutators import MUTATORS, Mutation, mutated
+
+QUICK, BLOCK, BLOCKS = 50, 500, 20
+STORED = sorted(KEPT.glob("*.json"))
+OPEN = {table["signature"] for _, _, table in map(kept, STORED) if table["open"]}
+
+
+@pytest.fixture(scope="module")
+def judge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Judge]:
+    one = Judge(tmp_path_factory.mktemp("fuzz"))
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def engine(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """An engine's process of this one, which waits: its start counts towards a run's limit."""
+    started(tmp_path_factory.mktemp("start"))
+
+
+def faults(judge: Judge, first: int, last: int) -> list[str]:
+    """Findings that are not known, and inputs that the oracle failed on."""
+    found = []
+    for number in range(first, last):
+        name, mutations = numbered(number)
+        answer = judge.judge(name, made(name, mutations))
+        wrong = [f for f in answer.findings if f not in OPEN]
+        wrong += [n for n in answer.notes if n.startswith("oracle failed")]
+        found += [f"input {number}, {name}, {mutations}: {w}\n{answer.detail}" for w in wrong]
+    return found
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_a_small_case_agrees_and_the_oracle_covers_it(name, judge):
+    answer = judge.judge(name, dict(small(name)))
+    assert (answer.exit_code, answer.findings, answer.notes) == (0, [], [])
+
+
+ANOTHER = [  # what the oracle must see if the verdict does not
+    ("fourbar", b'name="coupler" pos="1 0 0"', b'name="coupler" pos="1.01 0 0"',
+     "curve of framepos in sweep pymunk"),
+    ("fourbar", b'gravity="0 -9.81 0"', b'gravity="0 -9.8 0"',
+     "curve of actuatorfrc in sweep mujoco"),
+    ("fourbar", b'<joint name="rocker"/>', b'<joint name="rocker" frictionloss="0.1"/>',
+     "dry friction in sweep mujoco"),
+    ("fourbar", b'<joint name="crank"/>', b'<joint name="crank" range="-1 0.3"/>',
+     "joint range in sweep mujoco"),
+    ("fourbar", b'<frameangacc name="rocker_acceleration"',
+     b'<frameangvel name="rocker_acceleration"',
+     "curve of frameangvel in sweep mujoco"),
+    ("slider_crank", b'<jointvel name="slide_rate" joint="slider"', b'<jointvel name="slide_rate" '
+     b'joint="crank"', "curve of jointvel in duration pymunk"),
+    ("pendulum", b'gravity="0 -9.81 0"', b'gravity="0 -9.8 0"',
+     "curve of jointpos in duration mujoco"),
+    ("balancer_sine", b'stiffness="0.4359"', b'stiffness="0.44"',
+     "curve of jointpos in sweep mujoco"),
+    ("watt", b'name="second_end" pos="2.8 0 0"', b'name="second_end" pos="2.801 0 0"',
+     "curve of framepos in duration mujoco"),
+    ("hacksaw_recorded", b'name="crank_end" pos="0.075 0 0"', b'name="crank_end" pos="0.076 0 0"',
+     "curve of jointpos in sweep mujoco"),
+    ("rod_cantilever", b'ctrl="10"', b'ctrl="30"', "key ctrl of a rod's model"),
+    ("fourbar", b"rocker = 2.5 ", b"rocker = 2.6 ", "parameter rocker"),
+    ("fourbar", b"mode = 1 ", b"mode = -1 ", "parameter mode 1 is -1"),
+    ("fourbar", b'"pin_x", unit = "m"', b'"pin_x", unit = "rad"', "channel unit"),
+    ("fourbar", b"to = 0.6", b"to = 0.7", "x of sweep"),
+]
+
+
+@pytest.mark.parametrize(("name", "old", "new", "signature"), ANOTHER)
+def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signature, tmp_path,
+                                                        engine):
+    """The good result of the case is held against files that say something else."""
+    files = dict(small(name))
+    write(files, tmp_path)
+    result = check([tmp_path / f"{name}.toml"], jobs=1)
+    assert oracle.judge(tmp_path, name, files, result) == ([], "")
+    changed = {k: v.replace(old, new) for k, v in files.items()}
+    assert changed != files
+    write(changed, tmp_path)
+    assert signature in oracle.judge(tmp_path, name, files, result)[0]
+
+
+def test_each_mutator_changes_something_and_is_repeatable():
+    for name in EDITS:
+        files = dict(small(name))
+        for ending in {Path(file).suffix for file in files}:
+            for mutator in MUTATORS[ending]:
+                tried = [mutated(files, [Mutation(ending, mutator, seed)]) for seed in range(10)]
+                assert any(t != files for t in tried), (name, mutator)
+                assert tried[3] == mutated(files, [Mutation(ending, mutator, 3)])
+
+
+@pytest.mark.parametrize("file", STORED, ids=lambda file: file.stem)
+def test_a_finding_that_was_kept(file, judge):
+    name, files, table = kept(file)
+    if table["open"] and table["signature"].startswith("hang"):
+        pytest.skip("known, takes its whole limit of time")
+    found = judge.judge(name, files).findings
+    assert found == ([table["signature"]] if table["open"] else [])
+
+
+def test_a_few_mutated_inputs(judge):
+    assert not faults(judge, 0, QUICK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(BLOCKS))
+def test_ten_thousand_mutated_inputs(block, judge):
+    assert not faults(judge, block * BLOCK, (block + 1) * BLOCK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(10))
+def test_inputs_through_the_command_line(block, tmp_path):
+    for number in range(100_000 + 30 * block, 100_000 + 30 * (block + 1)):
+        name, mutations = numbered(number)
+        files = made(name, mutations)
+        limit, stated = patience(files, name)
+        answer = by_command_line(name, files, tmp_path / str(number), limit)
+        wrong = [f for f in answer.findings if f not in OPEN and (stated or "hang" not in f)]
+        assert not wrong, f"input {number}, {name}, {mutations}: {wrong}\n{answer.detail}"
