@@ -7,12 +7,14 @@ a session of its own, with a limit of memory; whoever asks it ends it when it is
 
 import json
 import os
+import re
 import resource
 import select
 import signal
 import subprocess
 import sys
 import tempfile
+import tomllib
 import traceback
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -25,6 +27,8 @@ MARGIN = 15.0
 """[s] beyond the stated limits of all runs: start of processes on a busy machine."""
 LONGEST = 40.0
 """[s] stated limits are not waited for any longer; such an input is left unjudged."""
+LENGTHY = 20_000
+"""Bytes of a sidecar whose limits are read; `tomllib` takes memory with the square of a key."""
 MEMORY = 6 << 30
 """Address space of a judge and, each, of its engines [bytes]."""
 LIFE = 300
@@ -106,14 +110,14 @@ class Judge:
 
 def patience(files: Files, name: str) -> tuple[float, bool]:
     """Seconds to wait for an input, and whether that covers the limits that it states."""
-    import tomllib
-
-    total = 0.0
+    total, text = 0.0, files[f"{name}.toml"]
     try:
-        for run in tomllib.loads(files[f"{name}.toml"].decode()).get("run", {}).values():
+        if len(text) > LENGTHY:
+            raise ValueError("too long to parse here, where memory has no limit")
+        for run in tomllib.loads(text.decode()).get("run", {}).values():
             total += float(run.get("timeout", 120.0)) * len(run.get("solvers", []))
     except (ValueError, AttributeError, TypeError, RecursionError):
-        total = 4 * TIMEOUT  # not a case: nothing should run
+        total = 4 * TIMEOUT  # as the small cases state it, or no case at all
     return min(max(total, TIMEOUT), LONGEST) + MARGIN, total <= LONGEST
 
 
@@ -128,8 +132,6 @@ def place_of(frames: list[tuple[str, str]]) -> str:
 
 def stuck(words: str) -> str:
     """Where the main thread or a task was, from a dump of all stacks, innermost first there."""
-    import re
-
     found = [place_of(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
              for block in re.split(r"Thread |Current thread ", words.split("Timeout (")[-1])]
     inner = [f for f in found if ":" in f and "check.py:check" not in f and "isolate" not in f]
