@@ -24,6 +24,9 @@ SHORT = [(r"(?m)^n = \d+", "n = 7"), (r'"mujoco:default", |, "pymunk:default"', 
 EDITS: dict[str, list] = {
     "pendulum": [*SHORT, (r"until = 10\.0", "until = 0.3")],
     "fourbar": SHORT,
+    "fourbar_sweep": [*SHORT, (r"(?s)\[run\.duration\].*?\n\n", ""), (r'"mujoco", "pymunk"',
+                                                                      '"mujoco"'),
+                      (r"(?m)^reference", 'model = "fourbar.xml"\nreference')],
     "slider_crank": SHORT,
     "hacksaw_recorded": SHORT,
     "balancer_sine": [*SHORT, (r"to = 1\.57\d+", "to = 0.3"), (r"abs = 1e-12", "abs = 1e-10")],
@@ -31,14 +34,16 @@ EDITS: dict[str, list] = {
                        (r"(?s)\[refine\].*?\n\n", ""), (r"of_range = \S+", "of_range = 0.1")],
     "watt": SHORT,
 }
-FORCED = {"hacksaw_recorded": slice(300, 308)}
+OF = {"fourbar_sweep": "fourbar"}
+"""Cases that are made of another one: what one run refuses, the other must not have to."""
+ROWS = {"hacksaw_recorded": slice(300, 308)}
 """Rows of the recorded curve that are kept, beside its comments and its header."""
 
 
 @cache
 def small(name: str) -> tuple[tuple[str, bytes], ...]:
     """Files of a small case, as pairs of name and content."""
-    text = (MODELS / f"{name}.toml").read_text(encoding="utf-8")
+    text = (MODELS / f"{OF.get(name, name)}.toml").read_text(encoding="utf-8")
     for old, new in EDITS[name]:
         text = re.sub(old, new, text)
     text = re.sub(r"(?m)^(\[run\.\w+\])$", rf"\1\ntimeout = {TIMEOUT}", text)
@@ -46,7 +51,7 @@ def small(name: str) -> tuple[tuple[str, bytes], ...]:
     files = {f"{name}.toml": text.encode()}
     xml = model[1] if model else f"{name}.xml"
     files[xml] = (MODELS / xml).read_bytes()
-    if rows := FORCED.get(name):
+    if rows := ROWS.get(name):
         lines = (MODELS / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
         files[f"{name}.csv"] = "".join(lines[:3] + lines[rows]).encode()
     return tuple(files.items())

@@ -72,16 +72,15 @@ def by_command_line(name: str, files: Files, folder: Path, limit: float) -> Verd
     return answer
 
 
-def keep(folder: Path, signature: str, name: str, mutations: list[Mutation]) -> Path:
+def keep(folder: Path, signature: str, name: str, files: Files) -> Path:
     """Store an input under its signature; `open` says that the finding is there still."""
     folder.mkdir(parents=True, exist_ok=True)
     slug = re.sub(r"\W+", "_", signature).strip("_")[:80]
     file = folder / f"{slug}.json"
-    base, files = dict(small(name)), made(name, mutations)
+    base = dict(small(name))
     changed = {k: v.decode("latin-1") for k, v in files.items() if v != base[k]}
-    file.write_text(json.dumps({
-        "signature": signature, "open": True, "case": name, "by": [list(m) for m in mutations],
-        "changed": changed}, indent=1) + "\n", encoding="ascii")
+    table = {"signature": signature, "open": True, "case": name, "changed": changed}
+    file.write_text(json.dumps(table, indent=1) + "\n", encoding="ascii")
     return file
 
 
@@ -111,9 +110,9 @@ def hunt(first: int, last: int, folder: Path) -> Counter[str]:
             for signature in answer.findings:
                 if signature not in known:
                     known.add(signature)
-                    file = keep(folder, signature, name,
-                                shrunk(judge, name, mutations, signature))
-                    print(f"{number} {name}: {signature}\n    {file.name}", flush=True)
+                    fewest = shrunk(judge, name, mutations, signature)
+                    keep(folder, signature, name, made(name, fewest))
+                    print(f"{number} {name}: {signature}, by {fewest}", flush=True)
                     print("    " + answer.detail[-700:].replace("\n", "\n    "), flush=True)
             for note in answer.notes:
                 if note not in known and not note.startswith("timed out"):

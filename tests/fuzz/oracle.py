@@ -124,7 +124,7 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
         curves = result.curves[name, run, solver]
         x, drives = motion(new, run, recorded)
         if x.shape != curves.x.shape or not np.allclose(x, curves.x, rtol=1e-9, atol=1e-12):
-            found.append(f"x of {run}")
+            found.append("x")
             continue
         bare = Bare(model, new, run, x, drives)
         for c in mine:
@@ -133,13 +133,13 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
                 shown = new["channels"][c.channel]
                 want = shown.get("scale", 1.0) * want + shown.get("shift", 0.0)
                 if far(curves.channels[c.channel], want, c.allowed):
-                    found.append(f"recorded column in {run} {solver}")
+                    found.append("recorded column")
             want = bare.channel(c.channel)
             if want is not None and far(curves.channels[c.channel], want, c.allowed,
                                         c.channel.endswith(".angle")):
-                found.append(f"curve of {bare.kind(c.channel)} in {run} {solver}")
+                found.append(f"curve of {bare.kind(c.channel)}")
             if bare.kind(c.channel) in FORCES or not drives:
-                found += [f"{word} in {run} {solver}" for word in sorted(bare.warnings)]
+                found += sorted(bare.warnings)
     return found
 
 
@@ -373,8 +373,8 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
             if was.get(key) != now.get(key) and now.get(key) != ["clamped", "free"]:
                 found.append(f"rod {key}")
     xml = new.get("model", f"{name}.xml")
-    one, two = (loads(ElementTree.fromstring(text)) for text in (
-        before[f"{name}.xml"], (folder / xml).read_bytes()))
+    one = loads(ElementTree.fromstring(before[f"{name}.xml"]), old.get("start", "start"))
+    two = loads(ElementTree.fromstring((folder / xml).read_bytes()), new.get("start", "start"))
     least = min((share for c in agrees for share in c.would_notice.values()), default=math.inf)
     for key, numbers in one.items():
         other = two.get(key)
@@ -385,15 +385,17 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
     return found
 
 
-def loads(root: ElementTree.Element) -> dict[str, list[float]]:
+def loads(root: ElementTree.Element, start: str) -> dict[str, list[float]]:
     """Numbers on which the rest of the small rod depends."""
     found = {}
-    for tag, key, default in (("key", "ctrl", ""), ("motor", "gear", ""), ("site", "pos", "0 0 0"),
-                              ("site", "euler", "0 0 0"), ("site", "quat", "1 0 0 0"),
-                              ("option", "gravity", "0 0 -9.81")):
-        element = root.find(f".//{tag}")
-        if element is not None:
-            found[f"{tag} {key}"] = [float(v) for v in element.get(key, default).split()]
-    off = [e.get("actuation") == "disable" for e in root.iter("flag")]
-    found["flag actuation"] = [float(any(off))]
+    for tag, key, default in (("key", "ctrl", ""), ("motor", "gear", "1 0 0 0 0 0"),
+                              ("site", "pos", "0 0 0"), ("site", "euler", "0 0 0"),
+                              ("site", "quat", "1 0 0 0"), ("option", "gravity", "0 0 -9.81")):
+        which = f".//{tag}" + (f"[@name='{start}']" if tag == "key" else "")
+        given = [e.get(key) for e in root.iterfind(which) if e.get(key)]
+        text = default if not given else given[-1 if tag == "option" else 0]  # the last one counts
+        numbers = [float(v) for v in text.split()]
+        found[f"{tag} {key}"] = numbers + [0.0] * (6 - len(numbers)) * (tag == "motor")
+    flags = [e.get("actuation") for e in root.iter("flag") if e.get("actuation")]
+    found["flag actuation"] = [float(flags[-1:] == ["disable"])]
     return found
