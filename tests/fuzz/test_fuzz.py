@@ -132,7 +132,7 @@ def test_inputs_through_the_command_line(block, tmp_path):
     for number in range(100_000 + 30 * block, 100_000 + 30 * (block + 1)):
         name, mutations = numbered(number)
         files = made(name, mutations)
-        limit, stated = patience(files, name)
-        answer = by_command_line(name, files, tmp_path / str(number), limit)
+        _, stated = patience(files, name)
+        answer = by_command_line(files, tmp_path / str(number))
         wrong = [f for f in answer.findings if f not in OPEN and (stated or "hang" not in f)]
         assert not wrong, f"input {number}, {name}, {mutations}: {wrong}\n{answer.detail}"
