@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from sim.mjcf import leave_out_disabled
 from sim.mujoco_model import Recorder, configure, load
 from sim.mujoco_reading import withhold
 from sim.mujoco_still import until_still
@@ -117,6 +118,7 @@ def assembled(path: Path, run: Run, chains: list[Chain]) -> tuple[mujoco.MjModel
         model = spec.compile()
     except ValueError as error:
         raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+    leave_out_disabled(model)
     tune(model, run)
     data = mujoco.MjData(model)
     data.ctrl[: ctrl.size] = ctrl

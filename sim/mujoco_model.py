@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.mjcf import compile_model
 from sim.plane import find_plane
-from sim.protocol import Array, BadModel, Run
+from sim.protocol import Array, BadModel, Run, Unsupported
 
 S = mujoco.mjtSensor
 ENGINE_DEFAULTS = {
@@ -49,10 +49,11 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
     if model.nkey:
         key = named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
         mujoco.mj_resetDataKeyframe(model, data, key)
-    for actuator in range(model.nu):
+    for actuator in range(model.nactuator):
         # its motor is the drive; what is left in ctrl are constant loads
         if joint_of(model, actuator) in driven:
-            data.ctrl[actuator] = 0.0
+            first = model.actuator_ctrladr[actuator]
+            data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
     configure(model, run.settings)
     return model, data
 
@@ -100,6 +101,11 @@ def joint_of(model: mujoco.MjModel, actuator: int) -> int:
     on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     found = int(model.actuator_trntype[actuator]) in on_joint
     return int(model.actuator_trnid[actuator, 0]) if found else -1
+
+
+def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
+    """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
+    return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
 
 
 def connects(model: mujoco.MjModel) -> list[int]:
@@ -156,6 +162,8 @@ class Recorder:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, channels: tuple[str, ...],
                  samples: int):
+        if channels and model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            raise Unsupported('<flag sensor="disable"/>: MuJoCo then leaves all channels at zero')
         self.model = model
         self.plane = find_plane(model, data) if any(".angle" in c for c in channels) else None
         self.sensors = {c: self._resolve(c) for c in channels}

@@ -3,7 +3,7 @@
 import mujoco
 
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, joint_of
+from sim.mujoco_model import Recorder, gear_of, joint_of
 from sim.protocol import Array
 
 S = mujoco.mjtSensor
@@ -37,6 +37,6 @@ def drive_moments(model: mujoco.MjModel, linkage: Linkage, record: Recorder,
         place = model.sensor_objid[index]
         joint = joint_of(model, place) if on_actuator else place
         if joint >= 0 and model.jnt_dofadr[joint] in dofs:
-            gear = model.actuator_gear[place, 0] if on_actuator else 1.0
+            gear = gear_of(model, place)[0] if on_actuator else 1.0
             found[channel] = moments[:, dofs.index(model.jnt_dofadr[joint])] / gear
     return found

@@ -81,6 +81,7 @@ def weigh(linkage: Linkage) -> None:
     model.dof_damping += 2 * slowest * np.diag(inertia)
     model.dof_armature[dofs] += FLYWHEEL * inertia.max()
     model.dof_damping[dofs] = 0
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)  # this damping must act
     pose = data.qpos.copy()
     mujoco.mj_setConst(model, data)  # inertia changes how stiff the engine makes a constraint
     data.qpos[:], data.qvel[:] = pose, 0

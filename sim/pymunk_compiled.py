@@ -5,12 +5,12 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import joint_of
+from sim.mujoco_model import gear_of, joint_of
 from sim.plane import Plane, find_plane
 from sim.protocol import Array, BadModel
 from sim.pymunk_inertia import inertias
 from sim.pymunk_links import HAIR, Hold, Joint, Links, Pull
-from sim.pymunk_refuse import OFF, dead_load, off, refuse, refuse_gravity, refuse_wrench
+from sim.pymunk_refuse import dead_load, refuse, refuse_gravity, refuse_wrench
 
 OPEN = 0.05
 """Largest gap of a loop in the start pose, as a share of the mechanism's extent."""
@@ -50,11 +50,10 @@ def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Link
     joints = tuple(_joint(model, data, plane, of_body, centre, j, j in driven)
                    for j in range(model.njnt))
     loops = _loops(model, data, plane, of_body, centre)
-    gravity = 0.0 if off(model, OFF.mjDSBL_GRAVITY) else plane.flat(model.opt.gravity)
     extent = _extent(joints, loops, centre, model)
     _check_closed(loops, centre, extent, key)
     return Links(model, data, plane, of_body, centre, mass, moment, joints,
-                 driven, loops, pulls, gravity * np.ones(2), extent)
+                 driven, loops, pulls, plane.flat(model.opt.gravity), extent)
 
 
 def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
@@ -83,29 +82,28 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
     else:
         sign = float(np.sign(data.xaxis[j] @ plane.normal))
         hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
-    limited = model.jnt_limited[j] and not driven and not (
-        off(model, OFF.mjDSBL_LIMIT) or off(model, OFF.mjDSBL_CONSTRAINT))
+    limited = model.jnt_limited[j] and not driven
     return Joint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
                  _stiffness(model, j), float(model.qpos_spring[at]),
-                 0.0 if off(model, OFF.mjDSBL_DAMPER) else float(model.dof_damping[dof]),
+                 float(model.dof_damping[dof]),
                  0.0 if driven else _load(model, data, j),
                  tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None)
 
 
 def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     """What the motors on a joint do, as far as its range of forces lets them."""
-    own = sum(float(data.actuator_force[a] * model.actuator_gear[a, 0])
-              for a in range(model.nu) if joint_of(model, a) == j)
+    own = sum(float(data.actuator_force[model.actuator_outadr[a]] * gear_of(model, a)[0])
+              for a in range(model.nactuator) if joint_of(model, a) == j)
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 
 def _pulls(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
            centre: Array) -> tuple[Pull, ...]:
     pulls = []
-    for a in filter(partial(dead_load, model), range(model.nu)):
+    for a in filter(partial(dead_load, model), range(model.nactuator)):
         site, frame = model.actuator_trnid[a]
-        wrench = data.actuator_force[a] * (
-            model.actuator_gear[a].reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T)
+        wrench = data.actuator_force[model.actuator_outadr[a]] * (
+            gear_of(model, a).reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T)
         refuse_wrench(model, a, wrench, plane)
         link = of_body[model.site_bodyid[site]]
         if link < len(centre) - 1:
@@ -115,16 +113,12 @@ def _pulls(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
 
 
 def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
-    if off(model, OFF.mjDSBL_SPRING):
-        return 0.0, 0.0, 0.0
     square, cube = model.jnt_stiffnesspoly[j].tolist()
     return float(model.jnt_stiffness[j]), square, cube
 
 
 def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
            centre: Array) -> tuple[Hold, ...]:
-    if off(model, OFF.mjDSBL_EQUALITY) or off(model, OFF.mjDSBL_CONSTRAINT):
-        return ()
     loops = []
     for e in np.flatnonzero(model.eq_active0):
         ids = (model.eq_obj1id[e], model.eq_obj2id[e])

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import joint_of
+from sim.mujoco_model import gear_of, joint_of
 from sim.protocol import Array, BadModel
 from sim.pymunk_links import Links
 from sim.pymunk_pose import along, joint_value, turned
-from sim.pymunk_refuse import OFF, off
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 ORDER = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2,
@@ -96,9 +95,10 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
-        gear = 1.0 if of_joint else float(model.actuator_gear[obj, 0])
+        gear = 1.0 if of_joint else float(gear_of(model, obj)[0])
         return Channel(-2, _still, links.driven.index(joint), 1.0 / gear)
-    force = links.joints[joint].load if of_joint else float(links.data.actuator_force[obj])
+    force = links.joints[joint].load if of_joint else float(
+        links.data.actuator_force[model.actuator_outadr[obj]])
     return Channel(0, lambda pose: np.full(pose.shape[:-2], force))
 
 
@@ -138,13 +138,12 @@ def _potential(links: Links, pose: Array) -> Array:
     """MuJoCo's potential energy: -m g.r of every body, plus the joint springs."""
     model, plane = links.model, links.plane
     energy = np.zeros(pose.shape[:-2])
-    if not off(model, OFF.mjDSBL_GRAVITY):
-        for b in range(1, model.nbody):
-            link, point = links.of_body[b], links.data.xipos[b]
-            local = plane.flat(point) - links.centre[link]
-            at = plane.world(pose[..., link, :2] + turned(pose[..., link, 2], local),
-                             float(point @ plane.normal))
-            energy = energy - model.body_mass[b] * (at @ model.opt.gravity)
+    for b in range(1, model.nbody):
+        link, point = links.of_body[b], links.data.xipos[b]
+        local = plane.flat(point) - links.centre[link]
+        at = plane.world(pose[..., link, :2] + turned(pose[..., link, 2], local),
+                         float(point @ plane.normal))
+        energy = energy - model.body_mass[b] * (at @ model.opt.gravity)
     for joint in links.joints:
         energy = energy + joint.spring_energy(joint_value(joint, pose))
     return energy

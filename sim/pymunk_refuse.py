@@ -36,8 +36,7 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
 def refuse_gravity(model: mujoco.MjModel, plane: Plane) -> None:
     """Raise `Unsupported` if gravity does not lie in the plane of motion."""
     gravity = model.opt.gravity
-    if not off(model, OFF.mjDSBL_GRAVITY) and (
-            abs(gravity @ plane.normal) > PARALLEL * np.linalg.norm(gravity)):
+    if abs(gravity @ plane.normal) > PARALLEL * np.linalg.norm(gravity):
         raise Unsupported(f"option gravity {gravity.tolist()} does not lie in the plane of motion")
 
 

@@ -63,20 +63,40 @@ class Reader:
         hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         place = (self.point(model.jnt_bodyid[j], model.jnt_pos[j]) if hinge
                  else self.flat(self.axes[j]))
-        load = sum(model.actuator_gear[a, 0] * model.actuator_gainprm[a, 0] * ctrl[a]
-                   for a in range(model.nu) if model.actuator_trnid[a, 0] == j)
         return Joint(
             model.joint(j).name, bool(hinge), place,
             float(np.sign(self.axes[j] @ self.normal)) if hinge else 1.0,
             float(model.qpos0[adr]), self.unless(OFF.mjDSBL_SPRING, model.jnt_stiffness[j]),
             float(model.qpos_spring[adr]), self.unless(OFF.mjDSBL_DAMPER, model.dof_damping[dof]),
-            float(model.dof_armature[dof]), float(load),
+            float(model.dof_armature[dof]), self.load(j, ctrl),
             (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1])) if model.jnt_limited[j]
-            and self.unless(OFF.mjDSBL_LIMIT, 1.0) else (-np.inf, np.inf))
+            and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
+            else (-np.inf, np.inf))
+
+    def load(self, j: int, ctrl: Array) -> float:
+        """What the motors on joint number j do, as far as its range of forces lets them."""
+        model, load = self.model, 0.0
+        if not disabled(model, OFF.mjDSBL_ACTUATION):
+            load = sum(self.motor(a, ctrl) for a in range(model.nactuator)
+                       if model.actuator_trnid[a, 0] == j and joined(model, a))
+        limited = model.jnt_actfrclimited[j]
+        return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
+
+    def motor(self, a: int, ctrl: Array) -> float:
+        """Moment or force of motor number a, with its control and its force in their ranges."""
+        model, control = self.model, ctrl[self.model.actuator_ctrladr[a]]
+        if model.opt.disableactuator & 1 << int(model.actuator_group[a]):
+            return 0.0
+        if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
+            control = np.clip(control, *model.actuator_ctrlrange[a])
+        force = model.actuator_gainprm[a, 0] * control
+        if model.actuator_forcelimited[a]:
+            force = np.clip(force, *model.actuator_forcerange[a])
+        return float(model.actuator_gear[model.actuator_outadr[a], 0] * force)
 
     def unless(self, flag: int, value: float) -> float:
         """A number, or zero if the model disables what it stands for."""
-        return 0.0 if self.model.opt.disableflags & int(flag) else float(value)
+        return 0.0 if disabled(self.model, flag) else float(value)
 
     def body(self, b: int) -> Body:
         """Body number b."""
@@ -104,6 +124,17 @@ class Reader:
         model = self.model
         return Coupling(model.equality(e).name, int(model.eq_obj1id[e]), int(model.eq_obj2id[e]),
                         tuple(float(c) for c in model.eq_data[e, :5]))
+
+
+def disabled(model: Any, *flags: int) -> bool:
+    """Whether a model sets one of these disable flags."""
+    return any(model.opt.disableflags & int(flag) for flag in flags)
+
+
+def joined(model: Any, a: int) -> bool:
+    """Whether actuator number a acts on a joint."""
+    return int(model.actuator_trntype[a]) in (mujoco.mjtTrn.mjTRN_JOINT,
+                                              mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def rotation(quaternion: Array) -> Array:
@@ -139,7 +170,8 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
     key = names.index(start) if names else -1
     ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
-    active = [e for e in range(model.neq) if model.eq_active0[e]]
+    active = [] if disabled(model, OFF.mjDSBL_EQUALITY, OFF.mjDSBL_CONSTRAINT) else [
+        e for e in range(model.neq) if model.eq_active0[e]]
     connects = [e for e in active if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT]
     gravity = reader.unless(OFF.mjDSBL_GRAVITY, 1.0) * model.opt.gravity
     return Mechanism(
@@ -160,12 +192,19 @@ def refuse(model: Any) -> None:
             raise ValueError(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[j].any():
             raise ValueError(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
-        if model.dof_frictionloss[j] > 0:
+        if model.dof_frictionloss[j] > 0 and not disabled(model, OFF.mjDSBL_FRICTIONLOSS,
+                                                          OFF.mjDSBL_CONSTRAINT):
             raise ValueError(f"joint {model.joint(j).name!r} has friction")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
             raise ValueError(f"equality {model.equality(e).name!r} is neither connect nor joint")
+    for a in range(model.nactuator):
+        motor = (model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
+                 and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+                 and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE)
+        if not (motor and joined(model, a)):
+            raise ValueError(f"actuator {model.actuator(a).name!r} is no motor on a joint")
     for what, there in {"a tendon": model.ntendon, "a flex": model.nflex, "a mocap body":
                         model.nmocap, "a fluid": model.opt.density + model.opt.viscosity}.items():
         if there:
