@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from sim.mjcf import leave_out_disabled
-from sim.mujoco_model import Recorder, configure, load
+from sim.mujoco_model import Recorder, configure, load, refuse_dry_friction
 from sim.mujoco_reading import withhold
 from sim.mujoco_still import until_still
 from sim.plane import Plane, find_plane
@@ -48,7 +48,7 @@ def rest(path: Path, run: Run) -> Curves:
     ------
     Unsupported
         Another run than a rest; drives; a rod that begins on a body that moves, or has a clamp at
-        its far end; a moment on a rod.
+        its far end; a moment on a rod; dry friction.
     Diverged
         The engine reset itself, or does not come to rest.
     """
@@ -119,6 +119,7 @@ def assembled(path: Path, run: Run, chains: list[Chain]) -> tuple[mujoco.MjModel
     except ValueError as error:
         raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
     leave_out_disabled(model)
+    refuse_dry_friction(model, run.kind)
     tune(model, run)
     data = mujoco.MjData(model)
     data.ctrl[: ctrl.size] = ctrl

@@ -14,7 +14,10 @@ from sim.protocol import Array, BadModel, Unsupported
 
 EQ = mujoco.mjtEq
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+LIMITS = {"joint": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT),
+          "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)}
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
+TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its range
 NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
 CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
 UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
@@ -126,6 +129,19 @@ class Linkage:
         jacobian = self.rows()[1]
         rates = self.data.qvel
         rates -= np.linalg.lstsq(jacobian, jacobian @ rates, rcond=1e-10)[0]
+
+    def check_limits(self) -> None:
+        """Raise `BadModel` if a joint or a tendon is beyond its range; needs the pose of `rows`.
+
+        The drives hold every joint, so nothing can give way there; the engine's own limits are
+        springs, whose forces would enter the holding moments.
+        """
+        for word, kind in LIMITS.items():
+            past = (self.data.efc_type == kind) & (self.data.efc_pos < -TOUCHES)
+            if past.any():
+                name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
+                raise BadModel(f"{word} {name!r} is beyond its range at "
+                               f"{self.spoken(self.data.qpos[self.adr])}")
 
     def freedoms(self) -> int:
         """Freedoms left at the present pose when the drives are held."""

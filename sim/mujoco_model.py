@@ -108,6 +108,20 @@ def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
     return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
 
 
+def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
+    """Raise `Unsupported` where joints or tendons have friction that a run at rest leaves out.
+
+    At rest it may be anything between its two bounds, so that no pose and no moment is determined.
+    """
+    for word, values, name in (("joint", model.dof_frictionloss, lambda d: model.joint(
+            model.dof_jntid[d]).name), ("tendon", model.tendon_frictionloss,
+                                        lambda t: model.tendon(t).name)):
+        if values.any():
+            first = name(int(np.flatnonzero(values)[0]))
+            raise Unsupported(f"frictionloss of {word} {first!r} in a {kind}: at rest dry friction "
+                              f"is not determined")
+
+
 def connects(model: mujoco.MjModel) -> list[int]:
     """Numbers of the ``connect`` equalities that are active at the start."""
     kind = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT

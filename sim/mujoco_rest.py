@@ -20,6 +20,7 @@ import numpy as np
 
 from sim.mujoco_balance import DEPENDENT, FLAT, Balance
 from sim.mujoco_linkage import CLOSED, NEAR, STRIDE, Linkage
+from sim.mujoco_model import refuse_dry_friction
 from sim.mujoco_stops import Stops
 from sim.protocol import Array, BadModel, Run, Unsupported
 
@@ -31,15 +32,20 @@ EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is
 LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
 SHORTEST = 1e-8  # of a stride: a rest that cannot be followed so far is lost
 UNSTABLE = "the equilibrium becomes unstable"
-REFUSED = {"dof_frictionloss": "dry friction", "tendon_limited": "a limited tendon",
-           "tendon_frictionloss": "dry friction", "actuator_dyntype": "an actuator with a state"}
+REFUSED = {"tendon_limited": "a limited tendon", "actuator_dyntype": "an actuator with a state"}
 
 
 def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     """What a run follows: a linkage that its drives determine, or one that comes to rest.
 
     The start poses of rods are arcs, and as far from rest as it takes.
+
+    Raises
+    ------
+    Unsupported
+        A joint or a tendon has dry friction.
     """
+    refuse_dry_friction(model, run.kind)
     joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
     linkage = Linkage(model, data, joints)
     free = linkage.freedoms()

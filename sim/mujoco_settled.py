@@ -21,7 +21,7 @@ import scipy.linalg
 
 from sim.mujoco_balance import DEPENDENT
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder
+from sim.mujoco_model import Recorder, refuse_dry_friction
 from sim.mujoco_reading import drive_moments, withhold
 from sim.mujoco_rest import Resting
 from sim.mujoco_still import until_still
@@ -43,9 +43,12 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
     Raises
     ------
+    Unsupported
+        A joint or a tendon has dry friction.
     Diverged
         The engine reset itself, or does not come to rest.
     """
+    refuse_dry_friction(model, run.kind)
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
     weigh(linkage)
     record = Recorder(model, data, run.channels, run.x.size)

@@ -36,6 +36,7 @@ def rest(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     began = time.perf_counter()
     linkage = linkage_of(model, data, run)
     tangent = linkage.move(run.motion(run.x[:1])[0][:, 0])
+    linkage.check_limits()
     sensors = tuple(c for c in run.channels if c not in of_rods(run))
     record = Recorder(model, data, sensors, 1)
     missing = withhold(record, VELOCITY, NO_ACC)

@@ -42,7 +42,9 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     mujoco.mj_fullM(model, data, inertia)
     flywheel = FLYWHEEL * np.diag(tangent.T @ inertia @ tangent)
     model.dof_armature[linkage.dofs] += flywheel
-    model.dof_damping[linkage.dofs] = model.dof_frictionloss[linkage.dofs] = 0
+    # what resists an ideal drive does not change its motion, and its moment is not read here
+    model.dof_damping[linkage.dofs] = model.dof_dampingpoly[linkage.dofs] = 0
+    model.dof_frictionloss[linkage.dofs] = 0
     pose, speed = data.qpos.copy(), data.qvel.copy()
     mujoco.mj_setConst(model, data)  # the flywheel changes how stiff the engine makes a constraint
     data.qpos[:], data.qvel[:] = pose, speed

@@ -24,8 +24,9 @@ NO_ACC = "springs, weights or stops bring the model to rest: a path of rests has
 def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Follow the drives over ``run.x`` and read every sensor at every pose.
 
-    It stops where the loops cannot be closed any further, or where the rest of the freedoms that
-    are left folds or becomes unstable.  With the setting ``settled`` the engine steps in time.
+    It stops where the loops cannot be closed any further, where a joint that the drives move leaves
+    its range, or where the rest of the freedoms that are left folds or becomes unstable.  With the
+    setting ``settled`` the engine steps in time.
 
     Raises
     ------
@@ -50,6 +51,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in state), strict=True)):
         try:
             tangent = linkage.move(values, tangent)
+            linkage.check_limits()
             moments[k] = linkage.holding_moments(tangent)
             data.qvel[:] = tangent @ rates
             data.qacc[:] = linkage.acceleration(data.qvel, accelerations)

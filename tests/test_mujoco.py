@@ -127,6 +127,28 @@ def test_an_equality_of_another_kind_is_named(tmp_path):
         sweep_of(weld, tmp_path)
 
 
+def test_friction_of_a_driven_joint_changes_nothing_that_a_duration_shows(edit, models):
+    case = load_case(models / "fourbar.toml")
+    run = replace(plan(case, "duration", "mujoco"), x=np.linspace(0, 1, 11))
+    free = simulate(case.model_path, run)
+    edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" frictionloss="50"')
+    for name, curve in simulate(case.model_path, run).channels.items():
+        np.testing.assert_array_equal(curve, free.channels[name], err_msg=name)
+
+
+def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
+    """A bob that starts with 1 rad/s and rubs with 0.5 N m per kg m2: v = 1 - 0.5 t, then rest."""
+    xml = ARM.format(spring='frictionloss="1"', more="", gear=1).replace("0 -10 0", "0 0 0")
+    xml = xml.replace("<sensor>", '<sensor><jointvel name="v" joint="a"/>').replace(
+        "</mujoco>", '<keyframe><key name="start" qvel="1"/></keyframe></mujoco>')
+    xml = xml.replace('pos="0.5 0 0" mass="3"', 'pos="0 0 0" mass="3"').replace("1 1 1", "2 2 2")
+    file = tmp_path / "model.xml"
+    file.write_text(xml.replace('gravity="0 0 0"', 'gravity="0 0 0" timestep="1e-3"'))
+    curves = simulate(file, Run("duration", np.linspace(0, 3, 7), ("v",)))
+    by_hand = np.maximum(1 - 0.5 * curves.x, 0)
+    np.testing.assert_allclose(curves.channels["v"], by_hand, atol=0.02)  # MuJoCo's is soft
+
+
 def test_a_joint_equality_drives_its_follower(tmp_path):
     follower = '</body><body name="b"><joint name="b"/><inertial pos="1 0 0" mass="1" ' \
                'diaginertia="1 1 1"/>'

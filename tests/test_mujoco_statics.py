@@ -37,12 +37,12 @@ def sweep(tmp_path: Path):
     """Sweep the joint "a" of a small model over x."""
 
     def run(x, channels, bodies, equality="", motors="", sensors="", key="",
-            gravity=-G, more="") -> Curves:
+            gravity=-G, more="", **settings) -> Curves:
         file = tmp_path / "model.xml"
         file.write_text(MODEL.format(
             bodies=bodies, equality=equality, motors=motors, key=key, gravity=gravity,
             sensors=joints(*sensors.split()) + more))
-        return simulate(file, Run("sweep", np.asarray(x), channels, (RATE,)))
+        return simulate(file, Run("sweep", np.asarray(x), channels, (RATE,), settings=settings))
 
     return run
 
@@ -261,13 +261,30 @@ def test_a_start_pose_off_its_rest_settles(sweep):
      "joint 'b' moves by more than 0.5 (rad, or extents)"),
     (body("a") + body("b", type="slide"), {"gravity": 0, "motors": '<motor joint="b"/>',
                                            "key": 'ctrl="0 1"'}, Unsupported, "not near rest"),
-    (body("a") + body("b", frictionloss="1"), {}, Unsupported,
-     "dry friction in a sweep with 1 freedom(s) left"),
 ])
 def test_what_does_not_rest_is_named(bodies, options, error, said, sweep):
     with pytest.raises(error) as caught:
         sweep([0.0, 0.1, 0.2], ("hold",), bodies, **options)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("settled", [False, True])
+@pytest.mark.parametrize(("bodies", "named"), [
+    (body("a", frictionloss="50"), "joint 'a'"),
+    (body("a") + body("b", frictionloss="1", stiffness="9"), "joint 'b'"),
+    (body("a") + "</worldbody><tendon><fixed name='rope' frictionloss='2'><joint joint='a' coef='1'"
+     "/></fixed></tendon><worldbody>", "tendon 'rope'")])
+def test_dry_friction_is_refused_by_name_where_the_model_is_at_rest(bodies, named, settled, sweep):
+    with pytest.raises(Unsupported, match=f"frictionloss of {named} in a sweep"):
+        sweep([0.0, 0.1], ("hold",), bodies, settled=settled)
+
+
+def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep):
+    follower = '<joint joint1="b" joint2="a" polycoef="0 2 0 0 0"/>'
+    curves = sweep([0.0, 0.1, 0.2, 0.3, 0.4], ("hold", "b"), body("a") + body("b", range="-1 .4"),
+                   follower, sensors="b")
+    assert curves.x.tolist() == [0.0, 0.1, 0.2]  # b is on the end of its range there
+    assert curves.stopped == "joint 'b' is beyond its range at a = 0.3"
 
 
 def test_a_path_of_rests_has_no_accelerations(sweep):

@@ -162,6 +162,15 @@ def test_what_it_is_not_asked_for(tmp_path):
         rest(file, cantilever(1))
 
 
+def test_dry_friction_is_refused_by_name(tmp_path):
+    file = model(tmp_path, '<body name="b"><joint name="b" frictionloss="1"/><geom size="0.1"/>'
+                 '</body>', pull("r.tip", 0, 1), ctrl="1")
+    with pytest.raises(Unsupported, match="frictionloss of joint 'b' in a rest"):
+        rest(file, cantilever(5))
+    with pytest.raises(Unsupported, match="frictionloss of joint 'b' in a rest"):
+        simulate(file, Run("rest", np.array([0.0, 1.0]), SHAPE, rods=(cantilever(5),)))
+
+
 def test_stations_stand_half_an_element_beside_the_clamp():
     assert stations(points(cantilever(2))).tolist() == pytest.approx([-0.2, 0.2, 0.6, 1.0])
     pinned = points(cantilever(2, ends=("pinned", "free")))
