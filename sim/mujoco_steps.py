@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import Recorder
+from sim.mujoco_reading import withhold_drives
 from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
 
@@ -54,6 +55,8 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
 def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Step through ``run.x`` (time) and read every sensor at every sample.
 
+    The moments of drives are not delivered: what is applied here moves the flywheels.
+
     What a step computes belongs to its beginning, one step before the state it leaves behind.  A
     sample is therefore read after the first step that starts from it; only RK4, which leaves the
     accelerations of its last stage, needs a forward pass of its own there.
@@ -69,6 +72,7 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
     torque, instant = start(linkage, run, times)
     record = Recorder(model, data, run.channels, run.x.size)
+    missing = withhold_drives(model, linkage, record)
     data.time = run.x[0]
     began = time.perf_counter()
     dofs = linkage.dofs
@@ -80,7 +84,7 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if run.drives:
         rows = record.rows
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
-    return Curves(run.x, record.curves(), drive=state, gap=gap, seconds=seconds,
+    return Curves(run.x, record.curves(), missing, drive=state, gap=gap, seconds=seconds,
                   steps=times.size - 1, settings={"timestep": step})
 
 

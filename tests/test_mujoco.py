@@ -136,6 +136,24 @@ def test_friction_of_a_driven_joint_changes_nothing_that_a_duration_shows(edit, 
         np.testing.assert_array_equal(curve, free.channels[name], err_msg=name)
 
 
+@pytest.mark.parametrize("sensor", ['actuatorfrc name="moment" actuator="m"',
+                                    'jointactuatorfrc name="moment" joint="a"'])
+def test_a_duration_does_not_deliver_the_moment_of_a_drive(sensor, tmp_path):
+    xml = ARM.format(spring="", more="", gear=2).replace(
+        'actuatorfrc name="moment" actuator="m"', sensor).replace(
+        "<sensor>", '<sensor><jointpos name="a" joint="a"/><e_kinetic name="energy"/>')
+    file, drive = tmp_path / "model.xml", Drive("a", lambda t: (t, 1 + 0 * t, 0 * t))
+    file.write_text(xml)
+    channels, x = ("a", "moment", "energy"), np.linspace(0, 1, 3)
+    curves = simulate(file, Run("duration", x, channels, (drive,)))
+    assert set(curves.channels) == {"a"}
+    assert "sweeps only" in curves.missing["moment"]
+    assert "flywheels" in curves.missing["energy"]
+    free = simulate(file, Run("duration", x, channels))
+    np.testing.assert_array_equal(free.channels["moment"], 0)  # the motor has no control
+    assert not free.missing
+
+
 def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
     """A bob that starts with 1 rad/s and rubs with 0.5 N m per kg m2: v = 1 - 0.5 t, then rest."""
     xml = ARM.format(spring='frictionloss="1"', more="", gear=1).replace("0 -10 0", "0 0 0")
