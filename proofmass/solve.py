@@ -4,14 +4,20 @@ import importlib
 import pkgutil
 from pathlib import Path
 
+import mujoco
+import numpy as np
+
 import sim
 from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, isolated
-from proofmass.reference import grid, laws
+from proofmass.reference import compiled, grid, laws
 from proofmass.strict import Kind
 from sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
+
+ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
+BETWEEN = 20  # places between two samples of a duration where a law is looked at as well
 
 
 def engines() -> list[str]:
@@ -25,6 +31,11 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
 
     A solver is an engine, or ``engine:variant``.  The variant ``default`` stands for the engine's
     own default settings; any other is a table ``[settings."engine:variant"]`` of the sidecar.
+
+    Raises
+    ------
+    InputError
+        No such engine or settings; a drive that leaves the range of its joint.
     """
     engine, _, variant = solver.partition(":")
     if engine not in engines():
@@ -38,7 +49,36 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
                          f'[settings."{solver}"]')
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
-    return Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
+    run = Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
+    check_ranges(case, run)
+    return run
+
+
+def check_ranges(case: Case, run: Run) -> None:
+    """Raise `InputError` if a drive of a run leaves the range of its joint.
+
+    Nothing holds an ideal drive back: the engines pass over the range, or push against it with a
+    spring whose force means nothing.
+    """
+    if not run.drives:
+        return
+    model, x = compiled(case), run.x
+    if run.kind == "duration":
+        x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
+    joints = [model.joint(j).name for j in range(model.njnt)]
+    for k, (drive, values) in enumerate(zip(run.drives, run.motion(x)[0], strict=True)):
+        if drive.joint not in joints:  # the engines say which joints there are
+            continue
+        j = joints.index(drive.joint)
+        low, high = model.jnt_range[j]
+        beyond = np.maximum(low - values, values - high)
+        if model.jnt_limited[j] and beyond.max() > ROUNDING:
+            key = f"drive.{k}" if len(run.drives) > 1 else "drive"
+            unit = "m" if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+            raise InputError(case.file, key, f"joint {drive.joint!r} is driven to "
+                             f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
+                             f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "
+                             f"give the joint a wider range")
 
 
 def solve(case: Case, kind: Kind, solver: str) -> Curves:

@@ -5,8 +5,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.solve import plan
 
 SIDECARS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),
@@ -89,6 +92,20 @@ DRIVES = {
     "five bars that miss": ("fivebar.toml", r"left_coupler = 3.5", "left_coupler = 0.5",
                             ["parameters", "miss by", "m"]),
 }
+RANGES = {
+    "a crank": ("fourbar", "crank", "-0.01 0.01", ["drive: joint 'crank'", "6.28319 rad",
+                                                   "fourbar.xml", "-0.01 to 0.01 rad"]),
+    "a swing": ("triple_rocker", "crank", "-1.5 2", ["drive: joint 'crank'", "to -2 rad",
+                                                     "-1.5 to 2 rad"]),
+    "a slider": ("threeprr", "slider_2", "0 1", ["drive.1: joint 'slider_2'", "1.1 m", "0 to 1 m"]),
+    "a balancer": ("balancer_sine", "pendulum", "-0.01 0.01",
+                   ["drive: joint 'pendulum'", "1.5708 rad", "-0.01 to 0.01 rad"]),
+    "a law": ("hacksaw", "crank", "-1 18", ["drive: joint 'crank'", "-1 to 18 rad"]),
+    "a rest": ("rfr2_natural", "motor1", "5 6", ["drive.0: joint 'motor1'", "0.698132 rad",
+                                                 "5 to 6 rad"]),
+    "a settled rod": ("rod_snap", "motor", "-1 2", ["drive: joint 'motor'", "-1.39626 rad",
+                                                    "-1 to 2 rad"]),
+}
 CURVES = {
     "x falls": (r"\n0\.0077[^,]*", "\n0.0001", ["line", "t does not rise"]),
     "no unit": (r"r1 \[m\]", "r1", ["column 'r1'", "name [unit]"]),
@@ -119,6 +136,49 @@ def test_error_names_file_and_key(wrong, models, edit):
     found = messages(models, name)
     assert any(all(word in line for word in words) for line in found), found
     assert all(len(line.splitlines()) <= 2 for line in found)
+
+
+@pytest.mark.parametrize("wrong", RANGES)
+def test_a_drive_that_leaves_its_joint_s_range_is_named_before_any_run(wrong, models, edit):
+    name, joint, limits, words = RANGES[wrong]
+    edit(f"{name}.xml", f'<joint name="{joint}"', f'<joint name="{joint}" range="{limits}"')
+    case = load_case(models / f"{name}.toml")
+    for kind, run in case.run.items():
+        for solver in run.solvers:
+            with pytest.raises(InputError) as caught:
+                plan(case, kind, solver)
+            assert str(caught.value).startswith(str(case.file))
+            assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_a_drive_that_leaves_its_joint_s_range_is_one_error_for_all_solvers(models, edit):
+    edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" range="-0.01 0.01"')
+    found = messages(models, "fourbar.xml")
+    assert len(found) == 1
+    assert "wider range" in found[0]
+
+
+def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
+    edit("triple_rocker.xml", '<joint name="crank"', '<joint name="crank" range="-2 1.9"')
+    edit("triple_rocker.toml", r"n = \d+", "n = 4")  # the third of a swing is at 1.5 rad at most
+    with pytest.raises(InputError, match="to 2 rad, beyond its range"):
+        plan(load_case(models / "triple_rocker.toml"), "duration", "mujoco")
+
+
+@pytest.mark.parametrize("joint", [
+    'range="0 6.283185307179586"', 'range="-0.01 0.01" limited="false"'])
+def test_a_drive_may_end_where_its_joint_does(joint, models, edit):
+    edit("fourbar.xml", '<joint name="crank"', f'<joint name="crank" {joint}')
+    case = load_case(models / "fourbar.toml")
+    assert [plan(case, kind, "mujoco").kind for kind in case.run] == ["sweep", "duration"]
+
+
+def test_a_range_that_a_flag_disables_holds_no_drive(models, edit):
+    edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" range="-0.01 0.01"')
+    edit("fourbar.xml", "<flag ", '<flag limit="disable" ')
+    result = check([models / "fourbar.toml"])
+    assert not result.errors
+    assert {c.outcome for c in result.comparisons} == {"agrees", "unchecked", "unsupported"}
 
 
 @pytest.mark.parametrize("wrong", CURVES)
