@@ -166,11 +166,17 @@ def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     return np.array([float(np.linalg.norm(one - two)) for one, two in pairs])
 
 
+def is_acceleration(model: mujoco.MjModel, sensor: int) -> bool:
+    """Whether a sensor stands for the acceleration of a joint, for which MJCF has none."""
+    return bool(model.sensor_type[sensor] == S.mjSENS_USER
+                and model.sensor_objtype[sensor] == mujoco.mjtObj.mjOBJ_JOINT)
+
+
 class Recorder:
     """Keeps what a run shows at its samples, as whole rows; curves are cut out at the end.
 
-    Two readings differ from ``sensordata``: a ``user`` sensor on a joint with ``needstage="acc"``
-    is the joint's acceleration, for which MJCF has no sensor; and ``framelinacc`` is given as the
+    Two readings differ from ``sensordata``: a ``user`` sensor on a joint is the joint's
+    acceleration, see `is_acceleration`; and ``framelinacc`` is given as the
     acceleration of the point, with the gravity that MuJoCo adds to it taken off.
     """
 
@@ -235,7 +241,7 @@ class Recorder:
         kind, model = self.model.sensor_type[index], self.model
         first = model.sensor_adr[index]
         block = self.rows["sensordata"][:, first : first + model.sensor_dim[index]]
-        if kind == S.mjSENS_USER and model.sensor_objtype[index] == mujoco.mjtObj.mjOBJ_JOINT:
+        if is_acceleration(model, index):
             return self.rows["qacc"][:, model.jnt_dofadr[model.sensor_objid[index]]]
         if kind == S.mjSENS_FRAMELINACC:
             block = block + model.opt.gravity

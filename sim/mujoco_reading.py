@@ -3,7 +3,7 @@
 import mujoco
 
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, gear_of, joint_of
+from sim.mujoco_model import Recorder, gear_of, is_acceleration, joint_of
 from sim.protocol import Array
 
 S = mujoco.mjtSensor
@@ -20,7 +20,7 @@ def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
     """
     model = record.model
     missing = {channel: why for channel, (index, _) in record.sensors.items()
-               if model.sensor_type[index] in LIMITS or (
+               if model.sensor_type[index] in LIMITS or is_acceleration(model, index) or (
                    model.sensor_needstage[index] >= stage
                    and model.sensor_type[index] not in MOMENTS)}
     for channel in missing:

@@ -53,7 +53,7 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     weigh(linkage)
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold(record, VELOCITY, NO_RATE)
-    value = run.motion(run.x)[0]
+    value, rate, acceleration = run.motion(run.x)
     moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
     for k, values in enumerate(value.T):
         steps += glide(linkage, values) + calm(linkage, values)
@@ -61,9 +61,9 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         record.sample(k)
     seconds = time.perf_counter() - began
     channels = record.curves() | drive_moments(model, linkage, record, moments)
-    return Curves(run.x, channels, missing, (value, 0 * value, 0 * value),
+    return Curves(run.x, channels, missing, (value, rate, acceleration),
                   float(record.gaps().max(initial=0.0)), seconds, steps,
-                  {"timestep": model.opt.timestep})
+                  {"timestep": model.opt.timestep}, derivatives=0)
 
 
 def weigh(linkage: Linkage) -> None:

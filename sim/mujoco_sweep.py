@@ -68,4 +68,5 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     channels |= drive_moments(model, linkage, record, moments[:done])
     value, rate, acceleration = (part[:, :done] for part in state)
     return Curves(run.x[:done], channels, missing, drive=(value, rate, acceleration),
-                  gap=float(record.gaps().max()), seconds=seconds, steps=done, stopped=stopped)
+                  gap=float(record.gaps().max()), seconds=seconds, steps=done, stopped=stopped,
+                  derivatives=1 if isinstance(linkage, Resting) else 2)

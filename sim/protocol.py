@@ -160,7 +160,8 @@ class Curves:
     missing : dict of str to str
         Channels that this simulator cannot deliver in this kind of run, with the reason.
     drive : tuple of three ndarray (drives, n), or None
-        Value, rate and acceleration of the driven joints *as they actually moved*.
+        Value, rate and acceleration of the driven joints *as they actually moved*; rates and
+        accelerations of a sweep are those of its law.
     gap : float
         Largest distance between two points that a loop should hold together [m].
     seconds : float
@@ -172,6 +173,9 @@ class Curves:
     stopped : str
         Why a sweep ended before its last sample, at a limit position for one; what was solved
         until there is in `x` and `channels`.
+    derivatives : {2, 1, 0}
+        Highest time derivative of the motion that the run has: accelerations, rates, or poses
+        alone, as where the engine comes to rest at every sample.
     """
 
     x: Array
@@ -183,3 +187,4 @@ class Curves:
     steps: int = 0
     settings: dict[str, object] = field(default_factory=dict)
     stopped: str = ""
+    derivatives: int = 2

@@ -40,7 +40,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Channel], settings: Settin
     return Curves(run.x[:n], curves, missing, state, float(gaps(links, pose).max()),
                   time.perf_counter() - began, n,
                   {"iterations": held.most, "error_bias": settings["error_bias"]},
-                  stopped)
+                  stopped, derivatives=0 if held.free else 1)
 
 
 def _follow(held: Held, laws: Array, orders: set[int]

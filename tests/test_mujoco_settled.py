@@ -186,6 +186,9 @@ def test_the_setting_chooses_and_has_no_rates(file):
     model, data = load(file(**LINEAR), run)
     curves = sweep(model, data, replace(run, settings={"settled": True}))
     assert "at rest" in curves.missing["v1"]
+    assert curves.derivatives == 0
+    for part, law in zip(curves.drive, run.motion(run.x), strict=True):  # for the reference
+        np.testing.assert_array_equal(part, law)
     assert curves.steps > 100  # of the engine, not poses
 
 

@@ -287,9 +287,12 @@ def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep
     assert curves.stopped == "joint 'b' is beyond its range at a = 0.3"
 
 
-def test_a_path_of_rests_has_no_accelerations(sweep):
-    user = '<user name="u" objtype="joint" objname="b" datatype="real" needstage="acc" dim="1"/>'
+@pytest.mark.parametrize("stage", ['needstage="acc"', 'needstage="pos"'])
+def test_a_path_of_rests_has_no_accelerations(stage, sweep):
+    user = f'<user name="u" objtype="joint" objname="b" datatype="real" {stage} dim="1"/>'
     bodies = body("a", body("b", centre="0 -1 0"), centre="0 0 0")
     curves = sweep([0.0, 0.1], ("hold", "u", "b_rate"), bodies, sensors="b", more=user)
     assert set(curves.channels) == {"hold", "b_rate"}
     assert "no accelerations" in curves.missing["u"]
+    assert curves.derivatives == 1
+    assert sweep([0.0, 0.1], ("hold",), body("a")).derivatives == 2

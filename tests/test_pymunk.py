@@ -144,6 +144,7 @@ def test_holding_moment_and_missing_accelerations():
     # rounding of impulses: 1e-13 N m measured on 20 N m
     np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10)
     assert "no accelerations in a sweep" in curves.missing[ROCKER[2]]
+    assert curves.derivatives == 1
 
 
 def test_wrong_length_is_caught(edit):

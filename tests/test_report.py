@@ -293,6 +293,19 @@ def test_inputs_of_several_drives() -> None:
         assert input_rows(view, list(inputs(view))) == rows
 
 
+@pytest.mark.parametrize(("derivatives", "drawn"), [
+    ((0, 0), [""]), ((0, 1), ["", " rate"]), ((1, 2), ["", " rate", " acceleration"])])
+def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -> None:
+    case = case_of("triple_rocker")
+    view = shown(result_of(case, sweep=0.0), case, "sweep")
+    for solver, has in zip(("mujoco", "pymunk"), derivatives, strict=True):
+        view.curves[solver] = replace(view.curves["mujoco"], derivatives=has)
+    panels = inputs(view)
+    assert list(panels) == [f"crank{what} (drive)" for what in drawn]
+    for order, (_, moved, _) in enumerate(panels.values()):
+        assert list(moved) == [s for s, c in view.curves.items() if c.derivatives >= order]
+
+
 def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
     view = shown(result_of(fourbar, sweep=0.0), fourbar, "sweep")
     view.curves["pymunk"] = view.curves["mujoco"]

@@ -145,7 +145,7 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     """Drives that are not plain from the axis: the law, and how each solver's drive really moved.
 
     One steady drive is the axis itself; of several steady ones the positions are enough.  At rest
-    they are held.
+    they are held.  Rates and accelerations are left out where no solver's run has any.
     """
     case, found = view.case, {}
     if case.leader is None or not view.curves or view.kind == "rest" or (
@@ -156,8 +156,10 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
         names = (" (drive)", unit), (" rate (drive)", f"{unit}/s"), (
             " acceleration (drive)", f"{unit}/s^2")
         for k, (suffix, u) in enumerate(names[: 1 if case.leader.steady else 3]):
-            moved = {s: c.drive[k][row] for s, c in view.curves.items() if c.drive}
-            found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
+            moved = {s: c.drive[k][row] for s, c in view.curves.items()
+                     if c.drive and k <= c.derivatives}
+            if moved:
+                found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
     return found
 
 
