@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from sim.mjcf import leave_out_disabled
-from sim.mujoco_model import Recorder, configure, load, refuse_dry_friction
+from sim.mujoco_model import Recorder, configure, load, refuse_dry_friction, stepped_with
 from sim.mujoco_reading import withhold
 from sim.mujoco_still import until_still
 from sim.plane import Plane, find_plane
@@ -71,8 +71,8 @@ def rest(path: Path, run: Run) -> Curves:
         curves[channel] = curve(one, part, shape, run.x)
     return Curves(run.x, curves, missing, gap=float(record.gaps().max(initial=0.0)),
                   seconds=time.perf_counter() - began, steps=steps,
-                  settings={"timestep": model.opt.timestep,
-                            "stretch": max(stretch(one, shape) for one, shape in poses.values())})
+                  settings={**stepped_with(model), "stretch": max(
+                      stretch(one, shape) for one, shape in poses.values())})
 
 
 def recorder(model: mujoco.MjModel, data: mujoco.MjData,

@@ -85,6 +85,23 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
             raise BadModel(f"unknown setting {key!r} for mujoco; known: {known}")
 
 
+def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
+    """What MuJoCo steps a model with: its options, and the softness of its active equalities.
+
+    A sweep that closes its loops by Newton's method uses none of them.
+    """
+    option = model.opt
+    said: dict[str, object] = {
+        "timestep": option.timestep,
+        **{key: kinds(getattr(option, key)).name[6:] for key, kinds in NAMED.items()},
+        "iterations": option.iterations, "tolerance": option.tolerance}
+    for key in ("solref", "solimp"):
+        rows = np.unique(getattr(model, f"eq_{key}")[model.eq_active0.astype(bool)], axis=0)
+        if len(rows):
+            said[key] = tuple(rows[0].tolist()) if len(rows) == 1 else "several"
+    return said
+
+
 def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
     """The id of a named element, or an error that lists the names there are."""
     index = mujoco.mj_name2id(model, kind, name)

@@ -9,6 +9,7 @@ import time
 import mujoco
 import numpy as np
 
+from sim.mujoco_model import stepped_with
 from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
 
@@ -40,7 +41,8 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     rows[-1] = data.sensordata
     seconds = time.perf_counter() - began
     check(data, rows, run.x)
-    return Curves(run.x, channels(model, rows), seconds=seconds, steps=count * (run.x.size - 1))
+    return Curves(run.x, channels(model, rows), seconds=seconds, steps=count * (run.x.size - 1),
+                  settings=stepped_with(model))
 
 
 def check(data: mujoco.MjData, rows: Array, times: Array) -> None:

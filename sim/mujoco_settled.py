@@ -21,7 +21,7 @@ import scipy.linalg
 
 from sim.mujoco_balance import DEPENDENT
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, refuse_dry_friction
+from sim.mujoco_model import Recorder, refuse_dry_friction, stepped_with
 from sim.mujoco_reading import drive_moments, withhold
 from sim.mujoco_rest import Resting
 from sim.mujoco_still import until_still
@@ -63,7 +63,7 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     channels = record.curves() | drive_moments(model, linkage, record, moments)
     return Curves(run.x, channels, missing, (value, rate, acceleration),
                   float(record.gaps().max(initial=0.0)), seconds, steps,
-                  {"timestep": model.opt.timestep}, derivatives=0)
+                  stepped_with(model), derivatives=0)
 
 
 def weigh(linkage: Linkage) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder
+from sim.mujoco_model import Recorder, stepped_with
 from sim.mujoco_reading import withhold_drives
 from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
@@ -85,7 +85,7 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         rows = record.rows
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
     return Curves(run.x, record.curves(), missing, drive=state, gap=gap, seconds=seconds,
-                  steps=times.size - 1, settings={"timestep": step})
+                  steps=times.size - 1, settings=stepped_with(model))
 
 
 def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, torque: Array,

@@ -169,7 +169,7 @@ class Curves:
     steps : int
         Engine steps (duration) or pose solutions (sweep).
     settings : dict
-        Settings as used, for the record: time step, integrator, ...
+        Settings as used, for the record: time step, integrator, ...; none that has no effect.
     stopped : str
         Why a sweep ended before its last sample, at a limit position for one; what was solved
         until there is in `x` and `channels`.

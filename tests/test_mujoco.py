@@ -80,6 +80,33 @@ def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)  # higher terms
 
 
+def test_a_duration_says_what_it_was_stepped_with(models, edit):
+    case = load_case(models / "fourbar.toml")
+    tuned, plain = (simulate(case.model_path, replace(
+        plan(case, "duration", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings)).settings
+        for settings in ({}, {"defaults": True}))
+    assert tuned == {"timestep": 1e-3, "integrator": "RK4", "solver": "NEWTON", "iterations": 100,
+                     "tolerance": 1e-10, "solref": (0.005, 1.0),
+                     "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0)}
+    differ = {key for key in tuned if tuned[key] != plain[key]}
+    assert differ == {"timestep", "integrator", "solref", "solimp"}
+    more = '<connect name="pin" site1="coupler_end" site2="rocker_end" solref="0.02 1"/></equality>'
+    file = edit("fourbar.xml", "</equality>", more.replace('"pin"', '"twice"'))
+    both = simulate(file, replace(plan(case, "duration", "mujoco"), x=np.linspace(0, 0.1, 3)))
+    assert both.settings["solref"] == "several"
+    assert both.settings["solimp"] == tuned["solimp"]
+
+
+def test_a_sweep_uses_no_settings_of_the_stepping_engine():
+    case = load_case(MODELS / "fourbar.toml")
+    one, two = (simulate(case.model_path, replace(
+        plan(case, "sweep", "mujoco"), x=np.linspace(0, 1, 5), settings=settings))
+        for settings in ({}, {"defaults": True, "iterations": 1}))
+    assert one.settings == two.settings == {}
+    for name, curve in one.channels.items():  # moments: rounding of closed loops over solref^2
+        np.testing.assert_allclose(curve, two.channels[name], rtol=0, atol=1e-10, err_msg=name)
+
+
 def test_default_settings_are_the_engine_s_own():
     silent = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body name="a"><joint/><geom size="1"/></body><body name="b"><joint/>'

@@ -34,7 +34,7 @@ def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves,
         curves = ran_text(text, case, kind, run)
     else:
         curves = ran(setting.engine, case.model_path, run, case.run[kind].timeout)
-    return curves, setting.but(**used(curves)) if kind == "duration" else setting
+    return curves, setting.but(**used(curves, setting)) if kind == "duration" else setting
 
 
 def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
@@ -79,10 +79,12 @@ def from_start(case: Case, curves: Curves) -> Curves:
         name: np.append(truth[name][0], values) for name, values in curves.channels.items()})
 
 
-def used(curves: Curves) -> dict[str, Knob]:
-    """What an engine stepped with, as knobs."""
-    return {name: value for name, value in curves.settings.items()
-            if name in SPACE and isinstance(value, (int, float))}
+def used(curves: Curves, setting: Setting) -> dict[str, Knob]:
+    """What an engine stepped with, as knobs: those that it chose itself, or fitted to the samples.
+    """
+    chosen = (name for name in SPACE if name == "timestep" or setting.engine != "mujoco")
+    return {name: value for name in chosen
+            if isinstance(value := curves.settings.get(name), (int, float))}
 
 
 def ran(engine: str, model: Path, run: Run, timeout: float) -> Curves:
