@@ -89,7 +89,7 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
 
 def step_unchecked(model: Path) -> list[Comparison]:
     """Load and step a model that has no sidecar; it is listed, not judged."""
-    run, cost = Run("duration", np.linspace(0, 0.1, 2), ()), dict[str, Any]()
+    run, cost = Run("passive", np.linspace(0, 0.1, 2), ()), dict[str, Any]()
     try:
         curves = isolated(simulate, "mujoco", model, run, timeout=60.0)
         outcome, message = "unchecked", "no sidecar; it loads and steps"

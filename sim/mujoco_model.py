@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.mjcf import compile_model
+from sim.mjcf import compile_model, leave_out_disabled
 from sim.plane import find_plane
 from sim.protocol import Array, BadModel, Run, Unsupported
 
@@ -44,11 +44,11 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Apply the run's settings to a compiled model, in place, and put it into the start pose."""
-    data = mujoco.MjData(model)
     driven = [named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
+    leave_out_disabled(model)
+    data = mujoco.MjData(model)
     if model.nkey:
-        key = named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
-        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_resetDataKeyframe(model, data, key_of(model, run))
     for actuator in range(model.nactuator):
         # its motor is the drive; what is left in ctrl are constant loads
         if joint_of(model, actuator) in driven:
@@ -56,6 +56,13 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
             data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
     configure(model, run.settings)
     return model, data
+
+
+def key_of(model: mujoco.MjModel, run: Run) -> int:
+    """Number of the key that a run starts from."""
+    if run.kind == "passive":
+        return max(0, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, run.start))
+    return named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
 
 
 def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:

@@ -97,8 +97,10 @@ class Run:
 
     Attributes
     ----------
-    kind : {"sweep", "duration", "rest"}
-        Quasi-static poses, time stepping, or one pose at rest with the shapes of its rods.
+    kind : {"sweep", "duration", "rest", "passive"}
+        Quasi-static poses, time stepping, or one pose at rest with the shapes of its rods.  A
+        passive run steps a model that no sidecar speaks of, as the engine does by itself, from
+        the key `start` or else its first one, and records all sensors.
     x : ndarray (n,)
         Where to sample; rising.  Time [s] for a duration, arc length [m] of the rods for a rest.
     channels : tuple of str

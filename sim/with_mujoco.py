@@ -6,6 +6,7 @@ import mujoco
 
 from sim import mujoco_flex
 from sim.mujoco_model import load, loop_gap
+from sim.mujoco_passive import passive
 from sim.mujoco_shape import rest
 from sim.mujoco_steps import duration
 from sim.mujoco_sweep import sweep
@@ -48,6 +49,8 @@ def simulate(model: Path, run: Run) -> Curves:
 
 def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Do a run with a compiled model that is in its start pose, with its settings."""
+    if run.kind == "passive":
+        return passive(model, data, run)
     check_assembled(model, data, run.start)
     return {"sweep": sweep, "rest": rest, "duration": duration}[run.kind](model, data, run)
 

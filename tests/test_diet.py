@@ -3,6 +3,7 @@
 import csv
 import re
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -11,8 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.cli import app
+from proofmass.study.cut import flatten
 from proofmass.study.diet import Diet, Search
-from proofmass.study.draft import Draft
+from proofmass.study.draft import Draft, read
 from proofmass.study.scene import Scene, scene_of
 from proofmass.study.slim import all_digits, shortest, write
 from proofmass.study.trial import most_iterations
@@ -261,6 +263,29 @@ def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
     slim = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
     assert slim.nmat == 0
     assert slim.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
+
+
+@pytest.mark.parametrize("usual", ["", '<tendon material="red"/>',
+                                   '<default class="rope"><tendon material="red"/></default>'])
+def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
+    """A material goes from the geom, and stays where a tendon is made of it."""
+    file, own = tmp_path / "rope.xml", 'class="rope"' if "class" in usual else ""
+    file.write_text(f"""<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="steel"/>
+      </asset><default><geom material="steel"/>{usual}</default><worldbody>
+      <site name="top" pos="0 0 1"/><body name="bob"><joint name="bob"/>
+      <geom size=".1" pos="0 .5 0"/><site name="low" pos="0 .5 0"/></body></worldbody>
+      <tendon><spatial name="rope" {own} stiffness="5"><site site="top"/><site site="low"/>
+      </spatial></tendon></mujoco>""")
+    slim = read(file).without(partial(flatten, name="steel"))
+    if usual:
+        with pytest.raises(ValueError, match="tendon 'rope' is made of it"):
+            slim.without(partial(flatten, name="red"))
+    else:
+        slim = slim.without(partial(flatten, name="red"))
+    write(slim, tmp_path / "slim.xml")
+    found = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
+    assert [found.material(k).name for k in range(found.nmat)] == ["red"] * bool(usual)
+    assert found.tendon_matid[0] == (0 if usual else -1)
 
 
 @pytest.mark.parametrize(("loops", "iterations"), [(False, 0), (True, 1)])

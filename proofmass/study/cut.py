@@ -37,11 +37,20 @@ def unlimit(draft: Draft, name: str) -> None:
 
 
 def flatten(draft: Draft, name: str) -> None:
-    """Delete a material; what is made of it keeps its colour."""
+    """Delete a material; what is made of it keeps its colour.
+
+    Raises
+    ------
+    ValueError
+        A tendon is made of it: MuJoCo does not let a tendon's material be taken off.
+    """
     material = draft.find("materials", name)
     if material is None:
         return
-    for kind in ("geom", "site", "tendon"):
+    for tendon in draft.spec.tendons:
+        if tendon.material == name:
+            raise ValueError(f"tendon {tendon.name!r} is made of it, which cannot be undone")
+    for kind in ("geom", "site"):
         for element in getattr(draft.spec, f"{kind}s"):
             if element.material == name:
                 element.material, element.rgba = "", material.rgba

@@ -159,7 +159,8 @@ def along(model: mujoco.MjModel, count: int) -> Array:
 
 def loads(model: mujoco.MjModel) -> Array:
     """Powers of the length that the actuators' controls go with: moments 2, forces 1."""
-    return np.array([2 if turns(model, a) else 1 for a in range(model.nu)])
+    powers = [2 if turns(model, a) else 1 for a in range(model.nactuator)]
+    return np.repeat(powers, model.actuator_ctrlnum)
 
 
 def turns(model: mujoco.MjModel, actuator: int) -> bool:

@@ -13,7 +13,6 @@ import numpy as np
 from proofmass.isolate import Crashed, isolated
 from proofmass.study.core import own_core, pinned
 from sim.mujoco_model import begin
-from sim.mujoco_passive import passive
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 from sim.with_mujoco import follow
 
@@ -52,7 +51,7 @@ def driven(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves,
     """A run, and the engine's state at its end."""
     model, data = begin(copy.copy(model), run)
     mujoco.mj_integratePos(model, data.qpos, np.full(model.nv, nudge), 1.0)
-    return (passive if run.kind == PASSIVE else follow)(model, data, run), data
+    return follow(model, data, run), data
 
 
 def paced(models: tuple[mujoco.MjModel, ...], run: Run, rounds: int, timeout: float
