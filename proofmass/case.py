@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from proofmass.refine import Refine
 from proofmass.rod import RodTable
 from proofmass.sidecar import Channel, DriveTable, RunTable, Tolerance
@@ -23,7 +23,10 @@ TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to w
 
 
 class Case(Strict):
-    """One sidecar.  `file` is where it was read; everything else stands in it."""
+    """One sidecar.  `file` is where it was read; everything else stands in it.
+
+    `unchecked` says that nothing of the case is checked, on purpose.
+    """
 
     file: Path
     title: str
@@ -42,6 +45,7 @@ class Case(Strict):
     chart: tuple[ChartTable, ...] = ()
     beside: dict[str, Beside] = Field({})
     refine: Refine | None = None
+    unchecked: bool = False
 
     @property
     def name(self) -> str:
@@ -62,6 +66,10 @@ class Case(Strict):
     def leader(self) -> DriveTable | None:
         """The first drive; None for a free motion."""
         return self.drive[0] if self.drive else None
+
+    def drive_key(self, k: int, key: str) -> str:
+        """Where a key of drive number k stands in the sidecar."""
+        return f"drive.{k}.{key}" if len(self.drive) > 1 else f"drive.{key}"
 
     @field_validator("drive", "view", "chart", mode="before")
     @classmethod
@@ -93,6 +101,9 @@ class Case(Strict):
         if "rest" in self.run:
             self._restful()
         recorded = self.reference.endswith(".csv")
+        if recorded and not (self.file.parent / self.reference).is_file():
+            raise ValueError(f"reference: no such recorded curve: there is no file "
+                             f"{self.reference!r} beside the sidecar")
         for kind, run in self.run.items():
             if (run.n is None) != recorded:
                 raise ValueError(f"run.{kind}.n " + ("is given by the recorded curve; leave it out"
@@ -117,12 +128,26 @@ class Case(Strict):
             return self
         if not self.rod:
             raise ValueError("refine needs a [rod.NAME]: it is cut into more and more segments")
-        if self.refine.run not in self.run:
-            raise ValueError(f"refine.run: there is no run.{self.refine.run}")
+        self._has_run("refine.run", self.refine.run)
         there = self.channels_of(self.refine.run)
         for pattern in self.refine.channels:
             if not any(fnmatchcase(name, pattern) for name in there):
-                raise ValueError(f"refine.channels: {pattern!r} is none of {', '.join(there)}")
+                raise ValueError(f"refine.channels: {pattern!r} matches nothing; "
+                                 f"{suggest(pattern, there)}")
+        return self
+
+    @model_validator(mode="after")
+    def _matching(self) -> "Case":
+        solvers = [solver for run in self.run.values() for solver in run.solvers]
+        for name in self.settings:
+            if name not in solvers:
+                raise ValueError(f'settings."{name}": no run has this solver; '
+                                 f"{suggest(name, solvers)}")
+        for name, channel in self.channels.items():
+            self._has_run(f"channels.{name}.only", channel.only)
+        for k, tolerance in enumerate(self.tolerance):
+            self._has_run(f"tolerance.{k}.run", tolerance.run)
+            self._match(f"tolerance.{k}", tolerance)
         return self
 
     def run_of(self, view: View) -> Kind:
@@ -141,6 +166,29 @@ class Case(Strict):
             raise ValueError("run.rest needs a [rod.NAME]: it is sampled along its length")
         if (self.run["rest"].until or shortest) > shortest:
             raise ValueError(f"run.rest.until goes beyond the shortest rod, {shortest:g} m")
+
+    def _has_run(self, key: str, kind: Kind | None) -> None:
+        if kind is not None and kind not in self.run:
+            raise ValueError(f"{key}: there is no run.{kind}; there are: {', '.join(self.run)}")
+
+    def _match(self, place: str, tolerance: Tolerance) -> None:
+        """Raise ValueError for a pattern that matches no name, and if all together cover nothing.
+        """
+        there = {"solver": [s for run in self.run.values() for s in run.solvers],
+                 "unit": [channel.unit for channel in self.channels.values()],
+                 "channels": list(self.channels)}
+        for key, names in there.items():
+            for pattern in getattr(tolerance, key):
+                literal = key == "unit" and pattern != "*"
+                if not any(name == pattern if literal else fnmatchcase(name, pattern)
+                           for name in names):
+                    raise ValueError(f"{place}.{key}: {pattern!r} matches nothing; "
+                                     f"{suggest(pattern, names)}")
+        if not any(tolerance.covers(kind, solver, name, channel.unit)
+                   for kind, run in self.run.items() for solver in run.solvers
+                   for name, channel in self.channels_of(kind).items()):
+            raise ValueError(f"{place}: it covers nothing: no channel of its run and its solvers "
+                             f"has both one of its names and one of its units")
 
     def _overlap(self, kind: Kind, solver: str) -> None:
         for name, channel in self.channels.items():

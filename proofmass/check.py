@@ -17,6 +17,7 @@ from proofmass.mobility import mobility
 from proofmass.refined import Finer, Row, errors, refinements
 from proofmass.solve import plan, simulate, solve
 from proofmass.strict import Kind
+from proofmass.validate import validate
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
 Task = tuple[Case, Kind, str] | Finer | Path
@@ -131,6 +132,7 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
             twin = next((c.file for c in result.cases if c.name == case.name), None)
             if twin:
                 raise InputError(path, "", f"its name is taken by {twin}; results go by name")
+            validate(case)
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
             tasks += refinements(case)
             result.cases.append(case)

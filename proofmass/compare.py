@@ -11,6 +11,7 @@ from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import evaluate, modes, module_of
 from proofmass.seen import check_views
+from proofmass.units import si_unit
 from sim.protocol import Array, Curves
 
 NAN = float("nan")
@@ -106,22 +107,24 @@ def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Compariso
 
 def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Array,
         slopes: dict[str, dict[str, float]]) -> Comparison:
-    """Compare one channel."""
+    """Compare one channel; its curves are in SI units, the comparison in the channel's."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
-    span = float(np.ptp(truth))
+    factor = case.channels[name].factor
+    span = float(np.ptp(truth)) / factor
     allowed = tolerance.allowed(span) if tolerance else NAN
     place: dict[str, Any] = {
         "case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
         "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
     if name not in curves.channels:
         return Comparison(**place, outcome="unsupported", message=curves.missing.get(name, ""))
-    error = np.abs(curves.channels[name] - truth)
+    error = np.abs(curves.channels[name] - truth) / factor
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     rms = float(np.sqrt(np.mean(error**2)))
     found: dict[str, Any] = {
         "error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
         "nrmse": rms / span if span else NAN,
-        "would_notice": {p: allowed / s[name] for p, s in slopes.items() if s[name] > 0}
+        "would_notice": {p: allowed * factor / s[name] for p, s in slopes.items()
+                         if s[name] > 0}
         if tolerance else {}}
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
@@ -145,8 +148,9 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str
     if not allowed:
         return "differs", ("of_range allows nothing here, the reference being constant: give the "
                            "tolerance as abs")
-    turns = error / (2 * np.pi)
-    if unit == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
+    quantity, factor = si_unit(unit or "1")
+    turns = error * factor / (2 * np.pi)
+    if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
         return "differs", f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
     return "differs", f"{error / allowed:.3g} x the allowed error"
 
@@ -192,6 +196,7 @@ def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
 
 def misfit(case: Case, curves: Curves, truth: Curves) -> float:
     """Largest difference of a position channel at the first sample, over the curve's range."""
-    names = [n for n, c in case.channels.items() if c.unit in ("m", "rad") and n in curves.channels]
+    names = [n for n, c in case.channels.items()
+             if c.si_unit in ("m", "rad") and n in curves.channels]
     return max((abs(float(curves.channels[n][0] - truth.channels[n][0]))
                 / (float(np.ptp(truth.channels[n])) or 1.0) for n in names), default=0.0)

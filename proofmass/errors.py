@@ -1,5 +1,7 @@
 """The one error that a user can cause."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 
@@ -22,3 +24,15 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         return f"{self.file}: {self.key + ': ' if self.key else ''}{self.wrong}"
+
+
+def suggest(word: str, there: Iterable[str], known: str = "there are") -> str:
+    """What would have been right instead of a word: the nearest name, and all of them.
+
+    >>> suggest("mujco", ["mujoco", "pymunk"])
+    "did you mean 'mujoco'? there are: mujoco, pymunk"
+    """
+    there = list(dict.fromkeys(there))
+    near = get_close_matches(word, there, 1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"{hint}{known}: {', '.join(there) or 'none'}"

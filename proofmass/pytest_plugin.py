@@ -15,6 +15,7 @@ from proofmass.check import FAILURES, one_task, run_one, stopped
 from proofmass.compare import GOOD, Comparison
 from proofmass.errors import InputError
 from proofmass.refined import refinements
+from proofmass.validate import validate
 
 
 def is_sidecar(path: Path) -> bool:
@@ -52,6 +53,7 @@ class SolverItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run and compare; skipped when nothing of it is checked."""
+        validate(self.case)
         comparisons: list[Comparison] = []
         for kind, run in self.case.run.items():
             if self.name in run.solvers:

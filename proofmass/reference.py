@@ -12,9 +12,10 @@ from mujoco import MjModel
 import analytic
 from proofmass.case import Case
 from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.strict import Kind
+from proofmass.units import same_quantity
 from sim.mjcf import compile_model
 from sim.protocol import Array, BadModel, BadRod, Curves
 
@@ -35,8 +36,8 @@ def module_of(case: Case) -> ModuleType | Recorded:
         if hasattr(module, "solve"):
             return module
     there = [n for n in names if hasattr(importlib.import_module(f"analytic.{n}"), "solve")]
-    raise InputError(case.file, "reference", f"no closed form {case.reference!r}; there are: "
-                     f"{', '.join(there)}; or name a recorded curve NAME.csv")
+    raise InputError(case.file, "reference", f"no closed form {case.reference!r}; "
+                     f"{suggest(case.reference, there)}; or name a recorded curve NAME.csv")
 
 
 def grid(case: Case, kind: Kind) -> Array:
@@ -71,10 +72,18 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
             return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law or ()))
         shared = drive.law is None or (k == 0 and any(d.law is None for d in case.drive[1:]))
         teller = leader if drive.law is None else drive
+        k_of_teller = case.drive.index(teller)
         function = getattr(truth, str(teller.law), None)
         if function is None:
-            raise InputError(case.file, "drive.law", f"analytic.{case.reference} has no "
-                             f"function {teller.law!r}")
+            raise InputError(case.file, case.drive_key(k_of_teller, "law"), f"analytic."
+                             f"{case.reference} has no function {teller.law!r}")
+        takes = list(inspect.signature(function).parameters.values())[1:]
+        names = [p.name for p in takes]
+        for name in teller.parameters:
+            if name not in names and not any(p.kind is p.VAR_KEYWORD for p in takes):
+                raise InputError(case.file, case.drive_key(k_of_teller, f"parameters.{name}"),
+                                 f"{teller.law}() has no such parameter; "
+                                 f"{suggest(name, names, 'known')}")
         return Law(function, dict(teller.parameters), k if shared else None)
     if k:
         ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
@@ -101,7 +110,7 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     Returns
     -------
     Curves
-        One curve a channel, under the channel's name.
+        One curve a channel, under the channel's name, in SI units.
     """
     known = quantities(case, x, state, {**case.parameters, **changed})
     return Curves(x, channels(case, x, known))
@@ -122,19 +131,20 @@ def quantities(case: Case, x: Array, state: State | None, parameters: dict[str, 
 
 
 def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
-    """What each channel must be, from the reference's quantities."""
+    """What each channel must be, from the reference's quantities; both in SI units."""
     truth, wanted = module_of(case), {}
     for name, channel in case.channels.items():
         if isinstance(channel.equals, float):
-            wanted[name] = np.full(np.shape(x), channel.scale * channel.equals + channel.shift)
+            level = channel.scale * channel.equals + channel.shift
+            wanted[name] = np.full(np.shape(x), level * channel.factor)
             continue
         if isinstance(truth, Recorded):
             column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
         elif channel.equals not in known:
             raise InputError(case.file, f"channels.{name}.equals", f"no quantity "
-                             f"{channel.equals!r}; there are: {', '.join(known)}")
+                             f"{channel.equals!r}; {suggest(channel.equals, known)}")
         value = np.broadcast_to(known[channel.equals], np.shape(x))
-        wanted[name] = channel.scale * value + channel.shift
+        wanted[name] = channel.scale * value + channel.shift * channel.factor
     return wanted
 
 
@@ -153,7 +163,7 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     for name in parameters:
         if name not in there:
             raise InputError(case.file, f"{key}.{name}", f"analytic.{case.reference} has no "
-                             f"such parameter; known: {', '.join(there) or 'none'}")
+                             f"such parameter; {suggest(name, there, 'known')}")
     if state is None:
         args: tuple = (x,)
     else:
@@ -189,9 +199,9 @@ def compiled(case: Case) -> MjModel:
 def column(case: Case, truth: Recorded, key: str, name: str, unit: str | None = None) -> Array:
     """A column of the recorded curve, its unit checked."""
     if name not in truth.columns:
-        raise InputError(case.file, key, f"no column {name!r} in {case.reference}; there are: "
-                         f"{', '.join(truth.columns)}")
-    if unit is not None and truth.units[name] != unit:
+        raise InputError(case.file, key, f"no column {name!r} in {case.reference}; "
+                         f"{suggest(name, truth.columns)}")
+    if unit is not None and not same_quantity(truth.units[name], unit):
         raise InputError(case.file, key, f"column {name!r} of {case.reference} is in "
                          f"{truth.units[name]} (SI), the channel in {unit}")
     return truth.columns[name]

@@ -11,6 +11,7 @@ from proofmass.case import Case
 from proofmass.compare import Comparison, one, reference_for, verdict
 from proofmass.refine import Refine
 from proofmass.strict import Kind
+from proofmass.units import si_unit
 from sim.protocol import Curves
 
 Found = tuple[list[Comparison], Curves | None]
@@ -70,8 +71,10 @@ class Study:
         if not kept:
             return []
         truth = reference_for(self.case, max(kept.items())[1][1]).channels
+        factors = {name: channel.factor for name, channel in self.case.channels.items()}
         return [Row(self.case.name, self.solver, n, c.channel, c.unit, c.error_max,
-                    float(curves.channels[c.channel][-1] - truth[c.channel][-1]),
+                    float(curves.channels[c.channel][-1] - truth[c.channel][-1])
+                    / factors[c.channel],
                     float(curves.x[-1]), c.seconds, c.steps)
                 for n, (found, curves) in kept.items() for c in found
                 if c.channel in curves.channels]
@@ -148,7 +151,7 @@ def judge(study: Study, rows: list[Row]) -> list[Comparison]:
     for channel in dict.fromkeys(row.channel for row in rows):
         own = [row for row in rows if row.channel == channel]
         verdicts.append(of_order(study.refine, own, cost))
-        if study.refine.richardson is not None and own[0].unit == "m":
+        if study.refine.richardson is not None and si_unit(own[0].unit)[0] == "m":
             verdicts.append(of_limit(study.refine, own, cost))
     return verdicts
 
@@ -177,7 +180,7 @@ def of_order(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Compariso
 def of_limit(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Comparison:
     """Whether two of the runs point to the reference at the last sample."""
     coarse, fine = (row for row in rows if row.segments in refine.last)
-    allowed = float(refine.richardson or 0.0)
+    allowed = float(refine.richardson or 0.0) / si_unit(fine.unit)[1]
     error = abs(limit(coarse, fine, refine.order))
     outcome, message = verdict(error, allowed, fine.unit, refine.why)
     return Comparison(**cost, channel=f"limit of {fine.channel}", unit=fine.unit, error_max=error,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 
 from proofmass.case import Case
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded
 from proofmass.reference import channels, compiled, module_of, quantities
 from proofmass.view import View
@@ -56,8 +56,7 @@ def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> S
         for name in names:
             if name not in there:
                 raise InputError(case.file, place(case, view, key), f"nothing is called {name!r}; "
-                                 f"there are channels, driven joints and quantities: "
-                                 f"{', '.join(there)}")
+                                 f"{suggest(name, there, 'channels, driven joints, quantities')}")
             values[name], units[name] = there[name], unit(case, view, key, name)
     return Seen(values, units, marks(case, view))
 

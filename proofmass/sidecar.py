@@ -6,6 +6,13 @@ from typing import Any
 from pydantic import Field, field_validator, model_validator
 
 from proofmass.strict import Kind, Strict
+from proofmass.units import si_unit
+
+
+def known_unit(unit: str) -> str:
+    """The unit itself; ValueError if there is no such unit."""
+    si_unit(unit)
+    return unit
 
 
 class DriveTable(Strict):
@@ -26,6 +33,15 @@ class DriveTable(Strict):
     law: str | tuple[str, str, str] | None = None
     until: float | None = Field(None, gt=0)
     parameters: dict[str, float] = Field({})
+
+    @field_validator("law", mode="before")
+    @classmethod
+    def _named(cls, law: Any) -> Any:
+        columns = isinstance(law, list | tuple) and [type(c) for c in law] == [str] * 3
+        if law is not None and not isinstance(law, str) and not columns:
+            raise ValueError(f"{law!r} is neither the name of a function of the reference's module "
+                             f"nor three columns of a recorded curve: [value, rate, acceleration]")
+        return law
 
     @property
     def steady(self) -> bool:
@@ -73,6 +89,8 @@ class Channel(Strict):
     """``[channels]``: sensor = scale * quantity + shift, in `unit`.
 
     `equals` names a quantity of the reference, or is a number: then the curve must be constant.
+    `unit` is any unit of what the sensor delivers; sensor and quantity are both brought from SI to
+    it.  `shift`, and `equals` if it is a number, are in that unit; `scale` is a plain factor.
     """
 
     equals: str | float
@@ -80,6 +98,21 @@ class Channel(Strict):
     scale: float = 1.0
     shift: float = 0.0
     only: Kind | None = None
+
+    @field_validator("unit")
+    @classmethod
+    def _known_unit(cls, unit: str) -> str:
+        return known_unit(unit)
+
+    @property
+    def si_unit(self) -> str:
+        """The SI unit of the same quantity, in which simulators and references deliver it."""
+        return si_unit(self.unit)[0]
+
+    @property
+    def factor(self) -> float:
+        """What a number in `unit` is multiplied by to be in SI."""
+        return si_unit(self.unit)[1]
 
 
 class Tolerance(Strict):
@@ -114,7 +147,7 @@ class Tolerance(Strict):
         """Whether this tolerance speaks of that channel of that solver in that run."""
         return (self.run in (None, run)
                 and any(fnmatchcase(solver, s) for s in self.solver)
-                and (self.unit == ("*",) or unit in self.unit)
+                and ("*" in self.unit or unit in self.unit)
                 and any(fnmatchcase(name, c) for c in self.channels))
 
     def allowed(self, span: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 import sim
 from proofmass.case import Case
 from proofmass.drive import check_driven
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import compiled, grid, laws
 from proofmass.strict import Kind
@@ -39,8 +39,8 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     """
     engine, _, variant = solver.partition(":")
     if engine not in engines():
-        raise InputError(case.file, f"run.{kind}.solvers", f"no simulator {engine!r}; there are: "
-                         f"{', '.join(engines())}")
+        raise InputError(case.file, f"run.{kind}.solvers", f"no simulator {engine!r}; "
+                         f"{suggest(engine, engines())}")
     settings = dict(case.settings.get(solver, {}))
     if variant == "default":
         settings["defaults"] = True

@@ -4,6 +4,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from proofmass.errors import suggest
+
 Kind = Literal["sweep", "duration", "rest"]
 
 
@@ -19,5 +21,5 @@ class Strict(BaseModel):
         known = [f.alias or name for name, f in cls.model_fields.items()]
         for key in table if isinstance(table, dict) else ():
             if key not in known and key not in cls.model_fields:
-                raise ValueError(f"unknown key {key!r}; known: {', '.join(known)}")
+                raise ValueError(f"unknown key {key!r}; {suggest(key, known, 'known')}")
         return table

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
+from proofmass.sidecar import known_unit
 from proofmass.strict import Kind, Strict
 
 
@@ -19,7 +20,7 @@ class View(Strict):
     reference and every solver, a panel each; `stack` piles up quantities of the reference and draws
     their sum as a line.  `dashed` is held beside `y`, a target for one.  `marks` are places on x by
     what happens there, or a function of the reference's module that tells them of its parameters.
-    `unit` and `x_unit` are those of names that no channel knows.
+    `unit` and `x_unit` are those of names that no channel knows; such names and marks are in SI.
     """
 
     title: str = Field(min_length=1)
@@ -36,6 +37,11 @@ class View(Strict):
     @classmethod
     def _listed(cls, value: Any) -> Any:
         return (value,) if isinstance(value, str) else value
+
+    @field_validator("unit", "x_unit")
+    @classmethod
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return None if unit is None else known_unit(unit)
 
     @model_validator(mode="after")
     def _one_kind(self) -> "View":

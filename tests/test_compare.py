@@ -15,10 +15,11 @@ from proofmass.compare import one
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
-from proofmass.recorded import read_recorded, si_unit
+from proofmass.recorded import read_recorded
 from proofmass.reference import evaluate, grid
 from proofmass.sidecar import Tolerance
 from proofmass.solve import plan
+from proofmass.units import si_unit
 from sim.protocol import Curves
 
 MODELS = Path(__file__).parent.parent / "models"

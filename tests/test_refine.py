@@ -198,7 +198,8 @@ BAD = {
     "strangers": ("between = .*", "between = [10, 40]", "neighbours in segments"),
     "no bound": ("richardson = .*", "", "richardson = what the limit may be off by"),
     "no reason": ('why = "half.*', 'why = " "', "needs its reason"),
-    "no channel": (r'"rod.\[xy\]", "rod.angle"', '"rod.phi"', "'rod.phi' is none of rod.x"),
+    "no channel": (r'"rod.\[xy\]", "rod.angle"', '"rod.phi"',
+                   "'rod.phi' matches nothing; did you mean 'rod.y'? there are: rod.x"),
     "no run": ("order = 2.0", 'order = 2.0\nrun = "sweep"', "refine.run: there is no run.sweep"),
     "no order": ("order = 2.0\n", "", "refine.order: missing"),
 }

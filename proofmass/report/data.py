@@ -13,6 +13,7 @@ from proofmass.reference import grid, laws
 from proofmass.refined import Row
 from proofmass.report.words import LOST
 from proofmass.strict import Kind
+from proofmass.units import si_unit
 from sim.protocol import Array, Curves
 
 ORDERS = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
@@ -78,10 +79,11 @@ class Shown:
         return x * self.x_scale, self.x_unit
 
     def error(self, solver: str, channel: str) -> Array | None:
-        """Absolute difference to the reference; None when the solver lacks the channel."""
+        """Absolute difference to the reference in the channel's unit; None without the channel."""
         if solver not in self.curves or channel not in self.curves[solver].channels:
             return None
-        return np.abs(self.curves[solver].channels[channel] - self.truth[solver].channels[channel])
+        mine, own = (by[solver].channels[channel] for by in (self.curves, self.truth))
+        return np.abs(mine - own) / self.case.channels[channel].factor
 
 
 def shown(result: Result, case: Case, kind: Kind) -> Shown:
@@ -119,21 +121,22 @@ def joint_type(case: Case, name: str) -> str:
 
 
 def readable(unit: str) -> tuple[str, float]:
-    """The unit a figure uses for a curve, and the factor to it: degrees, not radians.
+    """The unit a figure uses for a curve, and the factor from SI to it: degrees, not radians.
 
-    >>> readable("rad/s")[0], readable("m")
-    ('deg/s', ('m', 1.0))
+    >>> readable("rad/s")[0], readable("m"), readable("mm")
+    ('deg/s', ('m', 1.0), ('mm', 1000.0))
     """
     if unit == "rad" or unit.startswith("rad/"):
         return "deg" + unit[3:], 180 / np.pi
-    return unit, 1.0
+    return unit, 1.0 / si_unit(unit)[1] if unit else 1.0
 
 
 def grouped(case: Case, channels: list[str]) -> list[list[str]]:
     """Channels row by row: positions, rates, accelerations, then what is left, unit by unit."""
-    rest = [c.unit for c in case.channels.values() if not any(c.unit in o for o in ORDERS)]
+    units = {name: channel.si_unit for name, channel in case.channels.items()}
+    rest = [u for u in units.values() if not any(u in o for o in ORDERS)]
     orders = [*ORDERS, *((u,) for u in dict.fromkeys(rest))]
-    rows = [[n for n in channels if case.channels[n].unit in order] for order in orders]
+    rows = [[n for n in channels if units[n] in order] for order in orders]
     rows = [r for r in rows if r]
     if rows and max(map(len, rows)) <= 2:  # short rows: flow, or the sheet is mostly empty
         rows = [channels]

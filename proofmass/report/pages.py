@@ -41,7 +41,7 @@ CAPTIONS = {
              "solvers on top of it.",
     "shapes": "The rods, to one scale across and up: reference (thick, pale) and solvers on top of "
               "it.",
-    "difference": "Absolute difference to the reference, in SI units as in the table. Dashed level "
+    "difference": "Absolute difference to the reference, in the unit of the table. Dashed level "
                   "lines: what the tolerance allows. Exact zeros run into the lower edge.",
 }
 

@@ -20,7 +20,7 @@ def paths(view: Shown, picture: Picture | None) -> list[str]:
     across, up = picture.axes if picture else ("", "")
     return [name for name in dict.fromkeys(c.rpartition(".")[0] for c in view.channels)
             if across and all(f"{name}.{a}" in view.channels
-                              and view.case.channels[f"{name}.{a}"].unit == "m"
+                              and view.case.channels[f"{name}.{a}"].si_unit == "m"
                               for a in (across, up))
             and np.ptp(path(view.longest, name, picture), axis=0).max() > 1e-9]
 

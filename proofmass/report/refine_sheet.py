@@ -15,6 +15,7 @@ from proofmass.report.data import Shown
 from proofmass.report.figures import FLOOR, PAPER, decades
 from proofmass.report.refinements import channels
 from proofmass.report.style import Look
+from proofmass.units import si_unit
 from proofmass.wording import number, pretty
 
 INK = "#333333"
@@ -48,7 +49,9 @@ def panel(ax: Axes, solvers: dict[str, list[Row]], refine: Refine, style: Mappin
     for k, (solver, rows) in enumerate(solvers.items()):
         drawn += lines(ax, rows, refine, style[solver], 3.2 + 2.4 * (len(solvers) - 1 - k))
     unit = next(iter(solvers.values()))[0].unit
-    bounds = {"limit": refine.richardson} if refine.richardson and unit == "m" else {}
+    quantity, factor = si_unit(unit)
+    bounds = {"limit": refine.richardson / factor} if (
+        refine.richardson and quantity == "m") else {}
     if any(value <= refine.wall for value in drawn):
         bounds["rounding"] = refine.wall
     good = [v for v in (*drawn, *bounds.values()) if np.isfinite(v)] or [1.0]

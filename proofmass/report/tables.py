@@ -93,14 +93,15 @@ def extrema(view: Shown) -> list[Group]:
     """
     groups = []
     for channel in view.channels:
-        truth, x = view.longest.channels[channel], view.longest.x
+        factor = view.case.channels[channel].factor
+        truth, x = view.longest.channels[channel] / factor, view.longest.x
         low, high = ends(truth)
         rows = [Row("reference", "", "", "", (number(truth[low], 6), place(view, x[low]),
                                               number(truth[high], 6), place(view, x[high])))]
         for solver, curves in view.curves.items():
             if channel not in curves.channels:
                 continue
-            mine, own = curves.channels[channel], view.truth[solver].channels[channel]
+            mine, own = (by.channels[channel] / factor for by in (curves, view.truth[solver]))
             cells: list[str] = []
             for k, q in zip(ends(mine), ends(own), strict=True):
                 cells += [signed(float(mine[k] - own[q])),

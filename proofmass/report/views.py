@@ -108,6 +108,6 @@ def caption(view: Viewed) -> str:
         words += ["markers open where x rises, filled where it falls"] * view.loop
         words += [f"dashed: {view.view.dashed}"] * (view.view.dashed is not None)
         words += [f"thin: {listed(view.beside)}"] * bool(view.beside)
-        words += ["below, the difference to the reference in SI units, with what the tolerance "
-                  "allows"] * any(n in view.over.channels for n in view.view.y)
+        words += ["below, the difference to the reference in the channel's unit, with what the "
+                  "tolerance allows"] * any(n in view.over.channels for n in view.view.y)
     return "; ".join(words) + "."

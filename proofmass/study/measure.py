@@ -164,10 +164,10 @@ def deviations(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Ar
     channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
     widest = dict[str, float]()
     for name, channel in channels.items():
-        widest[channel.unit] = max(span(wanted[name]), widest.get(channel.unit, 0.0))
+        widest[channel.si_unit] = max(span(wanted[name]), widest.get(channel.si_unit, 0.0))
     for name, channel in channels.items():
-        what = next((k for k, units in KINDS.items() if channel.unit in units), None)
-        if what and span(wanted[name]) > CONSTANT * widest[channel.unit]:
+        what = next((k for k, units in KINDS.items() if channel.si_unit in units), None)
+        if what and span(wanted[name]) > CONSTANT * widest[channel.si_unit]:
             yield what, np.abs(curves.channels[name] - wanted[name]) / span(wanted[name])
 
 

@@ -70,7 +70,7 @@ def with_channels(case: Case, powers: dict[str, int], factor: float) -> Case:
         return case
     channels = {}
     for name, channel in case.channels.items():
-        by = factor ** powers.get(channel.unit, 0)
+        by = factor ** powers.get(channel.si_unit, 0)
         channels[name] = channel.model_copy(
             update={"scale": channel.scale * by, "shift": channel.shift * by})
     return case.model_copy(update={"channels": channels})

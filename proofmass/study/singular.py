@@ -136,7 +136,7 @@ def unreturned(case: Case, far: float) -> Failure | None:
 
 def places(case: Case) -> list[str]:
     """Channels that are positions."""
-    return [name for name, one in case.channels_of("sweep").items() if one.unit in ("m", "rad")]
+    return [name for name, one in case.channels_of("sweep").items() if one.si_unit in ("m", "rad")]
 
 
 def parted(curves: dict[str, Array]) -> Failure | None:

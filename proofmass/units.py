@@ -1,0 +1,100 @@
+"""Units: what a word such as ``deg/s^2`` means in SI.
+
+pint knows the words.  It is imported when a unit is not an SI unit of the list below, because that
+takes longer than the rest of the package.  An angle counts as a quantity of its own, so that
+neither ``1/s`` nor ``Hz`` passes for ``rad/s``.
+"""
+
+import re
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pint import Unit, UnitRegistry
+
+PLAIN = ("m", "rad", "s", "kg", "N", "N m", "J", "W", "m/s", "rad/s", "m/s^2", "rad/s^2", "1")
+WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")  # SI words that stay as they are written
+EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
+
+
+@cache
+def si_unit(unit: str) -> tuple[str, float]:
+    """The SI spelling of a unit and the factor to it.
+
+    Raises
+    ------
+    ValueError
+        The unit is unknown.
+
+    Examples
+    --------
+    >>> si_unit("deg/s^2")
+    ('rad/s^2', 0.017453292519943295)
+    >>> si_unit("N mm")
+    ('N m', 0.001)
+    """
+    if unit in PLAIN:
+        return unit, 1.0
+    factor = float(registry().Quantity(1, parsed(unit)).to_base_units().magnitude)
+    spelled = re.sub(r"[^\W\d_]+|°", lambda word: si_word(word.group()), unit.replace("²", "^2"))
+    return spelled, factor
+
+
+@cache
+def same_quantity(one: str, other: str) -> bool:
+    """Whether two units measure the same quantity.
+
+    >>> same_quantity("deg", "rad"), same_quantity("J", "kJ"), same_quantity("rad/s", "1/s")
+    (True, True, False)
+    """
+    if one == other:
+        return True
+    base = [registry().get_base_units(parsed(unit))[1] for unit in (one, other)]
+    return bool(base[0] == base[1])
+
+
+@cache
+def powers(unit: str) -> tuple[float, float, float, float]:
+    """The powers of length, mass, time and angle in a unit.
+
+    >>> powers("N m"), powers("rad/s")
+    ((2.0, 1.0, -2.0, 0.0), (0.0, 0.0, -1.0, 1.0))
+    """
+    base = dict(registry().Quantity(1, parsed(unit)).to_base_units().unit_items())
+    length, mass, time, angle = (float(str(base.get(word, 0))) for word in
+                                 ("meter", "kilogram", "second", "radian"))
+    return length, mass, time, angle
+
+
+@cache
+def registry() -> "UnitRegistry":
+    """Pint's units, with angles as a dimension."""
+    from pint import UnitRegistry
+
+    # empty at first: a full registry keeps what it derived from its own radian
+    units: UnitRegistry = UnitRegistry(None, on_redefinition="ignore")
+    units.load_definitions(str(files("pint") / "default_en.txt"))
+    units.default_system = "mks"
+    units.define("radian = [angle] = rad")
+    units.define("@alias turn = rev")
+    return units
+
+
+def parsed(unit: str) -> "Unit":
+    """The unit in pint."""
+    try:
+        found = registry().Unit("" if unit == "1" else unit)
+        offset = registry().Quantity(0, found).to_base_units().magnitude  # of a degree Celsius
+    except Exception:  # whatever the parser of a free text meets
+        offset = None
+    if offset != 0 or not unit.strip():
+        raise ValueError(f"unknown unit {unit!r}; write it as in {EXAMPLES}")
+    return found
+
+
+def si_word(word: str) -> str:
+    """The SI unit of the quantity that a word of a unit measures."""
+    there = next((si for si in WORDS if same_quantity(word, si)), None)
+    return there or f"{registry().get_base_units(parsed(word))[1]:~C}".replace("**", "^").replace(
+        "*", " ")

@@ -1,0 +1,72 @@
+"""What can be found wrong with a case before anything runs: names, units, and laws.
+
+`load_case` has checked the sidecar by itself; here it is held against the compiled model and the
+reference.
+"""
+
+from mujoco import MjModel
+
+from proofmass.case import Case
+from proofmass.chart import check_charts
+from proofmass.compare import reference_for
+from proofmass.errors import InputError, suggest
+from proofmass.reference import compiled
+from proofmass.seen import check_views
+from proofmass.solve import plan
+from proofmass.units import same_quantity
+from sim.contents import channel_unit, joints, keys, sensors
+from sim.protocol import BadModel, Curves, Run
+
+FEW = 2
+"""Samples at which the reference is asked for its quantities."""
+
+
+def validate(case: Case) -> None:
+    """Raise InputError for the first thing that is wrong with a case.
+
+    Looked at are the start key, the driven joints, the sensors and the units of all channels, the
+    solvers, the laws of the drives over the whole run, and the reference at the first samples: its
+    parameters, its quantities, what views and charts name.
+    """
+    check_model(case, compiled(case))
+    for kind, table in case.run.items():
+        runs = [plan(case, kind, solver) for solver in table.solvers]
+        few = first_samples(case, runs[0])
+        reference_for(case, few)
+        check_views(case, kind, few)
+    check_charts(case)
+
+
+def check_model(case: Case, model: MjModel) -> None:
+    """Hold what the sidecar names, and its units, against the compiled model."""
+    if model.nkey and case.start not in keys(model):
+        raise InputError(case.file, "start", f"{case.model} has no key {case.start!r}; "
+                         f"{suggest(case.start, keys(model))}")
+    for k, drive in enumerate(case.drive):
+        if drive.joint not in joints(model):
+            raise InputError(case.file, case.drive_key(k, "joint"), f"{case.model} has no joint "
+                             f"{drive.joint!r}; {suggest(drive.joint, joints(model))}")
+    for name, channel in case.channels.items():
+        try:
+            delivered = channel_unit(model, name, case.rods)
+        except KeyError as error:
+            there = [*sensors(model), *case.rod]
+            raise InputError(case.file, f"channels.{name}", f"{case.model} has no sensor "
+                             f"{error.args[0]!r}; {suggest(error.args[0], there)}") from None
+        except BadModel as error:
+            raise InputError(case.file, f"channels.{name}", str(error)) from None
+        if delivered is not None and not same_quantity(channel.unit, delivered):
+            raise InputError(case.file, f"channels.{name}.unit", f"{channel.unit!r} measures "
+                             f"another quantity than the sensor, which delivers {delivered}")
+
+
+def first_samples(case: Case, run: Run) -> Curves:
+    """The prescribed motion at the first samples of a run; all of a recorded curve."""
+    try:
+        motion = run.motion(run.x)
+    except (TypeError, ValueError) as error:
+        raise InputError(case.file, "drive.parameters", str(error)) from None
+    few = run.x.size if case.reference.endswith(".csv") else FEW
+    value, rate, acceleration = (part[:, :few] for part in motion)
+    moved = case.drive and run.kind != "rest"
+    return Curves(run.x[:few], {}, drive=(value, rate, acceleration) if moved else None)

@@ -1,0 +1,245 @@
+"""Names and patterns of a sidecar that match nothing, and units: found before anything runs."""
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from proofmass.case import Case, load_case
+from proofmass.check import check
+from proofmass.compare import compare
+from proofmass.errors import InputError
+from proofmass.isolate import Worker
+from proofmass.reference import evaluate
+from proofmass.report.data import shown
+from proofmass.report.figures import overlay
+from proofmass.report.style import looks
+from proofmass.sidecar import Tolerance
+from proofmass.solve import plan, solve
+from proofmass.units import powers, same_quantity, si_unit
+from proofmass.validate import validate
+from tests.test_report import curves_of, result_of
+
+MODELS = Path(__file__).parent.parent / "models"
+MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
+WRONG = {
+    "solver of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujco"',
+                              ["tolerance.0.solver", "'mujco'", "did you mean 'mujoco'?"]),
+    "one of several solvers": ("fourbar", MUJOCO_SWEEP, r'\1["mujoco", "pymnuk"]\n#',
+                               ["tolerance.0.solver", "'pymnuk'", "did you mean 'pymunk'?"]),
+    "channels of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujoco"\nchannels = ["roker"]',
+                                ["tolerance.0.channels", "'roker'", "did you mean 'rocker'?"]),
+    "unit of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujoco"\nunit = "radd"',
+                            ["tolerance.0.unit", "'radd'", "did you mean 'rad'?"]),
+    "run of a tolerance": ("fourbar_released", r'run = "duration"', 'run = "sweep"',
+                           ["tolerance.0.run", "no run.sweep", "there are: duration"]),
+    "nothing covered": ("fourbar", MUJOCO_SWEEP, r'\1"mujoco"\nunit = "m"\nchannels = "rocker"',
+                        ["tolerance.0", "covers nothing"]),
+    "settings": ("hacksaw", r"\[settings.pymunk\]", "[settings.pymunkk]",
+                 ['settings."pymunkk"', "did you mean 'pymunk'?"]),
+    "solver of a run": ("fourbar", r'"mujoco", "mujoco:default"', '"mujoco", "mujco:default"',
+                        ["run.duration.solvers", "'mujco'", "did you mean 'mujoco'?"]),
+    "channels of refine": ("rod_cantilever", r'"rod.angle"\] ', '"rod.angel"] ',
+                           ["refine.channels", "'rod.angel'", "did you mean 'rod.angle'?"]),
+    "only": ("fourbar_released", r'unit = "m" }', 'unit = "m", only = "sweep" }',
+             ["only", "no run.sweep"]),
+    "x of a view": ("balancer_sine", r'x = "pendulum"', 'x = "pendelum"',
+                    ["view.0.x", "'pendelum'", "did you mean 'pendulum'?"]),
+    "y of a view": ("balancer_sine", r'y = "holding_moment"', 'y = "holding_momnet"',
+                    ["view.0.y", "did you mean 'holding_moment'?"]),
+    "dashed of a view": ("balancer_sine", r'dashed = "target"', 'dashed = "traget"',
+                         ["view.0.dashed", "did you mean 'target'?"]),
+    "stack of a view": ("balancer_sine", r'stack = \["energy1"', 'stack = ["enregy1"',
+                        ["view.1.stack", "did you mean 'energy1'?"]),
+    "equals": ("fourbar", '"rocker_angle"', '"rocker_angel"',
+               ["channels.rocker.equals", "did you mean 'rocker_angle'?"]),
+    "sensor": ("fourbar", r"rocker = \{", "rokcer = {",
+               ["fourbar.toml: channels.rokcer", "fourbar.xml", "did you mean 'rocker'?"]),
+    "part of a sensor": ("fourbar", '"pin.x"', '"pin.u"', ["channels.pin.u", "pin.x, .y or .z"]),
+    "part of a rod": ("rod_cantilever", '"rod.moment" =', '"rod.momnet" =',
+                      ["channels.rod.momnet", ".moment"]),
+    "joint": ("fourbar", 'joint = "crank"', 'joint = "cranc"',
+              ["drive.joint", "did you mean 'crank'?"]),
+    "key": ("fourbar_crossed", 'start = "crossed"', 'start = "crosed"',
+            ["start", "did you mean 'crossed'?"]),
+    "reference": ("fourbar", 'reference = "fourbar"', 'reference = "forbar"',
+                  ["reference", "did you mean 'fourbar'?"]),
+    "parameter": ("fourbar", "coupler = 2.0", "copler = 2.0",
+                  ["parameters.copler", "did you mean 'coupler'?"]),
+    "key of a table": ("fourbar", r"\[drive\]", "[drive]\nrat = 1.0",
+                       ["unknown key 'rat'", "did you mean 'rate'?"]),
+    "no unit at all": ("fourbar", r'(rocker_angle", unit = )"rad"', r'\1"banana"',
+                       ["channels.rocker.unit", "unknown unit 'banana'", "mm, deg"]),
+    "mass of an angle": ("fourbar", r'(rocker_angle", unit = )"rad"', r'\1"kg"',
+                         ["channels.rocker.unit", "'kg'", "delivers rad"]),
+    "frequency of a rate": ("fourbar", r'(rocker_rate", unit = )"rad/s"', r'\1"Hz"',
+                            ["channels.rocker_rate.unit", "'Hz'", "delivers rad/s"]),
+    "rate of an acceleration": ("fourbar", r'(point_ax", unit = )"m/s\^2"', r'\1"m/s"',
+                                ["channels.point_acceleration.x.unit", "delivers m/s^2"]),
+    "force of a hinge": ("fourbar", 'unit = "N m"', 'unit = "N"',
+                         ["channels.holding_moment.unit", "delivers N m"]),
+    "moment of a rod": ("rod_cantilever", r'(?s)"N m" \}(.*)"N m"\]', r'"N" }\1"N"]',
+                        ["channels.rod.moment.unit", "delivers N m"]),
+    "unit of a view": ("balancer_sine", 'unit = "J"\\n$', 'unit = "banana"\n',
+                       ["view.1.unit", "unknown unit 'banana'"]),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit, monkeypatch):
+    name, old, new, words = WRONG[wrong]
+    edit(f"{name}.toml", old, new, count=1)
+    monkeypatch.setattr(Worker, "call", lambda *_: pytest.fail("a run was started"))
+    result = check([models / f"{name}.toml"])
+    assert result.exit_code == 2
+    (error,) = map(str, result.errors)  # once
+    assert all(word in error for word in [f"{name}.toml", *words]), error
+
+
+@given(key=st.sampled_from(["solver", "unit", "channels"]),
+       pattern=st.text(st.sampled_from("abcdmojunkrp.*?[]:/ "), min_size=1, max_size=8))
+def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
+    case = load_case(MODELS / "fourbar.toml")
+    names = {"solver": [s for run in case.run.values() for s in run.solvers],
+             "unit": [c.unit for c in case.channels.values()], "channels": [*case.channels]}[key]
+    tolerance = {"abs": 1.0, "why": "x", key: pattern}
+    table = case.model_dump(by_alias=True) | {"tolerance": [tolerance]}
+    matches = any(fnmatchcase(name, pattern) for name in names)
+    if key == "unit" and pattern != "*":  # a unit has no wildcards
+        matches = pattern in names
+    if matches:
+        assert Case(**table).tolerance == (Tolerance(**tolerance),)
+    else:
+        with pytest.raises(ValueError, match=re.escape(f"tolerance.0.{key}: {pattern!r} matches")):
+            Case(**table)
+
+
+@given(st.sampled_from(["mm", "km", "um", "in", "ft", "deg", "rev", "mrad", "arcmin", "ms", "min",
+                        "kN", "mJ", "g", "lbf", "N mm", "deg/s^2", "rev/min", "mm/s", "kg mm^2"]),
+       st.floats(1e-6, 1e6))
+def test_units_there_and_back(unit, value):
+    si, factor = si_unit(unit)
+    assert same_quantity(unit, si)
+    assert si_unit(si) == (si, 1.0)
+    assert value * factor / factor == pytest.approx(value, rel=4e-16)  # two roundings
+
+
+@pytest.mark.parametrize("unit", ["m/s2", "-", "", "2 m", "degC", "banana"])
+def test_what_is_no_unit(unit):
+    with pytest.raises(ValueError, match="unknown unit"):
+        si_unit(unit)
+
+
+def test_an_angle_is_a_quantity_of_its_own():
+    assert not same_quantity("rad", "1")
+    assert not same_quantity("Hz", "rad/s")
+    assert same_quantity("rpm", "deg/s")
+    assert powers("N m") == (2, 1, -2, 0)
+    assert powers("deg") == (0, 0, 0, 1)
+
+
+@pytest.mark.parametrize("case", sorted(MODELS.glob("*.toml")), ids=lambda file: file.stem)
+def test_own_cases_are_valid(case):
+    validate(load_case(case))
+
+
+def test_si_units_do_not_import_pint():
+    """Its import takes longer than that of the rest."""
+    line = ("import sys; from proofmass.case import load_case; from proofmass.validate import "
+            "validate; validate(load_case('models/hacksaw_recorded.toml')); "
+            "sys.exit('pint' in sys.modules)")
+    subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)
+
+
+def in_degrees(models: Path, edit) -> Path:
+    """The four-bar with an angle in degrees, a rate in rev/min and a length in millimetres."""
+    edit("fourbar.toml", r'(rocker_angle", unit = )"rad"', r'\1"deg", shift = 10.0')
+    edit("fourbar.toml", r'(rocker_rate", unit = )"rad/s"', r'\1"rev/min"')
+    edit("fourbar.toml", r'(pin_x", unit = )"m"', r'\1"mm"')
+    text = (models / "fourbar.toml").read_text()
+    (models / "fourbar.toml").write_text(text.partition("[[tolerance]]")[0] + """
+[[tolerance]]
+abs = 1e-3
+why = "in the channel's unit"
+""")
+    return models / "fourbar.toml"
+
+
+def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
+    before = {c.channel: c for c in of_sweep(load_case(MODELS / "fourbar.toml"), 0.01)}
+    case = load_case(in_degrees(models, edit))
+    after = {c.channel: c for c in of_sweep(case, 0.01)}
+    for name, unit, factor in (("rocker", "deg", 180 / np.pi), ("pin.x", "mm", 1e3),
+                               ("rocker_rate", "rev/min", 30 / np.pi)):
+        c, known = after[name], before[name]
+        assert c.unit == unit
+        assert c.error_max == pytest.approx(known.error_max * factor, rel=1e-9)
+        assert c.nrmse == pytest.approx(known.nrmse, rel=1e-9)
+        assert c.allowed == 1e-3
+        # the slope of the closed form by the change of 1, in SI as well as in the channel's unit
+        for p, notice in known.would_notice.items():
+            assert c.would_notice[p] == pytest.approx(
+                notice * 1e-3 / factor / known.allowed, rel=1e-6)
+    x = np.linspace(0, 2 * np.pi, 37)
+    truth = evaluate(case, x, plan(case, "sweep", "mujoco").motion(x)).channels
+    plain = evaluate(load_case(MODELS / "fourbar.toml"), x,
+                     plan(case, "sweep", "mujoco").motion(x)).channels
+    assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # shift, in deg
+
+
+def of_sweep(case: Case, off: float):
+    return compare(case, "sweep", "mujoco", curves_of(case, "sweep", off))
+
+
+def test_a_simulator_agrees_in_degrees(models, edit):
+    edit("fourbar.toml", r'(rocker_angle", unit = )"rad"', r'\1"deg"')
+    edit("fourbar.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
+    case = load_case(models / "fourbar.toml")
+    found = {c.channel: c for c in compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))}
+    assert {c.outcome for c in found.values()} == {"agrees"}
+    # the rocker turns between the poses with crank and coupler in line: 2 + 1 and 2 - 1 across
+    inner, outer = (np.degrees(np.arccos((2.5**2 + 3**2 - r**2) / 15)) for r in (1, 3))
+    assert found["rocker"].allowed == pytest.approx(1e-12 * (outer - inner), rel=1e-3)
+
+
+def test_a_figure_is_in_the_unit_of_the_channel(models, edit):
+    case = load_case(in_degrees(models, edit))
+    view = shown(result_of(case, sweep=0.01), case, "sweep")
+    ax = Figure().subplots()
+    overlay(ax, view, "pin.x", looks(["mujoco"]))
+    assert ax.get_ylabel() == "[mm]"
+    span = 1e3 * np.ptp(view.longest.channels["pin.x"])
+    assert np.ptp(ax.lines[0].get_ydata()) == pytest.approx(span, rel=1e-12)
+    assert view.error("mujoco", "pin.x").max() == pytest.approx(0.01 * span, rel=0.02)
+
+
+def test_a_whole_turn_is_told_in_degrees(models, edit):
+    edit("fourbar.toml", r'(rocker_angle", unit = )"rad"', r'\1"deg"')
+    edit("fourbar.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
+    case = load_case(models / "fourbar.toml")
+    curves = curves_of(case, "sweep", 0.0)
+    turned = dict(curves.channels, rocker=curves.channels["rocker"] + 2 * np.pi)
+    (c,) = (c for c in compare(case, "sweep", "mujoco", replace(curves, channels=turned))
+            if c.channel == "rocker")
+    assert "1 whole turn(s)" in c.message
+
+
+def test_a_recorded_curve_in_another_unit_than_the_channel(models, edit):
+    edit("hacksaw_recorded.toml", r'("theta1", unit = )"rad"', r'\1"deg"')
+    edit("hacksaw_recorded.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
+    case = load_case(models / "hacksaw_recorded.toml")
+    validate(case)
+    assert {c.outcome for c in compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
+            } == {"agrees"}
+    edit("hacksaw_recorded.toml", r'("theta3", unit = )"rad"', r'\1"mm"')
+    edit("hacksaw_recorded.toml", '"rad", "m", "deg"', '"m", "deg", "mm"')
+    with pytest.raises(InputError, match=r"theta3.*another quantity"):
+        validate(load_case(models / "hacksaw_recorded.toml"))
