@@ -145,6 +145,9 @@ class Case(Strict):
                                  f"{suggest(name, solvers)}")
         for name, channel in self.channels.items():
             self._has_run(f"channels.{name}.only", channel.only)
+        if self.unchecked and (self.tolerance or self.refine):
+            raise ValueError("unchecked = true says that nothing is checked: leave it out, or the "
+                             "tolerances and refine")
         for k, tolerance in enumerate(self.tolerance):
             self._has_run(f"tolerance.{k}.run", tolerance.run)
             self._match(f"tolerance.{k}", tolerance)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.case import Case, load_case
-from proofmass.compare import GOOD, Comparison, compare
+from proofmass.compare import GOOD, OPEN, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.mobility import mobility
@@ -37,8 +37,19 @@ class Result:
 
     @property
     def exit_code(self) -> int:
-        """0: all agree; 1: something differs, diverged or crashed; 2: bad input."""
-        return 2 if self.errors else int(any(c.outcome not in GOOD for c in self.comparisons))
+        """0: all agree; 1: something differs, diverged or crashed, or a case is unchecked; 2: bad
+        input.
+        """
+        wrong = any(c.outcome not in GOOD for c in self.comparisons)
+        return 2 if self.errors else int(wrong or bool(self.unchecked))
+
+    @property
+    def unchecked(self) -> list[Case]:
+        """Cases that ran and of which nothing was checked, though the sidecar does not say so."""
+        ran = {c.case for c in self.comparisons}
+        checked = {c.case for c in self.comparisons if c.outcome not in OPEN}
+        return [case for case in self.cases
+                if case.name in ran - checked and not case.unchecked]
 
 
 def find(paths: Iterable[Path]) -> Iterator[Path]:

@@ -60,7 +60,8 @@ def check_command(
 ) -> None:
     """Run every case and hold it against its reference.
 
-    Exit code 0: all agree; 1: something differs, diverged or crashed; 2: bad input.
+    Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
+    checked; 2: bad input.
     """
     result = examine(paths, jobs)
     if json:

@@ -15,7 +15,10 @@ from proofmass.units import si_unit
 from sim.protocol import Array, Curves
 
 NAN = float("nan")
-GOOD = ("agrees", "unchecked", "unsupported")
+OPEN = ("unchecked", "unsupported")
+GOOD = ("agrees", *OPEN)
+UNCHECKED = ("nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
+             "a solver delivers, or say unchecked = true")
 
 
 @dataclass(frozen=True)

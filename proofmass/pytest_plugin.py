@@ -12,7 +12,7 @@ import pytest
 
 from proofmass.case import Case, load_case
 from proofmass.check import FAILURES, one_task, run_one, stopped
-from proofmass.compare import GOOD, Comparison
+from proofmass.compare import GOOD, UNCHECKED, Comparison
 from proofmass.errors import InputError
 from proofmass.refined import refinements
 from proofmass.validate import validate
@@ -52,7 +52,9 @@ class SolverItem(pytest.Item):
         self.case = case
 
     def runtest(self) -> None:
-        """Run and compare; skipped when nothing of it is checked."""
+        """Run and compare; skipped when nothing of this solver is checked, failed when nothing of
+        the whole case is and its sidecar does not say so.
+        """
         validate(self.case)
         comparisons: list[Comparison] = []
         for kind, run in self.case.run.items():
@@ -69,6 +71,8 @@ class SolverItem(pytest.Item):
             raise Disagreement("\n".join(
                 f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} {c.unit} "
                 f"at {c.at:.6g}, allowed {c.allowed:.3g}" for c in wrong))
+        if not (self.case.tolerance or self.case.refine or self.case.unchecked):
+            raise Disagreement(UNCHECKED)
         if not any(c.outcome == "agrees" for c in comparisons):
             pytest.skip("shown, not checked: no tolerance")
 
@@ -82,7 +86,7 @@ class SolverItem(pytest.Item):
 
 
 class Disagreement(Exception):
-    """Curves that differ from the reference by more than their tolerance."""
+    """Curves that differ from the reference by more than their tolerance, or have none at all."""
 
 
 def plain(excinfo: Any) -> str | None:

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import Comparison
+from proofmass.compare import UNCHECKED, Comparison
 
 KEYS = ("case", "solver", "run", "channel", "unit", "error_max", "at", "error_rms", "nrmse",
         "allowed", "would_notice", "outcome", "message", "seconds", "steps")
@@ -92,7 +92,9 @@ def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
 
 
 def failures(result: Result) -> Iterator[Text]:
-    """A line for each run that failed, by its worst channel, and the count of all outcomes."""
+    """A line for each run that failed, by its worst channel, and for each case in which nothing was
+    checked; and the counts of all outcomes.
+    """
     for (case, run, solver), rows in groupby(result.comparisons,
                                              lambda c: (c.case, c.run, c.solver)):
         group = list(rows)
@@ -104,9 +106,14 @@ def failures(result: Result) -> Iterator[Text]:
             f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
             f"{number(c.error_max)} {c.unit} at {c.at:.6g}")
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
+    for case in result.unchecked:
+        yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
     counts = {o: sum(c.outcome == o for c in result.comparisons)
               for o in dict.fromkeys(c.outcome for c in result.comparisons)}
-    yield Text(", ".join(f"{n} {o}" for o, n in counts.items()) or "nothing to check",
+    words = [f"{n} {o}" for o, n in counts.items()]
+    if result.unchecked:
+        words.append(f"{len(result.unchecked)} case(s) without any check")
+    yield Text(", ".join(words) or "nothing to check",
                style="bold" if result.exit_code == 0 else "bold red")
 
 

@@ -110,3 +110,42 @@ def test_an_interrupt_while_commands_are_loaded_is_no_traceback(monkeypatch):
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 130
+
+
+CUT_OFF = r"(?s)\[\[tolerance\]\].*"  # a sidecar that ends before its tolerances
+
+
+def test_a_case_in_which_nothing_is_checked_is_not_green(models, edit, tmp_path):
+    edit("pendulum.toml", CUT_OFF, "")
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path)
+    assert answer.exit_code == 1
+    assert "pendulum unchecked: nothing of this case was checked" in answer.output
+    assert "20 unchecked, 1 case(s) without any check" in answer.output
+    page = (tmp_path / "pendulum.html").read_text()
+    assert '<p class="verdict bad">Nothing is checked: shown unchecked: ' in page
+    assert "0 agree, 1 with something wrong" in (tmp_path / "index.html").read_text()
+
+
+def test_a_case_may_say_that_it_is_unchecked(models, edit, tmp_path):
+    edit("pendulum.toml", CUT_OFF, "")
+    edit("pendulum.toml", "^title", "unchecked = true\ntitle")
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path)
+    assert answer.exit_code == 0
+    assert "20 unchecked" in answer.output
+    assert "without any check" not in answer.output
+    assert "Unchecked, as the sidecar says" in (tmp_path / "pendulum.html").read_text()
+
+
+def test_a_case_that_says_so_and_has_tolerances_is_bad_input(models, edit):
+    edit("pendulum.toml", "^title", "unchecked = true\ntitle")
+    answer = run("check", models / "pendulum.toml")
+    assert answer.exit_code == 2
+    assert "unchecked = true says that nothing is checked" in answer.output.replace("\n", " ")
+
+
+def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester):
+    edit("pendulum.toml", CUT_OFF, "")
+    result = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::mujoco",
+                                           "-p", "no:cacheprovider")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*nothing of this case was checked*unchecked = true*"])

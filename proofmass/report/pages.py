@@ -18,6 +18,7 @@ from markupsafe import Markup
 from proofmass import reference
 from proofmass.case import Case
 from proofmass.check import Result
+from proofmass.compare import OPEN
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.report import refinements, tables
@@ -153,7 +154,8 @@ def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) 
     picture = drawings.figures.get("thumbnail")
     steps = {s: float(str(c.settings["timestep"])) for v in views if v.kind == "duration"
              for s, c in v.curves.items() if "timestep" in c.settings}
-    bad = faults or not rows or any(counts[o] for o in ("differs", *LOST))
+    checked = case.unchecked or set(counts) - set(OPEN)
+    bad = faults or not checked or any(counts[o] for o in ("differs", *LOST))
     return {"name": case.name, "title": case.title, "page": f"{slug(case.name)}.html",
             "headline": headline(case, rows, steps),
             "state": "bad" if bad else "good" if counts["agrees"] else "open",

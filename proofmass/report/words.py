@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from proofmass.case import Case
-from proofmass.compare import Comparison
+from proofmass.compare import OPEN, Comparison
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
@@ -53,6 +53,10 @@ def headline(case: Case, comparisons: Iterable[Comparison],
     own = [c for c in comparisons if c.case == case.name]
     if not own:
         return "Not judged: no run could be compared; the input is at fault."
+    if plain(own):
+        parts = unchecked(by_solver(own, *case.run))
+        return ("Unchecked, as the sidecar says" if case.unchecked else
+                "Nothing is checked") + ": " + "; ".join(parts) + "."
     quiet = [kind for kind in ("sweep", "rest") if kind in case.run] or ["sweep"]
     sweep, duration = by_solver(own, *quiet), by_solver(own, "duration")
     within = " and ".join(quiet)
@@ -95,7 +99,7 @@ def clean(rows: list[Comparison]) -> bool:
 
 def plain(rows: list[Comparison]) -> bool:
     """Whether nothing was checked, and nothing failed."""
-    return {c.outcome for c in rows} <= {"unchecked", "unsupported"}
+    return {c.outcome for c in rows} <= set(OPEN)
 
 
 def agreement(good: dict[str, list[Comparison]], run: str) -> str:
