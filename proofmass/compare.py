@@ -9,9 +9,10 @@ from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
-from proofmass.reference import evaluate, modes, module_of
+from proofmass.reference import compiled, evaluate, modes, module_of
 from proofmass.seen import check_views
-from proofmass.units import si_unit
+from proofmass.units import powers, si_unit
+from sim.contents import joints, mass, size
 from sim.protocol import Array, Curves
 
 NAN = float("nan")
@@ -19,6 +20,8 @@ OPEN = ("unchecked", "unsupported")
 GOOD = ("agrees", *OPEN)
 UNCHECKED = ("nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
              "a solver delivers, or say unchecked = true")
+CONSTANT = 1e-3  # a curve whose range is less of its size does not move, up to what drives do
+ZERO = 1e-12  # of the mechanism's size: what a reference computes instead of a zero
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,8 @@ class Comparison:
     error_max, at : float
         Largest absolute difference, in `unit`, and the x at which it stands.
     error_rms, nrmse : float
-        Root mean square of the difference, and the same over the reference curve's range.
+        Root mean square of the difference, and the same over `scale_of` the reference curve,
+        which is its range unless it is constant.
     allowed : float
         Tolerance in `unit`; NaN when the channel is not checked.
     would_notice : dict of str to float
@@ -64,7 +68,7 @@ class Comparison:
 
     @property
     def of_range(self) -> float:
-        """Largest error over the reference curve's range; NaN when it has none."""
+        """Largest error over `scale_of` the reference curve; NaN when it has none."""
         return self.error_max * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 
 
@@ -113,8 +117,8 @@ def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Arr
     """Compare one channel; its curves are in SI units, the comparison in the channel's."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
-    span = float(np.ptp(truth)) / factor
-    allowed = tolerance.allowed(span) if tolerance else NAN
+    scale = scale_of(case, run, name, curves, truth) / factor
+    allowed = tolerance.allowed(scale) if tolerance else NAN
     place: dict[str, Any] = {
         "case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
         "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
@@ -125,13 +129,49 @@ def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Arr
     rms = float(np.sqrt(np.mean(error**2)))
     found: dict[str, Any] = {
         "error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
-        "nrmse": rms / span if span else NAN,
+        "nrmse": rms / scale if scale else NAN,
         "would_notice": {p: allowed * factor / s[name] for p, s in slopes.items()
                          if s[name] > 0}
         if tolerance else {}}
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
     return Comparison(**place, **found, outcome=outcome, message=message)
+
+
+def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> float:
+    """What ``of_range`` is a share of, in SI units.
+
+    It is the range of the reference curve, unless that is constant: its range is less than a
+    thousandth of its size.  Then it is that size.  Where a place or an angle is zero is a
+    convention, so the size of a place is that of the mechanism, and of an angle 1 rad.  The size
+    of any other curve is its largest magnitude, or, if it is zero throughout, what the mechanism's
+    length L, its mass M and a time T make of the unit: L / T of a velocity, M L^2 / T^2 of a
+    moment.  T is 1 over the largest rate of a drive (L over the largest speed of a slide), or the
+    length of a free motion.
+    """
+    unit, span = case.channels[name].si_unit, float(np.ptp(truth))
+    model = compiled(case)
+    extent = size(model, case.start)
+    own = 1.0
+    for base, power in zip((extent, mass(model), time_of(case, run, curves, extent)),
+                           powers(unit)[:3], strict=True):
+        own *= (base**power if base else 0.0) if power else 1.0
+    magnitude = float(np.abs(truth).max())
+    if unit in ("m", "rad") or not magnitude > ZERO * own:
+        magnitude = own
+    return span if span >= CONSTANT * magnitude else magnitude
+
+
+def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
+    """The time T of `scale_of` [s]; 0 if nothing tells it."""
+    if not case.drive:
+        return float(np.ptp(curves.x)) if run == "duration" else 0.0
+    if curves.drive is None or not extent:
+        return 0.0
+    units = joints(compiled(case))
+    rates = [float(np.abs(rate).max()) / (extent if units[drive.joint] == "m" else 1.0)
+             for drive, rate in zip(case.drive, curves.drive[1], strict=True)]
+    return 1.0 / max(rates) if max(rates) else 0.0
 
 
 def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str]:
@@ -149,8 +189,8 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str
     if error <= allowed:
         return "agrees", why
     if not allowed:
-        return "differs", ("of_range allows nothing here, the reference being constant: give the "
-                           "tolerance as abs")
+        return "differs", ("the reference is zero and the mechanism has no size of this quantity, "
+                           "so of_range allows nothing: give the tolerance as abs")
     quantity, factor = si_unit(unit or "1")
     turns = error * factor / (2 * np.pi)
     if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:

@@ -119,7 +119,8 @@ class Tolerance(Strict):
     """``[[tolerance]]``: a number, where it holds, and the reason for it.
 
     `run`, `solver`, `unit` and `channels` select; what is left out selects all.  The number is
-    `abs`, in the channel's unit, or `of_range`, a share of the reference curve's range.
+    `abs`, in the channel's unit, or `of_range`, a share of the reference curve's range; of a curve
+    that does not move, a share of its size, see `proofmass.compare.scale_of`.
     """
 
     run: Kind | None = None
@@ -150,6 +151,6 @@ class Tolerance(Strict):
                 and ("*" in self.unit or unit in self.unit)
                 and any(fnmatchcase(name, c) for c in self.channels))
 
-    def allowed(self, span: float) -> float:
-        """The largest error allowed on a curve of that range, in the curve's unit."""
-        return self.abs if self.abs is not None else float(self.of_range or 0) * span
+    def allowed(self, scale: float) -> float:
+        """The largest error allowed on a curve of that range or size, in the curve's unit."""
+        return self.abs if self.abs is not None else float(self.of_range or 0) * scale

@@ -13,7 +13,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pint import Unit, UnitRegistry
 
-PLAIN = ("m", "rad", "s", "kg", "N", "N m", "J", "W", "m/s", "rad/s", "m/s^2", "rad/s^2", "1")
+PLAIN = {  # with the powers of length, mass, time and angle in them
+    "1": (0, 0, 0, 0), "m": (1, 0, 0, 0), "kg": (0, 1, 0, 0), "s": (0, 0, 1, 0),
+    "rad": (0, 0, 0, 1), "m/s": (1, 0, -1, 0), "rad/s": (0, 0, -1, 1), "m/s^2": (1, 0, -2, 0),
+    "rad/s^2": (0, 0, -2, 1), "N": (1, 1, -2, 0), "N m": (2, 1, -2, 0), "J": (2, 1, -2, 0)}
 WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")  # SI words that stay as they are written
 EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
 
@@ -58,9 +61,11 @@ def same_quantity(one: str, other: str) -> bool:
 def powers(unit: str) -> tuple[float, float, float, float]:
     """The powers of length, mass, time and angle in a unit.
 
-    >>> powers("N m"), powers("rad/s")
-    ((2.0, 1.0, -2.0, 0.0), (0.0, 0.0, -1.0, 1.0))
+    >>> powers("N m"), powers("deg/s")
+    ((2, 1, -2, 0), (0.0, 0.0, -1.0, 1.0))
     """
+    if unit in PLAIN:
+        return PLAIN[unit]
     base = dict(registry().Quantity(1, parsed(unit)).to_base_units().unit_items())
     length, mass, time, angle = (float(str(base.get(word, 0))) for word in
                                  ("meter", "kilogram", "second", "radian"))

@@ -1,6 +1,7 @@
 """What a compiled MJCF offers by name, its channels' units, and how large and heavy it is."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from sim.mujoco_model import joint_of
 from sim.protocol import BadModel, Rod
 
+KEPT = 64  # models whose sizes are remembered
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PARTS = {"x": "m", "y": "m", "z": "m", "angle": "rad", "moment": "N m"}
 """Channels along a rod at rest, and their units."""
@@ -92,15 +94,18 @@ def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | Non
     return {"rad": "N m", "m": "N"}[unit] if force else OF_JOINTS[kind].format(unit)
 
 
-def size(model: mujoco.MjModel) -> float:
-    """Largest distance between two joints, sites or centres of mass in the model's zero pose [m].
-    """
+@lru_cache(KEPT)
+def size(model: mujoco.MjModel, key: str) -> float:
+    """Largest distance between two joints, sites or centres of mass in the pose of a key [m]."""
     data = mujoco.MjData(model)
+    if key in keys(model):
+        mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
     mujoco.mj_kinematics(model, data)
     points = np.vstack([data.xanchor, data.site_xpos, data.xipos[1:]])
     return float(np.linalg.norm(points[:, None] - points, axis=-1).max()) if len(points) else 0.0
 
 
+@lru_cache(KEPT)
 def mass(model: mujoco.MjModel) -> float:
     """Mass of all that moves [kg]."""
     return float(model.body_mass[model.body_weldid != 0].sum())

@@ -11,15 +11,16 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.check import check, find
-from proofmass.compare import one
+from proofmass.compare import one, scale_of, verdict
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.recorded import read_recorded
-from proofmass.reference import evaluate, grid
+from proofmass.reference import compiled, evaluate, grid
 from proofmass.sidecar import Tolerance
 from proofmass.solve import plan
 from proofmass.units import si_unit
+from sim.contents import size
 from sim.protocol import Curves
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -167,3 +168,94 @@ def test_would_notice_is_the_change_that_uses_the_tolerance_up(models):
     allowed = 1e-6
     off = evaluate(case, x, state, coupler=case.parameters["coupler"] * (1 + allowed / slope))
     assert np.abs(off.channels["theta3"] - truth).max() == pytest.approx(allowed, rel=1e-3)
+
+
+GEARS = """<mujoco>
+  <option timestep="0.001" integrator="RK4" gravity="0 0 0"/>
+  <worldbody>
+    <body name="small">
+      <joint name="small" axis="0 0 1"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+    </body>
+    <body name="large" pos="2 0 0">
+      <joint name="large" axis="0 0 1"/>
+      <inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/>
+      <site name="hub"/>
+    </body>
+  </worldbody>
+  <equality><joint joint1="large" joint2="small" polycoef="0 -0.5 0 0 0"/></equality>
+  <sensor>
+    <jointvel name="rate" joint="large"/>
+    <framepos name="hub" objtype="site" objname="hub"/>
+    <framelinvel name="hub_velocity" objtype="site" objname="hub"/>
+  </sensor>
+  <keyframe><key name="start" qpos="0 0"/></keyframe>
+</mujoco>"""
+SIDECAR = """
+title = "Two gears"
+source = "none"
+reference = "planar"
+drive = { joint = "small", from = 0.0, to = 4.0, rate = 2.0 }
+[run.sweep]
+n = 11
+solvers = ["mujoco"]
+[channels]
+rate = { equals = RATE, unit = "rad/s" }
+"hub.x" = { equals = "hub.x", unit = "m" }
+"hub_velocity.x" = { equals = "hub_velocity.x", unit = "m/s" }
+[[tolerance]]
+of_range = 1e-12
+why = "rounding"
+"""
+
+
+def gears(folder: Path, ratio: float = -0.5, rate: str = '"rate"'):
+    (folder / "gears.xml").write_text(GEARS.replace("-0.5", str(ratio)))
+    (folder / "gears.toml").write_text(SIDECAR.replace("RATE", rate))
+    return {c.channel: c for c in check([folder / "gears.toml"]).comparisons}
+
+
+def test_rounding_of_what_does_not_move_agrees(tmp_path):
+    found = gears(tmp_path)
+    assert {c.outcome for c in found.values()} == {"agrees"}
+    assert found["rate"].allowed == pytest.approx(1e-12)  # of 0.5 * 2 rad/s
+    assert found["hub.x"].allowed == pytest.approx(2e-12)  # of 2 m from axis to axis
+    assert found["hub_velocity.x"].allowed == pytest.approx(4e-12)  # 2 m at 2 rad/s
+
+
+@pytest.mark.parametrize("off", [1e-11, -1e-3])
+def test_a_wrong_gear_ratio_is_found_by_a_constant_rate(tmp_path, off):
+    found = gears(tmp_path, -0.5 * (1 + off), rate="-1.0")
+    assert found["rate"].outcome == "differs"
+    assert found["rate"].error_max == pytest.approx(abs(off), rel=1e-4)  # 1e-16 of rounding
+    assert found["hub.x"].outcome == "agrees"
+
+
+def scale(channel: str, values: list[float], name: str = "fourbar", run: str = "sweep") -> float:
+    case = load_case(MODELS / f"{name}.toml")
+    x = np.linspace(0, 1, len(values))
+    drive = (x[None], np.full((1, x.size), 3.0), 0 * x[None])
+    return scale_of(case, run, channel, Curves(x, {}, drive=drive), np.array(values))
+
+
+def test_what_of_range_is_a_share_of():
+    extent = size(compiled(load_case(MODELS / "fourbar.toml")), "start")
+    assert extent == 3.0  # the ground; nothing reaches beyond its ends
+    assert scale("rocker", [5.0, 5.5]) == 0.5
+    assert scale("rocker", [5.0, 5.0009]) == 1.0  # an angle of 286 degrees is no size
+    assert scale("rocker", [5.0, 5.0011]) == pytest.approx(1.1e-3)
+    assert scale("pin.x", [90.0, 90.0]) == extent  # nor is a place far from the origin
+    assert scale("rocker_rate", [7.0, 7.006]) == 7.006
+    assert scale("rocker_rate", [7.0, 7.008]) == pytest.approx(8e-3)
+    assert scale("rocker_rate", [0.0, 1e-13]) == 3.0  # the drive's
+    assert scale("rocker_rate", [0.0, 1e-11]) == 1e-11  # small, and it moves
+    assert scale("pin_velocity.x", [0.0, 0.0]) == 3 * extent
+    assert scale("point_acceleration.x", [0.0, 0.0]) == pytest.approx(9 * extent)
+    assert scale("holding_moment", [0.0, 0.0]) == pytest.approx(5.5 * 9 * extent**2)  # 5.5 kg
+
+
+def test_what_has_no_size_needs_an_absolute_tolerance():
+    assert scale("rod.moment", [0.0, 0.0], "rod_cantilever", "rest") == 0.0
+    outcome, message = verdict(1e-17, 0.0, "N m", "rounding")
+    assert outcome == "differs"
+    assert "give the tolerance as abs" in message
