@@ -20,6 +20,7 @@ OPEN = ("unchecked", "unsupported")
 GOOD = ("agrees", *OPEN)
 UNCHECKED = ("nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
              "a solver delivers, or say unchecked = true")
+START = 0.1  # share of a duration in which errors of the start are expected to decay
 CONSTANT = 1e-3  # a curve whose range is less of its size does not move, up to what drives do
 ZERO = 1e-12  # of the mechanism's size: what a reference computes instead of a zero
 
@@ -47,6 +48,9 @@ class Comparison:
         The tolerance's reason when it agrees; otherwise what is wrong.
     seconds, steps, gap
         Cost of the run, and its largest loop gap [m].
+    error_later : float
+        Largest absolute difference after the first tenth of a duration, in `unit`: the start pose
+        is often in another equilibrium of a soft loop than the motion; NaN in other runs.
     """
 
     case: str
@@ -65,11 +69,20 @@ class Comparison:
     seconds: float = NAN
     steps: int = 0
     gap: float = NAN
+    error_later: float = NAN
 
     @property
     def of_range(self) -> float:
         """Largest error over `scale_of` the reference curve; NaN when it has none."""
-        return self.error_max * self.nrmse / self.error_rms if self.error_rms else self.nrmse
+        return self._share(self.error_max)
+
+    @property
+    def of_range_later(self) -> float:
+        """The same for `error_later`."""
+        return self._share(self.error_later)
+
+    def _share(self, error: float) -> float:
+        return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 
 
 def reference_for(case: Case, curves: Curves) -> Curves:
@@ -130,12 +143,19 @@ def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Arr
     found: dict[str, Any] = {
         "error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
         "nrmse": rms / scale if scale else NAN,
+        "error_later": float(error[curves.x >= start_until(curves)].max())
+        if run == "duration" else NAN,
         "would_notice": {p: allowed * factor / s[name] for p, s in slopes.items()
                          if s[name] > 0}
         if tolerance else {}}
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
     return Comparison(**place, **found, outcome=outcome, message=message)
+
+
+def start_until(curves: Curves) -> float:
+    """Where the first tenth of a run ends."""
+    return float(curves.x[0] + START * (curves.x[-1] - curves.x[0]))
 
 
 def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> float:

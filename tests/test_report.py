@@ -10,7 +10,7 @@ from markupsafe import escape
 
 from proofmass.case import Case, load_case
 from proofmass.check import Result
-from proofmass.compare import Comparison, compare
+from proofmass.compare import Comparison, compare, reference_for
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.report import headline, write_report
@@ -98,8 +98,25 @@ def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
     result = result_of(fourbar, sweep=0.0)
     curves = curves_of(fourbar, "duration", 3e-2)
     rows = compare(fourbar, "duration", "mujoco:default", curves)
-    assert "shown unchecked: MuJoCo default (3% of range off)" in headline(
-        fourbar, [*result.comparisons, *rows])
+    assert ("shown unchecked: MuJoCo default (off by 3% of the range in position and 3% in "
+            "velocity)") in headline(fourbar, [*result.comparisons, *rows])
+
+
+def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
+    """Each kind of quantity apart, and the first samples apart from what follows."""
+    case = case_of("fourbar")
+    curves = curves_of(case, "duration", 0.0)
+    truth = reference_for(case, curves).channels
+    off = {"rocker": 1e-4, "rocker_rate": 1e-3, "rocker_acceleration.z": 2e-3}
+    channels = {name: truth[name] + share * np.ptp(truth[name]) for name, share in off.items()}
+    channels["rocker_acceleration.z"][0] += 0.5 * np.ptp(truth["rocker_acceleration.z"])
+    rows = compare(case, "duration", "mujoco:default", replace(curves, channels=channels))
+    (c,) = (c for c in rows if c.channel == "rocker_acceleration.z")
+    span = np.ptp(truth["rocker_acceleration.z"])
+    assert (c.at, c.error_max) == (0.0, pytest.approx(0.502 * span, rel=1e-9))
+    assert c.error_later == pytest.approx(2e-3 * span, rel=1e-9)
+    assert ("MuJoCo default (off by 1e-4 of the range in position, 0.1% in velocity and 50% in "
+            "acceleration at the start, 0.2% after a tenth of the run)") in headline(case, rows)
 
 
 def test_sweep_differs(fourbar: Case) -> None:

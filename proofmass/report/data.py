@@ -11,12 +11,10 @@ from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
 from proofmass.reference import grid, laws
 from proofmass.refined import Row
-from proofmass.report.words import LOST
+from proofmass.report.words import KINDS, LOST
 from proofmass.strict import Kind
 from proofmass.units import si_unit
 from sim.protocol import Array, Curves
-
-ORDERS = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
 
 
 @dataclass(frozen=True)
@@ -134,8 +132,8 @@ def readable(unit: str) -> tuple[str, float]:
 def grouped(case: Case, channels: list[str]) -> list[list[str]]:
     """Channels row by row: positions, rates, accelerations, then what is left, unit by unit."""
     units = {name: channel.si_unit for name, channel in case.channels.items()}
-    rest = [u for u in units.values() if not any(u in o for o in ORDERS)]
-    orders = [*ORDERS, *((u,) for u in dict.fromkeys(rest))]
+    rest = [u for u in units.values() if not any(u in o for o in KINDS.values())]
+    orders = [*KINDS.values(), *((u,) for u in dict.fromkeys(rest))]
     rows = [[n for n in channels if units[n] in order] for order in orders]
     rows = [r for r in rows if r]
     if rows and max(map(len, rows)) <= 2:  # short rows: flow, or the sheet is mostly empty

@@ -9,8 +9,11 @@ from proofmass.compare import OPEN, Comparison
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
+from proofmass.units import si_unit
 from proofmass.wording import listed, number, spoken
 
+KINDS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s"),
+         "acceleration": ("m/s^2", "rad/s^2")}
 LOST = ("diverged", "crashed", "timed out")
 SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
            "diverged": "⚠", "crashed": "⚠", "timed out": "⚠"}
@@ -140,14 +143,36 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     """The solvers that are shown but not judged, and how far off they are."""
     found = {}
     for solver, comparisons in rows.items():
-        shares = [c.of_range for c in comparisons if math.isfinite(c.of_range)]
-        if shares:
-            found[solver] = f"{spoken(solver)} ({portion(max(shares))} of range off)"
+        if away := distances(comparisons):
+            found[solver] = f"{spoken(solver)} (off by {listed(away)})"
         elif any(c.outcome == "unchecked" for c in comparisons):
             found[solver] = spoken(solver)
     unsupported = [spoken(s) for s in rows if s not in found]
     parts = [f"shown unchecked: {listed(found.values())}"] if found else []
     return parts + ([f"not expressible in {listed(unsupported)}"] if unsupported else [])
+
+
+def distances(rows: Iterable[Comparison]) -> list[str]:
+    """The largest error of positions, of velocities, of accelerations and of all else, apart.
+
+    If it is at least twice the largest one after the first tenth of a duration, both are told.
+    """
+    kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*KINDS, "force or energy")}
+    for c in rows:
+        if math.isfinite(c.of_range):
+            unit = si_unit(c.unit)[0]
+            kind = next((k for k, units in KINDS.items() if unit in units), "force or energy")
+            kinds[kind].append(c)
+    words = list[str]()
+    for kind, own in kinds.items():
+        if not own:
+            continue
+        share, later = max(c.of_range for c in own), max(c.of_range_later for c in own)
+        text = f"{portion(share)}{' of the range' * (not words)} in {kind}"
+        if share >= 2 * later:
+            text += f" at the start, {portion(later)} after a tenth of the run"
+        words.append(text)
+    return words
 
 
 def portion(value: float) -> str:
