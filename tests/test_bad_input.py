@@ -23,7 +23,11 @@ SIDECARS = {
     "no such reference": ("fourbar.toml", r'reference = "fourbar"', 'reference = "fourbra"',
                           ["reference", "'fourbra'", "there are: ", "fourbar, ", "planar, "]),
     "no such curve": ("hacksaw_recorded.toml", r'"hacksaw_recorded.csv"', '"inventor.csv"',
-                      ["inventor.csv", "no such recorded curve"]),
+                      ["hacksaw_recorded.toml: reference", "'inventor.csv'",
+                       "no such recorded curve"]),
+    "no such curve, and n": ("hacksaw_recorded.toml", r'(?s)"hacksaw_recorded.csv"(.*?)sweep\]',
+                             r'"inventor.csv"\1sweep]\nn = 5',
+                             ["reference", "no such recorded curve"]),
     "no such quantity": ("fourbar.toml", r'"rocker_angle"', '"rocker"',
                          ["channels.rocker.equals", "'rocker'", "rocker_angle"]),
     "no such parameter": ("fourbar.toml", r"coupler = 2.0", "copler = 2.0",
@@ -85,6 +89,17 @@ DRIVES = {
     "a drive too few": ("inverted_slider_crank_held.toml",
                         r'\[\[drive\]\]\njoint = "bar"[^\[]*', "",
                         ["run.sweep.solvers", "mujoco", "1 degree(s) of freedom"]),
+    "one column": ("hacksaw_recorded.toml", r'law = .*', 'law = ["omega2"]',
+                   ["drive.0.law", "['omega2']", "name of a function", "three columns"]),
+    "no such parameter of a law": ("fivebar_circle.toml", "left_crank = 4.0 +# m", "lft_crank = 4",
+                                   ["fivebar_circle.toml: drive.parameters", "lft_crank"]),
+    "a law's parameter left out": ("fivebar_circle.toml", r"radius = 1.5.*", "",
+                                   ["drive.parameters", "'radius'"]),
+    "a law that cannot be": ("fivebar_circle.toml", "radius = 1.5", "radius = 99.0",
+                             ["drive.parameters"]),
+    "no such parameter of the motor": ("hacksaw.toml", r"^parameters = \{",
+                                       "parameters = { sped = 1.0, ",
+                                       ["drive.parameters.sped", "known: "]),
     "zero length": ("slider_crank.toml", r"coupler = 2.0", "coupler = 0.0",
                     ["parameters", "coupler must be a positive"]),
     "a coupler too short": ("slider_crank.toml", r"coupler = 2.0", "coupler = 0.5",
@@ -136,6 +151,7 @@ def test_error_names_file_and_key(wrong, models, edit):
     found = messages(models, name)
     assert any(all(word in line for word in words) for line in found), found
     assert all(len(line.splitlines()) <= 2 for line in found)
+    assert len(found) == len(set(found))
 
 
 @pytest.mark.parametrize("wrong", RANGES)

@@ -20,6 +20,7 @@ from proofmass.report.figures import tolerances
 from proofmass.report.paths import path, paths
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
+from proofmass.report.tables import unit_of
 from proofmass.solve import plan
 from sim.protocol import Curves
 
@@ -328,3 +329,34 @@ def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
     view.curves["pymunk"] = view.curves["mujoco"]
     view.rows.extend([replace(c, solver="pymunk") for c in view.rows])
     assert list(tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]
+
+
+@pytest.mark.parametrize("file", sorted(MODELS.glob("*.toml")), ids=lambda file: file.stem)
+def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> None:
+    """A docstring tells the page; the remark in the sidecar was written by itself."""
+    case, remarks = load_case(file), dict(re.findall(
+        r"(?m)^(\w+) = \S+ +# (m|kg|m/s2|rad|N m2|N m|N)(?=[,: \n])", file.read_text()))
+    for name, unit in remarks.items():
+        if name in case.parameters:
+            assert unit_of(case, name).replace("^", "") in (unit, "")
+
+
+def test_the_unit_of_a_parameter_is_told_or_left_out() -> None:
+    units = {case: {p: unit_of(case_of(case), p) for p in case_of(case).parameters}
+             for case in ("fourbar", "balancer_sine", "pendulum", "rod_cantilever")}
+    for name, unit in (("crank", "m"), ("crank_mass", "kg"), ("gravity", "m/s^2"), ("mode", "")):
+        assert units["fourbar"][name] == unit
+    assert units["balancer_sine"]["length3"] == "m"  # of "length1, .."
+    assert units["balancer_sine"]["target_moment"] == "N m"
+    assert units["pendulum"] == {
+        "length": "m", "mass": "kg", "gravity": "m/s^2", "amplitude": "rad"}
+    # two units for three names: which is whose is not told
+    assert units["rod_cantilever"]["force_y"] == ""
+
+
+def test_parameters_have_units_on_the_page(report: Path) -> None:
+    page = (report / "fourbar.html").read_text(encoding="utf-8")
+    assert "<dt>crank</dt><dd>1 m</dd>" in page
+    assert "<dt>gravity</dt><dd>9.81 m/s²</dd>" in page
+    assert "<dt>mode</dt><dd>1</dd>" in page
+    assert "</code> 0 to 6.28 rad at 1 rad/s" in page

@@ -22,7 +22,7 @@ from proofmass.compare import OPEN
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.report import refinements, tables
-from proofmass.report.data import Shown, shown
+from proofmass.report.data import Shown, joint_type, shown
 from proofmass.report.drawing import SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
 from proofmass.report.study import Study
@@ -89,7 +89,10 @@ def write_report(result: Result, folder: Path | str,
                 beside=tables.side_by_side(case) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
                 studied=[(s.title, link) for s in studies if (link := s.of(case))],
-                own_numbers=from_model(case), freedoms=freedoms(case), knowledge=known(case),
+                drive_units=["m" if joint_type(case, drive.joint) == "slide" else "rad"
+                             for drive in case.drive],
+                parameters=parameters_of(case), own_numbers=from_model(case),
+                freedoms=freedoms(case), knowledge=known(case),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
                 unnoticed=tables.unnoticed(case, [c for v in views[case.name] for c in v.rows]))
@@ -109,6 +112,14 @@ def freedoms(case: Case) -> int | None:
         return mobility(case)
     except InputError:
         return None
+
+
+def parameters_of(case: Case) -> dict[str, str]:
+    """The parameters with their units; nothing when the reference is at fault."""
+    try:
+        return tables.parameters(case, case.parameters)
+    except InputError:
+        return {}
 
 
 def known(case: Case) -> dict[str, str]:
