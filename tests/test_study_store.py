@@ -8,11 +8,12 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.study import store as stores
 from proofmass.study.measure import Found, Task
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Setting
-from proofmass.study.store import Store, key_of, write
+from proofmass.study.store import Store, key_of
 from proofmass.study.table import COLUMNS, read_table, table, write_table
 from tests.study_tasks import tasks
 
@@ -42,18 +43,34 @@ def test_a_run_that_was_given_up_is_made_again_with_more_time_only(tmp_path):
     assert kept.load("key", 0, timeout=6.0) is None
 
 
+@pytest.mark.parametrize("record", [
+    "[]", "{}", '{"timeout": 5}', '{"found": {}, "timeout": "long"}', "[" * 100_000,
+    '{"found": {"errors": 3}, "timeout": 5}', '{"found": {"colour": 1}, "timeout": 5}'])
+def test_a_record_that_something_else_wrote_is_one_line(tmp_path, record):
+    kept = Store(tmp_path)
+    kept.file("key", 0).write_text(record)
+    with pytest.raises(InputError, match=r"key\.0\.json: not what a study wrote there; delete it"):
+        kept.load("key", 0)
+
+
+def test_curves_that_something_else_wrote_are_one_line(tmp_path):
+    (tmp_path / "key.npz").write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"key\.npz: not what a study wrote there; delete it"):
+        Store(tmp_path).curves("key")
+
+
 @pytest.mark.parametrize("when", ["fsync", "replace"])
 def test_an_interrupted_write_leaves_the_old_file_or_none(tmp_path, monkeypatch, when):
     def stop(*_):
         raise KeyboardInterrupt
 
     kept, file = Store(tmp_path), tmp_path / "old.json"
-    write(file, "old")
+    write_whole(file, "old")
     monkeypatch.setattr(os, when, stop)
     with pytest.raises(KeyboardInterrupt):
         kept.save("key", 0, TASK, FOUND, 5.0)
     with pytest.raises(KeyboardInterrupt):
-        write(file, "new")
+        write_whole(file, "new")
     monkeypatch.undo()
     assert kept.load("key", 0) is None
     assert [one.name for one in tmp_path.glob("*.json")] == ["old.json"]

@@ -9,7 +9,7 @@ from operator import itemgetter
 from pathlib import Path
 
 from proofmass.errors import InputError
-from proofmass.study.store import write
+from proofmass.files import write_whole
 from proofmass.study.table import write_columns
 from proofmass.study.trial import Cost
 
@@ -97,7 +97,7 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
         for row in moved or [("", "", "")]:
             writer.writerow((entry.kind, entry.name, entry.outcome, *row,
                              *(costs or EMPTY), entry.message))
-    write(file, text.getvalue())
+    write_whole(file, text.getvalue())
     write_columns(file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMNS)
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.case import Case
+from proofmass.files import write_whole
 from proofmass.reference import compiled
 from proofmass.study.reread import READS
-from proofmass.study.store import digest, write
+from proofmass.study.store import digest
 from sim.protocol import Array
 
 SIZE = {"m": 1, "m/s": 1, "m/s^2": 1, "N": 1, "N m": 2, "J": 2}
@@ -50,7 +51,7 @@ def placed(folder: Path, like: Path, text: str) -> Path:
     file = folder.absolute() / f"{like.stem}-{digest(text.encode())[:16]}{like.suffix}"
     folder.mkdir(parents=True, exist_ok=True)
     if not file.exists():
-        write(file, text)
+        write_whole(file, text)
     return file
 
 

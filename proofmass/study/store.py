@@ -7,14 +7,13 @@ import hashlib
 import importlib.metadata
 import io
 import json
-import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
-from threading import get_ident
 from typing import Any
+from zipfile import BadZipFile
 
 import mujoco
 import numpy as np
@@ -25,6 +24,7 @@ import sim
 from proofmass import drive, reference
 from proofmass.case import Case
 from proofmass.errors import InputError
+from proofmass.files import HALF, read_text, write_whole
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
 from proofmass.study import invariants, measure
@@ -33,7 +33,7 @@ from sim.protocol import Array
 
 MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
 LATE = "timed out"
-HALF, ABANDONED = ".part", 3600.0  # what a file is called until it is whole; after so many seconds
+ABANDONED = 3600.0  # [s] after which a file that is not whole is one that nobody writes any more
 OWN = measure, invariants, reference, drive  # modules of the core that a result depends on
 
 
@@ -58,8 +58,15 @@ class Store:
         if not (file := self.file(key, repeat)).is_file():
             return None
         record = read(file)
-        found = Found(**record["found"])
-        return None if found.outcome == LATE and record["timeout"] < timeout else found
+        try:
+            found, given = Found(**record["found"]), float(record["timeout"])
+        except (KeyError, TypeError, ValueError):
+            raise foreign(file) from None
+        for name, value in vars(Found()).items():
+            kinds = (int, float) if isinstance(value, float) else type(value)
+            if not isinstance(getattr(found, name), kinds):
+                raise foreign(file)
+        return None if found.outcome == LATE and given < timeout else found
 
     def once(self, key: str, task: Task, timeout: float, make: Callable[[], Found]) -> Found:
         """What a task's first run gave; made and saved first if it is not there."""
@@ -71,19 +78,25 @@ class Store:
 
     def curves(self, key: str) -> dict[str, Array]:
         """The curves of a task's first run: x, and ``channel.NAME`` for each of its channels."""
-        with np.load(self.folder / f"{key}.npz") as arrays:
-            return dict(arrays)
+        file = self.folder / f"{key}.npz"
+        try:
+            with np.load(file) as arrays:
+                return dict(arrays)
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile):
+            raise foreign(file) from None
 
     def save(self, key: str, repeat: int, task: Task, found: Found, timeout: float) -> None:
         """Keep what a run gave; its curves first, for with the record it is finished."""
         if found.curves:
             packed = io.BytesIO()
             np.savez_compressed(packed, **found.curves)  # type: ignore[arg-type]
-            write(self.folder / f"{key}.npz", packed.getvalue())
+            write_whole(self.folder / f"{key}.npz", packed.getvalue())
         record = {"case": task.case.name, "run": task.run, "engine": task.setting.engine,
                   "knobs": task.setting.knobs, "repeat": repeat, "timeout": timeout,
                   "versions": versions(task.setting.engine), "found": told(found)}
-        write(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
+        write_whole(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
 
     def file(self, key: str, repeat: int) -> Path:
         """Where a run is kept."""
@@ -96,18 +109,8 @@ def told(found: Found) -> dict[str, Any]:
             if k != "curves" and not (isinstance(v, float) and np.isnan(v))}
 
 
-def write(file: Path, what: str | bytes) -> None:
-    """Write a file that is there as a whole or not at all, whenever the process ends."""
-    half = file.with_name(f"{file.name}.{os.getpid()}.{get_ident()}{HALF}")
-    with half.open("wb") as stream:
-        stream.write(what.encode() if isinstance(what, str) else what)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(half, file)
-
-
 def read(file: Path) -> Any:
-    """What is in a JSON file that `write` wrote.
+    """What is in a JSON file that `write_whole` wrote.
 
     Raises
     ------
@@ -115,16 +118,20 @@ def read(file: Path) -> Any:
         Something else has changed it since.
     """
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except ValueError:
-        raise InputError(file, "", "not what a study wrote there; delete it, and it is made again"
-                         ) from None
+        return json.loads(read_text(file))
+    except (ValueError, RecursionError):
+        raise foreign(file) from None
+
+
+def foreign(file: Path) -> InputError:
+    """The error of a file in the store that something else has changed."""
+    return InputError(file, "", "not what a study wrote there; delete it, and it is made again")
 
 
 def once(file: Path, make: Callable[[], Any]) -> Any:
     """What is in a JSON file; made and written there first if it is not there."""
     if not file.is_file():
-        write(file, json.dumps(make()))
+        write_whole(file, json.dumps(make()))
     return read(file)
 
 

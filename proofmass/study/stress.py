@@ -17,9 +17,10 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from proofmass.files import write_whole
 from proofmass.study import proven, specimens
 from proofmass.study.boundary import Boundary, Failure, Sought, Trial
-from proofmass.study.store import Store, digest, once, sources, versions, write
+from proofmass.study.store import Store, digest, once, sources, versions
 from proofmass.study.table import write_columns
 
 Progress = Callable[[str, int, int], None]
@@ -105,7 +106,7 @@ def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
     for one in found:
         cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
         rows.writerow({key: "" if value != value else value for key, value in cells.items()})
-    write(file, text.getvalue())
+    write_whole(file, text.getvalue())
     write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMNS)
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.study.row import NAN, Row
-from proofmass.study.store import write
 
 SPREAD = {"knobs": "knob", "errors": "error", "invariants": "invariant"}  # a column for each key
 COLUMNS = {
@@ -48,7 +48,7 @@ COLUMNS = {
 def write_table(rows: Iterable[Row], file: Path) -> None:
     """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
     rows = list(rows)
-    write(file, table(rows))
+    write_whole(file, table(rows))
     write_columns(file.with_suffix(".columns.md"), file.name, "run", {
         f"{name}.*" if name in SPREAD.values() else name: what for name, what in COLUMNS.items()})
     if rows and find_spec("pyarrow"):
@@ -145,5 +145,5 @@ def parsed(cells: dict[str, str]) -> Row:
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
     """Write what the columns of a table are, and what its rows."""
     lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
-    write(file, "\n".join([f"# Columns of {table}", "", f"One row a {row}.", "", "| column | is |",
-                           "|---|---|", *lines, ""]))
+    write_whole(file, "\n".join([f"# Columns of {table}", "", f"One row a {row}.", "",
+                                 "| column | is |", "|---|---|", *lines, ""]))

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from proofmass.case import Case
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.strict import Kind
 from proofmass.study.axes import Line, leading, lines
 from proofmass.study.line import Track, clear, deep, level, observed
@@ -24,7 +25,7 @@ from proofmass.study.measure import Task
 from proofmass.study.orders import expected, nearest, off
 from proofmass.study.row import Row
 from proofmass.study.run import run
-from proofmass.study.store import Store, write
+from proofmass.study.store import Store
 from proofmass.study.table import write_table
 from proofmass.study.verdict import Verdict
 from proofmass.study.wall import Probe, judge, probes
@@ -173,7 +174,7 @@ def write_study(study: Trade, folder: Path) -> None:
         write_table(study.moved, folder / "walls.csv")
     told = [{k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
             for one in study.verdicts]
-    write(folder / "verdicts.json", json.dumps(told, indent=1, allow_nan=False))
+    write_whole(folder / "verdicts.json", json.dumps(told, indent=1, allow_nan=False))
 
 
 def read_verdicts(file: Path) -> list[Verdict]:
