@@ -1,10 +1,19 @@
-"""Compiling an MJCF file; both simulators start from the compiled numbers."""
+"""Compiling an MJCF file; both simulators start from the compiled numbers.
 
-from collections.abc import Sequence
+MuJoCo reads a NaN as a zero and only warns.  Its warnings come here, so that no MUJOCO_LOG.TXT is
+written into the user's folder: while a model is compiled they are collected, otherwise they go to
+standard error.
+"""
+
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from xml.etree import ElementTree
+from threading import local
 
 import mujoco
+import numpy as np
 
 from sim.protocol import BadModel, Rod
 from sim.rods import compile_with_rods
@@ -19,6 +28,37 @@ LEFT_OUT = {OFF.mjDSBL_CONSTRAINT: tuple(field for own in CONSTRAINTS.values() f
                                 "tendon_stiffness", "tendon_stiffnesspoly"),
             OFF.mjDSBL_DAMPER: ("dof_damping", "dof_dampingpoly",
                                 "tendon_damping", "tendon_dampingpoly")}
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+ELEMENT = re.compile(r"<(\w+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
+ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+NOT_FINITE = {"NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
+              "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)}
+NUMBERS = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")  # that every run computes with
+LIMITS = ("range", "margin")  # numbers that may be infinite: there is no limit
+
+_thread = local()
+
+
+def _warn(message: str) -> None:
+    """Take a warning of MuJoCo."""
+    collected = getattr(_thread, "warnings", None)
+    if collected is None:
+        print(f"MuJoCo: {message}", file=sys.stderr)
+    else:
+        collected.append(message)
+
+
+mujoco.set_mju_user_warning(_warn)
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """Collect what MuJoCo warns of meanwhile, in this thread."""
+    _thread.warnings = found = list[str]()
+    try:
+        yield found
+    finally:
+        _thread.warnings = None
 
 
 def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
@@ -29,22 +69,33 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     Raises
     ------
     BadModel
-        Malformed, or a NaN in the file: MuJoCo's reader puts a zero in its place and only warns.
+        Not a file, malformed, or with a number that is NaN or infinite.
     BadRod
         A rod that cannot be built.
+    MemoryError
+        The model is larger than the memory there is.
     """
+    if not path.is_file():
+        raise BadModel(f"{path.name}: no such file, or no regular file")
+    with _warnings() as warnings:
+        try:
+            if rods:
+                model = compile_with_rods(mujoco.MjSpec.from_file(str(path)), rods)
+            else:
+                model = mujoco.MjModel.from_xml_path(str(path))
+        except (ValueError, mujoco.FatalError) as error:
+            refuse_numbers(path, warnings)
+            if "allocate memory" in str(error):
+                raise MemoryError from None
+            raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+    refuse_numbers(path, warnings)
+    if array := infinite(model):
+        raise BadModel(f"{path.name}: {place(path, 'infinite') or array} is not finite")
     try:
-        if rods:
-            model = compile_with_rods(mujoco.MjSpec.from_file(str(path)), rods)
-        else:
-            model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
-    for element in ElementTree.parse(path).iter():
-        for key, value in element.attrib.items():
-            if "nan" in value.lower().split():
-                raise BadModel(f"{path.name}: <{element.tag} name={element.get('name')!r}>: "
-                               f"{key}={value!r} is not a number")
+        model.names.decode()
+    except UnicodeDecodeError as error:
+        raise BadModel(f"{path.name}: the byte 0x{error.object[error.start]:02x} of a name is not "
+                       f"UTF-8; save the file as UTF-8") from None
     leave_out_disabled(model)
     return model
 
@@ -62,3 +113,38 @@ def leave_out_disabled(model: mujoco.MjModel) -> None:
                 getattr(model, field)[:] = 0
     if model.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
         model.opt.gravity[:] = 0
+
+
+def refuse_numbers(path: Path, warnings: Sequence[str]) -> None:
+    """Raise `BadModel` if MuJoCo warned of a NaN."""
+    if any("NaN" in message for message in warnings):
+        where = place(path, "NaN") or "a number in it, or in a file that it includes,"
+        raise BadModel(f"{path.name}: {where} is not a number")
+
+
+def infinite(model: mujoco.MjModel) -> str:
+    """The first array of a compiled model with an infinite number that a run computes with."""
+    if not np.isfinite([model.opt.timestep, *model.opt.gravity]).all():
+        return "option"
+    names = (name for name in dir(model) if name.startswith(NUMBERS) and not name.endswith(LIMITS))
+    for name in names:
+        values = getattr(model, name)
+        if values.dtype.kind == "f" and np.isinf(values).any():
+            return name
+    return ""
+
+
+def place(path: Path, what: str) -> str:
+    """The first attribute of a file with such a number: ``<geom name='rod'>: pos='nan 0 0'``.
+
+    Empty if there is none, as when an included file has it.  The file is read by patterns, since
+    MuJoCo takes files that a strict reader of XML does not.
+    """
+    text = COMMENT.sub(b"", path.read_bytes()).decode(errors="replace")
+    for tag, attributes in ELEMENT.findall(text):
+        found = {key: one or other for key, one, other in ATTRIBUTE.findall(attributes)}
+        for key, value in found.items():
+            if key not in ("name", "class") and any(map(NOT_FINITE[what].fullmatch, value.split())):
+                named = f" name={found['name']!r}" if "name" in found else ""
+                return f"<{tag}{named}>: {key}={value!r}"
+    return ""
