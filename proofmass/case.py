@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from proofmass.errors import InputError, suggest
+from proofmass.files import read_text
 from proofmass.refine import Refine
 from proofmass.rod import RodTable
 from proofmass.sidecar import Channel, DriveTable, RunTable, Tolerance
@@ -229,17 +230,17 @@ def load_case(file: Path | str) -> Case:
     """
     file = Path(file)
     try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
+        table = tomllib.loads(read_text(file))
         case = Case(**{"model": file.stem + ".xml", **table, "file": file})
-    except FileNotFoundError:
-        raise InputError(file, "", "no such file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(file, "", f"not TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
         wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
         raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
+    except RecursionError:
+        raise InputError(file, "", "its tables or arrays are nested too deeply") from None
+    except (ValueError, OverflowError) as error:
+        raise InputError(file, "", f"not TOML: {error}") from None
     if not case.model_path.is_file():
         raise InputError(file, "model", f"no file {case.model!r} beside the sidecar")
     return case

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,17 +12,21 @@ import numpy as np
 from proofmass.case import Case, load_case
 from proofmass.compare import GOOD, OPEN, Comparison, compare
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated, stopping
 from proofmass.mobility import mobility
+from proofmass.reference import check_laws, grid
 from proofmass.refined import Finer, Row, errors, refinements
-from proofmass.solve import plan, simulate, solve
+from proofmass.solve import run_here, settings_of, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
 Task = tuple[Case, Kind, str] | Finer | Path
+Outcome = tuple[list[Comparison], Curves | None]
 FAILURES: dict[type[Exception], str] = {
-    Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed", TimedOut: "timed out"}
+    Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed", TimedOut: "timed out",
+    OutOfMemory: "out of memory"}
+LOADING = 60.0  # [s] until the reading of a sidecar is given up
 
 
 @dataclass(frozen=True)
@@ -71,24 +75,69 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
 
 
+def load(path: Path) -> Case:
+    """Read a sidecar in another process, and check what can be checked before anything runs.
+
+    Raises
+    ------
+    InputError
+        Also where the reading fails in another way, or takes too long.
+    """
+    try:
+        return isolated(loaded, path, timeout=LOADING)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(path, "", f"cannot be read: {error or type(error).__name__}") from None
+
+
+def loaded(path: Path) -> Case:
+    """Do what `load` does, in this process."""
+    case = load_case(path)
+    for kind, run in case.run.items():
+        for solver in run.solvers:
+            settings_of(case, kind, solver)
+        check_laws(case, kind)
+    return case
+
+
 def run_one(case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
             ) -> tuple[list[Comparison], Curves | None]:
     """Run and compare one solver; a run that is lost gives comparisons that say so.
 
+    The model is compiled and the reference evaluated in the run's own process, within its limits.
     A model that the simulator does not cover is bad input of the sidecar that asked for it.
     """
-    mobility(case)
+    limits = case.run[kind]
     try:
-        curves = solve(case, kind, solver)
-        return hold(case, kind, solver, curves), curves
+        return isolated(measured, case, kind, solver, hold, timeout=limits.timeout,
+                        memory=limits.memory)
     except Unsupported as error:
         raise InputError(case.file, f"run.{kind}.solvers", f"{solver} cannot run {case.model}: "
                          f"{error}; leave it out") from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
+        if isinstance(error, (TimedOut, OutOfMemory)):
+            key = "timeout" if isinstance(error, TimedOut) else "memory"
+            message += f"; {key} in [run.{kind}] allows more"
     return [Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome,
                        message=message)
             for name, channel in case.channels_of(kind).items()], None
+
+
+def measured(case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]]
+             ) -> tuple[list[Comparison], Curves]:
+    """Do what `run_one` does, in this process; what nobody meant to raise is a crash."""
+    try:
+        mobility(case)
+        curves = run_here(case, kind, solver)
+        return hold(case, kind, solver, curves), curves
+    except (InputError, MemoryError):
+        raise
+    except tuple(FAILURES):
+        raise
+    except Exception as error:
+        raise Crashed(f"{type(error).__name__}: {error}") from error
 
 
 def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> InputError | None:
@@ -96,7 +145,7 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
     if curves is None or not curves.stopped:
         return None
     return InputError(case.file, "drive", f"the {solver} {kind} ends at sample {curves.x.size} of "
-                      f"{plan(case, kind, solver).x.size}, which are kept: {curves.stopped}")
+                      f"{grid(case, kind).size}, which are kept: {curves.stopped}")
 
 
 def step_unchecked(model: Path) -> list[Comparison]:
@@ -133,13 +182,27 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
         Bad input is collected in `Result.errors`; the other cases still run.
     """
     result = Result()
-    tasks: list[Task] = []
-    for path in collect(paths, result.errors):
+    with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         try:
-            if path.suffix == ".xml":
+            tasks = planned(collect(paths, result.errors), result, pool)
+            outcomes = done(tasks, result, pool, progress)
+            judge(tasks, outcomes, result)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return result
+
+
+def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
+    """Read the sidecars, and tell what there is to do; cases and errors go into the result."""
+    tasks: list[Task] = []
+    read = {path: pool.submit(load, path) for path in paths if path.suffix != ".xml"}
+    for path in paths:
+        try:
+            if path not in read:
                 tasks.append(path)
                 continue
-            case = load_case(path)
+            case = read[path].result()
             twin = next((c.file for c in result.cases if c.name == case.name), None)
             if twin:
                 raise InputError(path, "", f"its name is taken by {twin}; results go by name")
@@ -149,34 +212,47 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
             result.cases.append(case)
         except InputError as error:
             result.errors.append(error)
-    outcomes: dict[int, tuple[list[Comparison], Curves | None]] = {}
-    with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
-        futures = {pool.submit(one_task, task): k for k, task in enumerate(tasks)}
+    return tasks
+
+
+def done(tasks: list[Task], result: Result, pool: Executor,
+         progress: Callable[[str, int, int], None]) -> dict[int, Outcome]:
+    """What came of the tasks, by their numbers; those at fault are left out, and said in errors."""
+    outcomes = {}
+    futures = {pool.submit(one_task, task): k for k, task in enumerate(tasks)}
+    for count, future in enumerate(as_completed(futures), 1):
+        k = futures[future]
         try:
-            for done, future in enumerate(as_completed(futures), 1):
-                k = futures[future]
-                try:
-                    outcomes[k] = future.result()
-                except InputError as error:
-                    if str(error) not in map(str, result.errors):
-                        result.errors.append(error)
-                progress(label(tasks[k]), done, len(tasks))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    for k, task in enumerate(tasks):
-        if k not in outcomes:  # bad input
-            continue
-        comparisons, curves = outcomes[k]
+            outcomes[k] = future.result()
+        except InputError as error:
+            if str(error) not in map(str, result.errors):
+                result.errors.append(error)
+        except Exception as error:  # nothing may cost the other tasks their results
+            result.errors.append(InputError(file_of(tasks[k]), "", f"{label(tasks[k])} failed: "
+                                            f"{type(error).__name__}: {error}"))
+        progress(label(tasks[k]), count, len(tasks))
+    return outcomes
+
+
+def judge(tasks: list[Task], outcomes: dict[int, Outcome], result: Result) -> None:
+    """Put what came of the tasks into the result, in their order."""
+    for k in sorted(outcomes):
+        task, (comparisons, curves) = tasks[k], outcomes[k]
         if isinstance(task, Finer):
-            rows, comparisons = task.study.add(task.segments, outcomes[k])
+            try:
+                rows, comparisons = task.study.add(task.segments, outcomes[k])
+            except InputError as error:
+                result.errors.append(error)
+                continue
+            except tuple(FAILURES) as error:
+                result.errors.append(InputError(task.case.file, "refine", str(error)))
+                continue
             result.refined.extend(rows)
         elif curves is not None and not isinstance(task, Path):
             result.curves[task[0].name, task[1], task[2]] = curves
         result.comparisons.extend(comparisons)
         if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
             result.errors.append(early)
-    return result
 
 
 def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
@@ -187,6 +263,8 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
             found.update(dict.fromkeys(find([Path(path)])))
         except InputError as error:
             errors.append(error)
+        except OSError as error:
+            errors.append(InputError(Path(path), "", f"cannot be read: {error.strerror}"))
     return list(found)
 
 
@@ -195,6 +273,11 @@ def one_task(task: Task) -> tuple[list[Comparison], Curves | None]:
     if isinstance(task, Path):
         return step_unchecked(task), None
     return run_one(*task[:3], hold=errors if isinstance(task, Finer) else compare)
+
+
+def file_of(task: Task) -> Path:
+    """The file that asked for a task."""
+    return task if isinstance(task, Path) else task[0].file
 
 
 def label(task: Task) -> str:

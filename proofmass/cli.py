@@ -54,7 +54,8 @@ def show(result: Result, every_channel: bool = False) -> None:
 @app.command("check")
 def check_command(
     paths: Paths = None,
-    json: Annotated[bool, typer.Option("--json", help="One object for each comparison.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="One object: comparisons, "
+                                       "errors, exit code.")] = False,
     jobs: Jobs = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Every channel.")] = False,
 ) -> None:
@@ -65,7 +66,7 @@ def check_command(
     """
     result = examine(paths, jobs)
     if json:
-        print(as_json(result.comparisons))
+        print(as_json(result))
     else:
         show(result, verbose)
     raise typer.Exit(result.exit_code)

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from proofmass.errors import InputError
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
+errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
 
 Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
@@ -45,8 +45,8 @@ def counting(total: int | None = None, letters: int | None = None
 
     Labels are cut to so many letters.
     """
-    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(),
-               TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(),
+               MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=errors, transient=True) as bar:
         line = bar.add_task("starting", total=total)
 

@@ -43,7 +43,7 @@ class Comparison:
     would_notice : dict of str to float
         For each parameter the smallest relative change that the tolerance would catch.
     outcome : str
-        agrees, differs, unchecked, unsupported, diverged, crashed or timed out.
+        agrees, differs, unchecked, unsupported, diverged, crashed, timed out or out of memory.
     message : str
         The tolerance's reason when it agrees; otherwise what is wrong.
     seconds, steps, gap

@@ -1,7 +1,8 @@
-"""Engines run in processes of their own: one that aborts or hangs costs its own run only.
+"""Runs happen in processes of their own, with limits of time and memory.
 
-A worker is kept for the next run, since importing the engines takes longer than most runs; a
-worker that died or was killed is replaced.  `multiprocessing` is not used because it imports the
+A run that aborts, hangs or asks for all memory costs itself only.  A worker is kept for the next
+run, since importing the engines takes longer than most runs; a worker that died or was killed is
+replaced.  `multiprocessing` is not used because it imports the
 caller's main script again, which a ten-line script or a notebook does not survive.
 """
 
@@ -18,12 +19,22 @@ from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
+try:
+    import resource
+except ImportError:  # Windows, where memory has no limit
+    resource = None  # type: ignore[assignment]
+
 ALONE = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
                        "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 """Whatever the environment says: the last digits of what BLAS solves depend on the number of its
 threads, and threads of runs side by side would wait for each other."""
 
 GRACE = 5.0  # [s] a worker outlives its time limit by, if the process that asked is gone
+MEMORY = 8.0  # [GiB] of data that a call may ask for; a worker with both engines loaded has 0.2
+GIB = 2**30
+LONGEST = 1e9  # [s] that an alarm can be set to
+WORDS = 240  # letters of what a process wrote before it died
+FULL = ("bad_alloc", "allocate memory")  # what C++ and MuJoCo say last when there is no memory
 
 
 class Crashed(Exception):
@@ -34,6 +45,10 @@ class TimedOut(Exception):
     """No answer in time; the process was killed."""
 
 
+class OutOfMemory(Exception):
+    """The call asked for more memory than it may have."""
+
+
 class Worker:
     """A process that calls functions, one after the other."""
 
@@ -41,23 +56,26 @@ class Worker:
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the worker
         path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "proofmass.isolate"], stdin=subprocess.PIPE,
+            [sys.executable, "-P", "-W", "ignore", "-c",
+             "from proofmass.isolate import main; main()"], stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, stderr=self.errors,
             env={**os.environ, **ALONE, "PYTHONPATH": path})
 
-    def call(self, function: Callable, args: tuple, timeout: float) -> Any:
+    def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""
         late = threading.Event()
+        self.errors.seek(0)  # the process shares the place, so it writes from there as well
+        self.errors.truncate()
 
         def give_up() -> None:
             late.set()
             self.process.kill()
 
-        timer = threading.Timer(timeout, give_up)
+        timer = threading.Timer(min(timeout, threading.TIMEOUT_MAX), give_up)
         timer.start()
         try:
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
-            pickle.dump((function, args, timeout), to)
+            to.write(pickle.dumps((function, args, timeout, memory, os.getcwd())))
             to.flush()
             return pickle.load(back)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
@@ -66,7 +84,8 @@ class Worker:
                 raise TimedOut(f"no answer in {timeout:g} s") from None
             if stopped.is_set() or self.process.returncode == -signal.SIGINT:  # a terminal's Ctrl-C
                 raise KeyboardInterrupt from None
-            raise Crashed(self.last_words()) from None
+            words = self.last_words()
+            raise (beyond(memory) if any(w in words for w in FULL) else Crashed(words)) from None
         finally:
             timer.cancel()
 
@@ -74,10 +93,10 @@ class Worker:
         """How the process ended, and what it wrote to standard error first."""
         self.errors.seek(0)
         text = self.errors.read().decode(errors="replace")
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
         code = self.process.returncode
         died = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
-        return died + (f": {lines[0][:160]}" if lines else "")
+        words = " ".join(text.split())
+        return died + (f": {words[:WORDS]}" if words else "")
 
     def close(self) -> None:
         """End the process at once."""
@@ -112,7 +131,7 @@ def stopping() -> Iterator[None]:
         stopped.clear()
 
 
-def isolated(function: Callable, *args: object, timeout: float) -> Any:
+def isolated(function: Callable, *args: object, timeout: float, memory: float = MEMORY) -> Any:
     """Call a function in another process.
 
     Parameters
@@ -121,6 +140,8 @@ def isolated(function: Callable, *args: object, timeout: float) -> Any:
         Importable by name; arguments and result must pickle.
     timeout : float
         Seconds until the process is killed.
+    memory : float
+        Data that the process may have [GiB]; not limited on Windows and macOS.
 
     Returns
     -------
@@ -129,8 +150,10 @@ def isolated(function: Callable, *args: object, timeout: float) -> Any:
 
     Raises
     ------
-    Crashed, TimedOut
-        The process died, or was killed; with the first line it wrote to standard error.
+    Crashed
+        The process died; with what it wrote to standard error.
+    TimedOut, OutOfMemory
+        The call reached a limit.
     KeyboardInterrupt
         Ctrl-C reached the process, or `stopping` ended it: that is no crash.
     Exception
@@ -141,7 +164,7 @@ def isolated(function: Callable, *args: object, timeout: float) -> Any:
     try:
         if stopped.is_set():
             raise KeyboardInterrupt
-        good, value = worker.call(function, args, timeout)
+        good, value = worker.call(function, args, timeout, memory)
     except BaseException:
         worker.close()
         raise
@@ -175,24 +198,51 @@ def main() -> None:
     os.dup2(2, 1)
     while True:
         try:
-            function, args, timeout = pickle.load(sys.stdin.buffer)
+            function, args, timeout, memory, folder = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
         alarm(timeout + GRACE)
-        try:
-            result = True, function(*args)
-        except Exception as error:  # whatever it is belongs to the caller
-            result = False, error
+        os.chdir(folder)  # where relative paths of the call begin
+        answer = answered(function, args, memory)
         alarm(0.0)
-        pickle.dump(result, answers)
+        answers.write(answer)
         answers.flush()
+
+
+def answered(function: Callable, args: tuple, memory: float) -> bytes:
+    """A call's result or exception, whatever it is, packed for the caller."""
+    limit_data(memory)
+    try:
+        return pickle.dumps((True, function(*args)))
+    except MemoryError:
+        return pickle.dumps((False, beyond(memory)))
+    except Exception as error:
+        try:  # an exception may be packed and yet not be unpacked
+            packed = pickle.dumps((False, error))
+            pickle.loads(packed)
+            return packed
+        except Exception:  # it cannot be sent
+            return pickle.dumps((False, Crashed(f"{type(error).__name__}: {error}")))
+
+
+def beyond(memory: float) -> OutOfMemory:
+    """The error of a call that asked for more than `memory` [GiB]."""
+    return OutOfMemory(f"needs more than {memory:g} GiB of memory")
+
+
+def limit_data(memory: float) -> None:
+    """Let this process have so much data [GiB].
+
+    Address space is not what is limited: engines and BLAS reserve more of it than they use.
+    """
+    if resource is not None:
+        most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        wanted = int(min(memory * GIB, sys.maxsize))
+        resource.setrlimit(resource.RLIMIT_DATA,
+                           (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))
 
 
 def alarm(seconds: float) -> None:
     """End this process after a while, should nobody be left to do it; 0: do not."""
     if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, seconds)
-
-
-if __name__ == "__main__":
-    main()
+        signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST))

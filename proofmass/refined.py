@@ -9,6 +9,7 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, one, reference_for, verdict
+from proofmass.isolate import isolated
 from proofmass.refine import Refine
 from proofmass.strict import Kind
 from proofmass.units import si_unit
@@ -62,8 +63,8 @@ class Study:
         self.runs[segments] = found
         if len(self.runs) < len(self.refine.segments):
             return [], []
-        rows = self.rows()
-        return rows, judge(self, rows)
+        limits = self.case.run[self.refine.run]
+        return isolated(judged, self, timeout=limits.timeout, memory=limits.memory)
 
     def rows(self) -> list[Row]:
         """What the runs tell, of channels that the solver delivers; of lost ones nothing."""
@@ -78,6 +79,12 @@ class Study:
                     float(curves.x[-1]), c.seconds, c.steps)
                 for n, (found, curves) in kept.items() for c in found
                 if c.channel in curves.channels]
+
+
+def judged(study: Study) -> tuple[list[Row], list[Comparison]]:
+    """Rows and verdicts of a complete study; in a process of its own, for it asks the reference."""
+    rows = study.rows()
+    return rows, judge(study, rows)
 
 
 class Finer(NamedTuple):

@@ -76,13 +76,15 @@ class DriveTable(Strict):
 class RunTable(Strict):
     """``[run.sweep]``, ``[run.duration]`` or ``[run.rest]``: how many samples, which solvers.
 
-    `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.
+    `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.  A run,
+    its model and its reference have `timeout` [s] and `memory` [GiB].
     """
 
     n: int | None = Field(None, ge=2)
     until: float | None = Field(None, gt=0)
     solvers: tuple[str, ...] = Field(min_length=1)
     timeout: float = Field(120.0, gt=0)
+    memory: float = Field(8.0, gt=0)
 
 
 class Channel(Strict):

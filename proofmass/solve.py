@@ -3,6 +3,8 @@
 import importlib
 import pkgutil
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,7 +16,7 @@ from proofmass.errors import InputError, suggest
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import compiled, grid, laws
 from proofmass.strict import Kind
-from sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
+from sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 BETWEEN = 20  # places between two samples of a duration where a law is looked at as well
@@ -26,8 +28,13 @@ def engines() -> list[str]:
     return [n.removeprefix("with_") for n in names if n.startswith("with_")]
 
 
-def plan(case: Case, kind: Kind, solver: str) -> Run:
-    """What a simulator is asked to do for one run of a case.
+def engine_module(engine: str) -> ModuleType:
+    """The module of a simulator."""
+    return importlib.import_module(f"sim.with_{engine}")
+
+
+def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
+    """The settings of a solver of a run, checked by its engine.
 
     A solver is an engine, or ``engine:variant``.  The variant ``default`` stands for the engine's
     own default settings; any other is a table ``[settings."engine:variant"]`` of the sidecar.
@@ -35,7 +42,8 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     Raises
     ------
     InputError
-        No such engine or settings; a drive that leaves the range of its joint.
+        No such engine, no such table, a setting that the engine refuses, or a drive that leaves the
+        range of its joint.
     """
     engine, _, variant = solver.partition(":")
     if engine not in engines():
@@ -47,6 +55,19 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     elif variant and not settings:
         raise InputError(case.file, f"run.{kind}.solvers", f'{solver!r} needs a table '
                          f'[settings."{solver}"]')
+    if settings:
+        try:
+            engine_module(engine).check_settings(settings)
+        except BadSetting as error:
+            key, why = error.args
+            table = f'"{solver}"' if variant else solver
+            raise InputError(case.file, f"settings.{table}.{key}", why) from None
+    return settings
+
+
+def plan(case: Case, kind: Kind, solver: str) -> Run:
+    """What a simulator is asked to do for one run of a case; see `settings_of`."""
+    settings = settings_of(case, kind, solver)
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
     run = Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
@@ -81,6 +102,29 @@ def check_ranges(case: Case, run: Run) -> None:
                              f"give the joint a wider range")
 
 
+def check_names(case: Case, kind: Kind) -> None:
+    """Raise InputError if the sidecar names what the model does not have."""
+    model = compiled(case)
+    joints = [model.joint(k).name for k in range(model.njnt)]
+    keys = [model.key(k).name for k in range(model.nkey)]
+    sensors = [model.sensor(k).name for k in range(model.nsensor)]
+
+    def check(key: str, word: str, name: str, there: list[str]) -> None:
+        if name not in there:
+            raise InputError(case.file, key, f"{case.model} has no {word} {name!r}; there are: "
+                             f"{', '.join(filter(None, there)) or 'none with a name'}")
+
+    for k, drive in enumerate(case.drive):
+        check(f"drive.{k}.joint" if len(case.drive) > 1 else "drive.joint", "joint", drive.joint,
+              joints)
+    if keys:
+        check("start", "key", case.start, keys)
+    for channel in case.channels_of(kind):
+        name = channel.partition(".")[0]
+        if not (kind == "rest" and name in case.rod):
+            check(f"channels.{channel}", "sensor", name, sensors)
+
+
 def solve(case: Case, kind: Kind, solver: str) -> Curves:
     """Run a case in a simulator, in a process of its own.
 
@@ -101,7 +145,7 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     ------
     InputError
         The sidecar or the model is at fault.
-    Unsupported, Diverged, Crashed, TimedOut
+    Unsupported, Diverged, Crashed, TimedOut, OutOfMemory
         The run is at fault.
 
     Examples
@@ -111,12 +155,19 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     >>> round(float(curves.channels["rocker"][0]), 6)
     2.245928
     """
+    limits = case.run[kind]
+    return isolated(run_here, case, kind, solver, timeout=limits.timeout, memory=limits.memory)
+
+
+def run_here(case: Case, kind: Kind, solver: str) -> Curves:
+    """Do what `solve` does, in this process."""
+    check_names(case, kind)
     run = plan(case, kind, solver)
-    engine = solver.partition(":")[0]
     try:
-        curves = isolated(simulate, engine, case.model_path, run, timeout=case.run[kind].timeout)
+        curves = simulate(solver.partition(":")[0], case.model_path, run)
     except BadModel as error:
-        raise InputError(case.model_path, "", str(error)) from None
+        raise InputError(case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
+                         ) from None
     check_driven(run, curves)
     return curves
 
@@ -124,8 +175,8 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
 def simulate(engine: str, model: Path, run: Run) -> Curves:
     """Call ``sim.with_ENGINE.simulate``; what it did not mean to raise is a crash of that run."""
     try:
-        return importlib.import_module(f"sim.with_{engine}").simulate(model, run)
-    except (BadModel, Unsupported, Diverged):
+        return engine_module(engine).simulate(model, run)
+    except (BadModel, Unsupported, Diverged, MemoryError):
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error

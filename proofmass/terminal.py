@@ -2,10 +2,11 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -21,17 +22,27 @@ LOOK = {"agrees": ("✓", "green"), "unchecked": ("·", "dim"), "unsupported": (
 FAILED = ("✗", "bold red")
 
 
-def as_json(comparisons: Iterable[Comparison]) -> str:
-    """One array, one object for each comparison; what is not a number is null."""
-    rows = [{key: asdict(c)[key] for key in KEYS} for c in comparisons]
-    return json.dumps([{k: None if isinstance(v, float) and not math.isfinite(v) else v
-                        for k, v in row.items()} for row in rows], indent=1, allow_nan=False)
+def as_json(result: Result) -> str:
+    """One object: comparisons, errors of the input, the exit code; what is not a number is null."""
+    rows = [{key: asdict(c)[key] for key in KEYS} for c in result.comparisons]
+    return json.dumps({
+        "comparisons": [{k: finite(v) for k, v in row.items()} for row in rows],
+        "errors": [{"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors],
+        "exit_code": result.exit_code}, indent=1, allow_nan=False)
+
+
+def finite(value: Any) -> Any:
+    """A value, and those of a dict, as JSON can say it: None for a number that is none."""
+    if isinstance(value, dict):
+        return {key: finite(one) for key, one in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def console() -> Console:
     """Standard output; as wide as the tables need when it is not a screen."""
-    shown = Console(highlight=False)
-    return shown if shown.is_terminal else Console(highlight=False, width=240)
+    plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}  # names stay
+    shown = Console(**plain)
+    return shown if shown.is_terminal else Console(**plain, width=240)
 
 
 def number(value: float) -> str:

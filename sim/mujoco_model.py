@@ -5,10 +5,21 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
 
 from sim.mjcf import compile_model, leave_out_disabled
 from sim.plane import find_plane
-from sim.protocol import Array, BadModel, Run, Unsupported
+from sim.protocol import (
+    Array,
+    BadModel,
+    Count,
+    EngineSettings,
+    Number,
+    Numbers,
+    Run,
+    Switch,
+    Unsupported,
+)
 
 S = mujoco.mjtSensor
 ENGINE_DEFAULTS = {
@@ -18,6 +29,59 @@ ENGINE_DEFAULTS = {
     "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
 }
 NAMED = {"integrator": mujoco.mjtIntegrator, "solver": mujoco.mjtSolver}
+
+
+class MujocoSettings(EngineSettings):
+    """What can be set in MuJoCo.
+
+    `timestep` [s], `integrator`, `solver`, `iterations`, `tolerance` replace the option of that
+    name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
+    spelled as in MJCF; ``defaults = True`` first puts back the values that MuJoCo has when the
+    model says nothing; `settled` chooses the kind of a sweep, `flex` that of a rest.
+    """
+
+    timestep: Number = Field(0.002, gt=0)
+    integrator: str = "Euler"
+    solver: str = "Newton"
+    iterations: Count = 100
+    tolerance: Number = Field(1e-8, ge=0)
+    solref: Numbers = (0.02, 1.0)
+    solimp: Numbers = (0.9, 0.95, 0.001, 0.5, 2.0)
+    settled: Switch = False
+    flex: Switch = False
+    defaults: Switch = False
+
+    @field_validator("integrator", "solver")
+    @classmethod
+    def _named(cls, value: str, info: ValidationInfo) -> str:
+        names = named_values(str(info.field_name))
+        if value.lower() not in names:
+            raise ValueError(f"known: {', '.join(names)}")
+        return value.lower()
+
+    @field_validator("solref")
+    @classmethod
+    def _reference(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if not (1 <= len(value) <= 2 and (min(value) > 0 or (len(value) == 2 and max(value) <= 0))):
+            raise ValueError("give a time constant [s] and a damping ratio, both positive, or "
+                             "stiffness and damping, both negative")
+        return value
+
+    @field_validator("solimp")
+    @classmethod
+    def _impedance(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        most = (1.0, 1.0, np.inf, 1.0, np.inf)
+        least = (0.0, 0.0, 0.0, 0.0, 1.0)
+        if not 1 <= len(value) <= 5 or any(
+                not low <= v <= high for low, v, high in zip(least, value, most, strict=False)):
+            raise ValueError("give up to five numbers: dmin and dmax in [0, 1], width >= 0, "
+                             "midpoint in [0, 1], power >= 1")
+        return value
+
+
+def named_values(option: str) -> dict[str, int]:
+    """The values of an option that has words for them, by their words in small letters."""
+    return {name[6:].lower(): value for name, value in NAMED[option].__members__.items()}
 
 
 def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -66,30 +130,18 @@ def key_of(model: mujoco.MjModel, run: Run) -> int:
 
 
 def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
-    """Write engine settings into a compiled model, in place.
-
-    `timestep`, `integrator`, `solver`, `iterations`, `tolerance` replace the option of that name;
-    `solref` and `solimp` replace those of every equality; ``defaults = True`` first puts back the
-    values that MuJoCo has when the model says nothing; ``settled`` chooses the kind of a sweep.
-    """
-    merged = {**(ENGINE_DEFAULTS if settings.get("defaults") else {}), **settings}
-    merged.pop("defaults", None)
-    merged.pop("settled", None)
-    for key, value in merged.items():
+    """Write engine settings into a compiled model, in place; see `MujocoSettings`."""
+    given = MujocoSettings.read(settings).model_dump(exclude_unset=True)
+    merged = {**(ENGINE_DEFAULTS if given.get("defaults") else {}), **given}
+    for key in merged.keys() - {"defaults", "settled", "flex"}:
+        value = merged[key]
         if key in NAMED:
-            names = {n[6:].lower(): v for n, v in NAMED[key].__members__.items()}
-            if str(value).lower() not in names:
-                raise BadModel(f"setting {key} = {value!r}; known: {', '.join(names)}")
-            setattr(model.opt, key, names[str(value).lower()])
+            setattr(model.opt, key, named_values(key)[str(value).lower()])
         elif key in ("solref", "solimp"):
             row = np.asarray(value, dtype=float)
             getattr(model, f"eq_{key}")[:, : row.size] = row
-        elif key in ("timestep", "iterations", "tolerance"):
-            setattr(model.opt, key, value)
         else:
-            known = ("timestep, integrator, solver, iterations, tolerance, solref, solimp, "
-                     "settled, defaults")
-            raise BadModel(f"unknown setting {key!r} for mujoco; known: {known}")
+            setattr(model.opt, key, value)
 
 
 def stepped_with(model: mujoco.MjModel) -> dict[str, object]:

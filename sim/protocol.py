@@ -7,9 +7,11 @@ A simulator knows no reference and no tolerance.  It imports nothing of the core
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
@@ -32,6 +34,55 @@ class BadRod(BadModel):
 
     def __str__(self) -> str:
         return "rod {!r}: {}: {}".format(*self.args)
+
+
+class BadSetting(BadModel):
+    """A setting that an engine does not have; the arguments are its name and what is wrong."""
+
+    def __str__(self) -> str:
+        return "setting {}: {}".format(*self.args)
+
+
+def _spelled(value: Any) -> Any:
+    """Numbers that MJCF has in one attribute, ``"0.002 1"``, as a tuple."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return tuple(map(float, value.split()))
+    except ValueError:
+        raise ValueError(f"{value!r} is no list of numbers") from None
+
+
+Number = Annotated[float, Field(strict=True)]
+Count = Annotated[int, Field(strict=True, ge=1, lt=2**31)]
+Switch = Annotated[bool, Field(strict=True)]
+Numbers = Annotated[tuple[Number, ...], BeforeValidator(_spelled)]
+
+
+class EngineSettings(BaseModel):
+    """What can be set in an engine, with types and ranges; each engine states its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def read(cls, settings: Mapping[str, Any]) -> Self:
+        """Check settings.
+
+        Raises
+        ------
+        BadSetting
+            Unknown, of the wrong type, or out of range.
+        """
+        for key in settings:
+            if key not in cls.model_fields:
+                raise BadSetting(key, f"unknown setting {key!r}; known: "
+                                 f"{', '.join(cls.model_fields)}")
+        try:
+            return cls(**settings)
+        except ValidationError as error:
+            first = error.errors()[0]
+            wrong = first["msg"].removeprefix("Value error, ")
+            raise BadSetting(first["loc"][0], f"{wrong}, not {first['input']!r}") from None
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,12 @@
 """MuJoCo: all runs of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
 
 from sim import mujoco_flex
-from sim.mujoco_model import load, loop_gap
+from sim.mujoco_model import MujocoSettings, load, loop_gap
 from sim.mujoco_passive import passive
 from sim.mujoco_shape import rest
 from sim.mujoco_steps import duration
@@ -13,6 +14,11 @@ from sim.mujoco_sweep import sweep
 from sim.protocol import BadModel, Curves, Run
 
 NOT_ASSEMBLED = 0.05  # of the model's extent: beyond this, closing a loop would be guessing
+
+
+def check_settings(settings: Mapping[str, object]) -> None:
+    """Raise `sim.protocol.BadSetting` if MuJoCo cannot be set so."""
+    MujocoSettings.read(settings)
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -23,8 +29,7 @@ def simulate(model: Path, run: Run) -> Curves:
     model : Path
         The MJCF file.
     run : Run
-        What to do; see `sim.protocol.Run`.  Settings: ``timestep`` [s], ``integrator``,
-        ``solver``, ``iterations``, ``tolerance``, ``solref``, ``solimp``, ``defaults``;
+        What to do; see `sim.protocol.Run`.  Settings: `sim.mujoco_model.MujocoSettings`;
         ``settled`` in a sweep, see `sim.mujoco_settled`; ``flex`` in a rest, see
         `sim.mujoco_flex`.
 

@@ -1,11 +1,22 @@
 """pymunk (Chipmunk): a planar MJCF rebuilt from its compiled numbers; MuJoCo only compiles it."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
+from pydantic import Field
 
 from sim.mjcf import compile_model
-from sim.protocol import BadModel, Curves, Run, Unsupported
+from sim.protocol import (
+    BadModel,
+    Count,
+    Curves,
+    EngineSettings,
+    Number,
+    Run,
+    Switch,
+    Unsupported,
+)
 from sim.pymunk_compiled import read_links
 from sim.pymunk_duration import duration
 from sim.pymunk_read import Channel, channel
@@ -15,8 +26,21 @@ from sim.pymunk_sweep import sweep
 from sim.rod_shape import of_rods
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
-KNOWN = ("timestep", "iterations", "error_bias", "defaults")
 NO_EFFORT = "Chipmunk gives the size of a drive's impulse without its sign: sweeps only"
+
+
+class PymunkSettings(EngineSettings):
+    """What can be set in pymunk; see `simulate`."""
+
+    timestep: Number = Field(0.002, gt=0)
+    iterations: Count = 10
+    error_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
+    defaults: Switch = False
+
+
+def check_settings(settings: Mapping[str, object]) -> None:
+    """Raise `sim.protocol.BadSetting` if pymunk cannot be set so."""
+    PymunkSettings.read(settings)
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -91,12 +115,9 @@ def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
 
 
 def _settings(run: Run, model: mujoco.MjModel) -> Settings:
-    unknown = set(run.settings) - set(KNOWN)
-    if unknown:
-        raise BadModel(f"unknown setting {sorted(unknown)[0]!r} for pymunk; "
-                       f"known: {', '.join(KNOWN)}")
-    own = bool(run.settings.get("defaults", False))
+    given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
+    own = given.pop("defaults", False)
     tuned = {"timestep": float(model.opt.timestep),
              "iterations": 10 if own else None if run.kind == "duration" else 500,
              "error_bias": CHIPMUNK_BIAS if own else 0.0}
-    return tuned | {k: v for k, v in run.settings.items() if k != "defaults"}
+    return tuned | given

@@ -16,15 +16,28 @@ def run(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
-def test_exit_0_and_a_json_array_where_all_agree(models):
+def test_exit_0_and_json_where_all_agree(models):
     answer = run("check", models / "pendulum.toml", "--json")
     assert answer.exit_code == 0
-    rows = json.loads(answer.stdout)
+    found = json.loads(answer.stdout)
+    assert found["errors"] == []
+    assert found["exit_code"] == 0
+    rows = found["comparisons"]
     assert len(rows) == 20  # five channels, four solvers
     assert all(tuple(row) == KEYS for row in rows)
     assert {row["outcome"] for row in rows if row["solver"] == "mujoco"} == {"agrees"}
     assert all(row["allowed"] is None for row in rows if row["solver"] == "mujoco:default")
     assert rows[0]["would_notice"]["length"] > 0
+
+
+def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
+    edit("fourbar.toml", "crank = 1.0", "crank = nan")
+    answer = run("check", models / "fourbar.toml", models / "pendulum.toml", "--json")
+    found = json.loads(answer.stdout)
+    assert answer.exit_code == found["exit_code"] == 2
+    assert {row["case"] for row in found["comparisons"]} == {"pendulum"}
+    assert found["errors"] == [{"file": str(models / "fourbar.toml"), "key": "parameters.crank",
+                                "wrong": "Input should be a finite number"}]
 
 
 def test_exit_1_where_something_differs(models, edit):
@@ -38,7 +51,7 @@ def test_exit_1_where_a_run_takes_too_long(models, edit):
     edit("pendulum.toml", "n = 1001", "n = 1001\ntimeout = 1e-3")
     answer = run("check", models / "pendulum.toml", "--json")
     assert answer.exit_code == 1
-    rows = json.loads(answer.stdout)
+    rows = json.loads(answer.stdout)["comparisons"]
     assert {row["outcome"] for row in rows} == {"timed out"}
     assert all(row["error_max"] is None for row in rows)
 
@@ -66,7 +79,7 @@ def test_a_model_in_which_nothing_moves_loads_and_steps(tmp_path):
     (tmp_path / "still.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
     answer = run("check", tmp_path, "--json")
     assert answer.exit_code == 0
-    assert [row["outcome"] for row in json.loads(answer.stdout)] == ["unchecked"]
+    assert [row["outcome"] for row in json.loads(answer.stdout)["comparisons"]] == ["unchecked"]
 
 
 def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):

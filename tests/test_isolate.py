@@ -1,53 +1,145 @@
-"""Runs give the same digits whatever the environment, the number of runs side by side, the order.
+"""One bad input costs itself only: limits of time and memory, and errors of every kind."""
 
-With two threads OpenBLAS gives other last digits of `solve`, `inv`, `cholesky` and `eigh` from 100
-equations on, and of products and singular values from 300 on.
-"""
-
-import json
+import importlib
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
-NAMES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
-SOLVED = """
-import numpy as np
-from proofmass.isolate import isolated
-rows = np.random.default_rng(0).normal(size=(400, 400))
-answers = [isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
-           *isolated(np.linalg.eigh, rows + rows.T, timeout=60.0)]
-print([answer.tobytes().hex() for answer in answers])
-"""
+from proofmass.check import check
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
+
+LARGE = '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>' \
+        '<geom size="1"/></body></replicate></worldbody></mujoco>'
 
 
-def printed(threads: int, *command: str) -> str:
-    """Standard output of a command of Python, with BLAS told to take so many threads."""
-    environment = {**os.environ, **dict.fromkeys(NAMES, str(threads))}
-    done = subprocess.run([sys.executable, *command], cwd=ROOT, env=environment,
-                          capture_output=True, text=True, timeout=600)
-    assert done.stdout, done.stderr
-    return done.stdout
+class Peculiar(Exception):
+    """An exception that can be packed but not unpacked."""
+
+    def __init__(self, one: int, two: int):
+        super().__init__(f"{one} and {two}")
 
 
-@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="BLAS takes one thread on one processor")
-def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
-    one, two = (printed(threads, "-c", SOLVED) for threads in (1, 2))
-    assert one == two
+def peculiar() -> None:
+    raise Peculiar(1, 2)
 
 
-def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side_by_side():
-    """Two rigid cases, and chains of rods that both engines bring to rest; in another order too."""
-    models = [f"models/{name}.toml" for name in ("rfr2_natural", "slider_crank", "pendulum")]
-    found = []
-    for threads, jobs, order in ((1, 1, 1), (2, 2, -1)):
-        rows = json.loads(printed(threads, "-m", "proofmass", "check", "--json", "--jobs",
-                                  str(jobs), *models[::order]))
-        found.append({(row["case"], row["run"], row["solver"], row["channel"]):
-                      {name: value for name, value in row.items() if name != "seconds"}
-                      for row in rows})
-    assert len(found[0]) > 50
-    assert found[1] == found[0]
+def reserve(gib: float) -> int:
+    return len(bytearray(int(gib * 2**30)))
+
+
+def speak_and_abort(words: str) -> None:
+    os.write(2, words.encode())
+    os.abort()
+
+
+def test_a_call_has_as_much_memory_as_it_is_given():
+    with pytest.raises(OutOfMemory, match=r"needs more than 0\.5 GiB of memory"):
+        isolated(reserve, 1.0, timeout=20, memory=0.5)
+    assert isolated(reserve, 1.0, timeout=20, memory=2.0) == 2**30
+
+
+def test_limits_may_be_larger_than_any_machine():
+    assert isolated(abs, -3, timeout=1e300, memory=1e300) == 3
+
+
+def test_a_crash_is_told_in_the_words_of_the_last_call_alone():
+    isolated(os.write, 2, b"words of an earlier call", timeout=20)
+    with pytest.raises(Crashed) as crash:
+        isolated(speak_and_abort, "Aborting: mass must be positive\n\tin body 3", timeout=20)
+    assert str(crash.value) == ("killed by signal 6: Aborting: mass must be positive in body 3")
+
+
+def test_an_exception_that_cannot_be_sent_is_told():
+    with pytest.raises(Crashed, match="Peculiar: 1 and 2"):
+        isolated(peculiar, timeout=20)
+
+
+def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
+    isolated(abs, 1, timeout=20)
+    monkeypatch.chdir(tmp_path)
+    assert isolated(os.getcwd, timeout=20) == str(tmp_path)
+
+
+def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
+    (tmp_path / "sim.py").write_text("raise SystemExit('a module of the user')")
+    call = "from proofmass.isolate import isolated; print(isolated(abs, -3, timeout=60))"
+    found = subprocess.run([sys.executable, "-P", "-c", call], cwd=tmp_path, text=True,
+                           capture_output=True, check=True)
+    assert found.stdout == "3\n"
+
+
+def outcomes(result, name):
+    return {c.outcome for c in result.comparisons if c.case == name}
+
+
+def test_a_model_that_is_too_large_costs_itself_only(models, edit):
+    edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
+    edit("fourbar.toml", r"(?m)^solvers = .*", 'solvers = ["mujoco"]\ntimeout = 3')
+    began = time.monotonic()
+    result = check([models / "fourbar.toml", models / "pendulum.toml"])
+    assert outcomes(result, "fourbar") == {"timed out"}
+    assert "agrees" in outcomes(result, "pendulum")
+    assert result.exit_code == 1
+    assert time.monotonic() - began < 120  # it took longer than ten minutes without a limit
+
+
+def test_a_reference_that_takes_too_long_costs_itself_only(models, edit):
+    edit("rod_pinned.toml", r"(?m)^pin_x = .*", "pin_x = -0.8")
+    edit("rod_pinned.toml", r"(?m)^solvers = .*", 'solvers = ["mujoco"]\ntimeout = 5')
+    result = check([models / "rod_pinned.toml", models / "pendulum.toml"])
+    assert outcomes(result, "rod_pinned") == {"timed out"}
+    assert any("timeout in [run.rest] allows more" in c.message for c in result.comparisons)
+    assert "agrees" in outcomes(result, "pendulum")
+
+
+def test_more_samples_than_memory_cost_themselves_only(models, edit):
+    edit("pendulum.toml", "n = 1001", "n = 1000000000\nmemory = 1.0")
+    result = check([models / "pendulum.toml", models / "slider_crank.toml"])
+    assert outcomes(result, "pendulum") == {"out of memory"}
+    assert any("memory in [run.duration] allows more" in c.message for c in result.comparisons)
+    assert "agrees" in outcomes(result, "slider_crank")
+    assert result.exit_code == 1
+
+
+def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
+    module = importlib.import_module("proofmass.check")
+
+    def fail(task):
+        if task[0].name == "pendulum":
+            raise ZeroDivisionError("by zero")
+        return found(task)
+
+    found = module.one_task
+    monkeypatch.setattr(module, "one_task", fail)
+    result = check([models / "pendulum.toml", models / "slider_crank.toml"])
+    assert "agrees" in outcomes(result, "slider_crank")
+    assert [str(e.file.name) for e in result.errors] == ["pendulum.toml"] * len(result.errors)
+    assert "ZeroDivisionError: by zero" in str(result.errors[0])
+    assert result.exit_code == 2
+
+
+@pytest.mark.parametrize("deep", [  # the reader of TOML takes a minute for the second one
+    pytest.param("x = " + "[" * 100_000, id="arrays"),
+    pytest.param("a" + ".a" * 50_000 + " = 1", id="tables")])
+def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(models, deep, monkeypatch):
+    monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING", 5.0)
+    (models / "deep.toml").write_text(deep)
+    result = check([models / "deep.toml", models / "pendulum.toml"])
+    assert [e.file.name for e in result.errors] == ["deep.toml"]
+    assert "agrees" in outcomes(result, "pendulum")
+
+
+def test_a_hang_is_killed_while_others_go_on():
+    with pytest.raises(TimedOut):
+        isolated(time.sleep, 60, timeout=0.5)
+    with pytest.raises(InputError):
+        isolated(misread, timeout=20)
+
+
+def misread() -> None:
+    raise InputError(Path("a"), "b", "c")

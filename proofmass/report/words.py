@@ -14,9 +14,9 @@ from proofmass.wording import listed, number, spoken
 
 KINDS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s"),
          "acceleration": ("m/s^2", "rad/s^2")}
-LOST = ("diverged", "crashed", "timed out")
+LOST = ("diverged", "crashed", "timed out", "out of memory")
 SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
-           "diverged": "⚠", "crashed": "⚠", "timed out": "⚠"}
+           "diverged": "⚠", "crashed": "⚠", "timed out": "⚠", "out of memory": "⚠"}
 
 
 def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:

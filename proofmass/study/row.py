@@ -45,7 +45,7 @@ class Row:
     outcome, message : str
         ran; stopped: a sweep that ended early, with errors up to there; or why there are no errors:
         diverged, not finite, no reference (at a pose that the run came to), crashed, timed out,
-        unsupported.
+        out of memory, unsupported.
     key : str
         What its files in the store are called: ``store.curves(row.key)``.
     """

@@ -39,7 +39,7 @@ COLUMNS = {
     "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
     "machine": "its processor, and how many it has",
     "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
-               "pose that the run came to), crashed, timed out, unsupported",
+               "pose that the run came to), crashed, timed out, out of memory, unsupported",
     "message": "what the outcome means",
     "key": "of the run's files in the store, KEY.npz for its curves",
 }
