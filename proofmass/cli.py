@@ -88,11 +88,12 @@ def report_command(
     from proofmass.report import write_report, written  # matplotlib is slow to load
 
     with answering(f"{output} is not complete"), errors.status("drawing studies"):
+        output.mkdir(parents=True, exist_ok=True)
         studies = written(study or [], output)
     result = examine(paths, jobs)
-    with errors.status("drawing"):
+    show(result)  # before anything is written: what was found out is not lost with a full disk
+    with answering(f"{output} is not complete"), errors.status("drawing"):
         index = write_report(result, output, studies=studies)
-    show(result)
     print(index)
     raise typer.Exit(result.exit_code)
 

@@ -23,12 +23,19 @@ def answering(kept: str) -> Iterator[None]:
     """Say in a line what is wrong with the input, or after Ctrl-C what is `kept`; then exit."""
     try:
         yield
-    except (KeyboardInterrupt, InputError, ValueError) as error:
+    except (KeyboardInterrupt, InputError, ValueError, OSError) as error:
         if interrupted(error):
             errors.print(f"stopped; {kept}: the same command goes on from there")
             raise typer.Exit(INTERRUPTED) from None
-        errors.print(f"error: {error}", style="bold red", markup=False)
+        errors.print(f"error: {in_words(error)}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
+
+
+def in_words(error: BaseException) -> str:
+    """What an error says, with the file first if the system refused one."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename or 'a file'}: {error.strerror}"
+    return str(error)
 
 
 def interrupted(error: BaseException | None) -> bool:

@@ -20,6 +20,7 @@ from proofmass.design.search import Effort, Search
 from proofmass.design.selection import CATALOGUE, read_catalogue
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.recorded import read_recorded
 
 app = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
@@ -74,8 +75,8 @@ def balancer_command(
         output.mkdir(parents=True, exist_ok=True)
         found = searched(task, times(effort, seed), output / "search.npz")
         record = {"seed": seed, **described(task, found, stock)}
-        (output / "design.json").write_text(json.dumps(record, indent=1), encoding="utf-8")
         tell(record)
+        write_whole(output / "design.json", json.dumps(record, indent=1))
         if pareto:
             trade(task, found, output)
         raise typer.Exit(verified(record, others, output))

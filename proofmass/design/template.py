@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from analytic.balancer import Balancer, balancer
 from analytic.balancer.springs import preloaded
+from proofmass.files import write_whole
 
 GRAVITY = 9.81  # [m/s2] gives the weight at the tip its mass; statics knows the weight alone
 LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
@@ -144,7 +145,7 @@ def write_case(folder: Path | str, name: str, *, title: str, source: str,
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
         text = environment().get_template(f"balancer.{ending}.jinja").render(words)
-        (folder / f"{name}.{ending}").write_text(text, encoding="utf-8")
+        write_whole(folder / f"{name}.{ending}", text)
     return folder / f"{name}.toml"
 
 

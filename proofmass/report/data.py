@@ -1,15 +1,15 @@
 """What one run of a case has to show: the curves of all its solvers beside their references."""
 
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
-from proofmass.reference import grid, laws
+from proofmass.reference import compiled, grid, laws
 from proofmass.refined import Row
 from proofmass.report.words import KINDS, LOST
 from proofmass.strict import Kind
@@ -95,7 +95,8 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
-    return Shown(case, kind, rows, curves, truth, *axis(case, kind), finer, verdicts)
+    named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
+    return Shown(case, kind, rows, curves, truth, *named, finer, verdicts)
 
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
@@ -110,12 +111,9 @@ def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
 
 
 def joint_type(case: Case, name: str) -> str:
-    """Type of a joint in the MJCF; hinge, MuJoCo's own default, when it is not said."""
-    try:
-        joints = ET.parse(case.model_path).iter("joint")
-    except (OSError, ET.ParseError):
-        return "hinge"
-    return next((j.get("type", "hinge") for j in joints if j.get("name") == name), "hinge")
+    """Type of a joint of the case's model, slide or hinge."""
+    slides = compiled(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
+    return "slide" if slides else "hinge"
 
 
 def readable(unit: str) -> tuple[str, float]:

@@ -7,6 +7,7 @@ from markupsafe import Markup
 from matplotlib import rc_context
 
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.report.diet_sheet import LOOKS, diet_sheet
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
@@ -37,8 +38,8 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
     prepared(output, (*files, *(f.with_suffix(".xml") for f in files), folder / "diet.columns.md"))
     parts = [part(file, output / "figures") for file in files]
     page = output / "index.html"
-    page.write_text(environment().get_template("diet.html").render(
-        parts=parts, about=about(), style={}, home=home), encoding="utf-8")
+    write_whole(page, environment().get_template("diet.html").render(
+        parts=parts, about=about(), style={}, home=home))
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 

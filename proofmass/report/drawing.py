@@ -56,7 +56,12 @@ def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, L
     ``RUN-difference``, ``refine``, and ``view-1`` and so on; charts are ``chart-1`` and so on.
     """
     shape, note = pictured(case)
-    figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)
+    try:
+        figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)
+    except OSError:  # such as a full disk, which the other cases have as well
+        raise
+    except Exception as error:
+        figures, note = {}, f"nothing is drawn: {error}"
     charts = tuple(charted(case, table, folder / f"{slug}-chart-{k}")
                    for k, table in enumerate(case.chart, 1))
     return Drawings(figures, note, charts)

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
 from PIL import Image
 
+from proofmass.files import write_whole
 from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin, ways
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
@@ -229,11 +230,13 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = compact(file.getvalue().decode().replace(
         "'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif"))
-    stem.with_suffix(".svg").write_text(text, encoding="utf-8")
+    write_whole(stem.with_suffix(".svg"), text)
     if png:
         figure.dpi, canvas = DPI, FigureCanvasAgg(figure)
         canvas.draw()
         pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         few = pixels.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        few.save(stem.with_suffix(".png"), dpi=(DPI, DPI))
+        file = BytesIO()
+        few.save(file, format="png", dpi=(DPI, DPI))
+        write_whole(stem.with_suffix(".png"), file.getvalue())
     return text

@@ -20,10 +20,12 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import OPEN
 from proofmass.errors import InputError
+from proofmass.files import write_whole
+from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.report import refinements, tables
 from proofmass.report.data import Shown, joint_type, shown
-from proofmass.report.drawing import SHEETS, Charted, Drawings, drawn
+from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
 from proofmass.report.study import Study
 from proofmass.report.style import looks
@@ -84,7 +86,8 @@ def write_report(result: Result, folder: Path | str,
             page = env.get_template("case.html").render(
                 case=case, card=cards[-1], style=style, about=facts, faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
-                seen=[seen(case, k, v, drawings) for k, v in enumerate(own_views[case.name], 1)],
+                seen=[seen(case, k, v, drawings) for k, v in enumerate(own_views[case.name], 1)
+                      if f"view-{k}" in drawings.figures],
                 charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
                 beside=tables.side_by_side(case) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
@@ -96,21 +99,21 @@ def write_report(result: Result, folder: Path | str,
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
                 unnoticed=tables.unnoticed(case, [c for v in views[case.name] for c in v.rows]))
-            (folder / cards[-1]["page"]).write_text(page, encoding="utf-8")
+            write_whole(folder / cards[-1]["page"], page)
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
-    index.write_text(env.get_template("index.html").render(
+    write_whole(index, env.get_template("index.html").render(
         families=families(result.cases, cards), style=style, about=facts, studies=studies,
         states=Counter(c["state"] for c in cards), errors=[complaint(e) for e in result.errors],
-        loose=[c for c in result.comparisons if not c.channel]), encoding="utf-8")
+        loose=[c for c in result.comparisons if not c.channel]))
     return index
 
 
 def freedoms(case: Case) -> int | None:
     """Mobility of the case's model; None where it is no planar linkage, or at fault."""
     try:
-        return mobility(case)
-    except InputError:
+        return isolated(mobility, case, timeout=SECONDS)
+    except (InputError, Crashed, TimedOut, OutOfMemory):  # which the runs have said
         return None
 
 
@@ -125,8 +128,8 @@ def parameters_of(case: Case) -> dict[str, str]:
 def known(case: Case) -> dict[str, str]:
     """What the reference says of the mechanism as a whole; nothing when the case is at fault."""
     try:
-        return reference.facts(case)
-    except InputError:
+        return isolated(reference.facts, case, timeout=SECONDS)
+    except (InputError, Crashed, TimedOut, OutOfMemory):  # which the runs have said
         return {}
 
 

@@ -9,6 +9,7 @@ from markupsafe import Markup
 from matplotlib import rc_context
 
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.stress_sheet import NEAR, stress_sheet
@@ -40,8 +41,8 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
     parts = [part(name, list(own), output / "figures")
              for name, own in groupby(found, lambda one: subject(one))]
     page = output / "index.html"
-    page.write_text(environment().get_template("stress.html").render(
-        parts=parts, about=about(), style={}, home=home), encoding="utf-8")
+    write_whole(page, environment().get_template("stress.html").render(
+        parts=parts, about=about(), style={}, home=home))
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 

@@ -10,6 +10,7 @@ from markupsafe import Markup
 from matplotlib import rc_context
 
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
@@ -65,10 +66,9 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
               "margin": MARGIN, "style": {}, "home": home}
     for one in parts:
         text = env.get_template("trade.html").render(parts=[one], index=False, **shared)
-        (output / one["page"]).write_text(text, encoding="utf-8")
+        write_whole(output / one["page"], text)
     index = output / "index.html"
-    index.write_text(env.get_template("trade.html").render(parts=parts, index=True, **shared),
-                     encoding="utf-8")
+    write_whole(index, env.get_template("trade.html").render(parts=parts, index=True, **shared))
     return Written(index, {one["case"]: one["page"] for one in parts})
 
 

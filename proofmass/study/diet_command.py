@@ -10,7 +10,7 @@ from rich.table import Table
 from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
 from proofmass.study.diet import Diet, Search
-from proofmass.study.diet_table import Entry, write_entries
+from proofmass.study.diet_table import Entry, read_entries, write_entries
 from proofmass.study.diet_words import ranked, sentences
 from proofmass.study.draft import read
 from proofmass.study.kept import Kept
@@ -45,6 +45,10 @@ def diet_command(
 
     file = output or Path("diet") / model.name
     with answering("what was tried is kept"):
+        if file.exists() and model.exists() and file.samefile(model):
+            raise InputError(file, "--output", "is the model itself; give another file")
+        if (table := file.with_suffix(".csv")).exists():
+            read_entries(table)  # what is no table of a diet is not replaced by one
         scene = scene_of(model, seconds)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
             found = Search(scene, blind, workers=workers, kept=Kept(file.parent / "runs"),

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from proofmass.files import write_whole
 from proofmass.study.draft import Draft
 from sim.protocol import Rod
 from sim.rods import compile_with_rods
@@ -34,7 +35,7 @@ def write(draft: Draft, file: Path, dressed: bool = False) -> None:
         setattr(spec, folder, place)
     with all_digits():
         text = shortest(spec.to_xml())
-    file.write_text(bare(text, draft.rods, keys) if draft.rods else text, encoding="utf-8")
+    write_whole(file, bare(text, draft.rods, keys) if draft.rods else text)
 
 
 def undress(draft: Draft, spec: mujoco.MjSpec) -> None:

@@ -1,0 +1,144 @@
+"""What is written: verdicts come first, files are whole, and inputs are not replaced."""
+
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.files import read_bytes, read_text, write_whole
+from proofmass.recorded import read_recorded
+
+
+def run(*args: object):
+    return CliRunner().invoke(app, [str(a) for a in args])
+
+
+def test_a_folder_that_cannot_be_made_is_said_before_anything_runs(models, tmp_path):
+    (tmp_path / "pages").write_text("a file")
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    assert answer.exit_code == 2
+    assert "pages: File exists" in answer.output.replace("\n", "")
+    assert isinstance(answer.exception, SystemExit)
+
+
+def test_a_full_disk_keeps_the_verdicts(models, tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "index.html")
+
+    monkeypatch.setattr("proofmass.report.pages.write_whole", full)
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    assert answer.exit_code == 2
+    assert "✓ agrees" in answer.output
+    assert "error: index.html: No space left on device" in answer.output
+    assert isinstance(answer.exception, SystemExit)
+
+
+def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    write_whole(tmp_path / "a", "old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(tmp_path / "a", "new")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a": "old"}
+
+
+@pytest.mark.parametrize("spelled", ["same", "another spelling", "link"])
+def test_a_diet_does_not_replace_the_model(models, tmp_path, monkeypatch, spelled):
+    monkeypatch.chdir(tmp_path)
+    model = models / "pendulum.xml"
+    before = model.read_bytes()
+    link = tmp_path / "link.xml"
+    link.symlink_to(model)
+    output = {"same": model, "another spelling": Path("models/../models/pendulum.xml"),
+              "link": link}[spelled]
+    answer = run("diet", model, "-o", output)
+    assert answer.exit_code == 2
+    assert "--output: is the model itself" in answer.output.replace("\n", "")
+    assert model.read_bytes() == before
+
+
+def test_a_diet_does_not_replace_another_table(models, tmp_path):
+    answer = run("diet", models / "pendulum.xml", "-o", models / "hacksaw_recorded.xml")
+    assert answer.exit_code == 2
+    assert "hacksaw_recorded.csv: not the table of a diet" in answer.output.replace("\n", "")
+
+
+def test_what_is_no_file_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    os.symlink(tmp_path / "loop", tmp_path / "loop")
+    wrong = {"pipe": "a device or pipe, not a file", ".": "a folder, not a file",
+             "loop": "cannot be read: Too many levels of symbolic links", "none": "no such file"}
+    for name, why in wrong.items():
+        with pytest.raises(InputError, match=why):
+            read_bytes(tmp_path / name)
+
+
+def test_a_sidecar_has_utf_8_with_or_without_a_mark(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_bytes("title = 'α'".encode("utf-8-sig"))
+    assert read_text(file) == "title = 'α'"
+    file.write_bytes("x = 1\ntitle = '5°'".encode("latin-1"))
+    with pytest.raises(InputError, match=r"a\.toml: line 2: the byte 0xb0 is not UTF-8"):
+        read_text(file)
+
+
+@pytest.mark.parametrize(("encoding", "mark", "comma"), [
+    ("latin-1", ",", "."), ("cp1252", ";", ","), ("utf-8-sig", ";", "."), ("utf-16", "\t", ",")])
+def test_recorded_curves_are_read_as_spreadsheets_write_them(tmp_path, encoding, mark, comma):
+    rows = [["t [s]", "angle [°]"], ["0.5", "90"], ["1.5", "-4.5e1"]]
+    text = "\r\n".join(mark.join(row) for row in rows)
+    file = tmp_path / "rig.csv"
+    file.write_bytes(text.replace(".", comma).encode(encoding))
+    found = read_recorded(file)
+    assert found.x.tolist() == [0.5, 1.5]
+    assert found.columns["angle"] == pytest.approx([1.5707963267948966, -0.7853981633974483])
+
+
+def test_numbers_with_two_kinds_of_signs_are_not_guessed(tmp_path):
+    file = tmp_path / "rig.csv"
+    file.write_text("t [s];r [m]\n0;1,5\n1;2.5\n")
+    with pytest.raises(InputError, match="line 3: numbers with commas and with points"):
+        read_recorded(file)
+
+
+@pytest.mark.parametrize("kind", ["folder", "pipe", "loop", "empty", "bytes"])
+def test_a_sidecar_that_is_none_costs_itself_only(models, kind):
+    for file in models.glob("*.toml"):
+        if file.stem != "pendulum":
+            file.unlink()
+    for file in models.glob("*.xml"):
+        if file.stem != "pendulum":
+            file.unlink()
+    bad = models / "x.toml"
+    make = {"folder": bad.mkdir, "pipe": lambda: os.mkfifo(bad),
+            "loop": lambda: bad.symlink_to(bad), "empty": bad.touch,
+            "bytes": lambda: bad.write_bytes(b"title = '\xb0'")}
+    make[kind]()
+    answer = run("check", models)
+    assert answer.exit_code == 2
+    assert answer.output.count("error: ") == 1
+    assert "x.toml" in answer.output
+    assert "pendulum" in answer.output
+    assert "agrees" in answer.output
+
+
+def test_no_log_of_mujoco_is_left_in_the_folder(models, monkeypatch, edit):
+    edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="nan -1 0" mass')
+    monkeypatch.chdir(models)
+    for command in ("check", "report", "trade"):
+        run(command, "pendulum.toml")
+    assert not (models / "MUJOCO_LOG.TXT").exists()
+
+
+@pytest.mark.parametrize("name", ["a [bold] b.toml", "[x] [bold].toml", "ä:smile:.toml"])
+def test_a_name_is_shown_as_it_is(models, name):
+    for ending in (".toml", ".xml"):
+        (models / f"pendulum{ending}").rename((models / name).with_suffix(ending))
+    answer = run("check", models / name)
+    assert answer.exit_code == 0
+    assert Path(name).stem in answer.output
