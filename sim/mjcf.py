@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import local
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
@@ -98,6 +100,11 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
                        f"UTF-8; save the file as UTF-8") from None
     leave_out_disabled(model)
     return model
+
+
+def read_tree(path: Path) -> Element:
+    """The elements of an MJCF file, also of one whose comments a strict reader of XML refuses."""
+    return ElementTree.fromstring(COMMENT.sub(b"", path.read_bytes()))
 
 
 def leave_out_disabled(model: mujoco.MjModel) -> None:

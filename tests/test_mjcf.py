@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from sim.mjcf import compile_model
+from sim.mjcf import compile_model, read_tree
 from sim.protocol import BadModel
 
 MODEL = """<mujoco>%s<worldbody><body><joint name="j"/><geom name="g" size="1" %s/></body>
@@ -69,3 +69,9 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "m.xml")
     with pytest.raises(BadModel, match="no regular file"):
         compile_model(tmp_path / "m.xml")
+
+
+def test_elements_are_read_whatever_the_comments(tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(MODEL % ("<!-- ---- bars ---- -->", ""))
+    assert [geom.get("name") for geom in read_tree(file).iter("geom")] == ["g"]

@@ -49,11 +49,14 @@ def test_numbers_may_be_spelled_as_in_mjcf():
 
 
 def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
-    edit("fivebar_circle.toml", "(?m)^radius = 1.5", "radus = 1.5")
-    result = check([models / "fivebar_circle.toml"])
-    [error] = map(str, result.errors)
-    assert "fivebar_circle.toml: drive.parameters.radus: circle() has no such parameter; known: " \
-        "center_x, center_y, radius" in error
+    edit("threeprr_circle.toml", r"(?m)(\[drive.parameters\]\n)centre_x", r"\1center_x")
+    edit("fivebar_circle.toml", r"(?m)(\[drive.parameters\]\n)center_x", r"\1centre_x")
+    result = check([models / "threeprr_circle.toml", models / "fivebar_circle.toml"])
+    first, second = map(str, result.errors)
+    assert "threeprr_circle.toml: drive.parameters.center_x: circle() has no such parameter; " \
+        "known: centre_x, centre_y, radius" in first
+    assert "fivebar_circle.toml: drive.parameters: " in second
+    assert "'center_x'" in second
     assert result.comparisons == []
 
 

@@ -94,7 +94,8 @@ def measure(task: Task, again: bool, timeout: float) -> Found:
     """
     with own_core() as core:
         try:
-            return isolated(observe, task, again, core, timeout=timeout)
+            return isolated(observe, task, again, core, timeout=timeout,
+                            memory=task.case.run[task.run].memory)
         except tuple(FAILURES) as error:
             return Found(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:

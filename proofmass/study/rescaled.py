@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.case import Case
-from proofmass.files import write_whole
+from proofmass.files import read_bytes, write_whole
+from proofmass.recorded import decoded
 from proofmass.reference import compiled
 from proofmass.study.reread import READS
 from proofmass.study.store import digest
+from sim.mjcf import read_tree
 from sim.protocol import Array
 
 SIZE = {"m": 1, "m/s": 1, "m/s^2": 1, "N": 1, "N m": 2, "J": 2}
@@ -31,16 +33,16 @@ SLIDING = {"range": 1, "ref": 1, "springref": 1, "frictionloss": 1}
 
 def with_model(case: Case, folder: Path, change: Callable[[Element], None]) -> Case:
     """The case with its MJCF changed, as a file in a folder."""
-    tree = ElementTree.parse(case.model_path)
-    change(tree.getroot())
-    text = ElementTree.tostring(tree.getroot(), encoding="unicode")
+    root = read_tree(case.model_path)
+    change(root)
+    text = ElementTree.tostring(root, encoding="unicode")
     return case.model_copy(update={"model": str(placed(folder, case.model_path, text))})
 
 
 def thinned(case: Case, folder: Path) -> Case:
     """The case held to every other row of its recorded curve, as a file in a folder."""
     file = case.file.parent / case.reference
-    head, *rows = [line for line in file.read_text(encoding="utf-8-sig").splitlines()
+    head, *rows = [line for line in decoded(read_bytes(file)).splitlines()
                    if line.strip() and not line.lstrip().startswith("#")]
     text = "\n".join([head, *rows[::2]]) + "\n"
     return case.model_copy(update={"reference": str(placed(folder, file, text))})
@@ -173,4 +175,4 @@ def turns(model: mujoco.MjModel, actuator: int) -> bool:
 
 def bodies(case: Case) -> list[Element]:
     """The bodies' own masses that the MJCF states."""
-    return list(ElementTree.parse(case.model_path).getroot().iter("inertial"))
+    return list(read_tree(case.model_path).iter("inertial"))

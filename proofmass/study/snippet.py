@@ -5,6 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from proofmass.study.setting import Knob, Setting
+from sim.mjcf import read_tree
 from sim.mujoco_model import ENGINE_DEFAULTS
 from sim.pymunk_steps import SURE
 
@@ -64,7 +65,7 @@ def mjcf(knobs: Mapping[str, Knob], model: Path | None) -> Iterator[str]:
 
 def equalities(model: Path) -> list[ElementTree.Element]:
     """Elements of an MJCF that hold loops together."""
-    return ElementTree.parse(model).findall("./equality/*")
+    return read_tree(model).findall("./equality/*")
 
 
 def sidecar(knobs: Mapping[str, Knob], but: Iterable[str]) -> Iterator[str]:
@@ -107,7 +108,7 @@ def python(knobs: Mapping[str, Knob], steps: int) -> Iterator[str]:
 
 def pasted(model: Path, lines: str) -> str:
     """The text of an MJCF with a snippet in it, and with what the snippet says to leave out."""
-    root = ElementTree.parse(model).getroot()
+    root = read_tree(model)
     for element in root.iterfind("./equality/*"):
         for key in OWN & set(element.attrib):
             del element.attrib[key]

@@ -19,6 +19,7 @@ from proofmass.strict import Kind
 from proofmass.study.measure import shares
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.snippet import EQUALITY, OPTION, SPACE, pasted, snippet
+from sim.mjcf import read_tree
 from sim.protocol import Array, BadModel, Curves, Run, Unsupported
 
 PART = 0.381966  # of a sample; irrational, or some steps would fall where others fell before
@@ -102,7 +103,7 @@ def ran_text(text: str, case: Case, kind: Kind, run: Run, engine: str = "mujoco"
 
 def moved_on(case: Case, time: float) -> str:
     """The text of a model whose start key is where its free motion comes to after a time [s]."""
-    root = ElementTree.parse(case.model_path).getroot()
+    root = read_tree(case.model_path)
     key = root.find(f"./keyframe/key[@name='{case.start}']")
     if key is None:
         raise Unsupported(f"no key {case.start!r} in the file itself")
