@@ -57,6 +57,21 @@ def edit(models: Path) -> Callable[..., Path]:
     return change
 
 
+@pytest.fixture
+def keep_solver(models: Path) -> Callable[[str, str], Path]:
+    """``keep_solver(name, solver)`` leaves a sidecar one solver, and the tolerances that cover it.
+    """
+
+    def keep(name: str, solver: str) -> Path:
+        head, *tolerances = (models / name).read_text().split("[[tolerance]]")
+        head = re.sub(r"(?m)^solvers = \[.*", f'solvers = ["{solver}"]', head)
+        kept = [t for t in tolerances if "\nsolver =" not in t or f'\nsolver = "{solver}"' in t]
+        (models / name).write_text("[[tolerance]]".join([head, *kept]))
+        return models / name
+
+    return keep
+
+
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     """Of the scheduler of a Dask cluster: two workers, each a process, in a folder of their own."""

@@ -10,6 +10,7 @@ import pytest
 from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.design.template import write_case
+from proofmass.validate import validate
 from tests.balancer_cases import DESIGNS, MODELS
 from tests.balancer_table import parameters, rows
 
@@ -113,6 +114,7 @@ def write(folder: Path, chain: dict, solver: str) -> Path:
 def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
     truth, change = WRONG[what]
     file = write(tmp_path, truth, solver)
+    validate(load_case(file))  # else it is bad input that turns the verdict
     shutil.copy(write(tmp_path / "wrong", truth | change, solver).with_suffix(".xml"), tmp_path)
     assert check([file]).exit_code != 0
 
@@ -122,6 +124,7 @@ def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
 def test_a_wrong_model_turns_the_verdict(what, solver, tmp_path):
     truth, old, new = TEXT[what]
     file = write(tmp_path, truth, solver)
+    validate(load_case(file))
     model = file.with_suffix(".xml")
     assert old in model.read_text()
     model.write_text(model.read_text().replace(old, new))

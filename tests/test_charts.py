@@ -51,8 +51,9 @@ def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = (models / "fourbar.toml").read_text()
     text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\n[drive]",
                   text.replace('"fourbar"', '"charted_crank"'))
-    text = re.sub(r"(?s)\[channels\].*?\[\[tol", '[channels]\nholding_moment = { equals = "moment",'
-                  ' unit = "N m" }\n[[tol', text)
+    text = re.sub(r"(?s)\[channels\].*", '[channels]\nholding_moment = { equals = "moment",'
+                  ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nof_range = 1e-12\n'
+                  'why = "rounding"\n', text)
     (models / "fourbar.toml").write_text(text + '''
 [[chart]]
 title = "Energy"
