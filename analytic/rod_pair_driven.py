@@ -99,8 +99,14 @@ def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers
     """
     pin_x, pin_y, moment1, moment2, *push = guess
     rods = [moment1, *push, moment2, *np.subtract(problem[-2:], push)]
-    first = begun(np.array([*rods, pin_x, pin_y, *path[0], 0.0, 0.0]), *problem)
-    return follow(direct(first), inputs=path).states
+    first = direct(begun(np.array([*rods, pin_x, pin_y, *path[0], 0.0, 0.0]), *problem))
+    return followed(path, problem, tuple(first.vector.tolist()))
+
+
+@shared
+def followed(path: tuple[tuple[float, ...], ...], problem: Numbers, first: Numbers) -> State:
+    """The same from an equilibrium, to which many guesses lead."""
+    return follow(begun(np.array(first), *problem), inputs=path).states
 
 
 def begun(vector: Array, distance: float, length: float, stiffness: float, force_x: float,

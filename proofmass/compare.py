@@ -1,6 +1,9 @@
 """Curves against the reference: one `Comparison` for each channel of each solver."""
 
+import inspect
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +26,28 @@ UNCHECKED = ("nothing of this case was checked; give it a [[tolerance]] that cov
 START = 0.1  # share of a duration in which errors of the start are expected to decay
 CONSTANT = 1e-3  # a curve whose range is less of its size does not move, up to what drives do
 ZERO = 1e-12  # of the mechanism's size: what a reference computes instead of a zero
+SMALL = 1e-6  # change of a parameter for a slope: the square of it is 1e-12, rounding 1e-10 of it
+LARGE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # changes to try where a small one tells nothing
+SMOOTH = 0.1  # curvature over slope, up to which a slope is good for one digit
+Differences = list[dict[str, Array]]
+Moved = Callable[[float], Differences]
+
+
+@dataclass(frozen=True)
+class DetectableChange:
+    """The smallest change of a parameter that a tolerance would catch.
+
+    Attributes
+    ----------
+    size : float
+        NaN where it is not known: the reference cannot be evaluated at changed values.
+    relative : bool
+        Whether `size` is a share of the parameter's value; otherwise the value is 0, and `size` is
+        the change itself, in the parameter's SI unit.
+    """
+
+    size: float
+    relative: bool = True
 
 
 @dataclass(frozen=True)
@@ -40,8 +65,9 @@ class Comparison:
         which is its range unless it is constant.
     allowed : float
         Tolerance in `unit`; NaN when the channel is not checked.
-    would_notice : dict of str to float
-        For each parameter the smallest relative change that the tolerance would catch.
+    would_notice : dict of str to DetectableChange
+        For each parameter the smallest change that the tolerance would catch. A parameter that the
+        channel does not depend on is left out, as is one that could be twice as large.
     outcome : str
         agrees, differs, unchecked, unsupported, diverged, crashed, timed out or out of memory.
     message : str
@@ -63,7 +89,7 @@ class Comparison:
     error_rms: float = NAN
     nrmse: float = NAN
     allowed: float = NAN
-    would_notice: dict[str, float] = field(default_factory=dict)
+    would_notice: dict[str, DetectableChange] = field(default_factory=dict)
     outcome: str = "unchecked"
     message: str = ""
     seconds: float = NAN
@@ -118,15 +144,19 @@ def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Compariso
     check_branch(case, curves, truth)
     check_views(case, run, curves)
     check_charts(case)
-    slopes = sensitivities(case, curves)
+    changes = detectable_changes(case, curves, truth, {
+        name: tolerance.allowed(scale_of(case, run, name, curves, truth.channels[name]) / factor)
+        * factor
+        for name, channel in case.channels_of(run).items() if name in curves.channels
+        and (tolerance := case.tolerance_for(run, solver, name)) and (factor := channel.factor)})
     return [
-        one(case, run, solver, name, curves, truth.channels[name], slopes)
+        one(case, run, solver, name, curves, truth.channels[name], changes.get(name, {}))
         for name in case.channels_of(run)
     ]
 
 
 def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Array,
-        slopes: dict[str, dict[str, float]]) -> Comparison:
+        would_notice: dict[str, DetectableChange]) -> Comparison:
     """Compare one channel; its curves are in SI units, the comparison in the channel's."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
@@ -144,10 +174,7 @@ def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Arr
         "error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
         "nrmse": rms / scale if scale else NAN,
         "error_later": float(error[curves.x >= start_until(curves)].max())
-        if run == "duration" else NAN,
-        "would_notice": {p: allowed * factor / s[name] for p, s in slopes.items()
-                         if s[name] > 0}
-        if tolerance else {}}
+        if run == "duration" else NAN, "would_notice": would_notice}
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
     return Comparison(**place, **found, outcome=outcome, message=message)
@@ -218,26 +245,121 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str
     return "differs", f"{error / allowed:.3g} x the allowed error"
 
 
-def sensitivities(case: Case, curves: Curves, h: float = 1e-6) -> dict[str, dict[str, float]]:
-    """For each parameter, how much each channel's curve moves for a relative change of 1.
-
-    Central differences of the closed form; empty for a recorded curve, which has no parameters.
-    Words, parameters that are zero, and the assembly mode have no relative change.
-    """
-    if isinstance(module_of(case), Recorded):
+def changeable(case: Case) -> dict[str, float]:
+    """The parameters that are quantities: no words, and no whole numbers such as a mode."""
+    truth = module_of(case)
+    if isinstance(truth, Recorded):
         return {}
-    slopes = {}
-    for key, value in case.parameters.items():
-        if isinstance(value, str) or key == "mode" or value == 0:
-            continue
-        try:
-            up, down = (evaluate(case, curves.x, curves.drive, **{key: value * (1 + s * h)})
-                        for s in (1, -1))
-        except InputError:  # the changed mechanism cannot be assembled everywhere
-            continue
-        slopes[key] = {n: float(np.abs(up.channels[n] - down.channels[n]).max() / (2 * h))
-                       for n in up.channels}
-    return slopes
+    known = inspect.signature(truth.solve).parameters
+    return {key: value for key, value in case.parameters.items() if not isinstance(value, str)
+            and key != "mode" and (key not in known or known[key].annotation is not int)}
+
+
+def detectable_changes(case: Case, curves: Curves, truth: Curves, allowed: dict[str, float]
+                       ) -> dict[str, dict[str, DetectableChange]]:
+    """For each channel and parameter, the smallest change that a tolerance would catch.
+
+    Parameters
+    ----------
+    case : Case
+    curves : Curves
+        Of a solver; x and the drives' state are used.
+    truth : Curves
+        The reference there.
+    allowed : dict of str to float
+        The tolerance of each channel that is checked.
+
+    Returns
+    -------
+    dict of str to dict of str to DetectableChange
+        By channel, then by parameter; empty for a recorded curve, which has no parameters. A change
+        is relative to the parameter; where that is 0, its steps are shares of the largest one.
+    """
+    parameters = changeable(case)
+    largest = max(map(abs, parameters.values()), default=0.0) or 1.0
+
+    found: dict[str, dict[str, DetectableChange]] = {name: {} for name in allowed}
+    for key, value in parameters.items():
+        scale = abs(value) or largest
+
+        @cache
+        def moved(share: float, key: str = key, value: float = value, scale: float = scale
+                  ) -> Differences:
+            """The channels' differences at a changed parameter, or nothing."""
+            try:
+                other = evaluate(case, curves.x, curves.drive, **{key: value + share * scale})
+            except InputError:  # the changed mechanism cannot be assembled everywhere
+                return []
+            return [{name: other.channels[name] - truth.channels[name] for name in allowed}]
+
+        shares, asked = small_shares(moved, allowed)
+        for name, share in (shares | large_shares(moved, asked)).items():
+            found[name][key] = DetectableChange(share if value else share * scale, value != 0)
+    return found
+
+
+def small_shares(moved: Moved, allowed: dict[str, float]
+                 ) -> tuple[dict[str, float], dict[str, float]]:
+    """The smallest share of a parameter that each channel would notice, by its slope.
+
+    The second result is the part of `allowed` to which large changes have to answer: channels where
+    rounding hides a slope that might matter; all of them, where none has a slope.
+    """
+    found, hidden, small = {}, {}, slopes(moved)
+    for name, most in allowed.items():
+        size, smooth = small.get(name, (NAN, False))
+        if size > SMALL * most and (smooth or size > most):
+            found[name] = SMALL * most / size if smooth else SMALL
+        elif not size <= SMALL * most:
+            hidden[name] = most
+    return found, hidden if found else allowed
+
+
+def large_shares(moved: Moved, allowed: dict[str, float]) -> dict[str, float]:
+    """The smallest of the large shares that each channel notices; NaN where it is not known.
+
+    A channel that does not notice the largest is left out.
+    """
+    found = {}
+    for name, most in allowed.items():
+        for share in LARGE:
+            size = worst([*moved(share), *moved(-share)], name)
+            if size > most:
+                found[name] = share
+            elif np.isnan(size):
+                found.setdefault(name, NAN)
+            else:
+                break
+    return found
+
+
+def slopes(moved: Moved) -> dict[str, tuple[float, bool]]:
+    """For each channel the largest slope times `SMALL`, and whether the curves are smooth there.
+
+    Central differences; differences to one side, of second order, where the reference ends. Where
+    a curve is not smooth, or rounding hides it, the largest difference is given instead.
+    """
+    up, down = moved(SMALL), moved(-SMALL)
+    if up and down:
+        parts = {n: ((up[0][n] - down[0][n]) / 2, (up[0][n] + down[0][n]) / 2) for n in up[0]}
+    elif near := up or down:
+        far = moved(2 * SMALL if up else -2 * SMALL)
+        parts = {n: ((4 * y - far[0][n]) / 2, (far[0][n] - 2 * y) / 2) if far else (y, y)
+                 for n, y in near[0].items()}
+    else:
+        return {}
+    found = {}
+    for name, (slope, bend) in parts.items():
+        size, smooth = float(np.abs(slope).max()), bool(
+            np.abs(bend).max() <= SMOOTH * np.abs(slope).max())
+        found[name] = (size, True) if smooth else (worst([*up, *down], name), False)
+    return found
+
+
+def worst(sides: Differences, name: str) -> float:
+    """The largest difference of a channel; NaN where there is none."""
+    sizes = [float(np.abs(side[name]).max()) for side in sides]
+    return max((size for size in sizes if np.isfinite(size)), default=NAN)
 
 
 def check_branch(case: Case, curves: Curves, truth: Curves) -> None:

@@ -25,16 +25,22 @@ FAILED = ("✗", "bold red")
 def as_json(result: Result) -> str:
     """One object: comparisons, errors of the input, the exit code; what is not a number is null."""
     rows = [{key: asdict(c)[key] for key in KEYS} for c in result.comparisons]
-    return json.dumps({
-        "comparisons": [{k: finite(v) for k, v in row.items()} for row in rows],
+    return json.dumps(finite({
+        "comparisons": rows,
         "errors": [{"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors],
-        "exit_code": result.exit_code}, indent=1, allow_nan=False)
+        "exit_code": result.exit_code}), indent=1, allow_nan=False)
 
 
 def finite(value: Any) -> Any:
-    """A value, and those of a dict, as JSON can say it: None for a number that is none."""
+    """Nested lists and tables with null for what is not a number.
+
+    >>> finite([{"size": float("nan"), "relative": True}])
+    [{'size': None, 'relative': True}]
+    """
     if isinstance(value, dict):
-        return {key: finite(one) for key, one in value.items()}
+        return {key: finite(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.check import check, find
-from proofmass.compare import one, scale_of, verdict
+from proofmass.compare import compare, one, scale_of, verdict
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
@@ -157,19 +157,6 @@ def test_paths_may_be_folders_sidecars_or_models(models):
     assert {p.stem for p in find([models])} == {p.stem for p in MODELS.glob("*.toml")}
 
 
-def test_would_notice_is_the_change_that_uses_the_tolerance_up(models):
-    """Bisection-free check: with the parameter off by its would-notice the error is the limit."""
-    case = load_case(models / "hacksaw.toml")
-    x = grid(case, "sweep")
-    state = plan(case, "sweep", "mujoco").motion(x)
-    from proofmass.compare import sensitivities
-    slope = sensitivities(case, Curves(x, {}, drive=state))["coupler"]["theta3"]
-    truth = evaluate(case, x, state).channels["theta3"]
-    allowed = 1e-6
-    off = evaluate(case, x, state, coupler=case.parameters["coupler"] * (1 + allowed / slope))
-    assert np.abs(off.channels["theta3"] - truth).max() == pytest.approx(allowed, rel=1e-3)
-
-
 GEARS = """<mujoco>
   <option timestep="0.001" integrator="RK4" gravity="0 0 0"/>
   <worldbody>
@@ -259,3 +246,28 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
     outcome, message = verdict(1e-17, 0.0, "N m", "rounding")
     assert outcome == "differs"
     assert "give the tolerance as abs" in message
+
+
+@pytest.mark.parametrize(("name", "kind", "key", "rel"), [
+    ("hacksaw", "duration", "coupler", 1e-3),
+    ("fourbar", "duration", "ground", 1e-3),
+    ("fivebar", "duration", "left_x", 1e-3),  # 0: an absolute change
+    ("rod_cantilever", "rest", "length", 0.1),  # at its end; the curvature over 2.6 % of it
+])
+def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
+    """With the parameter off by its would-notice the error of that channel is the limit."""
+    case = load_case(MODELS / f"{name}.toml")
+    x = grid(case, kind)
+    state = plan(case, kind, "mujoco").motion(x) if case.drive else None
+    truth = evaluate(case, x, state)
+    found = compare(case, kind, "mujoco", Curves(x, truth.channels, drive=state))
+    value, checked = case.parameters[key], 0
+    for c in found:
+        change = c.would_notice[key]
+        if change.size < 1e-9:  # or rounding is part of the error
+            continue
+        by = change.size * (value or 1.0)
+        off = evaluate(case, x, state, **{key: value + by}).channels[c.channel]
+        assert np.abs(off - truth.channels[c.channel]).max() == pytest.approx(c.allowed, rel=rel)
+        checked += 1
+    assert checked

@@ -32,7 +32,7 @@ SLIDER_CRANK = {"crank": [at(BODY, "coupler")], "coupler": [at(SITE, "coupler_en
 FIVE_BAR = {
     "left_crank": [at(BODY, "left_coupler")], "left_coupler": [at(SITE, "left_tip")],
     "right_coupler": [at(SITE, "right_tip")], "right_crank": [at(BODY, "right_coupler")],
-    "right_x": [at(BODY, "right_crank")],
+    "right_x": [at(BODY, "right_crank")], "left_x": [at(BODY, "left_crank")],
 }
 PARALLEL_ROBOT = {
     "side": [at(SITE, "p2"), at(SITE, "p3", 0, 0.5), at(SITE, "p3", 1, 0.75**0.5)],
@@ -54,7 +54,6 @@ def chain(name: str) -> dict[str, list[Place]]:
     return found
 
 
-LEFT_X = {"left_x": [at(BODY, "left_crank")]}
 LENGTHS = {
     "fourbar": FOUR_BAR | {"point_along": [at(SITE, "point")],
                            "point_across": [at(SITE, "point", 1)]},
@@ -76,8 +75,8 @@ LENGTHS = {
         "crank": [at(BODY, "rod")], "rod": [at(SITE, "rod_end")], "pivot_x": [at(SITE, "pivot")],
         "pivot_y": [at(SITE, "pivot", 1)]},
     "fivebar": FIVE_BAR,
-    "fivebar_regular": FIVE_BAR | LEFT_X,
-    "fivebar_circle": FIVE_BAR | LEFT_X | {
+    "fivebar_regular": FIVE_BAR,
+    "fivebar_circle": FIVE_BAR | {
         "left_coupler": [at(SITE, "left_tip"), at(BODY, "payload")]},
     "threeprr": PARALLEL_ROBOT, "threeprr_circle": PARALLEL_ROBOT,
     "pendulum": {"length": [(".//inertial", "pos", 1, -1), (".//body", "pos", 1, 1)]},
@@ -113,12 +112,13 @@ def outcomes(case, kind: str, solver: str) -> set[str]:
 
 @cache
 def would_notice(name: str, kind: str, solver: str) -> dict[str, float]:
-    """The smallest relative change of each parameter that a channel of the good model notices."""
+    """The smallest change of each parameter that a channel of the good model notices, in SI."""
     case = load_case(MODELS / f"{name}.toml")
     found: dict[str, float] = {}
     for c in compare(case, kind, solver, solve(case, kind, solver)):
-        for key, value in c.would_notice.items():
-            found[key] = min(value, found.get(key, np.inf))
+        for key, change in c.would_notice.items():
+            size = change.size * (abs(case.parameters[key]) if change.relative else 1.0)
+            found[key] = min(size, found.get(key, np.inf))
     return found
 
 
@@ -128,9 +128,8 @@ def turns(name: str, key: str, solver: str, kind: str, models: Path) -> None:
     good = outcomes(case, kind, solver)
     assert "agrees" in good
     assert "differs" not in good
-    truth = load_case(models / f"{owner}.toml")
     closed = name if key in case.parameters else owner  # a recorded curve has no parameters
-    by = 3 * would_notice(closed, kind, solver)[key] * truth.parameters[key]
+    by = 3 * would_notice(closed, kind, solver)[key]
     lengthen(case.model_path, LENGTHS[owner][key], by)
     assert "differs" in outcomes(case, kind, solver)
 

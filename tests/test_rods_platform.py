@@ -221,7 +221,7 @@ def test_what_a_comparison_would_notice():
     least: dict[str, float] = {}
     for c in found:
         for key, change in c.would_notice.items():
-            least[key] = min(change, least.get(key, np.inf))
+            least[key] = min(change.size, least.get(key, np.inf))
     assert set(least) >= {"side", "radius", "theta1", "theta2", "theta3", "length", "stiffness",
                           "force_y"}
     assert max(least.values()) < 0.02

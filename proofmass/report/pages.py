@@ -98,7 +98,9 @@ def write_report(result: Result, folder: Path | str,
                 freedoms=freedoms(case), knowledge=known(case),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
-                unnoticed=tables.unnoticed(case, [c for v in views[case.name] for c in v.rows]))
+                **{name: tell(case, [c for v in views[case.name] for c in v.rows])
+                   for name, tell in (("unnoticed", tables.unnoticed),
+                                      ("not_known", tables.not_known))})
             write_whole(folder / cards[-1]["page"], page)
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"

@@ -10,7 +10,7 @@ from itertools import groupby
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.compare import Comparison
+from proofmass.compare import Comparison, DetectableChange, changeable
 from proofmass.recorded import Recorded
 from proofmass.reference import facts, module_of
 from proofmass.report.data import Shown
@@ -77,18 +77,47 @@ def law(case: Case, channel: str) -> str:
 
 
 def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
-    """The most sensitive parameter of a channel, and all of them, most sensitive first."""
-    found = sorted(c.would_notice.items(), key=lambda item: item[1])
-    words = tuple((name, number(value, 2)) for name, value in found if math.isfinite(value))
+    """The most sensitive parameter of a channel, and all of them, most sensitive first.
+
+    Changes of parameters that are 0 have no share to be ordered by; they come after the others.
+    """
+    found = sorted(c.would_notice.items(), key=lambda item: (
+        math.isnan(item[1].size), not item[1].relative, item[1].size))
+    words = tuple((name, detectable(change)) for name, change in found)
     return (" ".join(words[0]) if words else "—"), words
 
 
+def detectable(change: DetectableChange) -> str:
+    """The smallest change that a tolerance would catch, in words.
+
+    >>> detectable(DetectableChange(2e-5)), detectable(DetectableChange(2e-5, relative=False))
+    ('2e-5', '0 ± 2e-5')
+    """
+    if math.isnan(change.size):
+        return "not known"
+    return ("" if change.relative else "0 ± ") + number(change.size, 2)
+
+
 def unnoticed(case: Case, rows: list[Comparison]) -> list[str]:
-    """Parameters that no checked channel depends on, not even on a change of 100 %."""
-    seen = {p for c in rows if c.outcome in ("agrees", "differs")
-            for p, change in c.would_notice.items() if change < 1}
-    return [p for p, value in case.parameters.items()
-            if p != "mode" and p not in seen and not isinstance(value, str)]
+    """Parameters that no checked channel depends on, not even on a change of 10 %."""
+    changes = judged(rows)
+    return [p for p in changeable(case) if p not in changes]
+
+
+def not_known(case: Case, rows: list[Comparison]) -> list[str]:
+    """Parameters of which no checked channel tells whether a change would be noticed."""
+    changes = judged(rows)
+    return [p for p in changeable(case)
+            if p in changes and all(math.isnan(change.size) for change in changes[p])]
+
+
+def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
+    """By parameter, the changes that the checked channels would notice."""
+    found: dict[str, list[DetectableChange]] = {}
+    for c in rows:
+        for p, change in c.would_notice.items() if c.outcome in ("agrees", "differs") else ():
+            found.setdefault(p, []).append(change)
+    return found
 
 
 def extrema(view: Shown) -> list[Group]:

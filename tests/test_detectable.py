@@ -1,0 +1,194 @@
+"""What a page says of a parameter, noticed from a change on, not checked, not known, is true.
+
+The reference at the true parameters stands for an engine without errors: held against the reference
+at a changed parameter it shows what the change does to the verdicts.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import Case, load_case
+from proofmass.compare import (
+    Comparison,
+    changeable,
+    compare,
+    large_shares,
+    one,
+    small_shares,
+)
+from proofmass.errors import InputError
+from proofmass.recorded import Recorded
+from proofmass.reference import evaluate, grid, module_of
+from proofmass.report.tables import not_known, notice, unnoticed
+from proofmass.solve import plan
+from sim.protocol import Curves
+
+MODELS = Path(__file__).parent.parent / "models"
+QUICK = ("fivebar", "rod_cantilever", "rod_buckled", "balancer4_sam", "balancer_progressive_locked",
+         "slider_crank", "change_point", "pendulum", "rfr2_missed")
+"""A parameter that is 0, lengths that can only grow, a stiffness that can only grow, one that
+rounding alone seems to show, loads that no channel in time depends on, a change that changes the
+class, a guess that leads elsewhere when it is changed."""
+
+
+def exact(case: Case, kind) -> Curves:
+    """The curves of an engine without errors."""
+    x = grid(case, kind)
+    state = plan(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
+    state = None if kind == "rest" else state
+    return Curves(x, evaluate(case, x, state).channels, drive=state)
+
+
+def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
+    """The verdicts on curves against any reference, without what they would notice."""
+    return [one(case, kind, solver, name, curves, truth.channels[name], {})
+            for name in case.channels_of(kind)]
+
+
+def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -> set[str] | None:
+    """The channels that differ from the reference at changed parameters; None: there is none."""
+    try:
+        other = evaluate(case, curves.x, curves.drive, **changed)
+    except InputError:
+        return None
+    return {c.channel for c in judged(case, kind, solver, curves, other) if c.outcome == "differs"}
+
+
+def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> None:
+    """All that the page says of the parameters, from the curves of a solver, is so.
+
+    Of the channels that notice a parameter the first and the last to do so, or all.
+    """
+    found = [c for c in compare(case, kind, solver, curves) if np.isfinite(c.allowed)]
+    if not found:
+        return
+    assert {c.outcome for c in found} == {"agrees"}
+    parameters = changeable(case)
+    largest = max(map(abs, parameters.values()))
+
+    def differ(key: str, by: float) -> list[set[str]]:
+        sides = (differing(case, kind, solver, curves, **{key: parameters[key] + sign * by})
+                 for sign in (1, -1))
+        return [side for side in sides if side is not None]
+
+    never, unknown = unnoticed(case, found), not_known(case, found)
+    for key, value in parameters.items():
+        scale = abs(value) or largest
+        if key in never:
+            sides = differ(key, 0.1 * scale)
+            assert sides, (key, "could not be evaluated")
+            assert not set().union(*sides), (key, "moves a channel by more than it may")
+            continue
+        if key in unknown:
+            assert not differ(key, 0.1 * scale), (key, "could be known")
+            assert not differ(key, 1e-6 * scale), (key, "could be known")
+            continue
+        noticing = sorted((c for c in found if key in c.would_notice
+                           and not np.isnan(c.would_notice[key].size)),
+                          key=lambda c: c.would_notice[key].size)
+        for c in noticing if all_channels else [noticing[0], *noticing[1:][-1:]]:
+            change = c.would_notice[key]
+            assert change.relative == (value != 0)
+            by = change.size * (abs(value) if change.relative else 1.0)
+            # three times, as in `test_mutations`; less where there is no such mechanism
+            sides = next(s for s in (differ(key, n * by) for n in (3.0, 1.5, 1.0)) if s)
+            assert c.channel in set().union(*sides), (key, c.channel, change)
+
+
+CASES = sorted(file.stem for file in MODELS.glob("*.toml"))
+
+
+def every_run(name: str, all_channels: bool) -> None:
+    case = load_case(MODELS / f"{name}.toml")
+    if isinstance(module_of(case), Recorded):
+        assert changeable(case) == {}
+        return
+    for kind, run in case.run.items():
+        curves, seen = exact(case, kind), set()
+        for solver in run.solvers:  # two with the same tolerances say the same
+            tolerances = str([case.tolerance_for(kind, solver, n) and
+                              case.tolerance_for(kind, solver, n).allowed(1.0)
+                              for n in case.channels_of(kind)])
+            if tolerances not in seen:
+                holds(case, kind, solver, curves, all_channels)
+            seen.add(tolerances)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_is_said_of_a_parameter_is_what_a_changed_one_does(name):
+    every_run(name, all_channels=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_said_of_every_parameter_is_what_a_changed_one_does(name):
+    every_run(name, all_channels=True)
+
+
+def of(curve, low: float = -np.inf, high: float = np.inf):
+    """The differences of one channel by a share between two bounds, as `large_shares` asks."""
+    return lambda share: [{"y": np.array([float(curve(share))])}] if low <= share <= high else []
+
+
+def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
+    def curve(share: float) -> float:  # of slope 3, and a curvature that one side alone feels
+        return 3.0 * share + 1e4 * share**2
+
+    for low, high in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
+        found, asked = small_shares(of(curve, low, high), {"y": 3e-9})
+        # differences are of second order to one side too: without it 3e-3 of the slope
+        assert found == {"y": pytest.approx(1e-9, rel=1e-8)}
+        assert not asked
+
+
+def test_a_jump_is_noticed_at_the_step_that_showed_it_and_not_before():
+    assert small_shares(of(lambda share: abs(share) > 0), {"y": 0.5}) == ({"y": 1e-6}, {})
+
+
+def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
+    found, asked = small_shares(of(lambda share: 1e-15 * (share > 0)), {"y": 1e-12})
+    assert (found, asked) == ({}, {"y": 1e-12})
+    assert large_shares(of(lambda share: 1e-15), {"y": 1e-12}) == {}
+
+
+@pytest.mark.parametrize(("curve", "low", "high", "found"), [
+    (lambda share: 0.0, -1.0, 1.0, {}),  # not even 10 %
+    (lambda share: abs(share) > 0.005, -1.0, 1.0, {"y": 0.01}),  # a stop that is met
+    (lambda share: abs(share) > 0.005, 0.0, 1.0, {"y": 0.01}),
+    (lambda share: 0.0, -0.01, 0.01, {"y": np.nan}),  # 10 % cannot be evaluated
+    (lambda share: 1.0, -0.01, 0.01, {"y": 1e-5}),
+    (lambda share: 0.0, 1.0, 0.0, {"y": np.nan}),  # nothing can
+    (lambda share: np.nan, -1.0, 1.0, {"y": np.nan}),
+])
+def test_large_changes(curve, low, high, found):
+    assert large_shares(of(curve, low, high), {"y": 0.5}) == pytest.approx(found, nan_ok=True)
+
+
+@pytest.mark.parametrize(("name", "key", "begin"), [
+    ("rod_cantilever", "length", ""), ("rod_buckled", "length", ""), ("fivebar", "left_x", "0 ± ")])
+def test_the_page_says_what_is_noticed(name, key, begin):
+    case = load_case(MODELS / f"{name}.toml")
+    kind = next(iter(case.run))
+    found = compare(case, kind, "mujoco", exact(case, kind))
+    assert key not in unnoticed(case, found) + not_known(case, found)
+    words = [dict(notice(c)[1])[key] for c in found]
+    assert all(word.startswith(begin) for word in words)
+    assert all(0.0 < float(word.removeprefix(begin)) < 0.1 for word in words)
+
+
+def test_the_page_says_what_is_not_known():
+    """The reference takes a stop that holds a preload at 0 only."""
+    case = load_case(MODELS / "balancer_sine_preload.toml")
+    found = compare(case, "sweep", "mujoco", exact(case, "sweep"))
+    assert not_known(case, found) == ["low2"]
+    assert unnoticed(case, found) == ["target_moment"]  # of a curve that no channel is held to
+    assert all(dict(notice(c)[1])["low2"] == "not known" for c in found)
+    assert notice(found[0])[0].split()[1] != "not"
+
+
+def test_whole_numbers_and_words_are_neither():
+    assert set(changeable(load_case(MODELS / "rfr3.toml"))) == {
+        "side", "radius", "theta1", "theta2", "theta3", "length", "stiffness", "force_y"}
+    assert "target" not in changeable(load_case(MODELS / "balancer_sine.toml"))
