@@ -1,5 +1,6 @@
 """Choosing: the cheapest setting that holds, what turns the choice, lines that can be pasted."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -13,10 +14,15 @@ from typer.testing import CliRunner
 from analytic import pendulum
 from proofmass.case import Case, load_case
 from proofmass.cli import app
+from proofmass.reference import compiled
+from proofmass.solve import plan
+from proofmass.study import axes, trade
+from proofmass.study.axes import lines
 from proofmass.study.choose import MARGIN, Cannot, Check, choose, default, printed, verify
 from proofmass.study.row import Row
 from proofmass.study.setting import Setting
 from proofmass.study.snippet import pasted, snippet
+from proofmass.study.store import Store
 from proofmass.study.verify import PART, fresh, shifted, state_at
 from sim.mujoco_model import configure
 from sim.protocol import Unsupported
@@ -146,8 +152,73 @@ def test_a_wall_is_named(fourbar: Case) -> None:
     with pytest.raises(Cannot, match="at no wall, but no finer one was measured"):
         chosen(fourbar, line("quick"), 1e-9)
     lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
-    with pytest.raises(Cannot, match="no setting ran; open by 1 m"):
+    with pytest.raises(Cannot, match=r"^no setting ran, of \d+: \d+ diverged; the first, "
+                       r"[^;]*: diverged: open by 1 m$"):
         chosen(fourbar, lost, 1e-3)
+
+
+def test_many_reasons_are_two(fourbar: Case) -> None:
+    """A reason of its own for each setting, such as the time at which it was lost."""
+    lost = [replace(row, outcome=outcome, message=f"lost at {k} s", errors={}) for k, (row, outcome)
+            in enumerate(zip(line("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False))]
+    with pytest.raises(Cannot) as why:
+        chosen(fourbar, lost, 1e-3)
+    first, second = str(why.value).split("; ")
+    assert first == f"no setting ran, of {len(lost)}: " + ", ".join(
+        f"{n} {word}" for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")],
+                                            reverse=True))
+    assert second == "the first, quick, timestep 16 ms: diverged: lost at 0 s"
+    other = [replace(row, errors={"rate": 1.0}) for row in line("quick")]
+    with pytest.raises(Cannot, match="ran without position errors"):
+        chosen(fourbar, other, 1e-3)
+    with pytest.raises(Cannot, match="no setting was measured"):
+        chosen(fourbar, [], 1e-3)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "hacksaw", "pendulum", "slider_crank_inclined"])
+def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
+    """Each solver of the run that has settings, with what `check` runs it with."""
+    case = load_case(MODELS / f"{name}.toml")
+    step = compiled(case).opt.timestep
+    tried = [(s.engine, s.knobs) for line in lines(case, "duration") for s in line.settings]
+    for solver in case.run["duration"].solvers:
+        engine, _, variant = solver.partition(":")
+        if variant != "default":
+            own = {name: tuple(value) if isinstance(value, list) else value
+                   for name, value in plan(case, "duration", solver).settings.items()}
+            assert (engine, {"timestep": step, **own}) in tried
+
+
+@pytest.fixture
+def stiff(models: Path, edit: Callable[..., Path]) -> Path:
+    """A slider-crank with a plunger of 1e-7 kg, whose loop has to be stiff to drag it along.
+
+    The pin's time constant acts on the mass of both sides, which is that of the plunger, and
+    gravity pulls the coupler by 10 N: its own settings are Euler at 0.1 ms with 0.2 ms.
+    """
+    edit("slider_crank.xml", 'mass="1.5"', 'mass="1e-7"')
+    edit("slider_crank.xml", 'diaginertia="0.01 0.01 0.01"', 'diaginertia="1e-9 1e-9 1e-9"')
+    edit("slider_crank.xml", "1e-3", "1e-4")
+    edit("slider_crank.xml", "RK4", "Euler")
+    edit("slider_crank.xml", 'solref="0.005 1"', 'solref="0.0002 1"')
+    edit("slider_crank.toml", r"slider_mass = 1\.5", "slider_mass = 1e-7")
+    return edit("slider_crank.toml", r'"mujoco", "mujoco:default", "pymunk", "pymunk:default"',
+                '"mujoco"')
+
+
+def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path, monkeypatch: pytest.MonkeyPatch
+                                                      ) -> None:
+    """Where all other steps are lost; with fewer of them, to be done in seconds."""
+    monkeypatch.setattr(axes, "WORK", 3e3)
+    monkeypatch.setattr(trade, "lines", lambda case, kind: [
+        line for line in lines(case, kind) if " ms" not in line.name])
+    folder = stiff.parent / "trade"
+    rows = trade.trade([load_case(stiff)], Store(folder / "runs"), repeats=0).rows
+    assert {row.line: row.outcome for row in rows if row.outcome == "ran"} == {
+        "MuJoCo, as in the model": "ran"}
+    found = CliRunner().invoke(app, ["choose", str(stiff), "--error", "1e-2", "-o", str(folder)])
+    assert found.exit_code == 0, found.output
+    assert "MuJoCo, as in the model" in found.output
 
 
 KNOBS = [{"timestep": 1e-3 / 3, "integrator": "EULER", "solver": "cg", "iterations": 7,

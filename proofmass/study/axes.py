@@ -12,6 +12,7 @@ from proofmass.case import Case
 from proofmass.reference import compiled, grid
 from proofmass.strict import Kind
 from proofmass.study.setting import Knob, Setting
+from proofmass.wording import spoken
 from sim.with_pymunk import CHIPMUNK_BIAS
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
@@ -72,10 +73,27 @@ def lines(case: Case, kind: Kind) -> list[Line]:
     """
     there = {solver.partition(":")[0] for solver in case.run[kind].solvers}
     if kind == "duration":
-        found = [*in_mujoco(case), *in_pymunk(case)]
+        found = [*as_given(case, kind), *in_mujoco(case), *in_pymunk(case)]
     else:
         found = list(of_segments(case, kind))
     return [line for line in found if line.engine in there]
+
+
+def as_given(case: Case, kind: Kind) -> Iterator[Line]:
+    """What the model and the sidecar themselves set, one line for each solver of the run.
+
+    It may run where no other setting does: a stiff mechanism with a tiny mass, for one.
+    """
+    own = float(compiled(case).opt.timestep)
+    for solver in case.run[kind].solvers:
+        engine, _, variant = solver.partition(":")
+        if variant == "default":  # see the other lines
+            continue
+        given = {name: tuple(value) if isinstance(value, list) else value
+                 for name, value in case.settings.get(solver, {}).items()}
+        setting = Setting(engine, {"timestep": own, **given})
+        place = "sidecar" if given else "model"
+        yield Line(engine, f"{spoken(solver)}, as in the {place}", "timestep", (setting,))
 
 
 def timesteps(case: Case, stages: int) -> list[float]:

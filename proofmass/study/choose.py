@@ -1,5 +1,6 @@
 """The cheapest measured setting that is as good as is asked for, and the evidence that it is."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -140,13 +141,29 @@ def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict
     """Why no setting is good enough: the best one, and its wall; then the evidence."""
     able = [row for row in rows if row.outcome == "ran" and isfinite(row.errors.get(of, NAN))]
     if not able:
-        return ("no setting ran", *dict.fromkeys(row.message for row in rows if row.message))
+        return none_ran(rows, of)
     row = min(able, key=lambda row: row.errors[of])
     short = (f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
              f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}")
     if not (wall := wall_at(row, of, verdicts)):
         return f"{short}, at no wall, but no finer one was measured",
     return f"{short}: {walled(wall)}", wall.evidence
+
+
+def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:
+    """What became of settings none of which has such an error: how many, and the first of them.
+
+    The first is the model's own setting, where there is one.
+    """
+    if not rows:
+        return ("no setting was measured",)
+    outcomes = Counter(row.outcome for row in rows if row.outcome != "ran")
+    if len(rows) > outcomes.total():
+        outcomes[f"ran without {of} errors"] = len(rows) - outcomes.total()
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+    first = rows[0]
+    return (f"no setting ran, of {len(rows)}: {counts}",
+            f"the first, {told(first)}: {': '.join(filter(None, (first.outcome, first.message)))}")
 
 
 def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: Iterable[Verdict]
