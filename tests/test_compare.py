@@ -11,7 +11,7 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.check import check, find
-from proofmass.compare import compare, one, scale_of, verdict
+from proofmass.compare import Comparison, check_branch, compare, one, scale_of, verdict
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
@@ -19,6 +19,7 @@ from proofmass.recorded import read_recorded
 from proofmass.reference import compiled, evaluate, grid
 from proofmass.sidecar import Tolerance
 from proofmass.solve import plan
+from proofmass.terminal import worst
 from proofmass.units import si_unit
 from sim.contents import size
 from sim.protocol import Curves
@@ -40,6 +41,35 @@ def test_error_measures_of_a_known_difference():
     assert c.allowed == pytest.approx(4e-10)
 
 
+def compared(error: float, allowed: float, outcome: str = "agrees", **more: float) -> Comparison:
+    return Comparison("", "", "", "", "", error_max=error, allowed=allowed, outcome=outcome, **more)
+
+
+def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
+    """The terminal shows one channel of a run: one that is lost, or the one nearest its limit."""
+    near, far, beyond = compared(9.0, 10.0), compared(1e3, 1e6), compared(3.0, 1.0, "differs")
+    lost = compared(float("nan"), float("nan"), "diverged")
+    unchecked = [compared(9.0, float("nan"), "unchecked", nrmse=n) for n in (0.1, 30.0, 0.2)]
+    for group, speaker in (([near, far], near), ([near, beyond, far], beyond), ([near, lost], lost),
+                           (unchecked, unchecked[1]), ([*unchecked, beyond], beyond)):
+        assert worst(group) is speaker
+        assert worst(group[::-1]) is speaker
+
+
+@pytest.mark.parametrize("channel", ["pin.x", "coupler.angle", "pin.y"])
+def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
+    """Of a triple rocker, whose modes start 0.24, 0.34 and 0.47 of these channels' ranges apart."""
+    case = load_case(MODELS / "triple_rocker.toml")
+    x = grid(case, "sweep")
+    state = plan(case, "sweep", "mujoco").motion(x)
+    own, other = (evaluate(case, x, state, mode=mode).channels[channel] for mode in (1, -1))
+    assert 0.2 < abs(own[0] - other[0]) / np.ptp(own) < 0.5
+    truth = evaluate(case, x, state)
+    check_branch(case, Curves(x, {channel: own}, drive=state), truth)
+    with pytest.raises(InputError, match=r"in mode -1, parameters\.mode says \+1"):
+        check_branch(case, Curves(x, {channel: other}, drive=state), truth)
+
+
 def test_tolerance_selects_by_run_solver_unit_and_channel():
     t = Tolerance(run="sweep", solver="mujoco*", unit="m", channels=["pin.*"], abs=1, why="x")
     assert t.covers("sweep", "mujoco:fine", "pin.x", "m")
@@ -51,8 +81,8 @@ def test_tolerance_selects_by_run_solver_unit_and_channel():
 
 @pytest.mark.parametrize(("unit", "si", "factor"), [
     ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180), ("deg/s^2", "rad/s^2", np.pi / 180),
-    ("mm/s²", "m/s^2", 1e-3), ("rev/min", "rad/s", 2 * np.pi / 60), ("N mm", "N m", 1e-3),
-    ("m/s", "m/s", 1.0), ("kg mm^2", "kg m^2", 1e-6),
+    ("mm/s²", "m/s^2", 1e-3), ("in", "m", 0.0254), ("rev/min", "rad/s", 2 * np.pi / 60),
+    ("N mm", "N m", 1e-3), ("m/s", "m/s", 1.0), ("kg mm^2", "kg m^2", 1e-6),
 ])
 def test_units_come_to_si(unit, si, factor):
     assert si_unit(unit)[0] == si
@@ -81,8 +111,8 @@ def test_closed_form_is_the_recorded_hacksaw_curve():
     theirs = evaluate(recorded, x, None)
     for name in closed.channels:
         span = np.ptp(theirs.channels[name])
-        worst = np.abs(ours.channels[name] - theirs.channels[name]).max()
-        assert worst <= 1e-12 * span, name  # rounding of two formulations, 100 times over
+        error = np.abs(ours.channels[name] - theirs.channels[name]).max()
+        assert error <= 1e-12 * span, name  # rounding of two formulations, 100 times over
 
 
 def test_recorded_drive_is_exact_at_samples_and_close_between():

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from proofmass.case import load_case
 from proofmass.cli import app
+from proofmass.compare import compare
+from proofmass.solve import plan
 from proofmass.study.cut import flatten
 from proofmass.study.diet import Diet, Search
 from proofmass.study.draft import Draft, read
-from proofmass.study.scene import Scene, scene_of
+from proofmass.study.scene import Scene, scene_of, watched
 from proofmass.study.slim import all_digits, shortest, write
 from proofmass.study.trial import most_iterations
 
@@ -142,6 +145,19 @@ def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
     _, found = searched(model(tmp_path))
     assert {e.name for e in found.entries if e.outcome == "drawn"} == {"2: arm, brace"}
     assert names(found.slim.spec)["geoms"] == {"table", "ball", "arm", "brace"}
+
+
+def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
+    case = load_case(Path(__file__).parent.parent / "models" / "fourbar.toml")
+    run = plan(case, "duration", "mujoco")
+    watch = watched(case, run, "mujoco", read(case.model_path))
+    found = [c for c in compare(case, "duration", "mujoco", watch.before) if c.allowed > 0]
+    assert len(found) > 5
+    for c in found:
+        rounding = 1e-9 * max(float(np.abs(v).max()) for v in watch.before.channels.values())
+        left = (c.allowed - c.error_max) / 10
+        assert left > rounding  # which every channel may move by as well
+        assert watch.allowed[c.channel] == pytest.approx(np.full(run.x.size, left), rel=1e-9)
 
 
 def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):

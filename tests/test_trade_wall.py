@@ -130,6 +130,13 @@ def test_what_nothing_moves_is_unknown():
     assert judge(1.0, [], "rate") == ("unknown", "")
 
 
+@pytest.mark.parametrize(("share", "cause"), [(0.17, "unknown"), (0.2, "softness"),
+                                              (0.5, "softness")])
+def test_a_cause_has_a_fifth_of_the_error(share, cause):
+    """Of first order: halving it takes half of its share away."""
+    assert judge(1.0, [(probe("softness"), row(1 - share / 2))], "rate")[0] == cause
+
+
 def test_what_a_smaller_step_makes_worse_is_rounding():
     cause, evidence = judge(1.0, [(probe("time step"), row(4.0))], "rate")
     assert cause == "rounding"
