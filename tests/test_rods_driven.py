@@ -160,7 +160,7 @@ SIDECARS = {
     "no far site": ('to = "pin"\n', 'ends = ["clamped", "pinned"]\n', ["rod.rod", "give to"]),
     "free but held": ('to = "pin"', 'to = "pin"\nends = ["clamped", "free"]', ["leave out to"]),
     "beyond its end": ("n = 21", "n = 21\nuntil = 1.5", ["until", "shortest rod, 1 m"]),
-    "unknown part": (r'"rod.x" =', '"rod.phi" =', ["'rod.phi'", "rod.x, .y, .z, .angle"]),
+    "unknown part": (r'"rod.x" =', '"rod.phi" =', ["channels.rod.phi", "rod.x, .y, .z, .angle"]),
     "no rod": (r"(?s)\[rod.rod\].*?\n\n", "", ["run.rest", "[rod.NAME]"]),
 }
 
