@@ -1,5 +1,6 @@
 """The balancers in `models/` are what the template writes, and a wrong one turns its verdict."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -17,13 +18,19 @@ from tests.balancer_table import parameters, rows
 OTHER, FREE, PRELOADED, CONTACT, QUADRATIC, FOUR = (
     parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747"))
 
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
 
 @pytest.mark.parametrize("name", DESIGNS)
 def test_committed_files_are_what_the_template_gives(name, tmp_path):
     DESIGNS[name].write(tmp_path, name)
     for ending in (".xml", ".toml"):
         committed = (MODELS / name).with_suffix(ending).read_text()
-        assert (tmp_path / name).with_suffix(ending).read_text() == committed
+        written = (tmp_path / name).with_suffix(ending).read_text()
+        assert NUMBER.split(written) == NUMBER.split(committed)
+        # another processor has other sines: rounding of a start pose's sums of up to four links
+        assert list(map(float, NUMBER.findall(written))) == pytest.approx(
+            list(map(float, NUMBER.findall(committed))), rel=1e-14, abs=1e-15)
 
 
 def test_every_balancer_in_models_is_of_the_table():

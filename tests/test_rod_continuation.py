@@ -36,7 +36,7 @@ def test_unloading(name):
     assert np.abs(free.last.pose - row["unloaded_pose"]).max() <= 1e-6  # seven decimals
     # by RK4 with 400 steps and six digits of the pose, times dq/dP up to 20 rad/m
     assert np.abs(np.degrees(held.last.inputs) - row["unloaded_inputs_deg"]).max() <= 1e-4
-    assert np.abs(held.states.pose - s.pose).max() == 0.0
+    assert np.abs(held.states.pose - s.pose).max() <= 1e-15  # rounding of steps of up to 0.9 m
 
 
 def test_clamp_moment_crosses_zero_smoothly():
@@ -174,7 +174,8 @@ def test_a_sheet_of_poses_is_the_path_through_it():
     x, y = np.meshgrid(sheet.first, sheet.second, indexing="ij")
     kept = sheet.states[sheet.reached]
     assert sheet.reached.sum() > 40
-    assert np.abs(kept.pose - np.stack([x, y], axis=-1)[sheet.reached]).max() == 0.0
+    off = kept.pose - np.stack([x, y], axis=-1)[sheet.reached]
+    assert np.abs(off).max() <= 1e-15  # rounding of steps of up to 0.6 m
     assert np.abs(closure(kept)[0]).max() <= 1e-9
     for node in ((1, 1), (4, 3), (7, 4)):
         goal = sheet.states[node]
