@@ -146,6 +146,8 @@ class Linkage:
     def freedoms(self) -> int:
         """Freedoms left at the present pose when the drives are held."""
         rows = self.scaled(self.rows()[1])
+        if not len(rows):  # numpy up to 2.4.0 refuses the rank of an empty matrix
+            return int(self.model.nv)
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
 
     def scaled(self, jacobian: Array) -> Array:
