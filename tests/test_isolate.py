@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -143,3 +144,12 @@ def test_a_hang_is_killed_while_others_go_on():
 
 def misread() -> None:
     raise InputError(Path("a"), "b", "c")
+
+
+def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
+    edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
+    asking = subprocess.Popen([sys.executable, "-m", "proofmass", "check", models / "fourbar.toml"],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    time.sleep(10.0)  # by then it runs, for the two minutes that its runs may take
+    asking.send_signal(signal.SIGINT)
+    assert asking.wait(60.0) == 130

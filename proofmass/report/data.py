@@ -1,5 +1,6 @@
 """What one run of a case has to show: the curves of all its solvers beside their references."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -97,6 +98,12 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
     named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
     return Shown(case, kind, rows, curves, truth, *named, finer, verdicts)
+
+
+def beyond_limits(runs: Iterable[Shown]) -> bool:
+    """Whether all runs of a case reached a limit: its model or its reference would so again."""
+    outcomes = {c.outcome for run in runs for c in run.rows}
+    return bool(outcomes) and outcomes <= {"timed out", "out of memory"}
 
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:

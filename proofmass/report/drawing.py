@@ -10,7 +10,7 @@ from proofmass.case import Case
 from proofmass.chart import chart_of
 from proofmass.isolate import isolated
 from proofmass.report.chart_sheet import chart_sheet
-from proofmass.report.data import Shown
+from proofmass.report.data import Shown, beyond_limits
 from proofmass.report.figures import save, sheet, thumbnail
 from proofmass.report.mechanism import mechanism, small
 from proofmass.report.paths import path, path_sheet, paths
@@ -55,6 +55,8 @@ def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, L
     Names are ``mechanism``, ``thumbnail``, for each run with curves ``RUN-overlay``, ``RUN-paths``,
     ``RUN-difference``, ``refine``, and ``view-1`` and so on; charts are ``chart-1`` and so on.
     """
+    if beyond_limits(runs):
+        return Drawings({}, "nothing is drawn: its runs reached their limits")
     shape, note = pictured(case)
     try:
         figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)

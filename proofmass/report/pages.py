@@ -24,7 +24,7 @@ from proofmass.files import write_whole
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.report import refinements, tables
-from proofmass.report.data import Shown, joint_type, shown
+from proofmass.report.data import Shown, beyond_limits, joint_type, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
 from proofmass.report.study import Study
@@ -95,7 +95,8 @@ def write_report(result: Result, folder: Path | str,
                 drive_units=["m" if joint_type(case, drive.joint) == "slide" else "rad"
                              for drive in case.drive],
                 parameters=parameters_of(case), own_numbers=from_model(case),
-                freedoms=freedoms(case), knowledge=known(case),
+                freedoms=None if beyond_limits(views[case.name]) else freedoms(case),
+                knowledge={} if beyond_limits(views[case.name]) else known(case),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
                 **{name: tell(case, [c for v in views[case.name] for c in v.rows])
