@@ -56,14 +56,14 @@ def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, L
     ``RUN-difference``, ``refine``, and ``view-1`` and so on; charts are ``chart-1`` and so on.
     """
     if beyond_limits(runs):
-        return Drawings({}, "nothing is drawn: its runs reached their limits")
+        return Drawings({}, "its runs reached their limits")
     shape, note = pictured(case)
     try:
         figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)
     except OSError:  # such as a full disk, which the other cases have as well
         raise
     except Exception as error:
-        figures, note = {}, f"nothing is drawn: {error}"
+        figures, note = {}, str(error)
     charts = tuple(charted(case, table, folder / f"{slug}-chart-{k}")
                    for k, table in enumerate(case.chart, 1))
     return Drawings(figures, note, charts)
