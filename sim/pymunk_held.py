@@ -53,21 +53,19 @@ the solver than it does at once."""
 class Held:
     """A space whose drives are held: the state of a sweep between its samples.
 
-    ``velocity`` is what the last step gave to the pose, which stood still; ``calm`` is the step [s]
-    for a pose without free coordinates; ``usual`` and ``most`` are iterations of the solver in a
-    step: at first, and used so far; ``past`` are the drives' values and the pose of the rest before
-    this one.
+    ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
+    and ``most`` are iterations of the solver in a step: at first, and used so far; ``past`` are the
+    drives' values and the pose of the rest before this one.
     """
 
     links: Links
     space: pymunk.Space
     drives: list[Motor]
     stops: Stops
-    calm: float
+    dt: float
     free: bool
     pose: Array
     usual: int
-    dt: float
     velocity: Array = field(default_factory=lambda: np.zeros(1))
     most: int = 0
     past: tuple[Array, Array] | None = None
@@ -239,9 +237,9 @@ def hold(links: Links, settings: Settings) -> Held:
     space = build(links, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
-    calm = _calm(links, pose)
-    return Held(links, space, add_drives(space, links), find_stops(links, space), calm,
-                len(moves) > 0, links.pose + _beside(links, moves), settings["iterations"], calm)
+    return Held(links, space, add_drives(space, links), find_stops(links, space),
+                _step(links, pose), len(moves) > 0, links.pose + _beside(links, moves),
+                settings["iterations"])
 
 
 def _beside(links: Links, moves: Array) -> Array:
@@ -251,7 +249,7 @@ def _beside(links: Links, moves: Array) -> Array:
     return np.asarray(BESIDE * way / (sizes(links, way) or 1.0))
 
 
-def _calm(links: Links, pose: Array) -> float:
+def _step(links: Links, pose: Array) -> float:
     """The step [s] in which the loads' rounding and a gap of rounding size make equal noise.
 
     Springs count as if wound by a radian or an extent: they may be slack where the sweep begins.

@@ -22,7 +22,9 @@ SLIP = 0.1
 PAST = 10 * HAIR
 """The least that it may: to be put back to the limit, where a joint within a hair would stay."""
 MOVE = 0.1
-"""Largest move in a step, in extents or radians: stiffnesses are those of the pose it begins in."""
+"""Largest move of a mode, in extents or radians: its stiffness is that of the pose it begins in."""
+CLOSE = 0.3
+"""Largest move of all that is held, in extents or radians: light links turn far to close a gap."""
 LEAVES = 1e-5
 """Share of the fastest velocity with which a joint leaves its stop: less may be the solver's."""
 
@@ -61,9 +63,11 @@ def _move(links: Links, stops: tuple[Joint, ...], pose: Array, velocity: Array, 
     parts = np.tensordot(modes.shapes, links.weights * velocity, 2)
     stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
     closing = dt * (velocity - np.tensordot(parts, modes.shapes, 1))
-    back = np.tensordot(modes.rise(links, pose, closing) / stiff, modes.shapes, 1)
-    fall = np.tensordot(parts / (dt * stiff), modes.shapes, 1)
-    return closing - back + fall / max(1.0, _excess(links, pose, fall))
+    closing /= max(1.0, float(sizes(links, closing)) / CLOSE)
+    ways = (parts / dt - modes.rise(links, pose, closing)) / stiff
+    most = MOVE / sizes(links, modes.shapes)  # of each: soft ones wait, stiff ones do not
+    fall = np.tensordot(np.clip(ways, -most, most), modes.shapes, 1)
+    return closing + fall / max(1.0, _excess(links, pose, fall))
 
 
 def _leaving(links: Links, beyond: tuple[Joint, ...], pose: Array, velocity: Array, dt: float,
@@ -76,10 +80,10 @@ def _leaving(links: Links, beyond: tuple[Joint, ...], pose: Array, velocity: Arr
 
 
 def _excess(links: Links, pose: Array, move: Array) -> float:
-    """How many times too long a move is: it is to be small and to end at the first stop."""
+    """How many times too long a move is: it is to end at the first stop."""
     joints = tuple(j for j in links.joints if j.limits and not way_back(j, pose))
     value, rate = values(joints, pose), along(lambda p: values(joints, p), pose, move)
     low, high = np.array([joint.limits for joint in joints]).reshape(-1, 2).T
     room = np.where(rate < 0, value - low, high - value)
     beyond = np.abs(rate) / ((1 + SLIP) * room + PAST)
-    return float(max(beyond.max(initial=0.0), sizes(links, move) / MOVE))
+    return float(beyond.max(initial=0.0))

@@ -97,7 +97,8 @@ def test_sliders_lead_the_platform(engine):
         own = settle(s.assembly, slides, seed=own.angle, segments=10, force=[0.3, -0.2])
         values = [found[channel][k] for channel in (*PLACE, "force1", "force2", "force3", "energy")]
         wanted = [*own.pose, *-(own.force * guides).sum(axis=-1), own.energy]
-        np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-9)  # rest to 1e-12, softness
+        # rest to 1e-12, softness; pymunk's forces: rounding of a gap over a step's square, mass
+        np.testing.assert_allclose(values, wanted, rtol=0, atol=5e-9)
 
 
 END = """<body name="end{0}" pos="{1} {2} 0"><joint name="end{0}"/><inertial pos="0 0 0" mass="0.1"
