@@ -14,9 +14,9 @@ from proofmass.compare import GOOD, OPEN, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated, stopping
 from proofmass.mobility import mobility
-from proofmass.reference import check_laws, grid
+from proofmass.reference import grid
 from proofmass.refined import Finer, Row, errors, refinements
-from proofmass.solve import run_here, settings_of, simulate
+from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
@@ -78,26 +78,27 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
 def load(path: Path) -> Case:
     """Read a sidecar in another process, and check what can be checked before anything runs.
 
+    What takes longer, or more memory, than the longest of its runs is left to the runs, which say
+    so.
+
     Raises
     ------
     InputError
         Also where the reading fails in another way, or takes too long.
     """
     try:
-        return isolated(loaded, path, timeout=LOADING)
+        case = isolated(load_case, path, timeout=LOADING)
     except InputError:
         raise
     except Exception as error:
         raise InputError(path, "", f"cannot be read: {error or type(error).__name__}") from None
-
-
-def loaded(path: Path) -> Case:
-    """Do what `load` does, in this process."""
-    case = load_case(path)
-    for kind, run in case.run.items():
-        for solver in run.solvers:
-            settings_of(case, kind, solver)
-        check_laws(case, kind)
+    try:
+        isolated(validate, case, timeout=max(run.timeout for run in case.run.values()),
+                 memory=max(run.memory for run in case.run.values()))
+    except InputError:
+        raise
+    except Exception:  # the runs meet it as well, and say what it is
+        pass
     return case
 
 
@@ -206,7 +207,6 @@ def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
             twin = next((c.file for c in result.cases if c.name == case.name), None)
             if twin:
                 raise InputError(path, "", f"its name is taken by {twin}; results go by name")
-            validate(case)
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
             tasks += refinements(case)
             result.cases.append(case)

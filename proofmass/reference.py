@@ -62,16 +62,6 @@ def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
     return tuple(law(case, kind, k) for k in range(len(case.drive)))
 
 
-def check_laws(case: Case, kind: Kind) -> None:
-    """Raise InputError if a drive's law cannot be evaluated at its beginning."""
-    for law in laws(case, kind):
-        try:
-            law(np.zeros(1))
-        except Exception as error:  # whatever a function that the sidecar names may raise
-            raise InputError(case.file, "drive.parameters", f"the law cannot be evaluated at 0: "
-                             f"{error}") from None
-
-
 def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The law of drive number k."""
     drive, truth, leader = case.drive[k], module_of(case), case.drive[0]

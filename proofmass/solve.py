@@ -102,29 +102,6 @@ def check_ranges(case: Case, run: Run) -> None:
                              f"give the joint a wider range")
 
 
-def check_names(case: Case, kind: Kind) -> None:
-    """Raise InputError if the sidecar names what the model does not have."""
-    model = compiled(case)
-    joints = [model.joint(k).name for k in range(model.njnt)]
-    keys = [model.key(k).name for k in range(model.nkey)]
-    sensors = [model.sensor(k).name for k in range(model.nsensor)]
-
-    def check(key: str, word: str, name: str, there: list[str]) -> None:
-        if name not in there:
-            raise InputError(case.file, key, f"{case.model} has no {word} {name!r}; there are: "
-                             f"{', '.join(filter(None, there)) or 'none with a name'}")
-
-    for k, drive in enumerate(case.drive):
-        check(f"drive.{k}.joint" if len(case.drive) > 1 else "drive.joint", "joint", drive.joint,
-              joints)
-    if keys:
-        check("start", "key", case.start, keys)
-    for channel in case.channels_of(kind):
-        name = channel.partition(".")[0]
-        if not (kind == "rest" and name in case.rod):
-            check(f"channels.{channel}", "sensor", name, sensors)
-
-
 def solve(case: Case, kind: Kind, solver: str) -> Curves:
     """Run a case in a simulator, in a process of its own.
 
@@ -161,7 +138,6 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
 
 def run_here(case: Case, kind: Kind, solver: str) -> Curves:
     """Do what `solve` does, in this process."""
-    check_names(case, kind)
     run = plan(case, kind, solver)
     try:
         curves = simulate(solver.partition(":")[0], case.model_path, run)

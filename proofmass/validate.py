@@ -12,7 +12,7 @@ from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.reference import compiled
 from proofmass.seen import check_views
-from proofmass.solve import plan
+from proofmass.solve import plan, settings_of
 from proofmass.units import same_quantity
 from sim.contents import channel_unit, joints, keys, sensors
 from sim.protocol import BadModel, Curves, Run
@@ -28,6 +28,9 @@ def validate(case: Case) -> None:
     solvers, the laws of the drives over the whole run, and the reference at the first samples: its
     parameters, its quantities, what views and charts name.
     """
+    for kind, table in case.run.items():
+        for solver in table.solvers:
+            settings_of(case, kind, solver)
     check_model(case, compiled(case))
     for kind, table in case.run.items():
         runs = [plan(case, kind, solver) for solver in table.solvers]
@@ -64,8 +67,9 @@ def first_samples(case: Case, run: Run) -> Curves:
     """The prescribed motion at the first samples of a run; all of a recorded curve."""
     try:
         motion = run.motion(run.x)
-    except (TypeError, ValueError) as error:
-        raise InputError(case.file, "drive.parameters", str(error)) from None
+    except Exception as error:  # whatever a function that the sidecar names may raise
+        raise InputError(case.file, "drive.parameters", f"the law of a drive cannot be evaluated: "
+                         f"{error}") from None
     few = run.x.size if case.reference.endswith(".csv") else FEW
     value, rate, acceleration = (part[:, :few] for part in motion)
     moved = case.drive and run.kind != "rest"
