@@ -71,7 +71,13 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
     run = Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
-    check_ranges(case, run)
+    try:
+        check_ranges(case, run)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # whatever a function that the sidecar names may raise
+        raise InputError(case.file, "drive.parameters", f"the law of a drive cannot be evaluated: "
+                         f"{error}") from None
     return run
 
 

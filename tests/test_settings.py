@@ -52,8 +52,8 @@ def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
     edit("fivebar_circle.toml", r"(?m)(\[drive.parameters\]\n)center_x", r"\1centre_x")
     result = check([models / "threeprr_circle.toml", models / "fivebar_circle.toml"])
     first, second = map(str, result.errors)
-    assert "threeprr_circle.toml: drive.parameters.center_x: circle() has no such parameter; " \
-        "known: centre_x, centre_y, radius" in first
+    assert "threeprr_circle.toml: drive.0.parameters.center_x: circle() has no such parameter; " \
+        "did you mean 'centre_x'? known: centre_x, centre_y, radius" in first
     assert "fivebar_circle.toml: drive.parameters: " in second
     assert "'center_x'" in second
     assert result.comparisons == []
@@ -62,5 +62,5 @@ def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
 def test_a_slip_in_the_sidecar_is_told_once_and_in_the_sidecar(models, edit):
     edit("fourbar.toml", 'joint = "crank"', 'joint = "cranck"')
     [error] = map(str, check([models / "fourbar.toml"]).errors)
-    assert error.endswith("fourbar.toml: drive.joint: fourbar.xml has no joint 'cranck'; there "
-                          "are: crank, coupler, rocker")
+    assert error.endswith("fourbar.toml: drive.joint: fourbar.xml has no joint 'cranck'; did you "
+                          "mean 'crank'? there are: crank, coupler, rocker")

@@ -216,5 +216,5 @@ def test_other_samples_leave_the_steps_as_they_are(tmp_path):
 
 
 def test_a_solver_that_mujoco_lacks_is_bad_input(tmp_path):
-    with pytest.raises(InputError, match="solver = 'Gauss'; known: pgs, cg, newton"):
+    with pytest.raises(InputError, match="solver: known: pgs, cg, newton, not 'Gauss'"):
         moved(tmp_path, FOURBAR, STIFF.but(solver="Gauss"))
