@@ -66,8 +66,8 @@ class Comparison:
     allowed : float
         Tolerance in `unit`; NaN when the channel is not checked.
     would_notice : dict of str to DetectableChange
-        For each parameter the smallest change that the tolerance would catch. A parameter that the
-        channel does not depend on is left out, as is one that could be twice as large.
+        For each parameter the smallest change that the tolerance would catch. A parameter that
+        could change by 10 % is left out, such as one that the channel does not depend on.
     outcome : str
         agrees, differs, unchecked, unsupported, diverged, crashed, timed out or out of memory.
     message : str
@@ -303,14 +303,16 @@ def small_shares(moved: Moved, allowed: dict[str, float]
     """The smallest share of a parameter that each channel would notice, by its slope.
 
     The second result is the part of `allowed` to which large changes have to answer: channels where
-    rounding hides a slope that might matter; all of them, where none has a slope.
+    rounding hides a slope that might matter; all of them, where none has a slope. One that promises
+    nothing up to the largest change is none, curves not being straight over more.
     """
     found, hidden, small = {}, {}, slopes(moved)
     for name, most in allowed.items():
         size, smooth = small.get(name, (NAN, False))
-        if size > SMALL * most and (smooth or size > most):
+        least = SMALL / LARGE[0] * most
+        if size > least and (smooth or size > most):
             found[name] = SMALL * most / size if smooth else SMALL
-        elif not size <= SMALL * most:
+        elif not size <= least:
             hidden[name] = most
     return found, hidden if found else allowed
 

@@ -144,6 +144,15 @@ def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
         assert not asked
 
 
+def test_a_slope_promises_nothing_beyond_ten_per_cent():
+    """A curve that saturates: by its slope 1.5 times the parameter would be noticed, but is not."""
+    curve = np.tanh
+    assert small_shares(of(curve), {"y": 1.5}) == ({}, {"y": 1.5})
+    assert large_shares(of(curve), {"y": 1.5}) == {}
+    assert small_shares(of(curve), {"y": 0.3})[0] == {}
+    assert small_shares(of(curve), {"y": 0.09})[0] == {"y": pytest.approx(0.09, rel=1e-6)}
+
+
 def test_a_jump_is_noticed_at_the_step_that_showed_it_and_not_before():
     assert small_shares(of(lambda share: abs(share) > 0), {"y": 0.5}) == ({"y": 1e-6}, {})
 
