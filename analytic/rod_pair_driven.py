@@ -83,7 +83,8 @@ def solve(
     guess = pin_x, pin_y, moment1, moment2, push_x, push_y
     near = branch(tuple(map(tuple, theta.T.tolist())), problem, guess)
     there = np.isfinite(near.vector[:, 0])
-    states, _ = newton(begun(near.vector[there], *problem), columns(near.assembly, "rods", "pose"))
+    first = begun(near.vector[there], *problem).replaced(inputs=theta.T[there])
+    states, _ = newton(first, columns(near.assembly, "rods", "pose"))
     curves = described(states, np.broadcast_to(rate, theta.shape)[:, there])
     found = {name: np.full(there.size, np.nan) for name in curves}
     for name, values in curves.items():

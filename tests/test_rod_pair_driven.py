@@ -127,6 +127,14 @@ def test_symmetric_motors_keep_the_pin_in_the_middle():
     assert found["pin_y"][0] == pytest.approx(0.948938, abs=5e-7)  # its digits
 
 
+def test_motors_that_differ_in_the_seventh_digit_have_equilibria_of_their_own():
+    """They share the search for a way, whatever was asked before."""
+    step = 2e-7
+    one, other = (solve(BEGIN + FIRST * turn, FIRST, **LINE) for turn in (0.5, 0.5 + step))
+    slope = (other["pin_x"] - one["pin_x"]) / step
+    assert slope == pytest.approx(one["pin_vx"], abs=2e-3)  # Newton's 1e-10 twice, over the step
+
+
 def test_the_way_there_does_not_matter():
     """More samples, there and back, other units: the same equilibria."""
     turn = np.linspace(0.0, 1.0, 3)
