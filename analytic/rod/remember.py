@@ -6,6 +6,7 @@ equilibrium of one to that of another in a step, a search begins at nothing ever
 
 from collections.abc import Callable
 from functools import wraps
+from threading import Lock
 from typing import Any, TypeVar
 
 Found = TypeVar("Found")
@@ -13,17 +14,22 @@ KEPT = 64
 
 
 def shared(function: Callable[..., Found]) -> Callable[..., Found]:
-    """Remember results by the arguments' first five digits: those of the first that has them."""
+    """Remember results by the arguments' first five digits: those of the first that has them.
+
+    Threads that ask for the same wait for the one that came first.
+    """
     known: dict[Any, Found] = {}
+    lock = Lock()
 
     @wraps(function)
     def remembered(*given: Any) -> Found:
         key = rough(given)
-        if key not in known:
-            if len(known) == KEPT:
-                del known[next(iter(known))]
-            known[key] = function(*given)
-        return known[key]
+        with lock:
+            if key not in known:
+                if len(known) == KEPT:
+                    del known[next(iter(known))]
+                known[key] = function(*given)
+            return known[key]
 
     return remembered
 
