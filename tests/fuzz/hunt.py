@@ -14,6 +14,7 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
+from proofmass.check import LOADING
 from tests.fuzz.cases import EDITS, TIMEOUT, Files, small, write
 from tests.fuzz.judge import MARGIN, ROOT, Judge, Verdict
 from tests.fuzz.mutators import Mutation, drawn, mutated
@@ -50,7 +51,7 @@ def by_command_line(files: Files, folder: Path) -> Verdict:
 
     Each command starts its engines anew, so that runs get more time than in the judge.
     """
-    limit = 4 * COLD + MARGIN  # no small case has more than four runs
+    limit = LOADING + 5 * COLD + MARGIN  # no small case has more than four runs, and a look before
     write({name: content.replace(f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD}".encode())
            for name, content in files.items()}, folder)
     answer, began = Verdict(), time.perf_counter()
@@ -122,7 +123,7 @@ def hunt(first: int, last: int, folder: Path) -> Counter[str]:
                     print(f"{number} {name}: {signature}, by {fewest}", flush=True)
                     print("    " + answer.detail[-700:].replace("\n", "\n    "), flush=True)
             for note in answer.notes:
-                if note not in known and not note.startswith("timed out"):
+                if note not in known and note not in ("timed out", "out of memory"):
                     known.add(note)
                     print(f"{number} {name}: note: {note} {mutations}", flush=True)
         judge.close()

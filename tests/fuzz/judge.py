@@ -1,8 +1,9 @@
 """One process that judges inputs, and the handle by which a test uses and replaces it.
 
-The product compiles models and evaluates references in the process that calls `check`.  An input
-that crashes or hangs that process must not end the test, so the judge is a process of its own, in
-a session of its own, with a limit of memory; whoever asks it ends it when it is late.
+The product reads, compiles and runs in workers with limits of time and memory.  An input that
+crashes or hangs the process that calls `check` all the same must not end the test, so the judge is
+a process of its own, in a session of its own with its workers, with a limit of memory; whoever asks
+it ends it when it is late.
 """
 
 import json
@@ -25,7 +26,7 @@ from tests.fuzz.cases import TIMEOUT, Files, small, started, write
 ROOT = Path(__file__).parent.parent.parent
 MARGIN = 15.0
 """[s] beyond the stated limits of all runs: start of processes on a busy machine."""
-LONGEST = 40.0
+LONGEST = 45.0
 """[s] stated limits are not waited for any longer; such an input is left unjudged."""
 LENGTHY = 20_000
 """Bytes of a sidecar whose limits are read; `tomllib` takes memory with the square of a key."""
@@ -109,15 +110,18 @@ class Judge:
 
 
 def patience(files: Files, name: str) -> tuple[float, bool]:
-    """Seconds to wait for an input, and whether that covers the limits that it states."""
-    total, text = 0.0, files[f"{name}.toml"]
+    """Seconds to wait for an input, and whether that covers the limits that it states.
+
+    It is read, checked and run, each within a limit of its own.
+    """
+    total, text = TIMEOUT, files[f"{name}.toml"]
     try:
         if len(text) > LENGTHY:
             raise ValueError("too long to parse here, where memory has no limit")
         for run in tomllib.loads(text.decode()).get("run", {}).values():
-            total += float(run.get("timeout", 120.0)) * len(run.get("solvers", []))
+            total += float(run.get("timeout", 120.0)) * (1 + len(run.get("solvers", [])))
     except (ValueError, AttributeError, TypeError, RecursionError):
-        total = 4 * TIMEOUT  # as the small cases state it, or no case at all
+        total = 7 * TIMEOUT  # as the small cases state it, or no case at all
     return min(max(total, TIMEOUT), LONGEST) + MARGIN, total <= LONGEST
 
 
@@ -150,7 +154,7 @@ def examine(folder: Path, name: str) -> Verdict:
     try:
         result = check([folder / f"{name}.toml"], jobs=1)
         answer.exit_code = result.exit_code
-        as_json(result.comparisons)
+        as_json(result)
         list(summary(result, True))
         list(failures(result))
     except Exception as error:
@@ -160,12 +164,16 @@ def examine(folder: Path, name: str) -> Verdict:
         return answer
     for error in result.errors:
         answer.detail += f"{error}\n"[:1000]
+        if lost := re.match(r".* failed: (\w+): ", error.wrong):  # nothing but a net caught it
+            answer.findings.append(f"unforeseen {lost[1]} in a run")
+        if error.wrong.startswith("cannot be read: "):
+            answer.notes.append(error.wrong[:80])
         if len(str(error).splitlines()) > 2 or len(str(error)) > 1000:
             answer.notes.append(f"long message about {error.key[:30] or error.file.suffix!r}")
     lost = {(c.outcome, c.message) for c in result.comparisons if c.outcome in ("crashed",)}
     answer.notes += [f"{outcome} run: {message[:80]}" for outcome, message in sorted(lost)]
-    if any(c.outcome == "timed out" for c in result.comparisons):
-        answer.notes.append("timed out")
+    answer.notes += sorted({c.outcome for c in result.comparisons
+                            if c.outcome in ("timed out", "out of memory")})
     if result.exit_code != 0:
         return answer
     counts = [c.outcome for c in result.comparisons]
@@ -189,6 +197,7 @@ def examine(folder: Path, name: str) -> Verdict:
 def main() -> None:
     """Answer requests, a line each."""
     import faulthandler
+    import importlib
     import time
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
@@ -197,6 +206,7 @@ def main() -> None:
     os.dup2(2, 1)
     with tempfile.TemporaryDirectory() as folder:
         started(Path(folder))
+    importlib.import_module("proofmass.check").LOADING = TIMEOUT  # proofmass.check is a function
     print("started", file=answers, flush=True)
     for line in sys.stdin:
         folder, name, limit = json.loads(line)

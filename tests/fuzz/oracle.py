@@ -13,7 +13,8 @@ A verdict is a *false agreement* if a channel agrees although one of these holds
 - the engine's curve, or its x, is not what bare MuJoCo gives for the mutated files;
 - a parameter of a closed form differs by more than three times its would-notice, or the assembly
   mode differs;
-- a channel's `equals` or `unit` differs from that of the case before the mutation;
+- a channel's `equals` differs from that of the case before the mutation, or its `unit` measures
+  another quantity;
 - dry friction, a joint range that the motion leaves, or a contact is in the model, although a
   channel depends on forces; the product's sweeps have none of them.
 
@@ -48,6 +49,8 @@ import numpy as np
 S, OFF = mujoco.mjtSensor, mujoco.mjtDisableBit
 Array = Any
 FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
+UNITS = {"mm": ("m", 1e-3), "deg": ("rad", math.pi / 180), "J": ("N m", 1.0)}
+"""What a channel's unit is in SI; other words stand for themselves."""
 
 
 class Unjudged(Exception):
@@ -86,26 +89,41 @@ def parameters(old: dict, new: dict, agrees: list) -> list[str]:
         if key == "mode":
             found.append(f"parameter mode {value} is {now}")
             continue
-        least = min((c.would_notice[key] for c in agrees if key in c.would_notice),
-                    default=math.inf)
-        if now is None or abs(now - value) > 3 * least * abs(value):
+        if now is None or abs(now - value) > 3 * least(agrees, key, value):
             found.append(f"parameter {key}")
     return found
+
+
+def least(agrees: list, key: str, value: float) -> float:
+    """The smallest change of a parameter that one of the channels notices; infinite if none does.
+
+    A change whose size is not known, NaN, is none.
+    """
+    changes = [c.would_notice[key] for c in agrees if key in c.would_notice]
+    return min((change.size * (abs(value) if change.relative else 1.0) for change in changes
+                if not math.isnan(change.size)), default=math.inf)
+
+
+def in_si(unit: str) -> tuple[str, float]:
+    """The SI unit of a channel's unit, and the factor to it."""
+    return UNITS.get(unit, (unit, 1.0))
 
 
 def channels(old: dict, new: dict, agrees: list) -> list[str]:
     """Channels that agree although they are held against another quantity or in another unit."""
     found = []
     for c in agrees:
-        was, now = old["channels"].get(c.channel), new["channels"][c.channel]
-        if was is None:
+        was, now = old["channels"].get(c.channel), new["channels"].get(c.channel)
+        if was is None or now is None:  # as of a row that shows an order of convergence
             continue
-        if was["unit"] != now["unit"]:
+        (quantity, factor), (other, its) = in_si(was["unit"]), in_si(now["unit"])
+        if quantity != other:
             found.append("channel unit")
         if was["equals"] != now["equals"] and new["reference"] == old["reference"]:
             found.append("channel equals")
-        for key, usual in (("scale", 1.0), ("shift", 0.0)):
-            if abs(was.get(key, usual) - now.get(key, usual)) > max(3 * c.allowed, 1e-3):
+        for key, usual, one, two in (("scale", 1.0, 1.0, 1.0), ("shift", 0.0, factor, its)):
+            if abs(was.get(key, usual) * one - now.get(key, usual) * two) > max(
+                    3 * c.allowed * its, 1e-3):
                 found.append(f"channel {key}")
     return found
 
@@ -128,14 +146,15 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
             continue
         bare = Bare(model, new, run, x, drives)
         for c in mine:
+            factor = in_si(c.unit)[1]
             if recorded is not None:
                 want = recorded[new["channels"][c.channel]["equals"]]
                 shown = new["channels"][c.channel]
-                want = shown.get("scale", 1.0) * want + shown.get("shift", 0.0)
-                if far(curves.channels[c.channel], want, c.allowed):
+                want = shown.get("scale", 1.0) * want + shown.get("shift", 0.0) * factor
+                if far(curves.channels[c.channel], want, c.allowed * factor):
                     found.append("recorded column")
             want = bare.channel(c.channel)
-            if want is not None and far(curves.channels[c.channel], want, c.allowed,
+            if want is not None and far(curves.channels[c.channel], want, c.allowed * factor,
                                         c.channel.endswith(".angle")):
                 found.append(f"curve of {bare.kind(c.channel)}")
             if bare.kind(c.channel) in FORCES or not drives:
@@ -365,9 +384,7 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
     for rod, was in old["rod"].items():
         now = new["rod"].get(rod, {})
         for key in ("length", "stiffness"):
-            least = min((c.would_notice[key] for c in agrees if key in c.would_notice),
-                        default=math.inf)
-            if abs(now.get(key, math.inf) - was[key]) > 3 * least * was[key]:
+            if abs(now.get(key, math.inf) - was[key]) > 3 * least(agrees, key, was[key]):
                 found.append(f"rod {key}")
         for key in ("from", "to", "ends"):
             if was.get(key) != now.get(key) and now.get(key) != ["clamped", "free"]:
@@ -375,11 +392,12 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
     xml = new.get("model", f"{name}.xml")
     one = loads(ElementTree.fromstring(before[f"{name}.xml"]), old.get("start", "start"))
     two = loads(ElementTree.fromstring((folder / xml).read_bytes()), new.get("start", "start"))
-    least = min((share for c in agrees for share in c.would_notice.values()), default=math.inf)
+    share = min((change.size for c in agrees for change in c.would_notice.values()
+                 if change.relative and not math.isnan(change.size)), default=math.inf)
     for key, numbers in one.items():
         other = two.get(key)
         if other is None or len(other) != len(numbers) or any(
-                abs(a - b) > 3 * least * max(1.0, abs(a)) for a, b in zip(numbers, other,
+                abs(a - b) > 3 * share * max(1.0, abs(a)) for a, b in zip(numbers, other,
                                                                           strict=True)):
             found.append(f"{key} of a rod's model")
     return found
