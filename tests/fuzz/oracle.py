@@ -59,7 +59,7 @@ class Unjudged(Exception):
 
 def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tuple[list[str], str]:
     """False agreements among the channels of a result, and why some of it was not judged."""
-    new = tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8"))
+    new = tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8-sig"))
     old = tomllib.loads(before[f"{name}.toml"].decode())
     agrees = [c for c in result.comparisons if c.outcome == "agrees" and c.case == name]
     if not agrees:

@@ -108,7 +108,9 @@ def test_each_mutator_changes_something_and_is_repeatable():
                 assert tried[3] == mutated(files, [Mutation(ending, mutator, 3)])
 
 
-@pytest.mark.parametrize("file", STORED, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", [  # a hang takes its limits of time
+    pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * file.stem.startswith("hang"))
+    for file in STORED])
 def test_a_finding_that_was_kept(file, judge):
     name, files, table = kept(file)
     if table["open"]:
