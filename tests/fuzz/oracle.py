@@ -106,7 +106,7 @@ def least(agrees: list, key: str, value: float) -> float:
 
 def in_si(unit: str) -> tuple[str, float]:
     """The SI unit of a channel's unit, and the factor to it."""
-    return UNITS.get(unit, (unit, 1.0))
+    return UNITS.get(unit.strip(), (unit.strip(), 1.0))
 
 
 def channels(old: dict, new: dict, agrees: list) -> list[str]:
