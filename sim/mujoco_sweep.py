@@ -61,6 +61,8 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
             stopped, done = str(error), k
             break
         mujoco.mj_inverse(model, data)
+        if data.ncon:
+            raise Unsupported(f"{data.ncon} contact(s) in a sweep, at {linkage.spoken(values)}")
         record.sample(k)
     seconds = time.perf_counter() - began
     record.cut(done)

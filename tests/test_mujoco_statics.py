@@ -296,3 +296,11 @@ def test_a_path_of_rests_has_no_accelerations(stage, sweep):
     assert "no accelerations" in curves.missing["u"]
     assert curves.derivatives == 1
     assert sweep([0.0, 0.1], ("hold",), body("a")).derivatives == 2
+
+
+def test_contacts_are_refused_where_the_drive_determines_the_pose(edit):
+    """Their forces are no part of what the drive has to hold."""
+    file = edit("fourbar.xml", r'<flag contact="disable"/>', "")
+    drive = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
+    with pytest.raises(Unsupported, match=r"contact\(s\) in a sweep, at crank = "):
+        simulate(file, Run("sweep", np.linspace(0, 6.2, 20), ("rocker",), (drive,)))

@@ -34,7 +34,7 @@ EDITS: dict[str, list] = {
     "hacksaw_recorded": SHORT,
     "balancer_sine": [*SHORT, (r"to = 1\.57\d+", "to = 0.3"), (r"abs = 1e-12", "abs = 1e-10")],
     "rod_cantilever": [*SHORT, (r"segments = 40\n\n", "segments = 8\n\n"),
-                       (r"(?s)\[refine\].*?\n\n", ""), (r"of_range = \S+", "of_range = 0.1")],
+                       (r"(?s)\[refine\].*?\n\n", ""), (r"of_range = \S+", "of_range = 0.02")],
     "watt": SHORT,
 }
 OF = {"fourbar_sweep": "fourbar"}
