@@ -7,6 +7,10 @@ Array = NDArray[np.float64]
 TURN = 2.0 * np.pi
 
 
+class NotCovered(ValueError):
+    """A model holds what a reference that reads it does not cover; the message names it."""
+
+
 def positive(**lengths: float) -> None:
     """ValueError that names the first length that is not positive and finite.
 

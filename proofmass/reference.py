@@ -10,6 +10,7 @@ import numpy as np
 from mujoco import MjModel
 
 import analytic
+from analytic.domain import NotCovered
 from proofmass.case import Case
 from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError, suggest
@@ -170,6 +171,9 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
         args = tuple(part[0] if len(part) == 1 else part for part in state)
     try:
         return truth.solve(*args, **parameters, **{k: own[k]() for k in own if k in known})
+    except NotCovered as error:
+        raise InputError(case.model_path, "", f"the reference {case.reference!r} does not cover "
+                         f"it: {error}") from None
     except (TypeError, ValueError) as error:
         key = key if parameters else "drive" if case.drive else "model"
         raise InputError(case.file, key, str(error)) from None

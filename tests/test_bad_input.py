@@ -234,3 +234,11 @@ def test_a_missing_path_is_named():
     answer = CliRunner().invoke(app, ["check", "no/such/folder"])
     assert answer.exit_code == 2
     assert "no/such/folder: no such file or folder" in answer.output.replace("\n", "")
+
+
+def test_what_the_planar_reference_does_not_cover_is_an_error_of_the_model(models, edit):
+    edit("watt.xml", "</mujoco>", '<tendon><fixed name="rope"><joint joint="crank" coef="1"/>'
+         "</fixed></tendon></mujoco>")
+    [error] = check([models / "watt.toml"]).errors
+    assert error.file == models / "watt.xml"
+    assert error.wrong == "the reference 'planar' does not cover it: it has a tendon"

@@ -5,6 +5,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from analytic.domain import NotCovered
 from analytic.planar.mechanism import Array, Body, Coupling, Joint, Mechanism, Pin
 
 PARALLEL = 1e-9
@@ -41,12 +42,12 @@ class Reader:
     def _normal(self) -> Array:
         hinge = self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         if not hinge.any():
-            raise ValueError("a mechanism without hinges has no plane of motion")
+            raise NotCovered("a mechanism without hinges has no plane of motion")
         normal = np.asarray(self.axes[hinge][0])
         for j, axis in enumerate(self.axes):
             out = np.linalg.norm(np.cross(normal, axis)) if hinge[j] else abs(normal @ axis)
             if out > PARALLEL:
-                raise ValueError(f"joint {self.model.joint(j).name!r} leaves the plane of motion")
+                raise NotCovered(f"joint {self.model.joint(j).name!r} leaves the plane of motion")
         return normal
 
     def flat(self, vector: Array) -> complex:
@@ -185,36 +186,36 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
 
 
 def refuse(model: Any) -> None:
-    """Raise ValueError, by name, for what a planar mechanism here does not have."""
+    """Raise NotCovered, by name, for what a planar mechanism here does not have."""
     for j in range(model.njnt):
         if mujoco.mjtJoint(model.jnt_type[j]) not in (mujoco.mjtJoint.mjJNT_HINGE,
                                                       mujoco.mjtJoint.mjJNT_SLIDE):
-            raise ValueError(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
+            raise NotCovered(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[j].any():
-            raise ValueError(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
+            raise NotCovered(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
         if model.dof_frictionloss[j] > 0 and not disabled(model, OFF.mjDSBL_FRICTIONLOSS,
                                                           OFF.mjDSBL_CONSTRAINT):
-            raise ValueError(f"joint {model.joint(j).name!r} has friction")
+            raise NotCovered(f"joint {model.joint(j).name!r} has friction")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
-            raise ValueError(f"equality {model.equality(e).name!r} is neither connect nor joint")
+            raise NotCovered(f"equality {model.equality(e).name!r} is neither connect nor joint")
     for a in range(model.nactuator):
         motor = (model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
                  and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
                  and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE)
         if not (motor and joined(model, a)):
-            raise ValueError(f"actuator {model.actuator(a).name!r} is no motor on a joint")
+            raise NotCovered(f"actuator {model.actuator(a).name!r} is no motor on a joint")
     for what, there in {"a tendon": model.ntendon, "a flex": model.nflex, "a mocap body":
                         model.nmocap, "a fluid": model.opt.density + model.opt.viscosity}.items():
         if there:
-            raise ValueError(f"the model has {what}")
+            raise NotCovered(f"it has {what}")
 
 
 def refuse_contacts(model: Any) -> None:
-    """Raise ValueError if bodies of the model may touch, which a free motion does not cover."""
+    """Raise NotCovered if bodies of the model may touch, which a free motion does not cover."""
     off = model.opt.disableflags & (int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_CONSTRAINT))
     touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
     if not off and (np.unique(touchable).size > 1 or model.npair):
-        raise ValueError('contacts are not covered by a free motion: give <option> a '
+        raise NotCovered('contacts are not covered by a free motion: give <option> a '
                          '<flag contact="disable"/>')
