@@ -68,9 +68,9 @@ class Case(Strict):
         """The first drive; None for a free motion."""
         return self.drive[0] if self.drive else None
 
-    def drive_key(self, k: int, key: str) -> str:
-        """Where a key of drive number k stands in the sidecar."""
-        return f"drive.{k}.{key}" if len(self.drive) > 1 else f"drive.{key}"
+    def drive_key(self, k: int, *keys: str) -> str:
+        """Where drive number k, or a key of it, stands in the sidecar."""
+        return ".".join(["drive", *[str(k)] * (len(self.drive) > 1), *keys])
 
     @field_validator("drive", "view", "chart", mode="before")
     @classmethod

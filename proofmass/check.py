@@ -75,11 +75,8 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
 
 
-def load(path: Path) -> Case:
-    """Read a sidecar in another process, and check what can be checked before anything runs.
-
-    What takes longer, or more memory, than the longest of its runs is left to the runs, which say
-    so.
+def read(path: Path) -> Case:
+    """Read a sidecar in another process; its model and its reference are not looked at.
 
     Raises
     ------
@@ -87,11 +84,25 @@ def load(path: Path) -> Case:
         Also where the reading fails in another way, or takes too long.
     """
     try:
-        case = isolated(load_case, path, timeout=LOADING)
+        return isolated(load_case, path, timeout=LOADING)
     except InputError:
         raise
     except Exception as error:
         raise InputError(path, "", f"cannot be read: {error or type(error).__name__}") from None
+
+
+def load(path: Path) -> Case:
+    """Read a sidecar, and check what can be checked before anything runs, see `validate`.
+
+    What takes longer, or more memory, than the longest of its runs is left to the runs, which say
+    so.
+
+    Raises
+    ------
+    InputError
+        The sidecar, its model or its reference is at fault.
+    """
+    case = read(path)
     try:
         isolated(validate, case, timeout=max(run.timeout for run in case.run.values()),
                  memory=max(run.memory for run in case.run.values()))

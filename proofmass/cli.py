@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from proofmass.check import Result, check, collect, load
+from proofmass.check import Result, check, collect, read
 from proofmass.command import Jobs, answering, counting, errors
 from proofmass.design.command import app as design
 from proofmass.errors import InputError
@@ -107,7 +107,7 @@ def list_command(paths: Paths = None) -> None:
             if path.suffix == ".xml":
                 lone.append(path)
             else:
-                cases.append(load(path))
+                cases.append(read(path))
         except InputError as error:
             found.append(error)
     console().print(case_table(cases, lone))

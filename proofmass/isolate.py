@@ -2,8 +2,8 @@
 
 A run that aborts, hangs or asks for all memory costs itself only.  A worker is kept for the next
 run, since importing the engines takes longer than most runs; a worker that died or was killed is
-replaced.  `multiprocessing` is not used because it imports the
-caller's main script again, which a ten-line script or a notebook does not survive.
+replaced.  `multiprocessing` is not used because it imports the caller's main script again, which a
+ten-line script or a notebook does not survive.
 """
 
 import atexit

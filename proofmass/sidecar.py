@@ -5,6 +5,7 @@ from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
+from proofmass.isolate import MEMORY
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
 
@@ -84,7 +85,7 @@ class RunTable(Strict):
     until: float | None = Field(None, gt=0)
     solvers: tuple[str, ...] = Field(min_length=1)
     timeout: float = Field(120.0, gt=0)
-    memory: float = Field(8.0, gt=0)
+    memory: float = Field(MEMORY, gt=0)
 
 
 class Channel(Strict):

@@ -6,7 +6,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import mujoco
 import numpy as np
 
 import sim
@@ -16,6 +15,7 @@ from proofmass.errors import InputError, suggest
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import compiled, grid, laws
 from proofmass.strict import Kind
+from sim.contents import joints
 from sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
@@ -42,8 +42,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        No such engine, no such table, a setting that the engine refuses, or a drive that leaves the
-        range of its joint.
+        No such engine, no such table, or a setting that the engine refuses.
     """
     engine, _, variant = solver.partition(":")
     if engine not in engines():
@@ -66,7 +65,13 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
 
 
 def plan(case: Case, kind: Kind, solver: str) -> Run:
-    """What a simulator is asked to do for one run of a case; see `settings_of`."""
+    """What a simulator is asked to do for one run of a case.
+
+    Raises
+    ------
+    InputError
+        See `settings_of`; also where a law cannot be evaluated, or leads a joint out of its range.
+    """
     settings = settings_of(case, kind, solver)
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
@@ -92,17 +97,15 @@ def check_ranges(case: Case, run: Run) -> None:
     model, x = compiled(case), run.x
     if run.kind == "duration":
         x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
-    joints = [model.joint(j).name for j in range(model.njnt)]
+    units = joints(model)
     for k, (drive, values) in enumerate(zip(run.drives, run.motion(x)[0], strict=True)):
-        if drive.joint not in joints:  # the engines say which joints there are
+        if drive.joint not in units:  # the engines say which joints there are
             continue
-        j = joints.index(drive.joint)
-        low, high = model.jnt_range[j]
+        joint, unit = model.joint(drive.joint), units[drive.joint]
+        low, high = model.jnt_range[joint.id]
         beyond = np.maximum(low - values, values - high)
-        if model.jnt_limited[j] and beyond.max() > ROUNDING:
-            key = f"drive.{k}" if len(run.drives) > 1 else "drive"
-            unit = "m" if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
-            raise InputError(case.file, key, f"joint {drive.joint!r} is driven to "
+        if model.jnt_limited[joint.id] and beyond.max() > ROUNDING:
+            raise InputError(case.file, case.drive_key(k), f"joint {drive.joint!r} is driven to "
                              f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
                              f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "
                              f"give the joint a wider range")

@@ -214,8 +214,8 @@ def refuse(model: Any) -> None:
 
 def refuse_contacts(model: Any) -> None:
     """Raise NotCovered if bodies of the model may touch, which a free motion does not cover."""
-    off = model.opt.disableflags & (int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_CONSTRAINT))
     touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
-    if not off and (np.unique(touchable).size > 1 or model.npair):
+    if not disabled(model, OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT) and (
+            np.unique(touchable).size > 1 or model.npair):
         raise NotCovered('contacts are not covered by a free motion: give <option> a '
                          '<flag contact="disable"/>')

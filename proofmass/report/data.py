@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-import mujoco
 import numpy as np
 
 from proofmass.case import Case
@@ -15,6 +14,7 @@ from proofmass.refined import Row
 from proofmass.report.words import KINDS, LOST
 from proofmass.strict import Kind
 from proofmass.units import si_unit
+from sim.contents import joints
 from sim.protocol import Array, Curves
 
 
@@ -112,15 +112,15 @@ def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
         return "arc length s", "m", 1.0
     if kind == "duration" or case.leader is None or not case.leader.steady:
         return "time t", "s", 1.0
-    if joint_type(case, case.leader.joint) == "slide":
+    if drive_units(case)[0] == "m":
         return f"{case.leader.joint} position", "m", 1.0
     return f"{case.leader.joint} angle", "deg", 180 / np.pi
 
 
-def joint_type(case: Case, name: str) -> str:
-    """Type of a joint of the case's model, slide or hinge."""
-    slides = compiled(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
-    return "slide" if slides else "hinge"
+def drive_units(case: Case) -> list[str]:
+    """Unit of the value of each drive: m or rad."""
+    units = joints(compiled(case))
+    return [str(units[drive.joint]) for drive in case.drive]
 
 
 def readable(unit: str) -> tuple[str, float]:
@@ -157,8 +157,8 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     if case.leader is None or not view.curves or view.kind == "rest" or (
             case.leader.steady and len(case.drive) == 1):
         return {}
-    for row, (drive, law) in enumerate(zip(case.drive, laws(case, view.kind), strict=True)):
-        unit = "m" if joint_type(case, drive.joint) == "slide" else "rad"
+    prescribed = zip(case.drive, laws(case, view.kind), drive_units(case), strict=True)
+    for row, (drive, law, unit) in enumerate(prescribed):
         names = (" (drive)", unit), (" rate (drive)", f"{unit}/s"), (
             " acceleration (drive)", f"{unit}/s^2")
         for k, (suffix, u) in enumerate(names[: 1 if case.leader.steady else 3]):

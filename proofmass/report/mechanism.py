@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from proofmass.case import Case
 from proofmass.reference import compiled
-from proofmass.report.data import joint_type
+from proofmass.report.data import drive_units
 from proofmass.report.labels import Label, place
 from proofmass.report.poses import clearest
 from proofmass.wording import number
@@ -287,9 +287,8 @@ def legend(figure: Figure, case: Case, picture: Picture, main: int, tracks: Trac
 def spoken(case: Case, picture: Picture, k: int) -> str:
     """The drives at pose number k; the time where they do not run steadily or are none."""
     words = []
-    for drive, value in zip(case.drive, picture.inputs[:, k], strict=True):
-        slide = joint_type(case, drive.joint) == "slide"
-        words.append(f"{drive.joint} " + (f"{number(value)} m" if slide else
+    for drive, unit, value in zip(case.drive, drive_units(case), picture.inputs[:, k], strict=True):
+        words.append(f"{drive.joint} " + (f"{number(value)} m" if unit == "m" else
                                           f"{np.degrees(value):.0f}°".replace("-0°", "0°")))
     if case.leader is None and "rest" in case.run:
         return "at rest"

@@ -24,7 +24,7 @@ from proofmass.files import write_whole
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.report import refinements, tables
-from proofmass.report.data import Shown, beyond_limits, joint_type, shown
+from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
 from proofmass.report.study import Study
@@ -92,8 +92,7 @@ def write_report(result: Result, folder: Path | str,
                 beside=tables.side_by_side(case) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
                 studied=[(s.title, link) for s in studies if (link := s.of(case))],
-                drive_units=["m" if joint_type(case, drive.joint) == "slide" else "rad"
-                             for drive in case.drive],
+                drive_units=drive_units(case),
                 parameters=parameters_of(case), own_numbers=from_model(case),
                 freedoms=None if beyond_limits(views[case.name]) else freedoms(case),
                 knowledge={} if beyond_limits(views[case.name]) else known(case),
