@@ -31,9 +31,10 @@ def solve(
     distance : d, between the clamps [m]
     theta1, theta2 : tangents at the clamps [rad]
     force_x, force_y : F, dead load on the pin [N]
-    pin_x, pin_y, moment1, moment2, push_x, push_y : first guess of the pin P [m], the moments at
-        the clamps [N m] and the force n_1 on the tip of the first rod [N]; it chooses among the
+    pin_x, pin_y : first guess of the pin P [m]; it and the next two choose among the
         equilibria
+    moment1, moment2 : first guess of the moments at the clamps [N m]
+    push_x, push_y : first guess of the force n_1 on the tip of the first rod [N]
     length, stiffness : L [m], EI [N m^2], of each rod
 
     Returns

@@ -36,9 +36,10 @@ def solve(
     rate : their rates [rad/s], which broadcast with `angle`
     acceleration : is not used; equilibria are as slow as one likes
     distance : d, between the clamps [m]
-    pin_x, pin_y, moment1, moment2, push_x, push_y : first guess of the pin P [m], the moments at
-        the clamps [N m] and the force n_1 on the tip of the first rod [N] at the first angles; it
-        chooses among the equilibria
+    pin_x, pin_y : first guess of the pin P at the first angles [m]; it and the next two choose
+        among the equilibria
+    moment1, moment2 : first guess of the moments at the clamps [N m]
+    push_x, push_y : first guess of the force n_1 on the tip of the first rod [N]
     force_x, force_y : F, dead load on the pin [N]
     length, stiffness : L [m], EI [N m^2], of each rod
 

@@ -24,8 +24,9 @@ def solve(
     ----------
     s : [m], in [0, length]  (...)
     pin_x, pin_y : from the clamp [m]
-    force_x, force_y, moment : first guess of the pin's force on the tip [N] and of the moment at
-        the clamp [N m]; it chooses among the equilibria
+    force_x, force_y : first guess of the pin's force on the tip [N]; it and the next one choose
+        among the equilibria
+    moment : first guess of the moment at the clamp [N m]
     length, stiffness, theta0 : L [m], EI [N m^2], tangent at the clamp [rad]
 
     Returns

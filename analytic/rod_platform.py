@@ -43,7 +43,8 @@ def solve(
     side : a, of the platform [m]
     theta1, theta2, theta3 : tangents at the clamps [rad]
     radius : of the circle of the clamps [m]
-    force_x, force_y, moment : dead load F, M on the platform at P [N], [N m]
+    force_x, force_y : dead load F on the platform at P [N]
+    moment : dead load M on the platform [N m]
     mode : 1 for the stable equilibrium of least potential, 2 for the next, ...
     inflections : most that a rod may have, its pinned tip included
     length, stiffness : L [m], EI [N m^2], of each rod

@@ -40,7 +40,12 @@ def solve(
     ----------
     inputs : q [m or rad], (3, ...); the last axis is the path
     rate, acceleration : their time derivatives; there are no accelerations without masses
-    side, theta1, ..., prolongation : see `rod_platform.solve`; `mode` is that of the first inputs
+    side, radius, prolongation, length : see `rod_platform.solve` [m]
+    theta1, theta2, theta3 : tangents at the clamps [rad]; without guides, those of inputs 0
+    stiffness : EI of each rod [N m^2]
+    force_x, force_y : dead load F on the platform at P [N]
+    moment : dead load M on the platform [N m]
+    mode, inflections : see `rod_platform.solve`; they choose the equilibrium of the first inputs
     guide1, guide2, guide3 : directions of the guides [rad]; left out, the inputs turn the clamps
 
     Returns

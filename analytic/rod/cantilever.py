@@ -75,7 +75,8 @@ def solve(
     ----------
     s : [m], in [0, length]  (...)
     length, stiffness : L [m], EI [N m^2]
-    force_x, force_y, moment : F [N] and M [N m] on the tip
+    force_x, force_y : F on the tip [N]
+    moment : M on the tip [N m]
     weight_x, weight_y : w, dead load per length of rod [N/m]
     x0, y0, theta0 : the clamp [m] and its tangent [rad]
     branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`)
