@@ -102,11 +102,7 @@ def test_springs_1_percent_stiffer_differ(name, kind, solver, monkeypatch):
     differs(name, kind, solver, monkeypatch)
 
 
-COARSE = pytest.mark.xfail(strict=True, reason="20 links are off by as much as 1 % of stiffness")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "kind", "solver"), [
-    pytest.param(*run, marks=COARSE if run[0] == "rod_snap" else ()) for run in sorted(SLOW)])
+@pytest.mark.parametrize(("name", "kind", "solver"), sorted(SLOW))
 def test_springs_1_percent_stiffer_differ_in_long_runs(name, kind, solver, monkeypatch):
     differs(name, kind, solver, monkeypatch)

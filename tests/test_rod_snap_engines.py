@@ -88,7 +88,7 @@ def test_shapes_converge_on_both_sides_of_a_snap():
 
 
 @pytest.mark.parametrize(("old", "new"), [
-    ("segments = 20", 'segments = 20\nscheme = "naive"'),
+    ("segments = 40", 'segments = 40\nscheme = "naive"'),
     pytest.param("distance = 0.8 ", "distance = 0.79 ", marks=pytest.mark.slow),
     pytest.param("turn = -2.1", "turn = 2.1", marks=pytest.mark.slow)])  # wound into a loop
 def test_a_wrong_rod_is_found(old, new, edit):
