@@ -117,7 +117,8 @@ def reference_for(case: Case, curves: Curves) -> Curves:
     return evaluate(case, curves.x, None if recorded else curves.drive)
 
 
-def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison]:
+def compare(case: Case, run: str, solver: str, curves: Curves, detectable: bool = True
+            ) -> list[Comparison]:
     """Hold a solver's curves against the reference.
 
     Parameters
@@ -128,6 +129,9 @@ def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Compariso
         Which run of the case the curves are of.
     curves : Curves
         From `solve`.
+    detectable : bool
+        Whether `Comparison.would_notice` is found as well, which evaluates the reference at least
+        twice for each parameter.
 
     Returns
     -------
@@ -144,7 +148,7 @@ def compare(case: Case, run: str, solver: str, curves: Curves) -> list[Compariso
     check_branch(case, curves, truth)
     check_views(case, run, curves)
     check_charts(case)
-    changes = detectable_changes(case, curves, truth, {
+    changes = {} if not detectable else detectable_changes(case, curves, truth, {
         name: tolerance.allowed(scale_of(case, run, name, curves, truth.channels[name]) / factor)
         * factor
         for name, channel in case.channels_of(run).items() if name in curves.channels

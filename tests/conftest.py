@@ -1,5 +1,6 @@
 """Shared fixtures: a writable copy of the models, a way to change one, a stand, a cluster."""
 
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.case import load_case
+from proofmass.isolate import ALONE
 from proofmass.study import core
 from proofmass.study.setting import Setting
 from proofmass.study.stand import Stand
@@ -15,6 +17,7 @@ from proofmass.study.store import Store
 
 pytest_plugins = ["pytester"]
 MODELS = Path(__file__).parent.parent / "models"
+os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -42,11 +42,12 @@ def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
 def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side_by_side(tmp_path):
     """Two rigid cases, and chains of rods that both engines bring to rest; in another order too.
 
-    Rods of 50 segments instead of 20 have more than 100 coordinates.
+    Rods of 50 segments have 100 coordinates in MuJoCo; those of 20 have 120 in pymunk.
     """
     models = [f"models/{name}.toml" for name in ("rfr2_natural", "slider_crank", "pendulum")]
     fine = tmp_path / "fine.toml"
-    fine.write_text((ROOT / models[0]).read_text().replace("segments = 20", "segments = 50"))
+    fine.write_text((ROOT / models[0]).read_text().replace("segments = 20", "segments = 50")
+                    .replace('solvers = ["mujoco", "pymunk"]', 'solvers = ["mujoco"]'))
     fine.with_suffix(".xml").write_text((ROOT / "models/rfr2_natural.xml").read_text())
     models.append(str(fine))
     found = []
