@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from proofmass.errors import InputError
+from sim.protocol import BadModel
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
@@ -23,7 +24,7 @@ def answering(kept: str) -> Iterator[None]:
     """Say in a line what is wrong with the input, or after Ctrl-C what is `kept`; then exit."""
     try:
         yield
-    except (KeyboardInterrupt, InputError, ValueError, OSError) as error:
+    except (KeyboardInterrupt, InputError, BadModel, ValueError, OSError) as error:
         if interrupted(error):
             errors.print(f"stopped; {kept}: the same command goes on from there")
             raise typer.Exit(INTERRUPTED) from None

@@ -197,7 +197,8 @@ def compiled(case: Case) -> MjModel:
         rod, key, why = error.args
         raise InputError(case.file, f"rod.{rod}.{key}", why) from None
     except BadModel as error:
-        raise InputError(case.model_path, "", str(error)) from None
+        raise InputError(case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
+                         ) from None
 
 
 def column(case: Case, truth: Recorded, key: str, name: str, unit: str | None = None) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
+from proofmass.rod import Segments
 from proofmass.sidecar import RunTable
 from proofmass.strict import Kind, Strict
 
@@ -28,7 +29,7 @@ class Refine(Strict):
     they are taken from, the last two if left out.
     """
 
-    segments: tuple[int, ...] = Field(min_length=2)
+    segments: tuple[Segments, ...] = Field(min_length=2)
     run: Kind = "rest"
     channels: tuple[str, ...] = ("*",)
     order: float = Field(gt=0)

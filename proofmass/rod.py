@@ -1,11 +1,15 @@
 """``[rod.NAME]``: an elastic rod between two sites of the MJCF."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from proofmass.strict import Strict
 from sim.protocol import Rod
+
+MOST = 10**5
+"""Segments of a rod: one matrix of the engines, a row and a column for each, is then 80 GB."""
+Segments = Annotated[int, Field(le=MOST)]
 
 
 class RodTable(Strict):
@@ -23,7 +27,7 @@ class RodTable(Strict):
     to: str | None = None
     length: float = Field(gt=0)
     stiffness: float = Field(gt=0)
-    segments: int = Field(20, ge=2)
+    segments: Segments = Field(20, ge=2)
     ends: tuple[Literal["clamped", "pinned"], Literal["clamped", "pinned", "free"]] = (
         "clamped", "pinned")
     scheme: Literal["half", "double", "naive"] = "half"

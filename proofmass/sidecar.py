@@ -74,6 +74,10 @@ class DriveTable(Strict):
         return 1.0 if self.rate is None else self.rate
 
 
+MOST = 10**8
+"""Samples of a run: a curve of them is 0.8 GB, and a run has dozens of curves."""
+
+
 class RunTable(Strict):
     """``[run.sweep]``, ``[run.duration]`` or ``[run.rest]``: how many samples, which solvers.
 
@@ -81,7 +85,7 @@ class RunTable(Strict):
     its model and its reference have `timeout` [s] and `memory` [GiB].
     """
 
-    n: int | None = Field(None, ge=2)
+    n: int | None = Field(None, ge=2, le=MOST)
     until: float | None = Field(None, gt=0)
     solvers: tuple[str, ...] = Field(min_length=1)
     timeout: float = Field(120.0, gt=0)

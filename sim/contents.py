@@ -6,7 +6,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import joint_of
+from sim.mujoco_model import gear_of_force, joint_of
 from sim.protocol import BadModel, Rod
 
 KEPT = 64  # models whose sizes are remembered
@@ -57,7 +57,7 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
     Raises
     ------
     BadModel
-        The sensor, or the rod, has no such part.
+        The sensor, or the rod, has no such part; the sensor's actuator has no gear.
     KeyError
         There is no such sensor and no such rod.
     """
@@ -83,7 +83,7 @@ def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | Non
     if kind == S.mjSENS_ACTUATORFRC:
         force, actuator = True, joint
         joint = joint_of(model, actuator)
-        if abs(model.actuator_gear[actuator, 0]) != 1:
+        if joint >= 0 and abs(gear_of_force(model, actuator)) != 1:
             return None
     elif not (force or kind in OF_JOINTS) or (
             kind == S.mjSENS_USER and model.sensor_objtype[s] != OBJ.mjOBJ_JOINT):

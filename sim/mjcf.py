@@ -90,6 +90,10 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
             if "allocate memory" in str(error):
                 raise MemoryError from None
             raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+        except RuntimeError as error:  # of C++, which MuJoCo passes on without its words
+            raise BadModel(f"{path.name}: MuJoCo cannot compile it and says no more than "
+                           f"\"{error}\"; it does so where there is no memory for a model as "
+                           f"large, such as one with a height field of 1e6 rows") from None
     refuse_numbers(path, warnings)
     if array := infinite(model):
         raise BadModel(f"{path.name}: {place(path, 'infinite') or array} is not finite")
@@ -103,8 +107,18 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
 
 
 def read_tree(path: Path) -> Element:
-    """The elements of an MJCF file, also of one whose comments a strict reader of XML refuses."""
-    return ElementTree.fromstring(COMMENT.sub(b"", path.read_bytes()))
+    """The elements of an MJCF file, also of one whose comments a strict reader of XML refuses.
+
+    Raises
+    ------
+    BadModel
+        It is no strict XML in another place: MuJoCo takes text and bytes that XML does not.
+    """
+    try:
+        return ElementTree.fromstring(COMMENT.sub(b"", path.read_bytes()))
+    except ElementTree.ParseError as error:
+        raise BadModel(f"{path.name}: to be changed it must be well-formed XML in UTF-8: {error}, "
+                       f"comments not counted") from None
 
 
 def leave_out_disabled(model: mujoco.MjModel) -> None:

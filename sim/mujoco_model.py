@@ -184,6 +184,20 @@ def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
     return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
 
 
+def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
+    """Gear of the actuator of a joint, by which its force is multiplied to act on the joint.
+
+    Raises
+    ------
+    BadModel
+        It is 0, so that the joint's moment is no force of the actuator.
+    """
+    if not (gear := float(gear_of(model, actuator)[0])):
+        raise BadModel(f"the gear of actuator {model.actuator(actuator).name!r} is 0 in the MJCF, "
+                       f"so that its force does not act on its joint; give another, such as 1")
+    return gear
+
+
 def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
     """Raise `Unsupported` where joints or tendons have friction that a run at rest leaves out.
 

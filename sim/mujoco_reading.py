@@ -3,7 +3,7 @@
 import mujoco
 
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, gear_of, is_acceleration, joint_of
+from sim.mujoco_model import Recorder, gear_of_force, is_acceleration, joint_of
 from sim.protocol import Array
 
 S = mujoco.mjtSensor
@@ -39,7 +39,7 @@ def drive_sensors(model: mujoco.MjModel, linkage: Linkage,
         place = model.sensor_objid[index]
         joint = joint_of(model, place) if on_actuator else place
         if joint >= 0 and model.jnt_dofadr[joint] in dofs:
-            gear = float(gear_of(model, place)[0]) if on_actuator else 1.0
+            gear = gear_of_force(model, place) if on_actuator else 1.0
             found[channel] = dofs.index(model.jnt_dofadr[joint]), gear
     return found
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import gear_of, joint_of
+from sim.mujoco_model import gear_of_force, joint_of
 from sim.protocol import Array, BadModel
 from sim.pymunk_links import Links
 from sim.pymunk_pose import along, joint_value, turned
@@ -95,7 +95,7 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
-        gear = 1.0 if of_joint else float(gear_of(model, obj)[0])
+        gear = 1.0 if of_joint else gear_of_force(model, obj)
         return Channel(-2, _still, links.driven.index(joint), 1.0 / gear)
     force = links.joints[joint].load if of_joint else float(
         links.data.actuator_force[model.actuator_outadr[obj]])

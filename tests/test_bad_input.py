@@ -6,10 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.case import load_case
-from proofmass.check import check
+from proofmass.check import check, load
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.solve import plan
+from proofmass.solve import plan, run_here
 
 SIDECARS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),
@@ -121,6 +121,21 @@ RANGES = {
     "a settled rod": ("rod_snap", "motor", "-1 2", ["drive: joint 'motor'", "-1.39626 rad",
                                                     "-1 to 2 rad"]),
 }
+MEASURELESS = {
+    "a gear of 0": ("fourbar.xml", '(<motor name="motor" joint="crank")', r'\1 gear="0 1 0 0 0 0"',
+                    ["fourbar.toml: channels.holding_moment: the gear of actuator 'motor' is 0",
+                     "give another"]),
+    "n of 23 digits": ("fourbar.toml", r"n = \d+", f"n = {10**22}",
+                       ["fourbar.toml: run.sweep.n: ", "less than or equal to 100000000"]),
+    "segments of 23 digits": ("rod_cantilever.toml", r"segments = 40$", f"segments = {10**22}",
+                              ["rod_cantilever.toml: rod.rod.segments: ", "equal to 100000"]),
+    "refined into 23 digits": ("rod_cantilever.toml", r"segments = \[10,", f"segments = [{10**22},",
+                               ["rod_cantilever.toml: refine.segments.0: ", "equal to 100000"]),
+    "a height field": ("fourbar.xml", "<worldbody>", '<asset><hfield name="h" nrow="1000000" '
+                       'ncol="1000000" size="1 1 1 1"/></asset><worldbody><geom type="hfield" '
+                       'hfield="h"/>', ["fourbar.xml: MuJoCo cannot compile it",
+                                        '"Caught an unknown exception!"', "height field"]),
+}
 CURVES = {
     "x falls": (r"\n0\.0077[^,]*", "\n0.0001", ["line", "t does not rise"]),
     "no unit": (r"r1 \[m\]", "r1", ["column 'r1'", "name [unit]"]),
@@ -195,6 +210,23 @@ def test_a_range_that_a_flag_disables_holds_no_drive(models, edit):
     result = check([models / "fourbar.toml"])
     assert not result.errors
     assert {c.outcome for c in result.comparisons} == {"agrees", "unchecked", "unsupported"}
+
+
+@pytest.mark.parametrize("wrong", MEASURELESS)
+def test_a_number_that_is_out_of_all_measure_is_named_before_any_run(wrong, models, edit):
+    name, old, new, words = MEASURELESS[wrong]
+    edit(name, "(?m)" + old, new, count=1)
+    with pytest.raises(InputError) as caught:
+        load((models / name).with_suffix(".toml"))
+    assert str(caught.value).startswith(str(models / words[0]))
+    assert all(word in str(caught.value) for word in words[1:]), caught.value
+
+
+@pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
+def test_a_gear_of_0_is_no_crash_of_an_engine(solver, models, edit):
+    edit("fourbar.xml", '<motor name="motor" joint="crank"', r'\g<0> gear="0"')
+    with pytest.raises(InputError, match="the gear of actuator 'motor' is 0"):
+        run_here(load_case(models / "fourbar.toml"), "sweep", solver)
 
 
 @pytest.mark.parametrize("wrong", CURVES)

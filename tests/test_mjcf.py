@@ -75,3 +75,9 @@ def test_elements_are_read_whatever_the_comments(tmp_path):
     file = tmp_path / "m.xml"
     file.write_text(MODEL % ("<!-- ---- bars ---- -->", ""))
     assert [geom.get("name") for geom in read_tree(file).iter("geom")] == ["g"]
+
+
+def test_a_file_that_mujoco_takes_and_xml_does_not_is_named(compiled, tmp_path):
+    assert compiled((MODEL % ("°", "")).encode("latin-1")).nbody == 2
+    with pytest.raises(BadModel, match=r"m\.xml: to be changed it must be well-formed"):
+        read_tree(tmp_path / "m.xml")

@@ -26,6 +26,7 @@ from proofmass.errors import InputError
 from proofmass.study import run as runs
 from proofmass.study.measure import Found
 from proofmass.study.store import Store
+from sim.mjcf import read_tree
 from tests.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
 ROOT = Path(__file__).parent.parent
@@ -288,3 +289,13 @@ def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, 
         Store(tmp_path).save("key", 0, None, found, 1.0)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().err.startswith("stopped; runs are kept")
+
+
+def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
+    """As one with a byte between its elements that XML does not have, which MuJoCo passes over."""
+    file = tmp_path / "fat.xml"
+    file.write_bytes(FAT.replace("<worldbody>", "°<worldbody>").encode("latin-1"))
+    with pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+        read_tree(file)
+    assert ended.value.exit_code == 2
+    assert capsys.readouterr().err.startswith("error: fat.xml: to be changed it must be")
