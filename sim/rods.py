@@ -47,7 +47,12 @@ def compile_with_rods(spec: mujoco.MjSpec, rods: Sequence[Rod]) -> mujoco.MjMode
 
 
 def without_links_to_rods(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model as it is without rods, and without what may name something of them."""
+    """The model as it is without rods, and without what may name something of them.
+
+    From then on ``fusestatic`` is off in the spec: rods stand in frames of bodies as they are in
+    the file, and their links, also one that is clamped, are asked for by name.
+    """
+    spec.compiler.fusestatic = False
     bare = spec.copy()
     for element in (*bare.sensors, *bare.actuators, *bare.equalities, *bare.keys):
         bare.delete(element)

@@ -125,6 +125,23 @@ def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
         np.testing.assert_allclose(limit, exact, atol=2e-5)  # what h^4 leaves of moments
 
 
+@pytest.mark.parametrize("kept", ["clamped", "pinned"])
+def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_path):
+    """A rod on a body without a joint, turned and aside, and the clamped link of a rod."""
+    rod, models = Rod("r", "foot", "pin", 1.0, 1.0, 3, (kept, "pinned"), turn=1.0), []
+    file = model(tmp_path, '<body name="b" pos="1 2 0" euler="0 0 1"><site name="foot"/></body>'
+                 '<site name="pin" pos="1.3 2.8 0"/>')
+    for word in ("false", "true"):
+        file.write_text(file.read_text().replace("<compiler ", f'<compiler fusestatic="{word}" '))
+        models.append(compile_model(file, [rod]))
+        file.write_text(file.read_text().replace(f'fusestatic="{word}" ', ""))
+    one, two = models
+    assert [one.body(b).name for b in range(one.nbody)] == [
+        two.body(b).name for b in range(two.nbody)]
+    np.testing.assert_array_equal(one.key_qpos, two.key_qpos)
+    np.testing.assert_array_equal(one.body_pos, two.body_pos)
+
+
 def test_rods_follow_each_other_into_the_keys(tmp_path):
     """Own joints keep their values in every key; rods get arcs, closed at their supports."""
     body = ('<body name="b"><joint name="{0}"/><geom size="0.1"/><site name="{0}.site" '
