@@ -41,7 +41,6 @@ import re
 import tomllib
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -390,8 +389,9 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
             if was.get(key) != now.get(key) and now.get(key) != ["clamped", "free"]:
                 found.append(f"rod {key}")
     xml = new.get("model", f"{name}.xml")
-    one = loads(ElementTree.fromstring(before[f"{name}.xml"]), old.get("start", "start"))
-    two = loads(ElementTree.fromstring((folder / xml).read_bytes()), new.get("start", "start"))
+    one = loads(mujoco.MjSpec.from_string(before[f"{name}.xml"].decode()),
+                old.get("start", "start"))
+    two = loads(mujoco.MjSpec.from_file(str(folder / xml)), new.get("start", "start"))
     share = min((change.size for c in agrees for change in c.would_notice.values()
                  if change.relative and not math.isnan(change.size)), default=math.inf)
     for key, numbers in one.items():
@@ -403,17 +403,13 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
     return found
 
 
-def loads(root: ElementTree.Element, start: str) -> dict[str, list[float]]:
-    """Numbers on which the rest of the small rod depends."""
-    found = {}
-    for tag, key, default in (("key", "ctrl", ""), ("motor", "gear", "1 0 0 0 0 0"),
-                              ("site", "pos", "0 0 0"), ("site", "euler", "0 0 0"),
-                              ("site", "quat", "1 0 0 0"), ("option", "gravity", "0 0 -9.81")):
-        which = f".//{tag}" + (f"[@name='{start}']" if tag == "key" else "")
-        given = [e.get(key) for e in root.iterfind(which) if e.get(key)]
-        text = default if not given else given[-1 if tag == "option" else 0]  # the last one counts
-        numbers = [float(v) for v in text.split()]
-        found[f"{tag} {key}"] = numbers + [0.0] * (6 - len(numbers)) * (tag == "motor")
-    flags = [e.get("actuation") for e in root.iter("flag") if e.get("actuation")]
-    found["flag actuation"] = [float(flags[-1:] == ["disable"])]
-    return found
+def loads(spec: Any, start: str) -> dict[str, list[float]]:
+    """Numbers on which the rest of the small rod depends, as MuJoCo reads them."""
+    key = spec.key(start)
+    found = {"key ctrl": key.ctrl if key else [], "option gravity": spec.option.gravity,
+             "flag actuation": [spec.option.disableflags & int(OFF.mjDSBL_ACTUATION)]}
+    for motor in spec.actuators[:1]:
+        found["motor gear"] = motor.gear
+    for site in spec.sites[:1]:
+        found |= {"site pos": site.pos, "site euler": site.alt.euler, "site quat": site.quat}
+    return {what: list(map(float, numbers)) for what, numbers in found.items()}

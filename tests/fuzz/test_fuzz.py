@@ -98,6 +98,13 @@ def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signatur
     assert signature in oracle.judge(tmp_path, name, files, result)[0]
 
 
+def test_the_oracle_reads_a_file_that_is_no_strict_xml(judge):
+    files = dict(small("rod_cantilever"))
+    files["rod_cantilever.xml"] = files["rod_cantilever.xml"].replace(b"<key ", b"\xb4<key ")
+    answer = judge.judge("rod_cantilever", files)
+    assert (answer.exit_code, answer.findings, answer.notes) == (0, [], [])
+
+
 def test_each_mutator_changes_something_and_is_repeatable():
     for name in EDITS:
         files = dict(small(name))
