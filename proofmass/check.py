@@ -91,11 +91,11 @@ def read(path: Path) -> Case:
         raise InputError(path, "", f"cannot be read: {error or type(error).__name__}") from None
 
 
-def load(path: Path) -> Case:
+def load(path: Path, strict: bool = False) -> Case:
     """Read a sidecar, and check what can be checked before anything runs, see `validate`.
 
     What takes longer, or more memory, than the longest of its runs is left to the runs, which say
-    so.
+    so; to a `strict` reader it is an error.
 
     Raises
     ------
@@ -108,8 +108,9 @@ def load(path: Path) -> Case:
                  memory=max(run.memory for run in case.run.values()))
     except InputError:
         raise
-    except Exception:  # the runs meet it as well, and say what it is
-        pass
+    except Exception as error:  # the runs meet it as well, and say what it is
+        if strict:
+            raise InputError(path, "", f"its model or its reference: {error}") from None
     return case
 
 

@@ -1,6 +1,13 @@
 """Runs happen in processes of their own, with limits of time and memory.
 
-A run that aborts, hangs or asks for all memory costs itself only.  A worker is kept for the next
+A run that aborts, hangs or asks for all memory costs itself only.  So does the rest of what a file
+can ask for: commands read sidecars, compile models and evaluate references in workers, within the
+limits that the sidecar states.  A command compiles a model itself only where a worker has compiled
+the same one within these limits before: studies look up numbers of the model of their case, and
+`proofmass diet` compiles what is left of its model when something is cut.  Who calls `evaluate` or
+`compare` from Python has the reference in the calling process.
+
+A worker is kept for the next
 run, since importing the engines takes longer than most runs; a worker that died or was killed is
 replaced.  `multiprocessing` is not used because it imports the caller's main script again, which a
 ten-line script or a notebook does not survive.

@@ -11,7 +11,7 @@ from proofmass.chart import chart_of, check_charts
 from proofmass.check import Result
 from proofmass.compare import compare
 from proofmass.errors import InputError
-from proofmass.report import drawing, write_report
+from proofmass.report import drawing, pages, write_report
 from proofmass.view import ChartTable
 from tests.test_report import case_of, curves_of, result_of
 
@@ -47,7 +47,8 @@ def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (models / "stubs" / "charted_crank.py").write_text(STUB)
     monkeypatch.setattr(analytic, "__path__", [*analytic.__path__, str(models / "stubs")])
     # other processes do not know of it
-    monkeypatch.setattr(drawing, "isolated", lambda function, *args, timeout: function(*args))
+    for module in (drawing, pages):
+        monkeypatch.setattr(module, "isolated", lambda function, *args, **limits: function(*args))
     text = (models / "fourbar.toml").read_text()
     text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\n[drive]",
                   text.replace('"fourbar"', '"charted_crank"'))

@@ -12,7 +12,7 @@ from analytic.fourbar import solve
 from proofmass.case import Case, load_case
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
-from proofmass.report import drawing, write_report
+from proofmass.report import drawing, pages, write_report
 from proofmass.report.data import shown, ways
 from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
@@ -51,7 +51,8 @@ def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (models / "stubs" / "sprung_crank.py").write_text(STUB)
     monkeypatch.setattr(analytic, "__path__", [*analytic.__path__, str(models / "stubs")])
     # other processes do not know of it
-    monkeypatch.setattr(drawing, "isolated", lambda function, *args, timeout: function(*args))
+    for module in (drawing, pages):
+        monkeypatch.setattr(module, "isolated", lambda function, *args, **limits: function(*args))
     text = (models / "fourbar.toml").read_text()
     text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\ntarget = "
                   '"sine"\n[drive]', text.replace('"fourbar"', '"sprung_crank"'))

@@ -88,11 +88,15 @@ def draw_chart(case: Case, table: ChartTable, stem: Path) -> Charted:
 def pictured(case: Case) -> tuple[Picture | None, str]:
     """The mechanism at some poses; otherwise, or if these are not all, the reason."""
     try:
-        run = plan(case, next(iter(case.run)), "mujoco")
-        whole = isolated(picture, case.model_path, run, timeout=SECONDS)
+        whole = isolated(posed, case, timeout=SECONDS)
         return distinct(whole), whole.stopped
     except Exception as error:  # whatever is wrong with a model costs its drawing, not the report
         return None, str(error)
+
+
+def posed(case: Case) -> Picture:
+    """What `pictured` does in the other process."""
+    return picture(case.model_path, plan(case, next(iter(case.run)), "mujoco"))
 
 
 def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look],

@@ -6,11 +6,13 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -75,32 +77,33 @@ def write_report(result: Result, folder: Path | str,
     style, env, facts = looks(c.solver for c in result.comparisons), environment(), about()
     cards = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        views = {case.name: [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
-                 for case in result.cases}
-        own_views = {case.name: all_viewed(case, views[case.name]) for case in result.cases}
+        gathered = dict(zip((case.name for case in result.cases),
+                            pool.map(partial(gather, result), result.cases), strict=True))
+        views = {name: runs for name, (runs, _) in gathered.items()}
+        own_views = {name: own for name, (_, own) in gathered.items()}
         futures = [pool.submit(drawn, case, views[case.name], own_views[case.name], style,
                                folder / "figures", slug(case.name)) for case in result.cases]
         for k, (case, future) in enumerate(zip(result.cases, futures, strict=True)):
             drawings, faults = future.result(), faults_of(case, result)
             cards.append(card(case, views[case.name], drawings, faults))
+            tell = partial(told, case, beyond_limits(views[case.name]))
             page = env.get_template("case.html").render(
                 case=case, card=cards[-1], style=style, about=facts, faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
                 seen=[seen(case, k, v, drawings) for k, v in enumerate(own_views[case.name], 1)
                       if f"view-{k}" in drawings.figures],
                 charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
-                beside=tables.side_by_side(case) if case.beside else None,
+                beside=tell(tables.side_by_side, None) if case.beside else None,
                 mechanism=mechanism(case, drawings), note=drawings.note,
                 studied=[(s.title, link) for s in studies if (link := s.of(case))],
-                drive_units=drive_units(case),
+                drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
                 parameters=parameters_of(case), own_numbers=from_model(case),
-                freedoms=None if beyond_limits(views[case.name]) else freedoms(case),
-                knowledge={} if beyond_limits(views[case.name]) else known(case),
+                freedoms=tell(mobility, None), knowledge=tell(reference.facts, {}),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
-                **{name: tell(case, [c for v in views[case.name] for c in v.rows])
-                   for name, tell in (("unnoticed", tables.unnoticed),
-                                      ("not_known", tables.not_known))})
+                **{name: list_of(case, [c for v in views[case.name] for c in v.rows])
+                   for name, list_of in (("unnoticed", tables.unnoticed),
+                                         ("not_known", tables.not_known))})
             write_whole(folder / cards[-1]["page"], page)
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
@@ -111,12 +114,41 @@ def write_report(result: Result, folder: Path | str,
     return index
 
 
-def freedoms(case: Case) -> int | None:
-    """Mobility of the case's model; None where it is no planar linkage, or at fault."""
+def gather(result: Result, case: Case) -> tuple[list[Shown], list[Viewed]]:
+    """The runs of a case beside their references, and its views, from a worker.
+
+    Where the references are not there again within the limits of all runs, the runs have no curves.
+    """
+    own = replace(result, cases=[case], errors=[],
+                  comparisons=[c for c in result.comparisons if c.case == case.name],
+                  curves={key: c for key, c in result.curves.items() if key[0] == case.name},
+                  refined=[row for row in result.refined if row.case == case.name])
     try:
-        return isolated(mobility, case, timeout=SECONDS)
-    except (InputError, Crashed, TimedOut, OutOfMemory):  # which the runs have said
-        return None
+        return cast(tuple[list[Shown], list[Viewed]], isolated(
+            gathered_here, own, timeout=sum(r.timeout * len(r.solvers) for r in case.run.values()),
+            memory=max(r.memory for r in case.run.values())))
+    except (InputError, Crashed, TimedOut, OutOfMemory):
+        return gathered_here(replace(own, curves={}))
+
+
+def gathered_here(result: Result) -> tuple[list[Shown], list[Viewed]]:
+    """What `gather` does, in this process and of the only case of a result."""
+    case, = result.cases
+    runs = [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
+    return runs, all_viewed(case, runs)
+
+
+def told(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any) -> Any:
+    """What a function finds out of a case, from a worker.
+
+    Something else where the case is at fault, which the runs have said, or `beyond` its limits.
+    """
+    if beyond:
+        return otherwise
+    try:
+        return isolated(function, case, timeout=SECONDS)
+    except (InputError, Crashed, TimedOut, OutOfMemory):
+        return otherwise
 
 
 def parameters_of(case: Case) -> dict[str, str]:
@@ -124,14 +156,6 @@ def parameters_of(case: Case) -> dict[str, str]:
     try:
         return tables.parameters(case, case.parameters)
     except InputError:
-        return {}
-
-
-def known(case: Case) -> dict[str, str]:
-    """What the reference says of the mechanism as a whole; nothing when the case is at fault."""
-    try:
-        return isolated(reference.facts, case, timeout=SECONDS)
-    except (InputError, Crashed, TimedOut, OutOfMemory):  # which the runs have said
         return {}
 
 

@@ -8,12 +8,13 @@ from textwrap import fill, indent
 
 from proofmass.case import Case
 from proofmass.strict import Kind
+from proofmass.study.bounded import limited
 from proofmass.study.line import FALLS, order
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Setting
 from proofmass.study.snippet import snippet
 from proofmass.study.verdict import Verdict
-from proofmass.study.verify import LOST, error_of, fresh, shifted
+from proofmass.study.verify import LOST, again, elsewhere
 from proofmass.study.words import cost, off, told, walled
 from proofmass.wording import number
 from sim.mujoco_model import ENGINE_DEFAULTS
@@ -78,11 +79,8 @@ def verify(case: Case, kind: Kind, row: Row, of: str) -> Check:
     """Run a setting as its snippet says it, and from a shifted start; NaN for what is lost."""
     setting, errors, note = Setting(row.engine, row.knobs), [NAN, NAN], ""
     try:
-        curves, used = fresh(case, kind, setting, row.steps)
-        errors[0] = error_of(setting.applied(case, kind)[0], kind, curves, of)
-        setting = used
-        curves = shifted(case, kind, setting)
-        errors[1] = error_of(setting.applied(case, kind)[0], kind, curves, of)
+        errors[0], setting = limited(case, kind, again, case, kind, setting, row.steps, of)
+        errors[1] = limited(case, kind, elsewhere, case, kind, setting, of)
     except Unsupported as error:
         note = str(error)
     except LOST:

@@ -9,11 +9,9 @@ import typer
 from rich.table import Table
 
 from proofmass.case import Case
-from proofmass.check import FAILURES, collect, load
+from proofmass.check import collect, load
 from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
-from proofmass.isolate import isolated
-from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.study.axes import lines
 from proofmass.study.orders import off
@@ -66,7 +64,7 @@ def named(paths: list[Path]) -> list[Case]:
     """
     wrong: list[InputError] = []
     files = collect(paths, wrong)
-    cases = [usable(file.absolute()) for file in files if file.suffix == ".toml"]
+    cases = [load(file.absolute(), strict=True) for file in files if file.suffix == ".toml"]
     lone = [InputError(file, "", "no sidecar says what is right; a study needs one")
             for file in files if file.suffix != ".toml"]
     if wrong or not cases:
@@ -74,22 +72,6 @@ def named(paths: list[Path]) -> list[Case]:
     for one in lone:
         errors.print(f"passed over: {one}", markup=False)
     return cases
-
-
-def usable(file: Path) -> Case:
-    """A case whose model compiles within the limits of a run; a study asks for it many times."""
-    case = load(file)
-    limits = next(iter(case.run.values()))
-    try:
-        isolated(check_model, case, timeout=limits.timeout, memory=limits.memory)
-    except tuple(FAILURES) as error:
-        raise InputError(case.model_path, "", f"cannot be compiled: {error}") from None
-    return case
-
-
-def check_model(case: Case) -> None:
-    """Compile the model of a case, in a process of its own: it may be too large for this one."""
-    compiled(case)
 
 
 def turnable(case: Case, kind: Kind | None) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -13,13 +14,13 @@ from proofmass.check import FAILURES
 from proofmass.isolate import isolated
 from proofmass.reference import compiled
 from proofmass.sidecar import Channel
-from proofmass.solve import simulate
 from proofmass.study.boundary import Failure, Sought, told
+from proofmass.study.bounded import bounded
 from proofmass.study.invariants import conserved, invariants
 from proofmass.study.measure import Found, Task
 from proofmass.study.rescaled import with_model
 from proofmass.study.setting import Knob
-from proofmass.study.stand import LONG, TIMEOUT, Stand, needs
+from proofmass.study.stand import LONG, TIMEOUT, Stand, needs, simulated
 from proofmass.study.store import key_of
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
@@ -34,7 +35,7 @@ def energies(stand: Stand) -> Iterator[Sought]:
     why = "energy: something drives, loads or brakes it, or nothing is stepped"
     needs(stand.kind == "duration" and not stand.case.drive, why)
     watched = weighed(stand.case, stand.models)
-    needs(conserved(watched), why)
+    needs(bounded(watched, stand.kind, conserved, watched), why)
     yield from stand.integrated("steps until the energy is off by 1 %", "1",
                                 stand.seconds / stand.step, LONG,
                                 partial(drifted, stand, watched), INTEGRATORS)
@@ -74,9 +75,14 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> F
 
 def weighing(task: Task) -> Found:
     """Run a task for its energy alone."""
-    case, run = task.setting.applied(task.case, task.run)
     try:
-        curves = isolated(simulate, task.setting.engine, case.model_path, run, timeout=TIMEOUT)
+        return cast(Found, isolated(weighed_here, task, timeout=TIMEOUT))
     except tuple(FAILURES) as error:
         return Found(outcome=FAILURES[type(error)], message=str(error))
-    return Found(invariants=invariants(case, curves), seconds=curves.seconds, steps=curves.steps)
+
+
+def weighed_here(task: Task) -> Found:
+    """The same, in this process."""
+    curves = simulated(task)
+    return Found(invariants=invariants(task.case, curves), seconds=curves.seconds,
+                 steps=curves.steps)

@@ -9,19 +9,22 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 import mujoco
 import numpy as np
 
-from proofmass.case import Case, load_case
-from proofmass.check import FAILURES
+from proofmass.case import Case
+from proofmass.check import FAILURES, load
 from proofmass.compare import reference_for
 from proofmass.errors import InputError
 from proofmass.isolate import isolated
 from proofmass.solve import plan
 from proofmass.strict import Kind
+from proofmass.study.bounded import bounded
 from proofmass.study.draft import Draft, read
 from proofmass.study.trial import PASSIVE, attempt, by_steps
+from sim.mjcf import compile_model
 from sim.protocol import Array, BadModel, Curves, Run
 
 ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
@@ -31,6 +34,7 @@ FEWEST = 10  # samples before that
 SAMPLES = 501
 SHARE = 0.1  # of what an error leaves of its tolerance: a change that uses it up would be a loss
 LATEST = 600.0  # s
+COMPILING = 120.0  # s, as a run has that states no limit
 FEW = 500  # steps that are timed, and whose iterations are counted
 
 
@@ -96,6 +100,8 @@ def scene_of(file: Path, seconds: float) -> Scene:
         The model or a sidecar cannot be used, or the model as it is does not run.
     """
     cases = list(sidecars(file)) if file.is_file() else []
+    if not cases:
+        compile_elsewhere(file)
     runs = [(case, kind, solver) for case in cases for kind in case.run
             for solver in solvers_of(case, kind)]
     draft = read(file, next((case.rods for case in cases), ()), probing=not runs)
@@ -123,7 +129,29 @@ def sidecars(file: Path) -> Iterator[Case]:
         except (tomllib.TOMLDecodeError, UnicodeDecodeError):
             named = path.stem + ".xml"
         if named == file.name:
-            yield load_case(path)
+            yield load(path, strict=True)
+
+
+def compile_elsewhere(file: Path) -> None:
+    """Compile a model that no sidecar speaks of in a worker, before it is compiled here.
+
+    Raises
+    ------
+    InputError
+        It takes too long or too much memory.
+    """
+    try:
+        isolated(compiles, file, timeout=COMPILING)
+    except tuple(FAILURES) as error:
+        raise InputError(file, "", f"cannot be compiled: {error}") from None
+
+
+def compiles(file: Path) -> bool:
+    """Whether MuJoCo takes a model; who reads it says why it does not."""
+    try:
+        return compile_model(file) is not None
+    except BadModel:
+        return False
 
 
 def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
@@ -132,7 +160,8 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
     One without a tolerance, or beyond it already, may move by rounding.
     """
     before = done(case.model_path, draft.compiled(run.rods), run)
-    truth, allowed = reference_for(case, before).channels, dict[str, Array]()
+    truth = bounded(case, cast(Kind, run.kind), reference_for, case, before).channels
+    allowed = dict[str, Array]()
     for name, curve in before.channels.items():
         tolerance = case.tolerance_for(run.kind, solver, name)
         most = tolerance.allowed(float(np.ptp(truth[name]))) if tolerance else 0.0

@@ -24,7 +24,7 @@ from proofmass.study.measure import Found, Task, observe
 from proofmass.study.reread import READS
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.store import Store, key_of
-from sim.protocol import BadModel
+from sim.protocol import BadModel, Curves
 
 LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""
@@ -113,12 +113,17 @@ def observed(task: Task, patience: float) -> Found:
 
 def unanswered(task: Task, late: str) -> Found:
     """Whose answer was not there in time: the engine's, if late again, or the reference's."""
-    case, run = task.setting.applied(task.case, task.run)
     try:
-        isolated(simulate, task.setting.engine, case.model_path, run, timeout=TIMEOUT)
+        isolated(simulated, task, timeout=TIMEOUT)
     except tuple(FAILURES):
         return Found(outcome=FAILURES[TimedOut], message=late)
     return Found(outcome="no reference", message=f"{late}; the engine has its run")
+
+
+def simulated(task: Task) -> Curves:
+    """A run in this process, held against nothing."""
+    case, run = task.setting.applied(task.case, task.run)
+    return simulate(task.setting.engine, case.model_path, run)
 
 
 def judged(found: Found) -> Failure | None:

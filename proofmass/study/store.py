@@ -28,6 +28,7 @@ from proofmass.files import HALF, read_text, write_whole
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
 from proofmass.study import invariants, measure
+from proofmass.study.bounded import bounded
 from proofmass.study.measure import Found, Task
 from sim.protocol import Array
 
@@ -140,15 +141,22 @@ def key_of(task: Task) -> str:
 
     Neither the study that asks for the run nor titles, views and tolerances are part of it.
     """
-    case, run = task.setting.applied(task.case, task.run)
+    case, model, settings = bounded(task.case, task.run, compiled_with, task)
     table = case.run[task.run]
     parts = {
-        "model": digest(model_bytes(case)), "reference": recorded_bytes(case),
+        "model": model, "reference": recorded_bytes(case),
         "sidecar": case.model_dump(mode="json", include=MATTERS),
         "channels": {n: c.model_dump() for n, c in case.channels_of(task.run).items()},
         "run": (task.run, table.n, table.until), "engine": task.setting.engine,
-        "knobs": run.settings, "versions": versions(task.setting.engine), "sources": sources()}
+        "knobs": settings, "versions": versions(task.setting.engine), "sources": sources()}
     return digest(json.dumps(parts, sort_keys=True).encode())
+
+
+def compiled_with(task: Task) -> tuple[Case, str, dict[str, Any]]:
+    """A task's case with its setting applied, the digest of its model, and the engine's settings.
+    """
+    case, run = task.setting.applied(task.case, task.run)
+    return case, digest(model_bytes(case)), dict(run.settings)
 
 
 def digest(data: bytes) -> str:

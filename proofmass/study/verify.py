@@ -11,7 +11,6 @@ import numpy as np
 from analytic import planar
 from proofmass.case import Case
 from proofmass.check import FAILURES
-from proofmass.isolate import isolated
 from proofmass.recorded import Recorded
 from proofmass.reference import evaluate, module_of
 from proofmass.solve import simulate
@@ -25,16 +24,28 @@ from sim.protocol import Array, BadModel, Curves, Run, Unsupported
 PART = 0.381966  # of a sample; irrational, or some steps would fall where others fell before
 
 
+def again(case: Case, kind: Kind, setting: Setting, steps: int, of: str) -> tuple[float, Setting]:
+    """The error of a setting that is run again, and the setting as it was used."""
+    curves, used = fresh(case, kind, setting, steps)
+    return error_of(setting.applied(case, kind)[0], kind, curves, of), used
+
+
+def elsewhere(case: Case, kind: Kind, setting: Setting, of: str) -> float:
+    """The error of a setting from a shifted start."""
+    curves = shifted(case, kind, setting)
+    return error_of(setting.applied(case, kind)[0], kind, curves, of)
+
+
 def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
-    """A run of its own, in MuJoCo with the snippet pasted; and the setting as it was used."""
+    """A run anew, in MuJoCo with the snippet pasted; and the setting as it was used."""
     case, run = setting.applied(case, kind)
     if setting.engine == "mujoco":
         said = {*OPTION, *EQUALITY, "defaults"}
         run = replace(run, settings={k: v for k, v in run.settings.items() if k not in said})
         text = pasted(case.model_path, snippet(setting, steps, case.model_path))
-        curves = ran_text(text, case, kind, run)
+        curves = ran_text(text, case, run)
     else:
-        curves = ran(setting.engine, case.model_path, run, case.run[kind].timeout)
+        curves = simulate(setting.engine, case.model_path, run)
     return curves, setting.but(**used(curves, setting)) if kind == "duration" else setting
 
 
@@ -56,9 +67,9 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
         raise Unsupported("the reference is a recorded curve, known at its samples only")
     later = replace(run, x=run.x[:-1] + PART * np.diff(run.x))
     if run.drives:
-        return ran(setting.engine, case.model_path, later, case.run[kind].timeout)
+        return simulate(setting.engine, case.model_path, later)
     text = moved_on(case, float(later.x[0] - run.x[0]))
-    return ran_text(text, case, kind, later, setting.engine)
+    return ran_text(text, case, later, setting.engine)
 
 
 def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
@@ -88,17 +99,12 @@ def used(curves: Curves, setting: Setting) -> dict[str, Knob]:
             if isinstance(value := curves.settings.get(name), (int, float))}
 
 
-def ran(engine: str, model: Path, run: Run, timeout: float) -> Curves:
-    """A run in a process of its own; one that is lost raises as `proofmass.solve.solve` says."""
-    return isolated(simulate, engine, model, run, timeout=timeout)
-
-
-def ran_text(text: str, case: Case, kind: Kind, run: Run, engine: str = "mujoco") -> Curves:
+def ran_text(text: str, case: Case, run: Run, engine: str = "mujoco") -> Curves:
     """A run of a changed model."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / case.model_path.name
         model.write_text(text, encoding="utf-8")
-        return ran(engine, model, run, case.run[kind].timeout)
+        return simulate(engine, model, run)
 
 
 def moved_on(case: Case, time: float) -> str:

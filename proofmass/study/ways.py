@@ -1,11 +1,14 @@
 """Cases whose drives go elsewhere: further, to and fro, on and on; looked at less often."""
 
+from typing import cast
+
 import mujoco
 import numpy as np
 
 from proofmass.case import Case
 from proofmass.reference import compiled, evaluate, grid, laws
 from proofmass.strict import Kind
+from proofmass.study.bounded import bounded
 from sim.protocol import Curves
 
 
@@ -53,7 +56,12 @@ def longer(case: Case, factor: float, seconds: float) -> Case:
 
 
 def followed(case: Case, kind: Kind) -> Curves:
-    """The reference's curves of a run whose drives go just as they should."""
+    """The reference's curves of a run whose drives go just as they should; in a worker."""
+    return cast(Curves, bounded(case, kind, followed_here, case, kind))
+
+
+def followed_here(case: Case, kind: Kind) -> Curves:
+    """The same, in this process."""
     x = grid(case, kind)
     state = tuple(np.array(part) for part in zip(*(law(x) for law in laws(case, kind)),
                                                  strict=True))

@@ -1,0 +1,23 @@
+"""What compiles a changed model or evaluates a reference: in a worker, within a run's limits."""
+
+from collections.abc import Callable
+from typing import Any
+
+from proofmass.case import Case
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
+from proofmass.strict import Kind
+
+
+def limited(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
+    """`isolated`, within the limits of one of a case's runs."""
+    limits = case.run[kind]
+    return isolated(function, *args, timeout=limits.timeout, memory=limits.memory)
+
+
+def bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
+    """The same for what is no run itself: to reach a limit is bad input of the case."""
+    try:
+        return limited(case, kind, function, *args)
+    except (TimedOut, OutOfMemory, Crashed) as error:
+        raise InputError(case.file, f"run.{kind}", f"its model or its reference: {error}") from None

@@ -1,0 +1,125 @@
+"""What commands leave to workers: models and references of the user's, within the case's limits."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import pytest
+
+from analytic import planar
+from proofmass import reference
+from proofmass.case import load_case
+from proofmass.check import Result, check
+from proofmass.compare import Comparison
+from proofmass.errors import InputError
+from proofmass.pytest_plugin import SolverItem
+from proofmass.report import write_report
+from proofmass.study import closing, rescaled, scene
+from proofmass.study.choose import verify
+from proofmass.study.command import named
+from proofmass.study.energy import energies
+from proofmass.study.measure import Task
+from proofmass.study.row import Row
+from proofmass.study.setting import Setting
+from proofmass.study.stand import Stand
+from proofmass.study.store import key_of
+from proofmass.study.ways import farther, followed
+
+LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
+"""A model that takes MuJoCo minutes."""
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Files that this process compiles from now on; it may evaluate no reference."""
+    files = list[str]()
+
+    def noted(do: Callable, file: str, *more: object) -> object:
+        files.append(file)
+        return do(file, *more)
+
+    for kind, name in ((mujoco.MjModel, "from_xml_path"), (mujoco.MjSpec, "from_file")):
+        monkeypatch.setattr(kind, name, staticmethod(partial(noted, getattr(kind, name))))
+    for module, name in ((reference, "call"), (planar, "solve")):
+        monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("a reference was evaluated"))
+    return files
+
+
+def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(models, edit, keep_solver,
+                                                                       here, tmp_path):
+    """Of a case with a drive and with views."""
+    edit("balancer_sine.toml", r"n = \d+", "n = 9")
+    result = check([keep_solver("balancer_sine.toml", "mujoco")])
+    assert "agrees" in {c.outcome for c in result.comparisons}
+    page = write_report(result, tmp_path / "r").with_name("balancer_sine.html").read_text("utf-8")
+    assert page.count("<svg") > 4  # the mechanism, curves, differences, views
+    assert " rad " in page
+    SolverItem.runtest(SimpleNamespace(case=result.cases[0], name="mujoco"))
+    assert not here
+
+
+def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path):
+    """With a drive, a view, and another set of parameters beside its own."""
+    case = load_case(models / "balancer_sine.toml")
+    rows = [Comparison(case.name, solver, "sweep", name, channel.unit, outcome="timed out")
+            for solver in ("mujoco", "pymunk") for name, channel in case.channels.items()]
+    page = write_report(Result(cases=[case], comparisons=rows), tmp_path)
+    assert "timed out" in page.with_name("balancer_sine.html").read_text("utf-8")
+    assert not here
+
+
+@pytest.mark.parametrize("name", ["pendulum", "fourbar"])
+def test_a_choice_is_verified_in_workers(name, models, edit, here):
+    """The general solver, from which a free motion starts later, is a reference too."""
+    edit(f"{name}.toml", r"(?s)(run.duration.*?\nn = )\d+", r"\g<1>5")
+    row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
+    done = verify(load_case(models / f"{name}.toml"), "duration", row, "position")
+    assert done.fresh > 0
+    assert done.shifted > 0
+    assert not here
+
+
+def test_changed_models_are_compiled_and_followed_in_workers(models, here, stand, tmp_path):
+    fourbar: Stand = stand("fourbar", kind="sweep")
+    assert fourbar.lost(rescaled.larger(fourbar.case, fourbar.models, 2.0)) is None
+    links = closing.last_link(fourbar.case)
+    assert closing.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
+    assert followed(farther(fourbar.case, 1.0), "sweep").x.size == 361
+    assert list(energies(stand("fourbar_released")))
+    names = {Path(file).parent for file in here}
+    assert names == {models}  # the cases' own models, which their numbers are asked of
+
+
+def test_rods_in_other_numbers_of_segments_are_built_in_workers(models, here):
+    task = Task(load_case(models / "rod_cantilever.toml"), "rest", Setting("mujoco"))
+    keys = {key_of(Task(task.case, task.run, task.setting.but(segments=n))) for n in (10, 20)}
+    assert len(keys) == 2
+    assert not here
+
+
+def test_a_diet_compiles_its_model_in_a_worker_first(models, edit, here, monkeypatch, tmp_path):
+    edit("watt.xml", "<worldbody>", LARGE)
+    monkeypatch.setattr(scene, "COMPILING", 2.0)
+    lone = tmp_path / "lone.xml"
+    lone.write_bytes((models / "watt.xml").read_bytes())
+    with pytest.raises(InputError, match=r"lone\.xml: cannot be compiled: no answer in 2 s"):
+        scene.scene_of(lone, 1.0)
+    assert not here
+
+
+def test_a_diet_evaluates_its_references_in_workers(models, edit, here):
+    edit("pendulum.toml", r"until = 10\.0", "until = 0.1")
+    found = scene.scene_of(models / "pendulum.xml", 1.0)
+    assert "pendulum duration" in {watch.name for watch in found.watches}
+
+
+def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, edit, here):
+    edit("watt.xml", "<worldbody>", LARGE)
+    edit("watt.toml", r"(?m)^(\[run\.\w+\])$", r"\1\ntimeout = 1.0")
+    for study in (lambda: named([models / "watt.toml"]),
+                  lambda: scene.scene_of(models / "watt.xml", 1.0)):
+        with pytest.raises(InputError, match="its model or its reference: no answer in 1 s"):
+            study()
+    assert not here
