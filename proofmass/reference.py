@@ -97,6 +97,9 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
 def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Curves:
     """The reference curves of a case, channel by channel.
 
+    They are evaluated in this process: without limits, and with as many threads as BLAS has here.
+    Workers have one thread, so that last digits may differ from theirs.
+
     Parameters
     ----------
     case : Case

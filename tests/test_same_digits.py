@@ -23,19 +23,66 @@ answers = [isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
 print([answer.tobytes().hex() for answer in answers])
 """
 
+REFERENCE = """
+import numpy as np
+def solve(angle, rate, acceleration):
+    rows = np.random.default_rng(0).normal(size=(400, 400))
+    return {"solved": np.linalg.solve(rows, rows[0])[: angle.size]}
+"""
+SIDECAR = """
+title = "solved"
+source = "ours"
+model = "fourbar.xml"
+reference = "solved"
+drive = { joint = "crank", to = 1.0 }
+run.sweep = { n = 100, solvers = ["mujoco"] }
+channels.rocker = { equals = "solved", unit = "rad" }
+unchecked = true
+"""
+GATHERED = """
+import numpy as np
+from proofmass import Curves, load_case
+from proofmass.check import Result
+from proofmass.report.pages import gather
+from proofmass.study.ways import followed
+case = load_case("solved.toml")
+wanted = followed(case, "sweep")
+drive = tuple(np.ones((3, 1, 100)))
+found = {("solved", "sweep", "mujoco"): Curves(wanted.x, {}, drive=drive)}
+(run,), _ = gather(Result([case], curves=found), case)
+print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.truth["mujoco"])])
+"""
 
-def printed(threads: int, *command: str) -> str:
+
+def printed(threads: int, *command: str, folder: Path = ROOT) -> str:
     """Standard output of a command of Python, with BLAS told to take so many threads."""
-    environment = {**os.environ, **dict.fromkeys(NAMES, str(threads))}
-    done = subprocess.run([sys.executable, *command], cwd=ROOT, env=environment,
+    environment = {**os.environ, **dict.fromkeys(NAMES, str(threads)), "PYTHONPATH": str(folder)}
+    done = subprocess.run([sys.executable, *command], cwd=folder, env=environment,
                           capture_output=True, text=True, timeout=600)
     assert done.stdout, done.stderr
     return done.stdout
 
 
-@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="BLAS takes one thread on one processor")
+ON_TWO = pytest.mark.skipif((os.cpu_count() or 1) < 2,
+                            reason="BLAS takes one thread on one processor")
+
+
+@ON_TWO
 def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
     one, two = (printed(threads, "-c", SOLVED) for threads in (1, 2))
+    assert one == two
+
+
+@ON_TWO
+def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of_threads(tmp_path):
+    """A reference of 400 equations, which workers and this process find in another folder."""
+    (tmp_path / "solved.py").write_text(REFERENCE)
+    (tmp_path / "solved.toml").write_text(SIDECAR)
+    (tmp_path / "fourbar.xml").write_bytes((ROOT / "models" / "fourbar.xml").read_bytes())
+    (tmp_path / "sitecustomize.py").write_text(
+        f"import sys; sys.path.append({str(ROOT)!r}); import analytic; "
+        f"analytic.__path__.append({str(tmp_path)!r})")
+    one, two = (printed(threads, "-c", GATHERED, folder=tmp_path) for threads in (1, 2))
     assert one == two
 
 
