@@ -87,14 +87,14 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
                 model = mujoco.MjModel.from_xml_path(str(path))
         except (ValueError, mujoco.FatalError) as error:
             refuse_numbers(path, warnings)
-            if "allocate memory" in str(error):
-                raise MemoryError from None
-            raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
+            raise refusal(error, f"{path.name}: ") from None
         except RuntimeError as error:  # of C++, which MuJoCo passes on without its words
             raise BadModel(f"{path.name}: MuJoCo cannot compile it and says no more than "
                            f"\"{error}\"; it does so where there is no memory for a model as "
                            f"large, such as one with a height field of 1e6 rows") from None
     refuse_numbers(path, warnings)
+    if not model.opt.timestep > 0:
+        raise BadModel(f"{path.name}: <option>: timestep {model.opt.timestep:g} is not positive")
     if array := infinite(model):
         raise BadModel(f"{path.name}: {place(path, 'infinite') or array} is not finite")
     try:
@@ -104,6 +104,13 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
                        f"UTF-8; save the file as UTF-8") from None
     leave_out_disabled(model)
     return model
+
+
+def refusal(error: Exception, file: str = "") -> BadModel | MemoryError:
+    """What MuJoCo says when it takes a model no further, as the error that it is."""
+    if "allocate memory" in str(error):
+        return MemoryError()
+    return BadModel(f"{file}{' '.join(str(error).split())}")
 
 
 def read_tree(path: Path) -> Element:

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
 
 
+MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest models, 12 days
+
+
 class Unsupported(Exception):
     """The simulator cannot express something in the model; the message names it."""
 
@@ -191,12 +194,17 @@ class Run:
         ------
         Unsupported
             The samples are not evenly spaced.
+        BadModel
+            There are more steps from sample to sample than anyone waits for.
         """
         spacing = np.diff(self.x)
         if np.ptp(spacing) > 1e-9 * spacing.mean():
             raise Unsupported("samples at uneven times in a duration")
         width = float(self.x[-1] - self.x[0]) / (self.x.size - 1)
-        count = max(1, int(np.ceil(width / timestep - 1e-9)))
+        if not (steps := width / float(timestep)) < MOST_STEPS:
+            raise BadModel(f"{width:g} s from sample to sample are {steps:.3g} time steps of "
+                           f"{timestep:g} s; give a longer step or a shorter run")
+        count = max(1, int(np.ceil(steps - 1e-9)))
         return count, width / count
 
 

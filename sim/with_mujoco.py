@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 
 from sim import mujoco_flex
+from sim.mjcf import refusal
 from sim.mujoco_model import MujocoSettings, load, loop_gap
 from sim.mujoco_passive import passive
 from sim.mujoco_shape import rest
@@ -41,15 +42,19 @@ def simulate(model: Path, run: Run) -> Curves:
     Raises
     ------
     BadModel
-        The model does not compile, lacks a named element, or its start pose is not assembled.
+        The model does not compile, lacks a named element, its start pose is not assembled, or
+        MuJoCo itself refuses to go on, such as with options that exclude each other.
     Unsupported
         The model holds something that this kind of run does not cover; it is named.
     Diverged
         The run was lost.
     """
-    if run.settings.get("flex"):
-        return mujoco_flex.rest(model, run)
-    return follow(*load(model, run), run)
+    try:
+        if run.settings.get("flex"):
+            return mujoco_flex.rest(model, run)
+        return follow(*load(model, run), run)
+    except mujoco.FatalError as error:
+        raise refusal(error) from None
 
 
 def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:

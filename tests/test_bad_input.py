@@ -131,6 +131,8 @@ MEASURELESS = {
                               ["rod_cantilever.toml: rod.rod.segments: ", "equal to 100000"]),
     "refined into 23 digits": ("rod_cantilever.toml", r"segments = \[10,", f"segments = [{10**22},",
                                ["rod_cantilever.toml: refine.segments.0: ", "equal to 100000"]),
+    "a time step of 0": ("fourbar.xml", 'timestep="1e-3"', 'timestep="0"',
+                         ["fourbar.xml: <option>: timestep 0 is not positive"]),
     "a height field": ("fourbar.xml", "<worldbody>", '<asset><hfield name="h" nrow="1000000" '
                        'ncol="1000000" size="1 1 1 1"/></asset><worldbody><geom type="hfield" '
                        'hfield="h"/>', ["fourbar.xml: MuJoCo cannot compile it",
@@ -220,6 +222,25 @@ def test_a_number_that_is_out_of_all_measure_is_named_before_any_run(wrong, mode
         load((models / name).with_suffix(".toml"))
     assert str(caught.value).startswith(str(models / words[0]))
     assert all(word in str(caught.value) for word in words[1:]), caught.value
+
+
+@pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
+@pytest.mark.parametrize(("name", "old", "new", "words"), [
+    ("pendulum.toml", "until = 10.0", "until = 1e23", "1e+23 s from sample to sample are "),
+    ("pendulum.xml", 'timestep="1e-3"', 'timestep="1e-320"', " are inf time steps of ")])
+def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver, models, edit):
+    edit(name, old, new)
+    edit("pendulum.toml", r"n = \d+", "n = 2")
+    with pytest.raises(InputError) as caught:
+        run_here(load_case(models / "pendulum.toml"), "duration", solver)
+    assert words in str(caught.value)
+    assert "give a longer step or a shorter run" in str(caught.value)
+
+
+def test_what_mujoco_itself_refuses_is_an_error_of_the_model(models, edit):
+    edit("fourbar.xml", "<flag ", '<flag invdiscrete="enable" ')
+    with pytest.raises(InputError, match=r"fourbar\.xml: mj_discreteAcc: .* not supported by RK4"):
+        run_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

@@ -35,7 +35,6 @@ Harmless changes, which no verdict has to notice, and why:
 
 import csv
 import inspect
-import io
 import math
 import re
 import tomllib
@@ -203,7 +202,11 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
 def table(file: Path) -> dict[str, Array]:
     """A recorded curve in SI units; the oracle knows few of them."""
     text = file.read_bytes().decode("utf-8-sig")
-    rows = [r for r in csv.reader(io.StringIO(text)) if r and not r[0].lstrip().startswith("#")]
+    lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
+    mark = next((m for m in ";\t" if m in lines[0]), ",")
+    rows = list(csv.reader(lines, delimiter=mark))
+    if mark != ",":
+        rows[1:] = [[cell.replace(",", ".") for cell in row] for row in rows[1:]]
     found: dict[str, Array] = {}
     numbers = np.array([[float(v) for v in r] for r in rows[1:]])
     for head, column in zip(rows[0], numbers.T, strict=True):
