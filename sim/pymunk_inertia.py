@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 
 from sim.plane import Plane
-from sim.protocol import Array
+from sim.protocol import Array, BadModel
+
+MOST = 1e300  # [kg, kg m2] of a link; what is computed with it stays finite
 
 
 def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
@@ -25,6 +27,11 @@ def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: 
     Returns
     -------
     centre (count + 1, 2) [m], mass (count,) [kg], moment (count,) [kg m2]
+
+    Raises
+    ------
+    BadModel
+        A mass or a moment that is not positive or too large, at which Chipmunk would abort.
     """
     frames = data.ximat.reshape(-1, 3, 3)
     about = np.einsum("bij,i->bj", frames, plane.normal) ** 2
@@ -36,11 +43,19 @@ def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: 
         m, p = model.body_mass[of], points[of]
         mass[k], centre[k] = m.sum(), m @ p / m.sum()
         moment[k] = own[of].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
+    pins = dict[int, Array]()
     for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
-        k, body = of_body[model.jnt_bodyid[j]], model.jnt_bodyid[j]
+        k, body = int(of_body[model.jnt_bodyid[j]]), model.jnt_bodyid[j]
         if of_body[model.body_parentid[body]] == count:
             moment[k] += model.dof_armature[model.jnt_dofadr[j]]
-            _swing(centre, mass, moment, k, plane.flat(data.xanchor[j]))
+            pins[k] = plane.flat(data.xanchor[j])
+    for k in range(count):
+        if not (0 < mass[k] < MOST and 0 < moment[k] < MOST):
+            name = model.body(int(np.flatnonzero(of_body == k)[0])).name
+            raise BadModel(f"body {name!r}: mass {mass[k]:g} kg, moment of inertia with armature "
+                           f"{moment[k]:g} kg m2; both must be positive and less than {MOST:g}")
+    for k, pin in pins.items():
+        _swing(centre, mass, moment, k, pin)
     return centre, mass, moment
 
 

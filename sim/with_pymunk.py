@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 from pydantic import Field
@@ -33,7 +34,7 @@ class PymunkSettings(EngineSettings):
     """What can be set in pymunk; see `simulate`."""
 
     timestep: Number = Field(0.002, gt=0)
-    iterations: Count = 10
+    iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # ten times as many in the first step
     error_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
     defaults: Switch = False
 

@@ -9,7 +9,7 @@ from proofmass.case import load_case
 from proofmass.check import check, load
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.solve import plan, run_here
+from proofmass.solve import plan, run_here, solve
 
 SIDECARS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),
@@ -235,6 +235,21 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
         run_here(load_case(models / "pendulum.toml"), "duration", solver)
     assert words in str(caught.value)
     assert "give a longer step or a shorter run" in str(caught.value)
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ('mass="1" ', 'mass="1.2e308" '),  # of a body that is built with twice the mass
+    ('<joint name="pivot"', '<joint name="pivot" armature="-2"')])
+def test_a_body_at_which_chipmunk_would_abort_is_named(old, new, models, edit):
+    edit("pendulum.xml", old, new)
+    with pytest.raises(InputError, match=r"pendulum\.xml: body 'bob': mass .* must be positive"):
+        solve(load_case(models / "pendulum.toml"), "duration", "pymunk")
+
+
+def test_a_start_that_is_too_large_for_numbers_is_no_crash(models, edit):
+    edit("pendulum.xml", 'qpos="[^"]*"', 'qpos="1e308"')
+    with pytest.raises(InputError, match=r"pendulum\.xml: .* open by inf m"):
+        solve(load_case(models / "pendulum.toml"), "duration", "pymunk")
 
 
 def test_what_mujoco_itself_refuses_is_an_error_of_the_model(models, edit):

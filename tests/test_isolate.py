@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import pymunk
 import pytest
 
 from proofmass.check import check
@@ -53,6 +54,11 @@ def test_a_crash_is_told_in_the_words_of_the_last_call_alone():
     with pytest.raises(Crashed) as crash:
         isolated(speak_and_abort, "Aborting: mass must be positive\n\tin body 3", timeout=20)
     assert str(crash.value) == ("killed by signal 6: Aborting: mass must be positive in body 3")
+
+
+def test_an_abort_of_chipmunk_is_told_in_its_own_words():
+    with pytest.raises(Crashed, match="Chipmunk error: Moment of Inertia must be positive"):
+        isolated(pymunk.Body, 1.0, -1.0, timeout=20)
 
 
 def test_an_exception_that_cannot_be_sent_is_told():

@@ -37,7 +37,8 @@ def test_a_wrong_setting_is_bad_input_once_and_nothing_runs(models, edit, wrong)
 
 def test_pymunk_states_its_own():
     pymunk_settings({"timestep": 1e-3, "iterations": 10, "error_bias": 0.0, "defaults": True})
-    for wrong in {"error_bias": 2.0}, {"iterations": 0}, {"solref": (0.02, 1.0)}:
+    for wrong in ({"error_bias": 2.0}, {"iterations": 0}, {"iterations": 2**30},
+                  {"solref": (0.02, 1.0)}):
         with pytest.raises(BadSetting, match=next(iter(wrong))):
             pymunk_settings(wrong)
 
