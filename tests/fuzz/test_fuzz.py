@@ -81,6 +81,7 @@ ANOTHER = [  # what the oracle must see if the verdict does not
     ("fourbar", b"mode = 1 ", b"mode = -1 ", "parameter mode 1 is -1"),
     ("fourbar", b'"pin_x", unit = "m"', b'"pin_x", unit = "rad"', "channel unit"),
     ("fourbar", b"to = 0.6", b"to = 0.7", "x"),
+    ("fourbar", b'equals = "coupler_rate"', b'equals = "rocker_rate"', "channel equals"),
 ]
 
 
@@ -96,6 +97,15 @@ def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signatur
     assert changed != files
     write(changed, tmp_path)
     assert signature in oracle.judge(tmp_path, name, files, result)[0]
+
+
+def test_another_quantity_that_is_the_same_curve_is_no_false_agreement(judge):
+    """A slide along x has the acceleration of its x."""
+    files = dict(small("slider_crank"))
+    files["slider_crank.toml"] = files["slider_crank.toml"].replace(b'"slide_acceleration",',
+                                                                    b'"slider_ax",')
+    answer = judge.judge("slider_crank", files)
+    assert (answer.exit_code, answer.findings) == (0, [])
 
 
 def test_the_oracle_reads_a_file_that_is_no_strict_xml(judge):
