@@ -7,10 +7,9 @@ the same one within these limits before: studies look up numbers of the model of
 `proofmass diet` compiles what is left of its model when something is cut.  Who calls `evaluate` or
 `compare` from Python has the reference in the calling process.
 
-A worker is kept for the next
-run, since importing the engines takes longer than most runs; a worker that died or was killed is
-replaced.  `multiprocessing` is not used because it imports the caller's main script again, which a
-ten-line script or a notebook does not survive.
+A worker is kept for the next run, since importing the engines takes longer than most runs; a worker
+that died or was killed is replaced.  `multiprocessing` is not used because it imports the caller's
+main script again, which a ten-line script or a notebook does not survive.
 """
 
 import atexit
