@@ -193,7 +193,7 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
         return x, [(d["joint"], *(recorded[c] for c in d["law"])) for d in drives]
     n = int(table["n"])
     if not drives:
-        return np.linspace(0, table["until"], n), []
+        return np.linspace(0, float(table["until"]), n), []
     drive = drives[0]
     if "law" in drive:
         raise Unjudged("a law of the reference")
