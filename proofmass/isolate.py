@@ -223,6 +223,8 @@ def answered(function: Callable, args: tuple, memory: float) -> bytes:
     except MemoryError:
         return pickle.dumps((False, beyond(memory)))
     except Exception as error:
+        # where dask is installed, pint loads it, and exceptions would be packed with all of these
+        error.__traceback__ = error.__cause__ = error.__context__ = None
         try:  # an exception may be packed and yet not be unpacked
             packed = pickle.dumps((False, error))
             pickle.loads(packed)

@@ -30,6 +30,16 @@ def peculiar() -> None:
     raise Peculiar(1, 2)
 
 
+def deep(with_dask: bool) -> None:
+    """Fail far from where the call began; dask teaches pickle to pack tracebacks and contexts."""
+    if with_dask:
+        importlib.import_module("dask.multiprocessing")
+    try:
+        deep(False)
+    except RecursionError:
+        raise InputError(Path("deep.toml"), "", "nested too deeply") from None
+
+
 def reserve(gib: float) -> int:
     return len(bytearray(int(gib * 2**30)))
 
@@ -64,6 +74,12 @@ def test_an_abort_of_chipmunk_is_told_in_its_own_words():
 def test_an_exception_that_cannot_be_sent_is_told():
     with pytest.raises(Crashed, match="Peculiar: 1 and 2"):
         isolated(peculiar, timeout=20)
+
+
+def test_an_exception_is_sent_without_where_it_was_raised():
+    pytest.importorskip("dask")
+    with pytest.raises(InputError, match="nested too deeply"):
+        isolated(deep, True, timeout=20)
 
 
 def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
@@ -105,7 +121,7 @@ def test_a_reference_that_takes_too_long_costs_itself_only(models, edit):
 
 
 def test_more_samples_than_memory_cost_themselves_only(models, edit):
-    edit("pendulum.toml", "n = 1001", "n = 1000000000\nmemory = 1.0")
+    edit("pendulum.toml", "n = 1001", "n = 100000000\nmemory = 1.0")
     result = check([models / "pendulum.toml", models / "slider_crank.toml"])
     assert outcomes(result, "pendulum") == {"out of memory"}
     assert any("memory in [run.duration] allows more" in c.message for c in result.comparisons)
