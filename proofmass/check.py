@@ -88,7 +88,8 @@ def read(path: Path) -> Case:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(path, "", f"cannot be read: {error or type(error).__name__}") from None
+        words = str(error) or type(error).__name__
+        raise InputError(path, "", f"cannot be read: {words}") from None
 
 
 def load(path: Path, strict: bool = False) -> Case:

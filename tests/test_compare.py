@@ -11,7 +11,18 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.check import check, find
-from proofmass.compare import Comparison, check_branch, compare, one, scale_of, verdict
+from proofmass.compare import (
+    Comparison,
+    check_branch,
+    compare,
+    misfit,
+    one,
+    reference_for,
+    scale_of,
+    start_until,
+    time_of,
+    verdict,
+)
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
@@ -21,6 +32,7 @@ from proofmass.sidecar import Tolerance
 from proofmass.solve import plan
 from proofmass.terminal import worst
 from proofmass.units import si_unit
+from proofmass.view import View
 from sim.contents import size
 from sim.protocol import Curves
 
@@ -38,7 +50,78 @@ def test_error_measures_of_a_known_difference():
     assert c.at == 0.5
     assert c.error_rms == pytest.approx(1e-11, rel=1e-4)  # sqrt((4 + 1) / 5) e-11
     assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4)
+    assert c.of_range == pytest.approx(5e-12, rel=1e-4)
     assert c.allowed == pytest.approx(4e-10)
+    assert c.message.startswith("RK4 at 1 ms")  # the tolerance's reason
+
+
+PENDULUM = load_case(MODELS / "pendulum.toml")
+
+
+def in_unit(case, channel: str, **changed):
+    """The case with a channel in another unit, or of one run only."""
+    return case.model_copy(update={"channels": {
+        **case.channels, channel: case.channels[channel].model_copy(update=changed)}})
+
+
+def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
+    x = np.linspace(0, 1, 5)
+    truth = np.array([0.0, 1, 2, 3, 4])
+    curves = Curves(x, {"angle": truth + np.array([0, 0, -2e-11, 1e-11, 0])})
+    rad, deg = (one(case, "duration", "mujoco", "angle", curves, truth, {})
+                for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg")))
+    assert (deg.unit, deg.outcome) == ("deg", "agrees")
+    for name in ("error_max", "error_rms", "error_later", "allowed"):
+        assert getattr(deg, name) == pytest.approx(np.rad2deg(getattr(rad, name)))
+    assert (deg.nrmse, deg.of_range) == pytest.approx((rad.nrmse, rad.of_range))
+
+
+def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
+    x = np.linspace(2, 12, 101)
+    truth, error = np.sin(x), 1e-11 * (13 - x)
+    curves = Curves(x, {"angle": truth + error})
+    assert start_until(curves) == 3.0
+    c = one(PENDULUM, "duration", "mujoco", "angle", curves, truth, {})
+    assert c.error_later == pytest.approx(1e-10, rel=1e-4)  # at 3; 1e-16 of rounding at 1
+    assert c.of_range_later == pytest.approx(c.of_range / 1.1)
+    rod = load_case(MODELS / "rod_cantilever.toml")
+    name = next(iter(rod.channels))
+    assert np.isnan(one(rod, "rest", "mujoco", name, Curves(x, {name: truth}), truth, {}
+                        ).error_later)
+
+
+def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
+    x = np.linspace(0, 1, 3)
+    lost = Curves(x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"},
+                  seconds=2.0)
+    c = one(PENDULUM, "duration", "mujoco", "angle", lost, x, {})
+    assert (c.outcome, c.at) == ("differs", 0.5)
+    assert np.isnan(c.error_max)
+    for name, message in (("rate", "no such sensor"), ("kinetic", "")):
+        c = one(PENDULUM, "duration", "mujoco", name, lost, x, {})
+        assert (c.channel, c.outcome, c.message, c.seconds) == (name, "unsupported", message, 2.0)
+    c = one(PENDULUM, "duration", "mujoco:default", "angle", Curves(x, {"angle": x}), x, {})
+    assert (c.outcome, c.error_max, c.of_range) == ("unchecked", 0.0, 0.0)
+    assert np.isnan(c.allowed)
+    assert c.message == "no tolerance covers this channel of this solver"
+
+
+@pytest.mark.parametrize(("error", "allowed", "unit", "outcome", "message"), [
+    (0.5, 0.5, "m", "agrees", "why"),
+    (np.nan, 1.0, "m", "differs", "not a number somewhere on the curve"),
+    (np.inf, np.inf, "m", "differs", "not a number somewhere on the curve"),
+    (3.0, 2.0, "", "differs", "1.5 x the allowed error"),
+    (1e-17, 0.0, "N m", "differs", "the reference is zero and the mechanism has no size of this "
+     "quantity, so of_range allows nothing: give the tolerance as abs"),
+    (2 * np.pi, 0.1, "rad", "differs",
+     "off by 1 whole turn(s): count the start pose's angle anew"),
+    (720.0, 0.1, "deg", "differs", "off by 2 whole turn(s): count the start pose's angle anew"),
+    (2 * np.pi * 1.002, 0.1, "rad", "differs", "63 x the allowed error"),
+    (2 * np.pi, 0.1, "m", "differs", "62.8 x the allowed error"),
+    (1e-3, 1e-4, "rad", "differs", "10 x the allowed error"),  # no turn is near as well
+])
+def test_a_verdict_says_why(error, allowed, unit, outcome, message):
+    assert verdict(error, allowed, unit, "why") == (outcome, message)
 
 
 def compared(error: float, allowed: float, outcome: str = "agrees", **more: float) -> Comparison:
@@ -68,6 +151,42 @@ def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
     check_branch(case, Curves(x, {channel: own}, drive=state), truth)
     with pytest.raises(InputError, match=r"in mode -1, parameters\.mode says \+1"):
         check_branch(case, Curves(x, {channel: other}, drive=state), truth)
+
+
+def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
+    case = load_case(MODELS / "triple_rocker.toml")
+    x = grid(case, "sweep")
+    state = plan(case, "sweep", "mujoco").motion(x)
+    truth, other = (evaluate(case, x, state, mode=mode) for mode in (1, -1))
+    curves = Curves(x, other.channels, drive=state)
+    parameters = {k: v for k, v in case.parameters.items() if k != "mode"}
+    check_branch(case.model_copy(update={"parameters": parameters}), curves, truth)
+    check_branch(case, Curves(x, other.channels), truth)  # a free motion: nothing to evaluate with
+
+    def evaluated(case, x, state, mode):
+        if mode != -1:  # a mode that is not there at these poses hides no other
+            raise InputError(case.file, "", "")
+        return other
+
+    module = sys.modules[compare.__module__]  # whose name in the package is that of the function
+    monkeypatch.setattr(module, "modes", lambda case: (1, -1))
+    monkeypatch.setattr(module, "evaluate", evaluated)
+    with pytest.raises(InputError, match="mode -1") as error:
+        check_branch(case, curves, truth)
+    assert error.value.key == "start"
+
+
+def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
+    def of(**curves):
+        x = np.zeros(2)
+        return misfit(load_case(MODELS / "fourbar.toml"),
+                      *(Curves(x, {name: np.array(values[k]) for name, values in curves.items()})
+                        for k in (0, 1)))
+
+    assert of(rocker=([1.0, 9.0], [1.5, 3.5])) == 0.25
+    assert of(rocker=([1.0, 9.0], [1.5, 3.5]), coupler_rate=([5.0, 5.0], [0.0, 1.0])) == 0.25
+    assert of(rocker=([2.5, 7.0], [2.0, 2.0])) == 0.5  # of what does not move, in its unit
+    assert of(rocker_rate=([5.0, 5.0], [0.0, 1.0])) == 0.0
 
 
 def test_tolerance_selects_by_run_solver_unit_and_channel():
@@ -250,7 +369,7 @@ def test_a_wrong_gear_ratio_is_found_by_a_constant_rate(tmp_path, off):
 
 def scale(channel: str, values: list[float], name: str = "fourbar", run: str = "sweep") -> float:
     case = load_case(MODELS / f"{name}.toml")
-    x = np.linspace(0, 1, len(values))
+    x = np.linspace(0, 4, len(values))
     drive = (x[None], np.full((1, x.size), 3.0), 0 * x[None])
     return scale_of(case, run, channel, Curves(x, {}, drive=drive), np.array(values))
 
@@ -269,6 +388,21 @@ def test_what_of_range_is_a_share_of():
     assert scale("pin_velocity.x", [0.0, 0.0]) == 3 * extent
     assert scale("point_acceleration.x", [0.0, 0.0]) == pytest.approx(9 * extent)
     assert scale("holding_moment", [0.0, 0.0]) == pytest.approx(5.5 * 9 * extent**2)  # 5.5 kg
+
+
+def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion():
+    def of(name: str, *rates: list[float], run: str = "sweep", extent: float = 3.0) -> float:
+        x = np.array([2.0, 6.0])
+        drive = (np.zeros((len(rates), 2)), np.array(rates), np.zeros((len(rates), 2)))
+        return time_of(load_case(MODELS / f"{name}.toml"), run,
+                       Curves(x, {}, drive=drive if rates else None), extent)
+
+    assert of("fourbar", [1.0, -4.0]) == 0.25
+    assert of("threeprr", [1.0, 2.0], [0.0, -6.0], [1.0, 1.0]) == 0.5  # sliders: 6 m/s through 3 m
+    assert of("fourbar", [0.0, 0.0]) == of("fourbar") == of("fourbar", [1.0, 1.0], extent=0) == 0.0
+    assert of("pendulum", run="duration") == 4.0
+    assert of("pendulum", run="sweep") == 0.0
+    assert scale("rate", [0.0, 0.0], "pendulum", "duration") == 0.25  # rad/s
 
 
 def test_what_has_no_size_needs_an_absolute_tolerance():
@@ -294,6 +428,7 @@ def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, 
     value, checked = case.parameters[key], 0
     for c in found:
         change = c.would_notice[key]
+        assert change.relative is bool(value)
         if change.size < 1e-9:  # or rounding is part of the error
             continue
         by = change.size * (value or 1.0)
@@ -301,3 +436,40 @@ def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, 
         assert np.abs(off - truth.channels[c.channel]).max() == pytest.approx(c.allowed, rel=rel)
         checked += 1
     assert checked
+
+
+def test_would_notice_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
+    x = np.linspace(0.0, 1.0, 5)
+    curves = Curves(x, evaluate(PENDULUM, x, None).channels)
+
+    def angle(case, solver: str = "mujoco") -> Comparison:
+        return next(c for c in compare(case, "duration", solver, curves) if c.channel == "angle")
+
+    rad, deg = angle(PENDULUM), angle(in_unit(PENDULUM, "angle", unit="deg", only="duration"))
+    assert set(deg.would_notice) == set(rad.would_notice) >= {"length", "gravity"}
+    for key, change in rad.would_notice.items():
+        assert deg.would_notice[key].size == pytest.approx(change.size)
+    assert angle(PENDULUM, "mujoco:default").would_notice == {}
+
+
+def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
+    case = load_case(MODELS / "fourbar.toml")
+    x = np.linspace(0.0, 1.0, 5)
+    state = plan(case, "duration", "mujoco").motion(x)
+    curves = Curves(x, evaluate(case, x, state).channels, drive=state)
+    view = View(title="two units", x="rocker", y="rocker", dashed="rocker_rate", run="duration")
+    with pytest.raises(InputError, match="one axis, but units"):
+        compare(case.model_copy(update={"view": (view,)}), "duration", "mujoco", curves)
+
+
+def test_a_recorded_curve_is_not_asked_at_the_drives_state():
+    case = load_case(MODELS / "hacksaw_recorded.toml")
+    x = grid(case, "sweep")
+    state = plan(case, "sweep", "mujoco").motion(x)
+    off = tuple(part + 0.1 for part in state)
+    found = reference_for(case, Curves(x, {}, drive=off)).channels
+    truth = evaluate(case, x, None).channels
+    assert all(np.array_equal(found[name], truth[name]) for name in truth)
+    closed = load_case(MODELS / "hacksaw.toml")
+    assert not np.array_equal(reference_for(closed, Curves(x, {}, drive=off)).channels["r1"],
+                              reference_for(closed, Curves(x, {}, drive=state)).channels["r1"])

@@ -1,0 +1,278 @@
+"""From paths to verdicts: what is found, asked of workers, judged, and said of what went wrong.
+
+What would go to a worker process is called here.
+"""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from proofmass.check import (
+    FAILURES,
+    LOADING,
+    Result,
+    check,
+    file_of,
+    find,
+    judge,
+    label,
+    load,
+    measured,
+    run_one,
+    step_unchecked,
+    stopped,
+)
+from proofmass.compare import Comparison
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed
+from proofmass.refined import Finer
+from sim.protocol import BadModel, Curves, Unsupported
+
+CHECK = sys.modules[check.__module__]  # whose name in the package is that of the function
+
+
+class Workers(list):
+    """Calls that would go to worker processes, made here, and their limits; `fails` has errors."""
+
+    fails: dict[str, Exception]
+
+    def __call__(self, function, *args, timeout, memory=None):
+        self.append((function.__name__, timeout, memory))
+        if error := self.fails.get(function.__name__):
+            raise error
+        return function(*args)
+
+
+@pytest.fixture(autouse=True)
+def workers(monkeypatch):
+    found = Workers()
+    found.fails = {}
+    monkeypatch.setattr(CHECK, "isolated", found)
+    return found
+
+
+@pytest.fixture
+def short(edit):
+    """A pendulum for a tenth of a second, with a channel of sweeps, which it has not."""
+    edit("pendulum.toml", r"until = 10\.0 .*", "until = 0.1\ntimeout = 7.0\nmemory = 3.0")
+    edit("pendulum.toml", "n = 1001", "n = 11")
+    edit("pendulum.toml", r'(?s)\[\[tolerance\]\]\nsolver = "pymunk".*', "")
+    return edit("pendulum.toml", r"solvers = .*", 'solvers = ["mujoco"]')
+
+
+def wrong(call, *args):
+    """The key and the words of the error of a call."""
+    with pytest.raises(InputError) as error:
+        call(*args)
+    return error.value.key, error.value.wrong
+
+
+def test_what_is_found_below_a_path(models, tmp_path):
+    (models / "pendulum.toml").unlink()
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    (models / "notes.txt").write_text("")
+    names = [path.name for path in find([models])]
+    toml = sorted(path.name for path in models.glob("*.toml"))
+    assert names[:len(toml)] == toml
+    models_alone = {path.stem for path in models.glob("*.xml")} - {Path(n).stem for n in toml}
+    assert "pendulum" in models_alone
+    assert {Path(name).stem for name in names[len(toml):]} == models_alone
+    pair = [models / "fourbar.toml", models / "pendulum.xml"]
+    assert list(find(pair)) == pair
+    assert list(find([models / "fourbar.xml"])) == pair[:1]
+    for path, words in ((tmp_path / "no", "no such file or folder"),
+                        (empty, "no sidecar (.toml) and no model (.xml) in this folder"),
+                        (models / "notes.txt",
+                         "neither a sidecar (.toml), a model (.xml) nor a folder")):
+        assert wrong(lambda p: list(find([p])), path) == ("", words)
+
+
+def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short, workers, edit):
+    edit("pendulum.toml", r"\[channels\]",
+         "[run.sweep]\nn = 3\nsolvers = ['mujoco']\ntimeout = 9.0\nmemory = 2.0\n[channels]")
+    edit("pendulum.toml", r"\[run.duration\]",
+         "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.duration]")
+    workers.fails["validate"] = OSError()  # the runs meet it as well
+    assert load(short).name == "pendulum"
+    assert workers == [("load_case", LOADING, None), ("validate", 9.0, 3.0)]
+    workers.fails["validate"] = InputError(short, "channels", "bad")
+    assert wrong(load, short) == ("channels", "bad")
+    for error, words in ((InputError(short, "key", "bad"), ("key", "bad")),
+                         (OSError("gone"), ("", "cannot be read: gone")),
+                         (OSError(), ("", "cannot be read: OSError"))):
+        workers.fails["load_case"] = error
+        assert wrong(load, short) == words
+
+
+def test_a_run_is_made_within_its_limits(short, workers):
+    case = load(short)
+    found, curves = run_one(case, "duration", "mujoco")
+    assert workers[-1] == ("measured", 7.0, 3.0)
+    assert {c.outcome for c in found} == {"agrees"}
+    assert found[0].would_notice
+    assert curves.x.size == 11
+    held = run_one(case, "duration", "mujoco", hold=lambda *told: [told])[0]
+    assert held[0][:3] == (case, "duration", "mujoco")
+    assert held[0][3].x.size == 11
+
+
+@pytest.mark.parametrize("kind", FAILURES)
+def test_a_run_that_is_lost_has_a_verdict_for_each_of_its_channels(kind, short, workers):
+    case = load(short)
+    channel = case.channels["rate"].model_copy(update={"only": "sweep"})
+    case = case.model_copy(update={"channels": {**case.channels, "rate": channel}})
+    workers.fails["measured"] = kind("why")
+    if kind is Unsupported:
+        assert wrong(run_one, case, "duration", "mujoco") == (
+            "run.duration.solvers", "mujoco cannot run pendulum.xml: why; leave it out")
+        return
+    found, curves = run_one(case, "duration", "mujoco")
+    assert curves is None
+    more = {"timed out": "; timeout in [run.duration] allows more",
+            "out of memory": "; memory in [run.duration] allows more"}.get(FAILURES[kind], "")
+    assert found == [Comparison("pendulum", "mujoco", "duration", name, unit,
+                                outcome=FAILURES[kind], message="why" + more)
+                     for name, unit in (("angle", "rad"), ("acceleration", "rad/s^2"),
+                                        ("kinetic", "J"), ("potential", "J"))]
+
+
+@pytest.mark.parametrize("error", [InputError(Path("a"), "", ""), MemoryError(),
+                                   *(kind("") for kind in FAILURES)])
+def test_what_a_run_means_to_raise_is_no_crash(error, short, monkeypatch):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr(CHECK, "run_here", fail)
+    with pytest.raises(type(error)) as raised:
+        measured(load(short), "duration", "mujoco", None)
+    assert raised.value is error
+
+
+def test_what_nobody_meant_to_raise_is_a_crash(short, monkeypatch):
+    case = load(short)
+    for name in ("mobility", "run_here"):
+        with monkeypatch.context() as patch:
+            patch.setattr(CHECK, name, lambda case, *_: {}[case.name])
+            with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
+                measured(case, "duration", "mujoco", None)
+
+
+def test_a_sweep_that_ends_early_says_where(short):
+    case = load(short)
+    whole, part = Curves(np.zeros(11), {}), Curves(np.zeros(4), {}, stopped="a limit")
+    assert stopped(case, "duration", "mujoco", None) is None
+    assert stopped(case, "duration", "mujoco", whole) is None
+    error = stopped(case, "duration", "mujoco", part)
+    assert (error.file, error.key, error.wrong) == (
+        short, "drive", "the mujoco duration ends at sample 4 of 11, which are kept: a limit")
+
+
+def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
+    model = short.with_suffix(".xml")
+    found, = step_unchecked(model)
+    assert workers[-1] == ("simulate", 60.0, None)
+    assert (found.case, found.solver, found.run, found.channel, found.unit) == (
+        "pendulum", "mujoco", "duration", "", "")
+    assert (found.outcome, found.message) == ("unchecked", "no sidecar; it loads and steps")
+    assert found.steps == 100  # a tenth of a second at 1 ms
+    assert found.seconds > 0
+    assert found.gap == 0.0
+    for kind, outcome in FAILURES.items():
+        workers.fails["simulate"] = kind("why")
+        found, = step_unchecked(model)
+        assert (found.outcome, found.message) == (outcome, "why")
+    workers.fails["simulate"] = BadModel("pendulum.xml: broken")
+    assert wrong(step_unchecked, model) == ("", "broken")
+
+
+def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path):
+    lone = short.with_name("fourbar.xml")
+    lone.with_suffix(".toml").unlink()
+    twin = tmp_path / "twin"
+    twin.mkdir()
+    (twin / "pendulum.toml").write_text(short.read_text())
+    (twin / "pendulum.xml").write_text(short.with_suffix(".xml").read_text())
+    bad = twin / "bad.toml"
+    bad.write_text("title = 1")
+    told = []
+    found = check([short, tmp_path / "none", twin / "pendulum.toml", short, bad, lone], jobs=1,
+                  progress=lambda *words: told.append(words))
+    assert [c.name for c in found.cases] == ["pendulum"]
+    assert [(c.case, c.channel) for c in found.comparisons] == [
+        *(("pendulum", name) for name in found.cases[0].channels), ("fourbar", "")]
+    assert list(found.curves) == [("pendulum", "duration", "mujoco")]
+    assert [(e.file, e.key) for e in found.errors] == [
+        (tmp_path / "none", ""), (twin / "pendulum.toml", ""), (bad, "title")]
+    assert found.errors[1].wrong == f"its name is taken by {short}; results go by name"
+    assert told == [("pendulum duration mujoco", 1, 2), ("fourbar.xml", 2, 2)]
+    assert found.exit_code == 2
+
+
+def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatch):
+    """And what two runs say alike is said once."""
+    lone = short.with_name("fourbar.xml")
+    lone.with_suffix(".toml").unlink()
+    workers.fails["simulate"] = OSError("no more files")
+    found = check([lone, short])
+    error, = found.errors
+    assert (error.file, error.wrong) == (lone, "fourbar.xml failed: OSError: no more files")
+    assert {c.case for c in found.comparisons} == {"pendulum"}
+    workers.fails["measured"] = InputError(short, "drive", "bad")
+    text = short.read_text().replace('["mujoco"]', '["mujoco", "mujoco:default"]')
+    short.write_text(text)
+    assert [e.wrong for e in check([short]).errors] == ["bad"]
+
+
+def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
+    def closed(paths):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(CHECK, "find", closed)
+    error, = check([tmp_path]).errors
+    assert (error.file, error.wrong) == (tmp_path, "cannot be read: Permission denied")
+
+
+def test_an_interrupt_ends_what_waits(short, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    ended = []
+    monkeypatch.setattr(CHECK, "done", interrupt)
+    monkeypatch.setattr(CHECK.ThreadPoolExecutor, "shutdown",
+                        lambda self, wait=True, *, cancel_futures=False:
+                        ended.append((wait, cancel_futures)))
+    with pytest.raises(KeyboardInterrupt):
+        check([short])
+    assert (False, True) in ended
+
+
+def finer(case, segments, add):
+    return Finer(case, "duration", "mujoco", segments, SimpleNamespace(add=add))
+
+
+def test_runs_of_a_refinement_are_judged_by_their_study(short):
+    """Their own comparisons are not shown; a study that fails is an error, and not the last one."""
+    case = load(short)
+    curves = Curves(np.zeros(4), {}, stopped="a limit")
+
+    def add(segments, found):
+        if segments == 3:
+            raise Crashed("lost")
+        if segments == 4:
+            raise InputError(case.file, "refine.channels", "bad")
+        return [f"row {segments}"], [f"order of {found[0][0]}"]
+
+    tasks = [finer(case, n, add) for n in (2, 3, 4, 5)]
+    assert label(tasks[0]) == "pendulum duration mujoco, 2 segments"
+    assert file_of(tasks[0]) == short
+    result = Result()
+    judge(tasks, {k: ([f"run {k}"], curves if k == 3 else None) for k in (3, 0, 1, 2)}, result)
+    assert result.refined == ["row 2", "row 5"]
+    assert result.comparisons == ["order of run 0", "order of run 3"]
+    assert result.curves == {}
+    assert [(e.key, e.wrong.partition(" ")[0]) for e in result.errors] == [
+        ("refine", "lost"), ("refine.channels", "bad"), ("drive", "the")]
