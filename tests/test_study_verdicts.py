@@ -1,0 +1,286 @@
+"""What the studies decide by: causes to move, orders that theory expects, boundaries, lost runs."""
+
+from math import inf, isnan, nan
+from pathlib import Path
+
+import pytest
+
+from proofmass.case import load_case
+from proofmass.study.axes import Line
+from proofmass.study.boundary import Boundary, Failure, Sought, bisect, told
+from proofmass.study.orders import expected, jolted, nearest, off
+from proofmass.study.row import Row
+from proofmass.study.setting import Setting
+from proofmass.study.verdict import front
+from proofmass.study.wall import Probe, factor, gain, judge, probes, sampled
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def case_of(name: str):
+    return load_case(MODELS / f"{name}.toml")
+
+
+FOURBAR = case_of("fourbar")  # timestep 1e-3, solref 0.005 1, solimp 0.9999 0.9999 0.001
+BIAS = 0.9**60  # Chipmunk's own: the share of a gap that is left after a second
+SECOND = 3000  # iterations in pymunk where nothing is said
+
+
+def moves(name: str, setting: Setting, folder: Path, run: str = "duration"):
+    """What is moved of the engine: causes with what is done, the knobs, and which way."""
+    case = case_of(name)
+    found = [p for p in probes(case, run, setting, folder)
+             if p.cause not in ("the reference", "sampling")]
+    assert all(p.case == case and p.setting.engine == setting.engine for p in found)
+    return [(p.cause, p.move, p.setting.knobs, p.better, p.whole) for p in found]
+
+
+@pytest.mark.parametrize(("knobs", "step", "bias", "iterations"), [
+    ({}, 1e-3, 0.0, SECOND), ({"defaults": True}, 1e-3, BIAS, 10),
+    ({"defaults": True, "timestep": 0.5, "error_bias": 0.0}, 0.5, 0.0, 10),
+    ({"error_bias": 0.5, "iterations": 7}, 1e-3, 0.5, 7)])
+def test_what_is_moved_in_pymunk(knobs, step, bias, iterations, tmp_path):
+    kept = {k: v for k, v in knobs.items() if k == "timestep"}
+    more = 4 * iterations if iterations < SECOND else SECOND
+    assert moves("fourbar", Setting("pymunk", knobs), tmp_path) == [
+        ("time step", "halving the step", {**knobs, "timestep": step / 2}, True, False),
+        *([("bias of the loops", "halving its time constant", {**knobs, "error_bias": bias**2},
+            True, False),
+           ("bias of the loops", "taking it away, with iterations enough for that",
+            {**kept, "error_bias": 0.0}, True, True)] if bias else []),
+        ("the solver's iterations", f"{more} iterations", {**knobs, "iterations": more},
+         True, False)]
+
+
+@pytest.mark.parametrize(("knobs", "step", "solref", "closer", "solimp", "harder"), [
+    ({}, 1e-3, 0.0025, True, (0.9998, 0.9998), False),  # of the model, whose solimp is at the cap
+    ({"timestep": 2e-3}, 2e-3, 0.01, False, (0.9998, 0.9998), False),  # a half is below two steps
+    ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # two steps
+    ({"defaults": True}, 2e-3, 0.01, True, (0.95, 0.975), True),  # of 0.02, 0.9 and 0.95
+    ({"solref": (0.5, 0.7), "solimp": (0.8, 0.9998, 0.1), "iterations": 5}, 1e-3, 0.25, True,
+     (0.9, 0.9999), True),  # just the cap
+    ({"solimp": (0.8, 0.9999, 0.1)}, 1e-3, 0.0025, True, (0.6, 0.9998), False)])
+def test_what_is_moved_in_mujoco(knobs, step, solref, closer, solimp, harder, tmp_path):
+    found = moves("fourbar", Setting("mujoco", knobs), tmp_path)
+    assert [cause for cause, *_ in found] == [
+        "time step", "softness of the loops", "softness of the loops, solimp",
+        "the solver's iterations"]
+    ratio = knobs.get("solref", (0.0, 1.0))[1]
+    rest = knobs.get("solimp", (0.9, 0.95, 0.001, 0.5, 2.0))[2:]
+    iterations = 4 * knobs.get("iterations", 100)
+    for (_, words, setting, better, whole), (move, more, way) in zip(found, [
+            ("halving the step", {"timestep": step / 2}, True),
+            (f"{'halving' if closer else 'doubling'} solref", {"solref": (solref, ratio)}, closer),
+            (f"{'halving' if harder else 'doubling'} 1 - solimp", {"solimp": (*solimp, *rest)},
+             harder),
+            ("four times as many iterations", {"iterations": iterations, "tolerance": 0.0}, True),
+    ], strict=True):
+        assert (words, better, whole) == (move, way, False)
+        assert setting.keys() == {**knobs, **more}.keys()
+        for name, value in {**knobs, **more}.items():
+            assert setting[name] == pytest.approx(value, rel=1e-12)  # 1 - (1 - d), rounded
+
+
+def test_what_is_moved_where_there_are_no_loops_and_in_rods(tmp_path):
+    assert [cause for cause, *_ in moves("pendulum", Setting("mujoco"), tmp_path)] == ["time step"]
+    assert moves("rod_cantilever", Setting("mujoco", {"segments": 40}), tmp_path, "rest") == [
+        ("segments", "twice as many segments", {"segments": 80}, True, False)]
+    assert moves("fourbar", Setting("mujoco"), tmp_path, "sweep") == []
+
+
+def test_what_is_moved_of_the_reference(tmp_path):
+    def of(name: str, run: str = "duration"):
+        setting = Setting("mujoco", {"segments": 40, "timestep": 1e-3})
+        found = [p for p in probes(case_of(name), run, setting, tmp_path)
+                 if p.cause == "the reference"]
+        assert all(p.setting == setting for p in found)
+        return found
+
+    solver, = of("fourbar")
+    assert (solver.move, solver.better, solver.case.reference) == (
+        "a second reference", None, "planar")
+    half, = of("hacksaw_recorded")
+    assert (half.move, half.better) == ("every other row of the recorded curve", False)
+    assert half.case.reference.startswith(str(tmp_path))
+    for name, run in (("stephenson", "duration"), ("hacksaw", "duration"),
+                      ("rod_cantilever", "rest")):  # it is that already; own law; no planar rods
+        assert of(name, run) == []
+
+
+def test_what_is_moved_of_the_samples(tmp_path):
+    def of(name: str, run: str = "duration", n: int | None = None, segments: int = 40):
+        case = case_of(name)
+        case = sampled(case, run, n) if n else case
+        setting = Setting("mujoco", {"segments": segments, "timestep": 1e-3})
+        found = [p for p in probes(case, run, setting, tmp_path) if p.cause == "sampling"]
+        assert all(p.setting == setting and p.case.run.keys() == case.run.keys() for p in found)
+        return [(p.move, p.case.run[run].n, p.better) for p in found]
+
+    assert of("fourbar", n=361) == [("every other sample", 181, None)]
+    assert of("fourbar", n=360) == []  # its last sample would be another
+    assert of("fourbar", "sweep", n=361) == []
+    assert of("hacksaw_recorded") == []
+    assert of("rod_cantilever", "rest", n=41) == []  # at the ends of its 40 links
+    assert of("rod_cantilever", "rest", n=41, segments=20) == [
+        ("samples at the ends of links", 21, True)]
+
+
+def row(error: float, outcome: str = "ran") -> Row:
+    return Row("wall", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome)
+
+
+def moved(cause: str, error: float, better: bool | None = True, **more):
+    return Probe(cause, f"moving {cause}", FOURBAR, Setting("mujoco"), better), row(error, **more)
+
+
+def test_a_wall_is_told_by_all_that_was_moved():
+    found = [moved("one", 0.5), moved("two", 1.0), moved("three", 0.4, outcome="diverged"),
+             moved("four", 0.0)]
+    assert judge(1.0, found, "rate") == ("one", (
+        "moving one divides the error by 2.00; moving two leaves the error; "
+        "moving three: diverged; moving four: ran"))
+    assert judge(1.0, found, "position")[0] == "one, finer is lost"
+    lost = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
+    assert judge(1.0, lost, "rate")[0] == "one, finer is lost"
+    assert judge(1.0, lost[::-1], "rate")[0] == "two, finer is lost"
+    assert judge(1.0, [moved("one", 1 / 1.11)], "rate")[0] == "one"  # of which a fifth is one
+    assert judge(1.0, [moved("one", 1 / 1.09)], "rate")[0] == "unknown"
+    assert judge(1.0, [moved("time step", 1.09)], "rate")[0] == "unknown"
+    assert judge(1.0, [moved("time step", 1.11)], "rate")[0] == "rounding"
+    assert judge(1.0, [moved("other", 1.11), lost[0]], "rate")[0] == "one, finer is lost"
+
+
+def test_a_gain_is_how_much_better_the_error_is():
+    def of(better: bool | None, ratio: float, whole: bool = False) -> float:
+        return gain(Probe("", "", FOURBAR, Setting("mujoco"), better, whole), ratio)
+
+    assert (of(True, 4.0), of(True, 0.25), of(False, 4.0), of(False, 0.25)) == (4, 0.25, 0.25, 4)
+    assert (of(None, 4.0), of(None, 0.25)) == (4.0, 4.0)
+    assert of(True, 2.0, whole=True) == pytest.approx(1 / (1 - 0.5 / 2))  # a share of a half
+    assert [factor(r) for r in (1.004, 1.006, 0.5)] == [
+        "leaves the error", "divides the error by 1.01", "multiplies the error by 2.00"]
+
+
+def line(engine: str, axis: str, scaled: bool = False, count: int = 2, **knobs) -> Line:
+    """A line of settings; loops get harder with the step of one that is scaled."""
+    return Line(engine, "", axis, tuple(
+        Setting(engine, {axis: 0.1 / 2**k, **({"solref": (1.0 / 2**k, 1.0)} if scaled else {}),
+                         **knobs}) for k in range(count)))
+
+
+# as `orders` derives them; the four-bar starts in motion under gravity, the hacksaw at rest
+@pytest.mark.parametrize(("name", "of", "wanted"), [
+    ("fourbar", line("mujoco", "timestep", count=1, integrator="RK4"), ((), (), ())),
+    ("fourbar", line("mujoco", "iterations"), ((), (), ())),
+    ("fourbar", line("mujoco", "solimp"), ((1,), (1,), (1,))),
+    ("fourbar", line("mujoco", "solref"), ((2,), (1, 2), (0, 2))),
+    ("hacksaw", line("mujoco", "solref"), ((2,), (2,), (2,))),
+    ("fourbar", line("pymunk", "error_bias"), ((1,), (1,), (0, 1))),
+    ("fourbar_released", line("pymunk", "error_bias"), ((1, 2), (1, 2), (0, 1, 2))),
+    ("fourbar", line("pymunk", "timestep"), ((2,), (2,), (2,))),
+    ("fourbar", line("pymunk", "timestep", defaults=True), ((1,), (1,), (0, 1))),
+    ("pendulum", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
+    ("pendulum", line("mujoco", "timestep", True, integrator="RK4"), ((4,), (4,), (4,))),
+    ("fourbar", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
+    ("fourbar", line("mujoco", "timestep", True, integrator="RK4"), ((2,), (1, 2), (0, 2))),
+    ("fourbar", line("mujoco", "timestep", integrator="Euler"), ((1,), (1,), (1,))),
+    ("pendulum", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
+    ("hacksaw_recorded", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
+    ("fourbar", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (0, 1, 2))),
+    ("hacksaw", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (1, 2))),
+    ("fourbar_released", line("mujoco", "timestep", True, integrator="Euler"),
+     ((1, 2), (1, 2), (0, 1, 2))),
+])
+def test_orders_are_those_of_the_theory(name, of, wanted):
+    assert tuple(set(expected(case_of(name), "duration", of, kind))
+                 for kind in ("position", "rate", "acceleration")) == tuple(map(set, wanted))
+
+
+def test_orders_of_rods_and_other_kinds():
+    rod, segments = case_of("rod_cantilever"), line("mujoco", "segments")
+    assert expected(rod, "rest", segments, "position") == (2.0,)
+    naive = {name: table.model_copy(update={"scheme": "naive"}) for name, table in rod.rod.items()}
+    assert expected(rod.model_copy(update={"rod": naive}), "rest", segments, "position") == (1.0,)
+    softer = line("mujoco", "solref")
+    for kind, alike in (("energy", "rate"), ("effort", "acceleration")):
+        assert expected(FOURBAR, "duration", softer, kind) == expected(
+            FOURBAR, "duration", softer, alike)
+    assert expected(FOURBAR, "duration", softer, "rate")[0] == 1.0  # told where none was observed
+
+
+def test_a_jolt_is_a_start_in_motion_or_under_gravity():
+    assert jolted(case_of("change_point"))  # in motion, without gravity
+    assert jolted(case_of("pendulum"))  # at rest, under gravity
+    assert not jolted(case_of("hacksaw"))  # at rest, without gravity
+
+
+def test_an_order_is_off_by_more_than_a_fifth():
+    assert [off(2.0 + by, 2.0) for by in (-0.21, -0.19, 0.19, 0.21, nan)] == [
+        True, False, False, True, False]
+    assert nearest((2.0, 1.0), 1.4) == nearest((1.0, 2.0), nan) == 1.0
+    assert isnan(nearest((), nan))
+    assert isnan(nearest((), 1.0))
+
+
+def test_a_boundary_is_where_its_strides_find_it():
+    """Strides of at most four, from the start to the reach itself; then halves."""
+    def tried(start: float, reach: float, edge: float = inf, **how):
+        seen = []
+
+        def trial(x: float) -> Failure | None:
+            seen.append(x)
+            return Failure("gone", True) if x >= edge else None
+
+        return seen, bisect(trial, start, reach, **how)
+
+    for start, reach in ((2.0, 32.0), (32.0, 2.0)):
+        assert tried(start, reach)[0] == pytest.approx([start, 8.0, reach])
+    assert tried(2.0, 8.0)[0] == pytest.approx([2.0, 8.0])
+    assert tried(2.0, 9.0)[0] == pytest.approx([2.0, 18**0.5, 9.0])
+    seen, (holds, breaks, failure) = tried(1.0, 16.0, edge=9.0, within=0.5)
+    assert seen == pytest.approx([1.0, 4.0, 16.0, 8.0, 128**0.5])
+    assert (holds, breaks) == pytest.approx((8.0, 128**0.5))  # within 1.5
+    assert failure == ("gone", True)
+
+
+def test_what_is_sought_is_told_with_what_failed():
+    sought = Sought("what", "mujoco", "RK4", "knob", "m", 1.0, 16.0,
+                    lambda x: Failure("gone", True) if x >= 9.0 else None, 9.0, "law")
+    found = sought.find(0.5)
+    assert (found.what, found.engine, found.setting, found.knob, found.unit, found.start,
+            found.reach, found.theory, found.law) == (
+        "what", "mujoco", "RK4", "knob", "m", 1.0, 16.0, 9.0, "law")
+    assert (found.holds, found.breaks) == pytest.approx((8.0, 128**0.5))
+    assert (found.failure, found.silent) == ("gone", True)
+    assert found.found
+    assert found.judged
+    assert found.measured == pytest.approx(8.0 * 2**0.25)
+    assert found.ratio == pytest.approx(8.0 * 2**0.25 / 9.0)
+    whole = Sought("", "", "", "", "", 1.0, 2.0, lambda x: None).find()
+    assert (whole.failure, whole.silent, whole.found, whole.judged) == ("", False, False, False)
+
+
+def test_a_boundary_of_the_reference_alone_is_not_the_engine_s():
+    place = ("", "", "", "", "", 1.0, 9.0)
+    assert not Boundary(*place, 2.0, 3.0, failure="no reference: at 3").judged
+    assert Boundary(*place, 2.0, 3.0, failure="diverged").judged
+    assert isnan(Boundary(*place, 2.0, 3.0, theory=0.0).ratio)
+    assert isnan(Boundary(*place, 2.0, 3.0, theory=inf).ratio)
+    assert Boundary("", "", "", "", "", 9.0, 1.0, 1.0).measured == 0.0
+
+
+def test_only_a_warning_of_mujoco_is_the_engine_s_own_word():
+    assert told("MuJoCo warning badqacc")
+    assert not told("no MuJoCo warning")
+
+
+def test_the_front_is_of_settings_that_ran():
+    def of(value, seconds, error, kind="rate", outcome="ran"):
+        return Row("", "", "", "", "", "", value, errors={kind: error}, seconds=seconds,
+                   outcome=outcome)
+
+    rows = [of(1, 2.0, 0.1), of(2, 1.0, 0.2), of(3, 3.0, 0.2), of(4, 0.5, 0.01, outcome="stopped"),
+            of(5, 0.1, 0.01, "position"), of(6, 0.0, 0.01), of(7, 9.0, 0.0), of(8, nan, 0.0),
+            of(9, 0.1, nan), of(10, 0.1, -1.0)]
+    assert [found.value for found in front(rows, "rate")] == [2, 1, 7]
+    assert front([], "rate") == []
