@@ -1,5 +1,6 @@
 """Choosing: the cheapest setting that holds, what turns the choice, lines that can be pasted."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
@@ -18,14 +19,28 @@ from proofmass.reference import compiled
 from proofmass.solve import plan
 from proofmass.study import axes, trade
 from proofmass.study.axes import lines
-from proofmass.study.choose import MARGIN, Cannot, Check, choose, default, printed, verify
+from proofmass.study.choose import (
+    MARGIN,
+    Cannot,
+    Check,
+    beside,
+    best,
+    choose,
+    default,
+    enough,
+    printed,
+    verify,
+    wall_at,
+    words,
+)
 from proofmass.study.row import Row
 from proofmass.study.setting import Setting
 from proofmass.study.snippet import pasted, snippet
 from proofmass.study.store import Store
+from proofmass.study.verdict import Verdict
 from proofmass.study.verify import PART, fresh, shifted, state_at
 from sim.mujoco_model import configure
-from sim.protocol import Unsupported
+from sim.protocol import Diverged, Unsupported
 from tests.trade_rows import line, study, verdict
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -362,3 +377,174 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     assert found.exit_code == 1
     assert "no measured setting has position within 1e-17" in found.stderr
     assert not found.stdout
+
+
+def at(line: str = "", error: float = 1e-5, value: float = 1e-3, seconds: float = 1.0,
+       engine: str = "mujoco", outcome: str = "ran", message: str = "", **knobs: object) -> Row:
+    return Row("trade", "fourbar", "duration", engine, line, "timestep", value,
+               {"timestep": value, **knobs}, {"position": error}, {}, seconds, 70,
+               outcome=outcome, message=message)
+
+
+def wall_of(line: str, wall: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
+    return Verdict("fourbar", "duration", engine, line, kind, wall=wall, cause="softness",
+                   evidence="halving it divides the error by 4")
+
+
+@pytest.mark.parametrize(("walls", "found"), [
+    ([wall_of("own", 1.0)], 0),  # a line falls to its own wall, however far it is
+    ([wall_of("own", 0.6)], None),  # below 1 / 1.5 it is not at it
+    ([wall_of("other", 1.4)], 0), ([wall_of("other", 1.6)], None), ([wall_of("other", 0.7)], 0),
+    ([wall_of("other", 0.6)], None), ([wall_of("own", nan)], None),
+    ([wall_of("own", 1.0, "pymunk")], None), ([wall_of("own", 1.0, kind="rate")], None),
+    ([wall_of("other", 1.0), wall_of("own", 9.0)], 1),
+    ([wall_of("other", 1.4), wall_of("another", 0.9)], 1),
+    ([wall_of("other", 0.7), wall_of("another", 1.1)], 1)])
+def test_the_wall_that_a_setting_is_at(walls: list[Verdict], found: int | None) -> None:
+    assert wall_at(at("own", 1.0), "position", iter(walls)) == (
+        None if found is None else walls[found])
+
+
+def test_settings_that_are_enough_have_a_margin_of_two() -> None:
+    rows = [at("dear", 5e-5, seconds=2.0), at("cheap", 5e-5), at("off", 5.1e-5),
+            at("untimed", seconds=0.0), at("lost", outcome="stopped")]
+    assert [row.line for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
+    assert enough(rows, "rate", 1e-4) == []
+
+
+def test_why_none_is_enough() -> None:
+    """The best, and its wall with the evidence."""
+    rows = [at("poor", 1e-3), at("fine", 1.23e-5, 1e-4), at("none", nan), at("lost", 0.0,
+                                                                          outcome="stopped")]
+    short = ("no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
+             "best, fine, timestep 0.1 ms, is 1.2e-5 off")
+    assert best(rows, "position", 1.27e-6, []) == (
+        f"{short}, at no wall, but no finer one was measured",)
+    assert best(rows, "position", 1.27e-6, [wall_of("fine", 1.16e-5)]) == (
+        f"{short}: the wall is 1.2e-5, softness", "halving it divides the error by 4")
+    assert best([], "position", 1.0, []) == ("no setting was measured",)
+    lost = [at("one", nan), at("two", outcome="diverged", message="why"),
+            at("three", outcome="diverged")]
+    assert best(lost[1:], "rate", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
+    assert best(lost, "rate", 1.0, []) == (
+        "no setting ran, of 3: 2 diverged, 1 ran without rate errors",
+        "the first, one, timestep 1 ms: ran")
+
+
+def test_what_the_defaults_would_cost() -> None:
+    """Seconds of a setting that takes 0.5 s and of the defaults, refined to a half of 1e-4."""
+    tuned = at("tuned", seconds=0.5)
+
+    def of(*rows: Row, walls: tuple[Verdict, ...] = ()) -> tuple[str, float]:
+        return beside([tuned, *rows], tuned, "position", 1e-4, walls)
+
+    def plain(error: float, value: float, seconds: float = 2.0, **more) -> Row:
+        return at("plain", error, value, seconds, defaults=True, **more)
+
+    nothing = "the defaults were not measured, or did not run"
+    for row in (at(), plain(1e-5, 1e-3, engine="pymunk"), plain(nan, 1e-3),
+                plain(1e-5, 1e-3, outcome="stopped")):
+        assert of(row) == (nothing, pytest.approx(nan, nan_ok=True))
+    assert of(plain(4e-5, 1e-3), plain(1e-5, 5e-4, 4.0)) == (
+        "4 times cheaper than the engine's defaults refined to the same error, "
+        "2 s at timestep 1 ms", 4.0)
+    # of second order: 3.2e-3 is 64 times half of 1e-4, so 8 times as many steps
+    coarse, fine = plain(1.28e-2, 2e-3), plain(3.2e-3, 1e-3)
+    text, ratio = of(coarse, fine, plain(9e-1, 4e-3))
+    assert ratio == pytest.approx(8 * 2.0 / 0.5)
+    assert text == ("the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms; of order "
+                    "2 they would take 16 s, 32 times as long")
+    short = "the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms"
+    assert of(fine) == (short, pytest.approx(nan, nan_ok=True))
+    flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order of less than a half
+    assert of(flat, fine) == (short, pytest.approx(nan, nan_ok=True))
+    assert of(coarse, fine, walls=(wall_of("plain", 3.2e-3), wall_of("other", 3.2e-3))) == (
+        "the engine's defaults never get there: the wall is 3.2e-3, softness",
+        pytest.approx(nan, nan_ok=True))
+    assert of(coarse, fine, walls=(wall_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
+    assert beside([fine], fine, "position", 1e-4, ()) == (
+        "these are the engine's defaults, refined", 1.0)
+
+
+def test_only_the_step_may_differ_from_the_defaults() -> None:
+    assert default(at(defaults=True))
+    assert default(at(defaults=True, integrator="Euler"))
+    assert not default(at(defaults=True, integrator="RK4"))
+    assert not default(at(defaults=True, iterations=3))
+    assert not default(at())
+
+
+def test_a_setting_is_run_twice_and_both_errors_are_kept(fourbar: Case, monkeypatch) -> None:
+    asked: list[tuple] = []
+    used = Setting("mujoco", {"timestep": 0.7})
+
+    def once(case, kind, setting, steps):
+        asked.append((case, kind, setting, steps))
+        return "fresh", used
+
+    def again(case, kind, setting):
+        asked.append((case, kind, setting))
+        return "shifted"
+
+    def error(case, kind, curves, of):
+        assert (case.settings, kind, of) == (
+            {"mujoco": {"timestep": 0.7 if curves == "shifted" else 1e-3}}, "duration", "rate")
+        return {"fresh": 1.0, "shifted": 2.0}[curves]
+
+    module = sys.modules[choose.__module__]
+    for name, stub in (("fresh", once), ("shifted", again), ("error_of", error)):
+        monkeypatch.setattr(module, name, stub)
+    assert verify(fourbar, "duration", at(), "rate") == Check(1.0, 2.0, "", used)
+    assert asked == [(fourbar, "duration", Setting("mujoco", {"timestep": 1e-3}), 70),
+                     (fourbar, "duration", used)]
+
+    def fails(error):
+        def call(*_):
+            raise error
+        return call
+
+    monkeypatch.setattr(module, "shifted", fails(Unsupported("a rest has one start")))
+    check = verify(fourbar, "duration", at(), "rate")
+    assert (check.fresh, check.note, check.used) == (1.0, "a rest has one start", used)
+    assert np.isnan(check.shifted)
+    assert check.holds(1.0)
+    assert not check.holds(0.9)
+    monkeypatch.setattr(module, "shifted", fails(Diverged()))
+    check = verify(fourbar, "duration", at(), "rate")
+    assert (check.fresh, check.note) == (1.0, "")
+    assert not check.holds(9.0)
+
+
+def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
+    rows = [at("lucky", 1.23e-5, 2e-3, 0.25), at("tuned", 2.34e-5, 1e-3, 0.5)]
+    asked = []
+
+    def check(case, kind, row, of):
+        asked.append((case, kind, of))
+        return Check(*((3e-5, 4e-4) if row.line == "lucky" else (2.22e-5, 4.56e-5)), "",
+                     Setting("mujoco", {"timestep": 1e-3}))
+
+    found = choose(fourbar, "duration", rows, 1e-4, verify=check)
+    assert asked == [(fourbar, "duration", "position")] * 2
+    assert words(found, fourbar) == [
+        "fourbar, duration: position within 1e-4 of its range",
+        "tuned, timestep 1 ms: 2.3e-5 off in 0.5 s, 70 steps",
+        "run again with the lines below 2.2e-5, 4.6e-5 from a shifted start",
+        "the defaults were not measured, or did not run",
+        "lucky, timestep 2 ms is 1.2e-5 off, but 3e-5 when run again and 4e-4 from a shifted "
+        "start"]
+    once = replace(found, check=replace(found.check, note="a rest -- has one"), refused=())
+    assert words(once, fourbar)[2] == (
+        "run again with the lines below 2.2e-5, from a shifted start: a rest -- has one")
+    text = printed(once, fourbar)
+    assert text.startswith("<!--\n  fourbar, duration: position within 1e-4 of its range\n")
+    assert "a rest - has one\n" in text  # two dashes would end the comment
+    assert "\n-->\n<option" in text
+    assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
+    assert "start\n-->" in printed(found, fourbar)
+    planar = replace(once, row=replace(once.row, engine="pymunk"), check=replace(
+        once.check, used=Setting("pymunk", {"timestep": 1e-3})))
+    assert printed(planar, fourbar).startswith("# fourbar, duration: ")
+    with pytest.raises(Cannot) as why:
+        choose(fourbar, "duration", rows[:1], 1e-4, verify=check)
+    assert str(why.value).split("; ") == [words(found, fourbar)[-1], "no setting was measured"]

@@ -8,6 +8,7 @@ import pytest
 from proofmass.case import load_case
 from proofmass.study.axes import Line
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect, told
+from proofmass.study.line import Track, clear, deep, level, observed, wall
 from proofmass.study.orders import expected, jolted, nearest, off
 from proofmass.study.row import Row
 from proofmass.study.setting import Setting
@@ -284,3 +285,79 @@ def test_the_front_is_of_settings_that_ran():
             of(9, 0.1, nan), of(10, 0.1, -1.0)]
     assert [found.value for found in front(rows, "rate")] == [2, 1, 7]
     assert front([], "rate") == []
+
+
+def halved(*errors: float) -> list[tuple[float, float]]:
+    """Errors at sizes of which each is half of that before."""
+    return [(2.0**-k, error) for k, error in enumerate(errors)]
+
+
+def falling(*slopes: float) -> list[tuple[float, float]]:
+    """Errors that fall with the orders given."""
+    return halved(*(2.0**-sum(slopes[:k]) for k in range(len(slopes) + 1)))
+
+
+@pytest.mark.parametrize(("points", "first", "well_in", "least", "before"), [
+    (halved(1.0), None, None, nan, 1),
+    (halved(1.0, 1.0), None, None, nan, 0),  # which may become one
+    (halved(1.0, 1.0, 1.0), 0, 2, 1.0, 0),
+    (halved(1.0, 0.7, 0.5), None, None, nan, 0),  # an order of a half: it falls
+    (halved(1.0, 0.7, 0.51), 0, 2, 0.51, 0),
+    (halved(1.0, 1.0, 0.9, 0.3), None, None, nan, 4),
+    (halved(100.0, 11.0, 1.0, 1.1, 1.0), 2, 4, 1.0, 2),
+    (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 4, 1.0, 1),  # ten times the wall: it bends
+    (halved(100.0, 11.0, 1.1, 1.0), None, None, nan, 2),  # an end that falls no further
+    (halved(100.0, 9.0, 1.1, 1.0), None, None, nan, 1),
+    (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 2, 1.0, 2),
+    (halved(100.0, 11.0, 2.0, 1.0, inf, inf), 2, 3, 1.0, 2),
+    (halved(inf, 4.0, 1.0), None, None, nan, 2),
+])
+def test_a_wall_and_what_is_before_it(points, first, well_in, least, before):
+    assert (wall(points), deep(points)) == (first, well_in)
+    assert level(points) == pytest.approx(least, nan_ok=True)
+    assert clear(points) == [p for p in points if p[1] < inf][:before]
+
+
+@pytest.mark.parametrize(("slopes", "seen"), [
+    ((2.0, 2.0, 1.0, 1.0), 1.0),  # of the finest two
+    ((1.0, 1.0, 2.0, 1.0), 1.0),
+    ((1.92, 2.08), 2.0), ((1.85, 2.15), nan),  # a twentieth of their sum
+    ((0.7, 0.78), 0.74), ((0.7, 0.82), nan), ((2.0,), nan)])
+def test_an_order_is_seen_in_two_refinements_in_turn(slopes, seen):
+    assert observed(falling(*slopes)) == pytest.approx(seen, nan_ok=True)
+
+
+def tracked(*rows: Row) -> Track:
+    """Rows of a line of four steps."""
+    return Track(line("mujoco", "timestep", count=4), list(rows))
+
+
+def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> Row:
+    return Row("trade", "", "duration", "mujoco", "", "timestep", 0.0, {}, errors,
+               seconds=seconds, outcome=outcome)
+
+
+def test_points_are_of_settings_that_ran_or_were_lost():
+    track = tracked(at(rate=0.05), at("stopped", rate=0.04), at("not finite"), at(rate=0.0))
+    assert track.points("rate") == [(0.1, 0.05), (0.025, inf)]
+    assert [track.place(size) for size in track.line.sizes] == [0, 1, 2, 3]
+    coarse = tracked(at(rate=0.1), at("diverged"), at(rate=0.09), at(rate=9.0))
+    assert coarse.points("rate") == [(0.025, 0.09), (0.0125, 9.0)]
+    assert tracked(at(rate=0.1), at("crashed"), at(rate=0.2)).points("rate") == [
+        (0.1, 0.1), (0.025, 0.2)]
+    assert tracked(at(rate=0.1)).points("position") == []
+
+
+def test_a_line_goes_on_until_all_its_kinds_are_at_a_wall():
+    one, two = at(rate=1e-3, position=1e-3), at(rate=1e-3, position=1e-6)
+    assert not tracked(one, one).done(1.0)
+    assert tracked(one, one, one).done(1.0)
+    assert not tracked(one, one, two).done(1.0)  # its positions fall
+    assert tracked(one, one, two).kinds == ["rate", "position"]
+    assert tracked(one, two, two, two).done(1.0)  # no more settings
+    assert not tracked().done(1.0)
+    assert not tracked(at("diverged"), at("diverged"), at("diverged")).done(1.0)
+    assert not tracked(at(seconds=1.0)).done(1.0)
+    assert tracked(at(seconds=1.1)).done(1.0)
+    assert tracked(at("unsupported")).done(1.0)
+    assert tracked(at("timed out")).done(1.0)
