@@ -460,6 +460,8 @@ def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
     view = View(title="two units", x="rocker", y="rocker", dashed="rocker_rate", run="duration")
     with pytest.raises(InputError, match="one axis, but units"):
         compare(case.model_copy(update={"view": (view,)}), "duration", "mujoco", curves)
+    other = view.model_copy(update={"run": "sweep"})
+    assert compare(case.model_copy(update={"view": (other,)}), "duration", "mujoco", curves)
 
 
 def test_a_recorded_curve_is_not_asked_at_the_drives_state():

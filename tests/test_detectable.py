@@ -4,6 +4,7 @@ The reference at the true parameters stands for an engine without errors: held a
 at a changed parameter it shows what the change does to the verdicts.
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,13 @@ import pytest
 from proofmass.case import Case, load_case
 from proofmass.compare import (
     Comparison,
+    DetectableChange,
     changeable,
     compare,
+    detectable_changes,
     large_shares,
     one,
+    slopes,
     small_shares,
 )
 from proofmass.errors import InputError
@@ -153,6 +157,39 @@ def test_a_slope_promises_nothing_beyond_ten_per_cent():
     assert small_shares(of(curve), {"y": 0.09})[0] == {"y": pytest.approx(0.09, rel=1e-6)}
 
 
+def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
+    """From one step alone: of first order, and by more than it may if it is more than that."""
+    def asked(high: float, most: float):
+        return small_shares(of(lambda share: 3.0 * share, 0.0, high), {"y": most})
+
+    # the step is its own curvature, so that it is no slope, but a difference
+    assert asked(1.5e-6, 2e-6) == ({"y": 1e-6}, {})
+    assert asked(1.5e-6, 4e-6) == ({}, {"y": 4e-6})
+    assert asked(0.5e-6, 1e-6) == ({}, {"y": 1e-6})  # not even one
+
+
+@pytest.mark.parametrize(("bend", "smooth"), [(0.19e6, True), (0.21e6, False)])
+@pytest.mark.parametrize("low", [-1.0, 0.0])
+def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, low):
+    """Up to 1e-6, by which half of a second derivative turns the slope."""
+    found = slopes(of(lambda share: share + bend / 2 * share**2, low))["y"]
+    assert found[1] is smooth
+    most = 1e-6 * (1 if smooth else 1 + bend / 2 * 1e-6)
+    assert found[0] == pytest.approx(most, rel=1e-9)
+
+
+def test_channels_are_judged_one_by_one():
+    """One that rounding hides, one that a slope tells, one that does not depend on it at all."""
+    def moved(share: float):
+        return [{"hidden": np.array([1e-15 * (share > 0)]), "told": np.array([share]),
+                 "none": np.array([0.0])}]
+
+    found, asked = small_shares(moved, {"hidden": 1e-12, "told": 1e-3, "none": 1e-3})
+    assert found == {"told": pytest.approx(1e-3)}
+    assert asked == {"hidden": 1e-12}
+    assert large_shares(lambda share: [{"y": np.array([share < 0])}], {"y": 0.5}) == {"y": 1e-5}
+
+
 def test_a_jump_is_noticed_at_the_step_that_showed_it_and_not_before():
     assert small_shares(of(lambda share: abs(share) > 0), {"y": 0.5}) == ({"y": 1e-6}, {})
 
@@ -202,3 +239,34 @@ def test_whole_numbers_and_words_are_neither():
     assert set(changeable(load_case(MODELS / "rfr3.toml"))) == {
         "side", "radius", "theta1", "theta2", "theta3", "length", "stiffness", "force_y"}
     assert "target" not in changeable(load_case(MODELS / "balancer_sine.toml"))
+
+
+def test_a_mode_is_no_quantity_and_what_a_reference_takes_besides_is_one():
+    fourbar = load_case(MODELS / "fourbar.toml")
+    assert "mode" not in changeable(fourbar)
+    more = {**fourbar.parameters, "unknown": 2.0}
+    assert changeable(fourbar.model_copy(update={"parameters": more}))["unknown"] == 2.0
+
+
+def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
+    """A reference of two parameters, 0 and 5: steps of 5e-6, and a change where 1e-3 is used up."""
+    case = load_case(MODELS / "fivebar.toml")
+    asked = []
+
+    def evaluated(case, x, state, **changed):
+        asked.append(changed)
+        (key, value), = changed.items()
+        return Curves(x, {"y": np.array([value if key == "none" else 2.0 * (value + 5.0)])})
+
+    with pytest.MonkeyPatch.context() as patch:
+        module = sys.modules[compare.__module__]
+        patch.setattr(module, "evaluate", evaluated)
+        patch.setattr(module, "changeable", lambda case: {"none": 0.0, "some": -5.0})
+        curves = Curves(np.zeros(1), {"y": np.zeros(1)})
+        found = detectable_changes(case, curves, curves, {"y": 1e-3})
+        assert asked[0] == {"none": pytest.approx(5e-6)}
+        assert asked[2] == {"some": pytest.approx(-5.0 + 5e-6, abs=1e-12)}
+        assert found["y"]["none"] == DetectableChange(pytest.approx(1e-3), relative=False)
+        assert found["y"]["some"] == DetectableChange(pytest.approx(1e-4), relative=True)
+        patch.setattr(module, "changeable", lambda case: {})
+        assert detectable_changes(case, curves, curves, {"y": 1e-3}) == {"y": {}}
