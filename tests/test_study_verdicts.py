@@ -1,19 +1,33 @@
 """What the studies decide by: causes to move, orders that theory expects, boundaries, lost runs."""
 
+from dataclasses import replace
 from math import inf, isnan, nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from proofmass.case import load_case
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed, TimedOut
+from proofmass.solve import plan
+from proofmass.study import scene, stand
 from proofmass.study.axes import Line
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect, told
+from proofmass.study.draft import read
 from proofmass.study.line import Track, clear, deep, level, observed, wall
+from proofmass.study.measure import Found, Task
 from proofmass.study.orders import expected, jolted, nearest, off
 from proofmass.study.row import Row
+from proofmass.study.scene import Watch
+from proofmass.study.scene import moved as moved_over
 from proofmass.study.setting import Setting
+from proofmass.study.stand import NotHere, Stand, judged, known, needs
+from proofmass.study.stand import observed as observed_run
+from proofmass.study.store import Store
 from proofmass.study.verdict import front
 from proofmass.study.wall import Probe, factor, gain, judge, probes, sampled
+from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -219,6 +233,7 @@ def test_an_order_is_off_by_more_than_a_fifth():
     assert [off(2.0 + by, 2.0) for by in (-0.21, -0.19, 0.19, 0.21, nan)] == [
         True, False, False, True, False]
     assert nearest((2.0, 1.0), 1.4) == nearest((1.0, 2.0), nan) == 1.0
+    assert nearest((2.0, 1.0), 1.6) == nearest((1.0, 2.0), 1.6) == 2.0
     assert isnan(nearest((), nan))
     assert isnan(nearest((), 1.0))
 
@@ -361,3 +376,184 @@ def test_a_line_goes_on_until_all_its_kinds_are_at_a_wall():
     assert tracked(at(seconds=1.1)).done(1.0)
     assert tracked(at("unsupported")).done(1.0)
     assert tracked(at("timed out")).done(1.0)
+
+
+@pytest.mark.parametrize(("found", "message", "silent"), [
+    (Found({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, False), (Found(), None, False),
+    (Found({"position": 0.111}), "position off by 0.11 of its range", True),
+    (Found({"effort": 0.222}), "effort off by 0.22 of its range", True),
+    (Found({"position": nan}), "position off by nan of its range", True),
+    (Found(outcome="diverged", message="MuJoCo warning x"), "diverged: MuJoCo warning x", False),
+    (Found(outcome="diverged", message="open"), "diverged: open", True),
+    (Found(outcome="not finite", message="x at 3"), "not finite: x at 3", True),
+    (Found(outcome="crashed", message="x"), "crashed: x", False),
+    (Found(outcome="no reference", message="x"), "no reference: x", False)])
+def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, silent):
+    assert judged(found) == (None if message is None else Failure(message, silent))
+
+
+def fails(error: Exception):
+    def call(*_, **__):
+        raise error
+    return call
+
+
+def test_what_keeps_a_run_from_its_answer(monkeypatch):
+    task = Task(FOURBAR, "sweep", Setting("mujoco"))
+    calls = []
+
+    def answer(function, *args, timeout):
+        calls.append((function.__name__, args, timeout))
+        return Found(steps=7)
+
+    monkeypatch.setattr(stand, "isolated", answer)
+    assert observed_run(task, 5.0) == Found(steps=7)
+    assert calls == [("observe", (task, False, None), 5.0)]
+    for error, outcome in ((Diverged("why"), "diverged"), (Crashed("why"), "crashed"),
+                           (BadModel("why"), "no start"), (Unsupported("why"), "unsupported")):
+        monkeypatch.setattr(stand, "isolated", fails(error))
+        assert observed_run(task, 5.0) == Found(outcome=outcome, message="why")
+
+
+@pytest.mark.parametrize("engine_too", [True, False])
+def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, monkeypatch):
+    task, calls = Task(FOURBAR, "sweep", Setting("pymunk", {"iterations": 7})), []
+
+    def late(function, *args, timeout):
+        calls.append((function.__name__, args, timeout))
+        if engine_too or function.__name__ == "observe":
+            raise TimedOut("late")
+
+    monkeypatch.setattr(stand, "isolated", late)
+    assert observed_run(task, 5.0) == (
+        Found(outcome="timed out", message="late") if engine_too else
+        Found(outcome="no reference", message="late; the engine has its run"))
+    name, (engine, model, run), limit = calls[1]
+    assert (name, engine, model, run.kind, run.settings, limit) == (
+        "simulate", "pymunk", FOURBAR.model_path, "sweep", {"iterations": 7}, 60.0)
+
+
+def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
+    asked = []
+
+    def found(task, store, patience):
+        asked.append((task, store, patience))
+        return Found({"position": 0.5})
+
+    monkeypatch.setattr(stand, "tried", found)
+    own = Stand(FOURBAR, "duration", Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
+                Store(tmp_path), 9.0)
+    assert own.lost(FOURBAR, timestep=0.25) == Failure("position off by 0.5 of its range", True)
+    setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
+    assert asked == [(Task(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
+    monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
+    assert own.run(FOURBAR) == Found(outcome="refused", message="why")
+    assert own.lost(FOURBAR) == Failure("refused: why")
+
+    def trial(knobs, x):
+        return Failure(f"{knobs} {x}")
+
+    assert [(s.what, s.engine, s.setting, s.knob, s.unit, s.start, s.reach, s.trial(3.0).message)
+            for s in own.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))] == [
+        ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
+        for words in ("Euler", "RK4")]
+    planar = Stand(FOURBAR, "duration", Setting("pymunk"), Store(tmp_path))
+    one, = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
+    assert (one.engine, one.setting, one.trial(3.0).message) == (
+        "pymunk", "as in the model", "{} 3.0")
+    more = own.sought("k", "m", 1.0, 2.0, fails(KeyError()), theory=7.0, law="law")
+    assert (more.setting, more.theory, more.law) == ("RK4", 7.0, "law")
+    assert planar.sought("k", "m", 1.0, 2.0, fails(KeyError()), "words").setting == "words"
+
+
+def test_a_run_is_looked_for_in_the_store_first(tmp_path, monkeypatch):
+    task = Task(FOURBAR, "sweep", Setting("mujoco"))
+    monkeypatch.setattr(stand, "observed", lambda task, patience: Found(steps=int(patience)))
+    store = Store(tmp_path)
+    assert stand.tried(task, store, 5.0).steps == 5
+    monkeypatch.setattr(stand, "observed", fails(KeyError()))
+    assert stand.tried(task, store, 5.0).steps == 5
+    with pytest.raises(KeyError):
+        stand.tried(replace(task, run="duration"), store, 5.0)
+
+
+def test_what_an_extreme_needs():
+    needs([1], "why")
+    with pytest.raises(NotHere, match=r"^why$"):
+        needs([], "why")
+    assert known(FOURBAR)  # as many drives as freedoms
+    assert known(case_of("fourbar_released"))  # the reference reads the model
+    assert not known(case_of("pendulum"))
+    assert not known(FOURBAR.model_copy(update={"drive": FOURBAR.drive * 2}))
+
+
+def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> Watch:
+    x = np.arange(len(next(iter(before.values()))))
+    return Watch("", Run("duration", x, ()), {n: np.full(x.size, a) for n, a in allowed.items()},
+                 Curves(x, {n: np.array(values) for n, values in before.items()}))
+
+
+def test_how_far_a_channel_moved_of_what_it_may():
+    watch = watch_of({"one": 0.5, "two[0]": 2.0, "still": 1.0},
+                     {"one": [1.0, 2.0], "two[0]": [0.0, 4.0], "still": [3.0, 3.0]})
+
+    def of(optional: str = "", **after: list[float]):
+        channels = {n.replace("two", "two[0]"): np.array(v) for n, v in after.items()}
+        return moved_over(watch, Curves(np.zeros(2), channels), {optional})
+
+    assert of(one=[1.0, 1.5], two=[1.0, 0.0], still=[3.0, 3.0]) == {
+        "one": 1.0, "two[0]": 2.0, "still": 0.0}
+    gone = of(one=[1.0, 2.0])
+    assert gone == {"one": 0.0, "two[0]": inf, "still": inf}
+    assert of("still", one=[1.0, 2.0])["still"] == 0.0  # it never moved
+    assert of("two", one=[1.0, 2.0])["two[0]"] == 2.0  # and it does
+    assert of(one=[1.0])["one"] == inf  # a run that ended early
+    longer = Watch("", watch.run, {"one": np.full(1, 0.5)}, watch.before)
+    assert scene.moved(replace(longer, before=Curves(np.zeros(2), {"one": np.array([1.0, 9.0])})),
+                       Curves(np.zeros(1), {"one": np.array([1.25])}), set()) == {"one": 0.5}
+
+
+def test_the_scale_of_a_channel_is_that_of_its_sensor():
+    curves = Curves(np.zeros(2), {"a[0]": np.array([1.0, -3.0]), "a[1]": np.array([2.0, 0.0]),
+                                  "b": np.array([9.0, 0.0]), "c": np.array([1e-9, -1e-9])})
+    assert [scene.scale(curves, name) for name in curves.channels] == [3.0, 3.0, 9.0, 1.0]
+
+
+def test_a_scene_is_run_with_the_settings_of_its_own():
+    run = FOURBAR.run["sweep"].model_copy(update={"solvers": (
+        "mujoco", "mujoco:default", "mujoco:flex", "mujoco:fine", "pymunk", "mujoco2")})
+    case = FOURBAR.model_copy(update={
+        "run": {"sweep": run}, "settings": {"mujoco:flex": {"flex": True}, "mujoco:fine": {}}})
+    assert scene.solvers_of(case, "sweep") == ["mujoco", "mujoco:fine"]
+
+
+def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
+    """Or by rounding, where it has no tolerance or is beyond it."""
+    case, draft = case_of("pendulum"), read(case_of("pendulum").model_path)
+    x = np.linspace(0.0, 1.0, 3)
+    truth = {name: np.array([0.0, 1.0, 2.0]) for name in case.channels}
+    off = {"angle": 5e-11, "rate": 9.0, "acceleration": 0.0, "kinetic": 0.0, "potential": 0.0}
+    curves = Curves(x, {name: truth[name] + np.array([0.0, off[name], 0.0]) for name in truth})
+    asked = []
+
+    def done(file, model, run):
+        asked.append((file, model.nq, run.kind))
+        return curves
+
+    monkeypatch.setattr(scene, "done", done)
+    monkeypatch.setattr(scene, "reference_for", lambda case, curves: Curves(x, truth))
+    run = plan(case, "duration", "mujoco")
+    watch = scene.watched(case, run, "mujoco", draft)
+    assert asked == [(case.model_path, 1, "duration")]
+    assert (watch.name, watch.run, watch.before) == ("pendulum duration", run, curves)
+    # of_range = 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
+    wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9,
+              "potential": 2e-9}
+    for name, most in wanted.items():
+        assert watch.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
+    loose = scene.watched(case, run, "pymunk:fine", draft)
+    assert loose.name == "pendulum duration, fine"
+    assert loose.allowed["angle"] == pytest.approx(np.full(3, 2e-9))  # no tolerance covers it
+    soft = scene.watched(case, run, "pymunk", draft)  # of_range = 1e-4
+    assert soft.allowed["angle"] == pytest.approx(np.full(3, 0.1 * (2e-4 - 5e-11)), rel=1e-12)
+    assert soft.allowed["rate"] == pytest.approx(np.full(3, 1e-8))
