@@ -1,9 +1,13 @@
 """What the studies decide by: causes to move, orders that theory expects, boundaries, lost runs."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 from math import inf, isnan, nan
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -11,20 +15,24 @@ from proofmass.case import load_case
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut
 from proofmass.solve import plan
-from proofmass.study import scene, stand
+from proofmass.study import diet, scene, stand
 from proofmass.study.axes import Line
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect, told
+from proofmass.study.diet_table import Entry
 from proofmass.study.draft import read
+from proofmass.study.feature import DRAWN, Feature
+from proofmass.study.kept import Kept
 from proofmass.study.line import Track, clear, deep, level, observed, wall
 from proofmass.study.measure import Found, Task
 from proofmass.study.orders import expected, jolted, nearest, off
 from proofmass.study.row import Row
-from proofmass.study.scene import Watch
+from proofmass.study.scene import Scene, Watch
 from proofmass.study.scene import moved as moved_over
 from proofmass.study.setting import Setting
 from proofmass.study.stand import NotHere, Stand, judged, known, needs
 from proofmass.study.stand import observed as observed_run
 from proofmass.study.store import Store
+from proofmass.study.trial import Cost
 from proofmass.study.verdict import front
 from proofmass.study.wall import Probe, factor, gain, judge, probes, sampled
 from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
@@ -557,3 +565,241 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
     soft = scene.watched(case, run, "pymunk", draft)  # of_range = 1e-4
     assert soft.allowed["angle"] == pytest.approx(np.full(3, 0.1 * (2e-4 - 5e-11)), rel=1e-12)
     assert soft.allowed["rate"] == pytest.approx(np.full(3, 1e-8))
+
+
+def entry(outcome: str, **more):
+    return Entry("kind", "name", outcome, **more)
+
+
+def scene_with(*watches: Watch, draft: object = "whole") -> Scene:
+    return Scene(draft, watches, None, set())
+
+
+def cost_of(calls: list, *answers):
+    """Stands for `isolated`: keeps what it is asked, and answers in turn or raises."""
+    queue = list(answers)
+
+    def call(function, *args, timeout):
+        calls.append((function.__name__, *args, timeout))
+        if isinstance(answer := queue.pop(0), Exception):
+            raise answer
+        return answer
+
+    return call
+
+
+class Given:
+    """A draft that was given probes and rods of its own."""
+
+    probes: ClassVar = {"probe"}
+
+    def segmented(self, rods):
+        return (*rods, "cut")
+
+
+@pytest.mark.parametrize(("value", "outcome"), [(1.5, "harmless"), (1.6, "matters"),
+                                                (nan, "matters")])
+def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outcome, monkeypatch):
+    quick, slow = (replace(watch_of({"y": 0.5}, {"y": [1.0]}), name=name) for name in "ab")
+    slow = replace(slow, before=replace(slow.before, seconds=2.0))
+    calls: list = []
+    monkeypatch.setattr(diet, "isolated", cost_of(
+        calls, Curves(np.zeros(1), {"y": np.array([1.0])}),
+        Curves(np.zeros(1), {"y": np.array([value])})))
+    found = diet.Search(scene_with(quick, slow)).ran(["one", "two"], Given())
+    assert found[0] == outcome
+    assert found[1] == {"a": {"y": 0.0}, "b": {"y": pytest.approx((value - 1) / 0.5, nan_ok=True)}}
+    assert found[2] == ""
+    assert calls == [("attempt", "one", replace(quick.run, rods=("cut",)), 30.0),
+                     ("attempt", "two", replace(slow.run, rods=("cut",)), 40.0)]
+
+
+def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
+    watch = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
+    gone = Curves(np.zeros(1), {})
+    for error, outcome in ((BadModel("why"), "needed"), (Diverged("why"), "diverged"),
+                           (TimedOut("why"), "timed out")):
+        monkeypatch.setattr(diet, "isolated", cost_of([], gone, error))
+        assert diet.Search(scene_with(watch, watch)).ran([1, 2], Given()) == (
+            outcome, {"a": {"probe": 0.0}}, "why")  # a probe that never moved
+
+
+class Cuts(list):
+    """A draft that knows what was cut from it."""
+
+    def without(self, cut):
+        draft = Cuts(self)
+        cut(draft)
+        return draft
+
+    def compiled(self, rods):
+        if "fatal" in self:
+            raise mujoco.FatalError("Error:  two\n words")
+        return "model", *self, *rods
+
+    def segmented(self, rods):
+        return (*rods, "cut")
+
+
+def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
+    def cut(draft):
+        if name == "wrong":
+            raise ValueError("Error: it is named")
+        draft.append(name)
+
+    return Feature(kind, name, cut, parts)
+
+
+class Outcomes(diet.Search):
+    """Answers by what was cut: that without a harmful feature is harmless."""
+
+    def ran(self, models, draft):
+        self.kept.asked.append(list(draft))
+        return "matters" if "bad" in " ".join(draft) else "harmless", {"a": {"y": 0.5}}, "said"
+
+
+class Asked(Kept):
+    """Keeps nothing, and what it was asked."""
+
+    def __init__(self):
+        super().__init__()
+        self.asked, self.keys = [], []
+
+    def once(self, models, runs, make):
+        self.keys.append((models, runs))
+        return make()
+
+
+def search(scene: Scene, **how) -> Outcomes:
+    return Outcomes(scene, rounds=0, kept=Asked(), **how)
+
+
+def test_a_feature_is_tried_without_what_went_before():
+    watch = watch_of({"y": 0.5}, {"y": [1.0]})
+    watch = replace(watch, name="a", run=replace(watch.run, rods=("rod",)))
+    said: list[str] = []
+    own = search(scene_with(watch, watch), progress=said.append)
+    draft, found = own.tried(Cuts(["old"]), feature("new"))
+    assert draft == ["old", "new"]
+    assert found == Entry("geom", "new", "harmless", {"a": {"y": 0.5}}, "said")
+    assert said == ["geom new"]
+    assert own.kept.keys == [([("model", "old", "new", "rod")] * 2,
+                              [("a", watch.run, watch.allowed, watch.before.channels)] * 2)]
+    for name, words in (("wrong", "it is named"), ("fatal", "two words")):
+        now = Cuts(["old"])
+        draft, found = own.tried(now, feature(name))
+        assert draft is now
+        assert found == Entry("geom", name, "needed", message=words)
+
+
+def test_parts_are_tried_where_the_whole_cannot_go():
+    own = search(scene_with())
+    both = feature("bad", feature("bad one"), feature("two"), feature("three", feature("four")))
+    found = own.explored(Cuts(), both)
+    assert [(f.name, e.outcome) for f, e in found] == [
+        ("bad one", "matters"), ("two", "harmless"), ("three", "harmless")]
+    assert own.explored(Cuts(), feature("bad"))[0][1].outcome == "matters"
+    assert [f.name for f, _ in own.explored(Cuts(), feature("all", feature("part")))] == ["all"]
+
+
+def test_what_is_only_drawn_goes_where_nobody_looks():
+    for blind, outcome in ((False, "drawn"), (True, "harmless")):
+        own = search(scene_with(), blind=blind)
+        assert own.explored(Cuts(), feature("x", kind=DRAWN))[0][1].outcome == outcome
+        assert own.explored(Cuts(), feature("bad", kind=DRAWN))[0][1].outcome == "matters"
+
+
+def test_what_is_settled_is_not_tried_again():
+    own = search(scene_with())
+    for outcome, tried in (("matters", 0), ("drawn", 0), ("harmless", 1), ("needed", 1)):
+        own.found = {("geom", "x"): entry(outcome)}
+        assert len(own.explored(Cuts(), feature("x"))) == tried
+        assert len(own.explored(Cuts(), feature("other"))) == 1
+
+
+def test_as_many_go_together_as_can(monkeypatch):
+    own = search(scene_with())
+    a, b, c = feature("a"), feature("b"), feature("c")
+    assert own.together(Cuts(["old"]), [a, b]) == ["old", "a", "b"]
+    assert own.kept.asked == [["old", "a", "b"]]
+    monkeypatch.setattr(Outcomes, "ran", lambda self, models, draft: (
+        "matters" if {"a", "b"} <= set(draft) else "harmless", {}, ""))
+    assert own.together(Cuts(["old"]), [a, b, c]) == ["old", "a", "c"]
+
+
+def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
+    """A second feature can go when the first has gone; one that matters is tried once."""
+    def there(slim, scene):
+        yield feature("bad")
+        if "a" not in slim:
+            yield feature("a")
+        elif "b" not in slim:
+            yield feature("b")
+
+    monkeypatch.setattr(diet, "features", there)
+    own = search(scene_with(draft=Cuts()), workers="workers")
+    found = own.run()
+    assert found.slim == ["a", "b"]
+    assert [(e.name, e.outcome) for e in found.entries] == [
+        ("bad", "matters"), ("a", "harmless"), ("b", "harmless")]
+    assert found.whole == Entry("all of these", "", "harmless", {"a": {"y": 0.5}}, "said")
+    assert own.kept.asked[:5] == [["bad"], ["a"], ["a"], ["a", "b"], ["a", "b"]]
+    assert ["bad"] not in own.kept.asked[1:]
+
+
+def test_workers_of_its_own_are_there_while_a_search_runs(monkeypatch):
+    @contextmanager
+    def opened():
+        yield "workers"
+
+    monkeypatch.setattr(diet, "pool", opened)
+    monkeypatch.setattr(diet, "features", lambda slim, scene: iter(()))
+    seen = []
+    monkeypatch.setattr(Outcomes, "tried", lambda self, now, feature: seen.append(
+        self.workers) or (now, entry("needed")))
+    assert search(scene_with(draft=Cuts())).run().whole.outcome == "needed"
+    assert set(seen) == {"workers"}
+
+
+def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
+    long, short = (watch_of({"y": 0.5}, {"y": [0.0] * 9}) for _ in range(2))
+    long = replace(long, run=replace(long.run, rods=("rod",)),
+                   before=replace(long.before, seconds=40.0, steps=9 * 250))
+    asked = []
+
+    def raced(models, run, rounds, limit):
+        asked.append((models, run.x.size, run.rods, rounds, limit))
+        return [Cost(2.0, 3), Cost(1.0, 2)]
+
+    monkeypatch.setattr(diet, "paced", raced)
+    own = diet.Search(scene_with(short, long), rounds=3, kept=Asked())
+    now, draft = Cuts(["old"]), Cuts(["old", "new"])
+    for outcome in ("harmless", "drawn", "matters"):
+        assert own.timed(now, draft, entry(outcome)) == entry(
+            outcome, costs=(Cost(2.0, 3), Cost(1.0, 2)))
+    assert own.timed(now, draft, entry("needed")) == entry("needed")
+    assert replace(own, rounds=0).timed(now, draft, entry("drawn")) == entry("drawn")
+    models = ("model", "old", "rod"), ("model", "old", "new", "rod")
+    # 500 steps, 250 a sample; a limit of 20 times as long, 3 times over
+    assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
+    kept_as, (run, rounds) = own.kept.keys[0]
+    assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)
+    quick = diet.Search(scene_with(short), rounds=1, kept=Asked())
+    quick.timed(now, draft, entry("drawn"))
+    assert asked[-1][-1] == 20 * 30.0
+
+
+def test_work_goes_to_the_workers():
+    class Pool:
+        def submit(self, what, *args, **more):
+            return SimpleNamespace(result=lambda: ("pool", what(*args, **more)))
+
+    assert diet.Search(scene_with()).worked(int, "11", base=2) == 3
+    assert diet.Search(scene_with(), workers=Pool()).worked(int, "11", base=2) == ("pool", 3)
+
+
+def test_many_features_are_one():
+    whole = diet.all_of([feature("a"), feature("b")])
+    draft = Cuts()
+    whole.cut(draft)
+    assert (whole.kind, whole.name, draft) == ("all of these", "", ["a", "b"])

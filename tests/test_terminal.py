@@ -1,0 +1,156 @@
+"""What the terminal shows of a check, cell by cell, and what goes into JSON."""
+
+import json
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from proofmass import terminal
+from proofmass.case import load_case
+from proofmass.check import Result
+from proofmass.compare import UNCHECKED, Comparison, DetectableChange
+from proofmass.errors import InputError
+from proofmass.terminal import as_json, case_table, console, failures, mark, number, summary, worst
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def of(case: str = "one", solver: str = "mujoco", channel: str = "y", outcome: str = "agrees",
+       **more) -> Comparison:
+    return Comparison(case, solver, "sweep", channel, "m", outcome=outcome, **more)
+
+
+NEAR = of(error_max=9e-3, allowed=1e-2, error_rms=1e-3, nrmse=2e-3, seconds=1.234, steps=70, at=0.5)
+FAR = of(channel="x", error_max=1e-3, allowed=1e-2, seconds=1.234, steps=70)
+BEYOND = of("two", channel="x", outcome="differs", error_max=2e-2, allowed=1e-2, at=1234567.0,
+            message="2 x the allowed error")
+WORSE = of("two", channel="y", outcome="differs", error_max=3e-2, allowed=1e-2, at=1234567.0,
+           message="3 x the allowed error")
+LOST = of("two", "pymunk", outcome="diverged", message="the loops are open")
+RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), LOST])
+
+
+def cells(*args, **how) -> list[list[str]]:
+    """Header and rows of the table, without colours."""
+    table, = summary(*args, **how)
+    columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+HEAD = ["case", "run", "solver", "outcome", "channel", "worst error", "allowed", "of range", "s",
+        "steps"]
+
+
+def test_a_solver_has_a_row_with_its_worst_channel():
+    assert cells(RESULT) == [
+        HEAD,
+        ["one", "sweep", "mujoco", "✓ agrees 2/2", "y", "9.00e-03 m", "1.00e-02", "1.80e-02",
+         "1.23", "70"],
+        ["two", "sweep", "mujoco", "✗ differs 2/3", "y", "3.00e-02 m", "1.00e-02", "–", "–", "–"],
+        ["", "sweep", "pymunk", "✗ diverged", "y", "– m", "–", "–", "–", "–"]]
+
+
+def test_each_channel_has_a_row_where_all_are_asked_for():
+    rows = cells(RESULT, every_channel=True)
+    assert [row[0] for row in rows[1:]] == ["one", "", "two", "", "", ""]
+    assert [row[3:5] for row in rows[1:]] == [
+        ["✓ agrees", "x"], ["✓ agrees", "y"], ["✗ differs", "x"], ["✗ differs", "y"],
+        ["✓ agrees", "z"], ["✗ diverged", "y"]]
+
+
+def test_a_narrow_screen_has_fewer_columns():
+    assert cells(RESULT, width=140)[0] == HEAD
+    assert cells(RESULT, width=139)[0] == HEAD[:7]
+    assert list(summary(Result())) == []
+    table, = summary(RESULT)
+    assert [c.header for c in table.columns if not c.no_wrap] == ["case", "channel"]
+    assert [c.justify for c in table.columns] == ["left"] * 5 + ["right"] * 5
+    assert all(c.overflow == "fold" for c in table.columns[:5])
+
+
+
+def test_what_failed_has_a_line_and_all_outcomes_are_counted():
+    lines = [line.plain for line in failures(RESULT)]
+    assert lines == [
+        "✗ two sweep mujoco differs: 2 of 3 channels, y by 3 x the allowed error: 3.00e-02 m at "
+        "1.23457e+06",
+        "✗ two sweep pymunk diverged: the loops are open",
+        "3 agrees, 2 differs, 1 diverged"]
+    assert list(failures(RESULT))[-1].style == "bold red"
+    good, = failures(Result(comparisons=[NEAR]))
+    assert (good.plain, good.style) == ("1 agrees", "bold")
+    assert [line.plain for line in failures(Result())] == ["nothing to check"]
+
+
+def test_a_case_without_a_check_has_a_line():
+    case = load_case(MODELS / "pendulum.toml")
+    lines = [line.plain for line in failures(Result(
+        [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")]))]
+    assert lines == [f"✗ pendulum unchecked: {UNCHECKED}",
+                     "1 unchecked, 1 unsupported, 1 case(s) without any check"]
+
+
+@pytest.mark.parametrize(("outcome", "sign", "style"), [
+    ("agrees", "✓", "green"), ("unchecked", "·", "dim"), ("unsupported", "–", "dim"),
+    ("differs", "✗", "bold red"), ("crashed", "✗", "bold red")])
+def test_an_outcome_has_a_sign(outcome, sign, style):
+    assert (mark(outcome).plain, mark(outcome).style) == (f"{sign} {outcome}", style)
+
+
+def test_numbers_have_three_digits():
+    assert [number(v) for v in (123456.0, nan, inf)] == ["1.23e+05", "–", "–"]
+
+
+def test_the_channel_nearest_its_limit_speaks():
+    unbounded = [of(channel="a", outcome="unchecked", nrmse=n) for n in (0.2, 0.1, nan)]
+    assert worst(unbounded) is unbounded[0]
+    assert worst(unbounded[::-1]) is unbounded[0]
+    zero = of(error_max=5.0, allowed=0.0, nrmse=0.05, outcome="unchecked")
+    assert worst([zero, unbounded[1]]) is unbounded[1]
+    tiny = of(error_max=0.0, allowed=0.5)
+    assert worst([unbounded[2], tiny]) is tiny
+
+
+def test_json_has_null_for_what_is_no_number():
+    notice = {"length": DetectableChange(nan), "width": DetectableChange(0.5, relative=False)}
+    error = InputError(Path("a.toml"), "key", "why")
+    found = json.loads(as_json(Result(comparisons=[of(would_notice=notice, at=inf, seconds=2.0)],
+                                      errors=[error])))
+    assert list(found) == ["comparisons", "errors", "exit_code"]
+    assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
+    assert found["exit_code"] == 2
+    row, = found["comparisons"]
+    assert tuple(row) == terminal.KEYS
+    assert (row["case"], row["solver"], row["run"], row["channel"], row["unit"], row["outcome"],
+            row["at"], row["error_max"], row["seconds"]) == (
+        "one", "mujoco", "sweep", "y", "m", "agrees", None, None, 2.0)
+    assert row["would_notice"] == {"length": {"size": None, "relative": True},
+                                   "width": {"size": 0.5, "relative": False}}
+    assert as_json(Result()).splitlines()[1] == ' "comparisons": [],'
+
+
+def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatch, capsys):
+    shown = console()
+    assert shown.width == 240
+    shown.print("a [bold] b :smile: 1.5")
+    assert capsys.readouterr().out == "a [bold] b :smile: 1.5\n"
+    monkeypatch.setattr(terminal, "Console", lambda **how: Console(**{
+        "force_terminal": True, "width": 70, **how}))
+    screen = console()
+    assert screen.width == 70
+    screen.print("a [bold] b :smile: 1.5")
+    assert capsys.readouterr().out == "a [bold] b :smile: 1.5\n"  # no colour for the number
+
+
+def test_cases_are_listed_with_their_runs():
+    case = load_case(MODELS / "fourbar.toml")
+    table = case_table([case], [Path("lone/humanoid.xml")])
+    columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
+    assert [list(row) for row in zip(*columns, strict=True)] == [
+        ["case", "model", "reference", "runs", "channels", "title"],
+        ["fourbar", "fourbar.xml", "fourbar",
+         "sweep: mujoco, pymunk; duration: mujoco, mujoco:default, pymunk, pymunk:default", "17",
+         case.title],
+        ["humanoid", "humanoid.xml", "–", "unchecked: no sidecar", "", ""]]
