@@ -803,3 +803,143 @@ def test_many_features_are_one():
     draft = Cuts()
     whole.cut(draft)
     assert (whole.kind, whole.name, draft) == ("all of these", "", ["a", "b"])
+
+
+BOB = """<mujoco><option timestep="{step}"/><worldbody><body><joint name="hinge"/>
+  <geom size=".1" pos="0 1 0"/></body></worldbody><keyframe>{keys}</keyframe></mujoco>"""
+
+
+def bob(folder: Path, step: float = 0.01, keys: str = '<key name="first"/><key name="start"/>'):
+    """A pendulum without a sidecar."""
+    file = folder / "bob.xml"
+    file.write_text(BOB.format(step=step, keys=keys))
+    return file
+
+
+def let_go(file: Path, seconds: float, monkeypatch, grown=None, **channels):
+    """How it is let go, and the runs that are asked for; `grown` is what a nudge changes."""
+    asked = []
+
+    def done(file, model, run, nudge=0.0):
+        asked.append((file, model.nq, run, nudge))
+        more = (np.zeros(run.x.size) if grown is None else grown(run.x)) if nudge else 0.0
+        return Curves(run.x, {name: values + np.zeros(run.x.size) + more
+                              for name, values in channels.items()})
+
+    monkeypatch.setattr(scene, "done", done)
+    return scene.let_go(file, read(file, probing=True), seconds), asked
+
+
+@pytest.mark.parametrize(("seconds", "step", "stride", "n"), [
+    (1.0, 0.01, 1, 101), (0.03, 0.01, 1, 4), (0.001, 0.01, 1, 2), (4.99, 0.01, 1, 500),
+    (5.0, 0.01, 1, 501), (10.0, 0.01, 2, 501), (10.01, 0.01, 2, 501), (12.0, 0.01, 2, 601)])
+def test_a_model_is_let_go_in_five_hundred_samples_or_so(seconds, step, stride, n, tmp_path,
+                                                         monkeypatch):
+    file = bob(tmp_path, step)
+    watch, asked = let_go(file, seconds, monkeypatch, hinge=2.0)
+    assert watch.name == "let go"
+    assert [(f, nq, nudge) for f, nq, _, nudge in asked] == [(file, 1, 0.0), (file, 1, 1e-12)]
+    run = asked[0][2]
+    assert (run.kind, run.start, run.channels, run.drives) == ("passive", "start", (), ())
+    assert run.x == pytest.approx(step * stride * np.arange(n), abs=1e-12)
+    assert watch.run.x.tolist() == run.x.tolist()
+    assert watch.before.channels["hinge"].tolist() == [2.0] * n
+    assert watch.allowed["hinge"] == pytest.approx(np.full(n, 2e-9))  # rounding, of its size
+
+
+@pytest.mark.parametrize(("keys", "start"), [
+    ('<key name="first"/><key name="second"/>', "first"), ("", ""),
+    ('<key name="first"/><key name="start"/>', "start")])
+def test_a_model_is_let_go_from_its_start_or_its_first_key(keys, start, tmp_path, monkeypatch):
+    assert let_go(bob(tmp_path, keys=keys), 1.0, monkeypatch, hinge=1.0)[0].run.start == start
+
+
+def test_a_motion_is_followed_until_a_nudge_has_grown_to_a_tenth_of_it(tmp_path, monkeypatch):
+    """A channel may move by the most that the nudge has moved it so far."""
+    watch, _ = let_go(bob(tmp_path), 1.0, monkeypatch,
+                      lambda x: np.where(x > 0.505, 0.201, np.where(x > 0.305, -1e-3, 2e-3)
+                                         * (x > 0.2)), hinge=2.0, other=9.0)
+    assert watch.run.x.size == 51
+    allowed = watch.allowed["hinge"]
+    assert allowed[:20] == pytest.approx(np.full(20, 2e-9))
+    assert allowed[25:] == pytest.approx(np.full(26, 2e-3))
+    whole, _ = let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 0.199 * (x > 0.5), hinge=2.0)
+    assert whole.run.x.size == 101
+
+
+def test_a_motion_that_cannot_be_followed_is_bad_input(tmp_path, monkeypatch):
+    file = bob(tmp_path)
+    with pytest.raises(InputError) as error:
+        let_go(file, 1.0, monkeypatch, lambda x: 1.0 * (x > 0.085), hinge=2.0, other=1.0)
+    assert (error.value.file, error.value.key, error.value.wrong) == (file, "", (
+        "cannot be followed: other is lost in rounding after 0.09 s; give a key that starts "
+        "further from a collision"))
+    late, _ = let_go(file, 1.0, monkeypatch, lambda x: 1.0 * (x > 0.095), hinge=2.0)
+    assert late.run.x.size == 10
+    assert let_go(file, 0.02, monkeypatch, lambda x: 0.0 * x, hinge=2.0)[0].run.x.size == 3
+    with pytest.raises(InputError) as error:
+        let_go(file, 1.0, monkeypatch)
+    assert error.value.wrong == (
+        "nothing in it moves and nothing is measured; give it a <joint>")
+
+
+def test_what_keeps_a_scene_from_running_is_bad_input(monkeypatch):
+    calls: list = []
+    monkeypatch.setattr(scene, "isolated", cost_of(calls, "curves", Diverged("why"),
+                                                   BadModel("broken")))
+    file = Path("scene.xml")
+    assert scene.done(file, "model", "run", 0.5) == "curves"
+    assert calls == [("attempt", "model", "run", 0.5, 600.0)]
+    for wrong in ("as it is, its run diverged: why; give a model that runs", "broken"):
+        with pytest.raises(InputError) as error:
+            scene.done(file, "model", "run")
+        assert (error.value.file, error.value.key, error.value.wrong) == (file, "", wrong)
+    assert calls[1][3] == 0.0
+
+
+def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch):
+    asked = []
+
+    def watched(case, run, solver, draft):
+        asked.append((case.name, run.kind, solver, draft.file, draft.probes))
+        return replace(watch_of({"y": 1.0}, {"y": [0.0]}), name=case.name)
+
+    monkeypatch.setattr(scene, "watched", watched)
+    monkeypatch.setattr(scene, "let_go", lambda file, draft, seconds: replace(
+        watch_of({"y": 1.0}, {"y": [0.0]}), run=Run("passive", np.zeros(1), (), start="key"),
+        name=f"{seconds} s of {file.name}, {sorted(draft.probes)}"))
+    file = models / "pendulum.xml"
+    (models / "broken.toml").write_text("model =")
+    (models / "latin.toml").write_bytes(b"title = '\xb0'")
+    other = (models / "pendulum.toml").read_text().replace(
+        "\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1)
+    (models / "another.toml").write_text(other)
+    found = scene.scene_of(file, 3.0)
+    assert [w.name for w in found.watches] == ["another", "pendulum"]
+    assert asked == [(name, "duration", "mujoco", file, set()) for name in ("another", "pendulum")]
+    assert found.read == {"angle", "rate", "acceleration", "kinetic", "potential"}
+    assert found.keys == {"start", "other"}
+    (models / "another.toml").unlink()
+    (models / "pendulum.toml").write_text((models / "pendulum.toml").read_text().replace(
+        'solvers = ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]',
+        'solvers = ["pymunk"]').replace('[[tolerance]]\nsolver = "mujoco"\n', '[[tolerance]]\n'
+                                        'solver = "pymunk"\nchannels = "rate"\n').replace(
+        'solver = "pymunk"\nof_range = 1e-4', 'channels = "angle"\nof_range = 1e-4'))
+    loose = scene.scene_of(file, 3.0)
+    assert [w.name for w in loose.watches] == ["3.0 s of pendulum.xml, []"]
+    assert (loose.read, loose.keys) == (None, {"key", "start"})
+    lone = scene.scene_of(bob(models), 3.0)
+    assert lone.keys == {"key"}
+    assert lone.watches[0].name.startswith("3.0 s of bob.xml, ['")  # read by probes
+    with pytest.raises(InputError, match="no such model"):
+        scene.scene_of(models / "none.xml", 3.0)
+
+
+def test_a_watch_and_a_scene_are_timed_by_the_longest_run():
+    watch = watch_of({"y": 1.0}, {"y": [0.0] * 2000})
+    for steps, n in ((2000, 500), (2000 * 250, 2), (2000 * 600, 2), (0, 500)):
+        assert replace(watch, before=replace(watch.before, steps=steps)).brief.x.size == n
+    rest = replace(watch, run=replace(watch.run, kind="rest"),
+                   before=replace(watch.before, seconds=9.0))
+    assert scene_with(rest, watch).longest is watch
+    assert scene_with(watch, rest).longest is watch
