@@ -21,14 +21,15 @@ from proofmass.check import (
     label,
     load,
     measured,
+    one_task,
     run_one,
     step_unchecked,
     stopped,
 )
-from proofmass.compare import Comparison
+from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed
-from proofmass.refined import Finer
+from proofmass.refined import Finer, errors
 from sim.protocol import BadModel, Curves, Unsupported
 
 CHECK = sys.modules[check.__module__]  # whose name in the package is that of the function
@@ -204,7 +205,8 @@ def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path
     assert [c.name for c in found.cases] == ["pendulum"]
     assert [(c.case, c.channel) for c in found.comparisons] == [
         *(("pendulum", name) for name in found.cases[0].channels), ("fourbar", "")]
-    assert list(found.curves) == [("pendulum", "duration", "mujoco")]
+    curves, = found.curves.items()
+    assert (curves[0], curves[1].x.size) == (("pendulum", "duration", "mujoco"), 11)
     assert [(e.file, e.key) for e in found.errors] == [
         (tmp_path / "none", ""), (twin / "pendulum.toml", ""), (bad, "title")]
     assert found.errors[1].wrong == f"its name is taken by {short}; results go by name"
@@ -219,8 +221,12 @@ def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatc
     workers.fails["simulate"] = OSError("no more files")
     found = check([lone, short])
     error, = found.errors
-    assert (error.file, error.wrong) == (lone, "fourbar.xml failed: OSError: no more files")
+    assert (error.file, error.key) == (lone, "")
+    assert error.wrong == "fourbar.xml failed: OSError: no more files"
     assert {c.case for c in found.comparisons} == {"pendulum"}
+    workers.fails["measured"] = Crashed("why")
+    lost = check([short])
+    assert ({c.outcome for c in lost.comparisons}, lost.curves) == ({"crashed"}, {})
     workers.fails["measured"] = InputError(short, "drive", "bad")
     text = short.read_text().replace('["mujoco"]', '["mujoco", "mujoco:default"]')
     short.write_text(text)
@@ -248,6 +254,13 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         check([short])
     assert (False, True) in ended
+
+
+def test_a_run_of_a_refinement_is_held_by_its_errors_alone(short, monkeypatch):
+    case = load(short)
+    monkeypatch.setattr(CHECK, "run_one", lambda *task, hold: (task, hold))
+    assert one_task((case, "duration", "mujoco")) == ((case, "duration", "mujoco"), compare)
+    assert one_task(finer(case, 2, None)) == ((case, "duration", "mujoco"), errors)
 
 
 def finer(case, segments, add):

@@ -392,16 +392,16 @@ def wall_of(line: str, wall: float, engine: str = "mujoco", kind: str = "positio
 
 
 @pytest.mark.parametrize(("walls", "found"), [
-    ([wall_of("own", 1.0)], 0),  # a line falls to its own wall, however far it is
-    ([wall_of("own", 0.6)], None),  # below 1 / 1.5 it is not at it
-    ([wall_of("other", 1.4)], 0), ([wall_of("other", 1.6)], None), ([wall_of("other", 0.7)], 0),
-    ([wall_of("other", 0.6)], None), ([wall_of("own", nan)], None),
-    ([wall_of("own", 1.0, "pymunk")], None), ([wall_of("own", 1.0, kind="rate")], None),
-    ([wall_of("other", 1.0), wall_of("own", 9.0)], 1),
-    ([wall_of("other", 1.4), wall_of("another", 0.9)], 1),
-    ([wall_of("other", 0.7), wall_of("another", 1.1)], 1)])
+    ([wall_of("own", 2.0)], 0),  # a line falls to its own wall, however far it is
+    ([wall_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
+    ([wall_of("other", 2.8)], 0), ([wall_of("other", 3.2)], None), ([wall_of("other", 1.4)], 0),
+    ([wall_of("other", 1.2)], None), ([wall_of("own", nan)], None),
+    ([wall_of("own", 2.0, "pymunk")], None), ([wall_of("own", 2.0, kind="rate")], None),
+    ([wall_of("other", 2.0), wall_of("own", 9.0)], 1),
+    ([wall_of("other", 2.8), wall_of("another", 1.8)], 1),
+    ([wall_of("other", 1.4), wall_of("another", 2.2)], 1)])
 def test_the_wall_that_a_setting_is_at(walls: list[Verdict], found: int | None) -> None:
-    assert wall_at(at("own", 1.0), "position", iter(walls)) == (
+    assert wall_at(at("own", 2.0), "position", iter(walls)) == (
         None if found is None else walls[found])
 
 
