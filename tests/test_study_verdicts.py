@@ -467,8 +467,9 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
         for words in ("Euler", "RK4")]
     planar = Stand(FOURBAR, "duration", Setting("pymunk"), Store(tmp_path))
     one, = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
-    assert (one.engine, one.setting, one.trial(3.0).message) == (
-        "pymunk", "as in the model", "{} 3.0")
+    assert (one.engine, one.setting, one.knob, one.unit, one.start, one.reach,
+            one.trial(3.0).message) == (
+        "pymunk", "as in the model", "step", "s", 1.0, 2.0, "{} 3.0")
     more = own.sought("k", "m", 1.0, 2.0, fails(KeyError()), theory=7.0, law="law")
     assert (more.setting, more.theory, more.law) == ("RK4", 7.0, "law")
     assert planar.sought("k", "m", 1.0, 2.0, fails(KeyError()), "words").setting == "words"

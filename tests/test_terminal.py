@@ -79,6 +79,7 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
         "✗ two sweep pymunk diverged: the loops are open",
         "3 agrees, 2 differs, 1 diverged"]
     assert list(failures(RESULT))[-1].style == "bold red"
+    assert [str(span.style) for line in failures(RESULT) for span in line.spans] == ["red"] * 2
     good, = failures(Result(comparisons=[NEAR]))
     assert (good.plain, good.style) == ("1 agrees", "bold")
     assert [line.plain for line in failures(Result())] == ["nothing to check"]
@@ -86,9 +87,10 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
 
 def test_a_case_without_a_check_has_a_line():
     case = load_case(MODELS / "pendulum.toml")
-    lines = [line.plain for line in failures(Result(
-        [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")]))]
-    assert lines == [f"✗ pendulum unchecked: {UNCHECKED}",
+    lines = list(failures(Result(
+        [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")])))
+    assert [str(span.style) for span in lines[0].spans] == ["red"]
+    assert [line.plain for line in lines] == [f"✗ pendulum unchecked: {UNCHECKED}",
                      "1 unchecked, 1 unsupported, 1 case(s) without any check"]
 
 

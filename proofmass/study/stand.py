@@ -81,7 +81,7 @@ class Stand:
                    integrators: Iterable[str]) -> Iterator[Sought]:
         """A boundary of this case for each integrator, where the engine has several."""
         if self.setting.engine != "mujoco":
-            yield self.sought(knob, unit, start, reach, partial(trial, {}), "as in the model")
+            yield self.sought(knob, unit, start, reach, partial(trial, {}))
             return
         for words in integrators:
             yield self.sought(knob, unit, start, reach, partial(trial, {"integrator": words}),
