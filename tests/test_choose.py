@@ -516,7 +516,7 @@ def test_a_setting_is_run_twice_and_both_errors_are_kept(fourbar: Case, monkeypa
 
 
 def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
-    rows = [at("lucky", 1.23e-5, 2e-3, 0.25), at("tuned", 2.34e-5, 1e-3, 0.5)]
+    rows = [at("lucky", 1.23e-5, 2e-3, 0.25), at("tuned", 2.34e-5, 1e-3, 0.512)]
     asked = []
 
     def check(case, kind, row, of):
@@ -524,11 +524,11 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
         return Check(*((3e-5, 4e-4) if row.line == "lucky" else (2.22e-5, 4.56e-5)), "",
                      Setting("mujoco", {"timestep": 1e-3}))
 
-    found = choose(fourbar, "duration", rows, 1e-4, verify=check)
+    found = choose(fourbar, "duration", rows, 1.27e-4, verify=check)
     assert asked == [(fourbar, "duration", "position")] * 2
     assert words(found, fourbar) == [
-        "fourbar, duration: position within 1e-4 of its range",
-        "tuned, timestep 1 ms: 2.3e-5 off in 0.5 s, 70 steps",
+        "fourbar, duration: position within 1.3e-4 of its range",
+        "tuned, timestep 1 ms: 2.3e-5 off in 0.51 s, 70 steps",
         "run again with the lines below 2.2e-5, 4.6e-5 from a shifted start",
         "the defaults were not measured, or did not run",
         "lucky, timestep 2 ms is 1.2e-5 off, but 3e-5 when run again and 4e-4 from a shifted "
@@ -537,11 +537,14 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     assert words(once, fourbar)[2] == (
         "run again with the lines below 2.2e-5, from a shifted start: a rest -- has one")
     text = printed(once, fourbar)
-    assert text.startswith("<!--\n  fourbar, duration: position within 1e-4 of its range\n")
+    assert text.startswith("<!--\n  fourbar, duration: position within 1.3e-4 of its range\n")
     assert "a rest - has one\n" in text  # two dashes would end the comment
     assert "\n-->\n<option" in text
     assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
-    assert "start\n-->" in printed(found, fourbar)
+    assert "shifted start\n-->" in printed(found, fourbar)
+    long = replace(found, refused=("a reason of many words " * 6,))
+    assert "\n    " in printed(long, fourbar)
+    assert "\n     " not in printed(long, fourbar)
     planar = replace(once, row=replace(once.row, engine="pymunk"), check=replace(
         once.check, used=Setting("pymunk", {"timestep": 1e-3})))
     assert printed(planar, fourbar).startswith("# fourbar, duration: ")

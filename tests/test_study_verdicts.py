@@ -331,6 +331,7 @@ def falling(*slopes: float) -> list[tuple[float, float]]:
     (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 4, 1.0, 1),  # ten times the wall: it bends
     (halved(100.0, 11.0, 1.1, 1.0), None, None, nan, 2),  # an end that falls no further
     (halved(100.0, 9.0, 1.1, 1.0), None, None, nan, 1),
+    (halved(100.0, 10.5, 1.0, 1.1), None, None, nan, 2),
     (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 2, 1.0, 2),
     (halved(100.0, 11.0, 2.0, 1.0, inf, inf), 2, 3, 1.0, 2),
     (halved(inf, 4.0, 1.0), None, None, nan, 2),

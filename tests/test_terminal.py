@@ -68,6 +68,7 @@ def test_a_narrow_screen_has_fewer_columns():
     assert [c.header for c in table.columns if not c.no_wrap] == ["case", "channel"]
     assert [c.justify for c in table.columns] == ["left"] * 5 + ["right"] * 5
     assert all(c.overflow == "fold" for c in table.columns[:5])
+    assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
 
 
 
@@ -149,6 +150,7 @@ def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatc
 def test_cases_are_listed_with_their_runs():
     case = load_case(MODELS / "fourbar.toml")
     table = case_table([case], [Path("lone/humanoid.xml")])
+    assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     assert [list(row) for row in zip(*columns, strict=True)] == [
         ["case", "model", "reference", "runs", "channels", "title"],
