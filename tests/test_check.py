@@ -179,7 +179,7 @@ def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
         "pendulum", "mujoco", "duration", "", "")
     assert (found.outcome, found.message) == ("unchecked", "no sidecar; it loads and steps")
-    assert found.steps == 100  # a tenth of a second at 1 ms
+    assert found.steps == 100  # a tenth of a second at 1 ms, in one stride
     assert found.seconds > 0
     assert found.gap == 0.0
     for kind, outcome in FAILURES.items():

@@ -112,6 +112,8 @@ def test_the_channel_nearest_its_limit_speaks():
     assert worst(unbounded[::-1]) is unbounded[0]
     zero = of(error_max=5.0, allowed=0.0, nrmse=0.05, outcome="unchecked")
     assert worst([zero, unbounded[1]]) is unbounded[1]
+    wide = of(error_max=3.0, allowed=9.0)
+    assert worst([wide, of(error_max=1.0, allowed=2.0)]) is not wide
     tiny = of(error_max=0.0, allowed=0.5)
     assert worst([unbounded[2], tiny]) is tiny
 
