@@ -551,7 +551,8 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
         return curves
 
     monkeypatch.setattr(scene, "done", done)
-    monkeypatch.setattr(scene, "reference_for", lambda case, curves: Curves(x, truth))
+    monkeypatch.setattr(scene, "reference_for", lambda *told: Curves(
+        x, truth if told == (case, curves) else {}))
     run = plan(case, "duration", "mujoco")
     watch = scene.watched(case, run, "mujoco", draft)
     assert asked == [(case.model_path, 1, "duration")]
@@ -657,6 +658,7 @@ class Outcomes(diet.Search):
 
     def ran(self, models, draft):
         self.kept.asked.append(list(draft))
+        self.kept.models.append(models)
         return "matters" if "bad" in " ".join(draft) else "harmless", {"a": {"y": 0.5}}, "said"
 
 
@@ -665,7 +667,7 @@ class Asked(Kept):
 
     def __init__(self):
         super().__init__()
-        self.asked, self.keys = [], []
+        self.asked, self.models, self.keys = [], [], []
 
     def once(self, models, runs, make):
         self.keys.append((models, runs))
@@ -685,6 +687,7 @@ def test_a_feature_is_tried_without_what_went_before():
     assert draft == ["old", "new"]
     assert found == Entry("geom", "new", "harmless", {"a": {"y": 0.5}}, "said")
     assert said == ["geom new"]
+    assert own.kept.models == [[("model", "old", "new", "rod")] * 2]
     assert own.kept.keys == [([("model", "old", "new", "rod")] * 2,
                               [("a", watch.run, watch.allowed, watch.before.channels)] * 2)]
     for name, words in (("wrong", "it is named"), ("fatal", "two words")):
@@ -747,6 +750,19 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
     assert found.whole == Entry("all of these", "", "harmless", {"a": {"y": 0.5}}, "said")
     assert own.kept.asked[:5] == [["bad"], ["a"], ["a"], ["a", "b"], ["a", "b"]]
     assert ["bad"] not in own.kept.asked[1:]
+
+
+def test_what_is_timed_is_the_model_before_and_after(monkeypatch):
+    own = search(scene_with(draft=Cuts(["all"])), workers="workers")
+    monkeypatch.setattr(Outcomes, "timed", lambda self, now, draft, entry: (now, draft))
+    assert own.explored(Cuts(["old"]), feature("new"))[0][1] == (["old"], ["old", "new"])
+
+    def none(slim, scene):
+        assert scene is own.scene
+        return iter(())
+
+    monkeypatch.setattr(diet, "features", none)
+    assert own.run().whole == (["all"], ["all"])
 
 
 def test_workers_of_its_own_are_there_while_a_search_runs(monkeypatch):
