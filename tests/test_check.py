@@ -76,6 +76,10 @@ def test_what_is_found_below_a_path(models, tmp_path):
     empty = tmp_path / "empty"
     empty.mkdir()
     (models / "notes.txt").write_text("")
+    for name in ("alone.toml", "alone.xml"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / name).write_text("")
+        assert list(find([tmp_path / name])) == [tmp_path / name / name]
     names = [path.name for path in find([models])]
     toml = sorted(path.name for path in models.glob("*.toml"))
     assert names[:len(toml)] == toml
@@ -239,7 +243,8 @@ def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
 
     monkeypatch.setattr(CHECK, "find", closed)
     error, = check([tmp_path]).errors
-    assert (error.file, error.wrong) == (tmp_path, "cannot be read: Permission denied")
+    assert (error.file, error.key, error.wrong) == (
+        tmp_path, "", "cannot be read: Permission denied")
 
 
 def test_an_interrupt_ends_what_waits(short, monkeypatch):
