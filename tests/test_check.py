@@ -113,8 +113,15 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
         assert wrong(load, short) == words
 
 
-def test_a_run_is_made_within_its_limits(short, workers):
+def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
+    seen = []
+
+    def validate(case):
+        seen.append(case)
+
+    monkeypatch.setattr(CHECK, "validate", validate)
     case = load(short)
+    assert seen == [case]
     found, curves = run_one(case, "duration", "mujoco")
     assert workers[-1] == ("measured", 7.0, 3.0)
     assert {c.outcome for c in found} == {"agrees"}
@@ -128,8 +135,9 @@ def test_a_run_is_made_within_its_limits(short, workers):
 @pytest.mark.parametrize("kind", FAILURES)
 def test_a_run_that_is_lost_has_a_verdict_for_each_of_its_channels(kind, short, workers):
     case = load(short)
-    channel = case.channels["rate"].model_copy(update={"only": "sweep"})
-    case = case.model_copy(update={"channels": {**case.channels, "rate": channel}})
+    of_one = {name: case.channels[name].model_copy(update={"only": kind_of})
+              for name, kind_of in (("rate", "sweep"), ("angle", "duration"))}
+    case = case.model_copy(update={"channels": {**case.channels, **of_one}})
     workers.fails["measured"] = kind("why")
     if kind is Unsupported:
         assert wrong(run_one, case, "duration", "mujoco") == (
