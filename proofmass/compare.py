@@ -113,8 +113,7 @@ class Comparison:
 
 def reference_for(case: Case, curves: Curves) -> Curves:
     """The reference at the state the drive really had in that run."""
-    recorded = isinstance(module_of(case), Recorded)
-    return evaluate(case, curves.x, None if recorded else curves.drive)
+    return evaluate(case, curves.x, curves.drive)
 
 
 def compare(case: Case, run: str, solver: str, curves: Curves, detectable: bool = True
@@ -256,7 +255,7 @@ def changeable(case: Case) -> dict[str, float]:
         return {}
     known = inspect.signature(truth.solve).parameters
     return {key: value for key, value in case.parameters.items() if not isinstance(value, str)
-            and key != "mode" and (key not in known or known[key].annotation is not int)}
+            and (key not in known or known[key].annotation is not int)}
 
 
 def detectable_changes(case: Case, curves: Curves, truth: Curves, allowed: dict[str, float]
