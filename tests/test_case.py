@@ -39,7 +39,7 @@ MODELS = Path(__file__).parent.parent / "models"
     ("rod_cantilever", r"(?s)\[rod\.rod\].*?\n\n", "", "",
      r"run.rest needs a \[rod.NAME\]: it is sampled along its length"),
 ])
-def test_what_is_wrong_is_said_at_its_key(name, old, new, key, wrong, models, edit):
+def test_a_fault_is_said_at_its_key(name, old, new, key, wrong, models, edit):
     file = edit(f"{name}.toml", old, new, count=1)
     with pytest.raises(InputError) as error:
         load_case(file)
@@ -64,7 +64,10 @@ def test_channels_and_tolerances_of_a_run():
 
 def test_a_key_of_a_drive_has_a_number_where_there_are_several():
     assert load_case(MODELS / "fourbar.toml").drive_key(0, "law") == "drive.law"
-    assert load_case(MODELS / "threeprr.toml").drive_key(2, "law") == "drive.2.law"
+    threeprr = load_case(MODELS / "threeprr.toml")
+    assert threeprr.drive_key(2, "law") == "drive.2.law"
+    two = threeprr.model_copy(update={"drive": threeprr.drive[:2]})
+    assert two.drive_key(0, "law") == "drive.0.law"
 
 
 def test_a_view_shows_the_first_run_that_has_its_channels():

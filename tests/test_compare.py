@@ -202,6 +202,7 @@ def test_tolerance_selects_by_run_solver_unit_and_channel():
     ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180), ("deg/s^2", "rad/s^2", np.pi / 180),
     ("mm/s²", "m/s^2", 1e-3), ("in", "m", 0.0254), ("rev/min", "rad/s", 2 * np.pi / 60),
     ("N mm", "N m", 1e-3), ("m/s", "m/s", 1.0), ("kg mm^2", "kg m^2", 1e-6),
+    ("l", "m^3", 1e-3), ("mV", "kg m^2/A/s^3", 1e-3),
 ])
 def test_units_come_to_si(unit, si, factor):
     assert si_unit(unit)[0] == si
