@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from proofmass.case import Case, load_case
-from proofmass.check import FAILURES, load, one_task, run_one, stopped
+from proofmass.case import Case
+from proofmass.check import FAILURES, load, one_task, read, run_one, stopped
 from proofmass.compare import GOOD, UNCHECKED, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.refined import refinements
@@ -36,7 +36,7 @@ class SidecarFile(pytest.File):
 
     def collect(self) -> Iterator["SolverItem"]:
         """One item for each solver, over all the runs that use it."""
-        case = load_case(self.path)
+        case = read(self.path)
         solvers = dict.fromkeys(s for run in case.run.values() for s in run.solvers)
         for solver in solvers:
             yield SolverItem.from_parent(self, name=solver, case=case)
