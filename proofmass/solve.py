@@ -19,6 +19,7 @@ from sim.contents import joints
 from sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
+FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
 BETWEEN = 20  # places between two samples of a duration where a law is looked at as well
 
 
@@ -70,14 +71,15 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     Raises
     ------
     InputError
-        See `settings_of`; also where a law cannot be evaluated, or leads a joint out of its range.
+        See `settings_of`; also where a law cannot be evaluated, is not finite, or leads a joint out
+        of its range.
     """
     settings = settings_of(case, kind, solver)
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
     run = Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
     try:
-        check_ranges(case, run)
+        check_drives(case, run)
     except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever a function that the sidecar names may raise
@@ -86,8 +88,8 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     return run
 
 
-def check_ranges(case: Case, run: Run) -> None:
-    """Raise `InputError` if a drive of a run leaves the range of its joint.
+def check_drives(case: Case, run: Run) -> None:
+    """Raise `InputError` if a drive of a run is not finite or leaves the range of its joint.
 
     Nothing holds an ideal drive back: the engines pass over the range, or push against it with a
     spring whose force means nothing.
@@ -98,13 +100,19 @@ def check_ranges(case: Case, run: Run) -> None:
     if run.kind == "duration":
         x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
     units = joints(model)
-    for k, (drive, values) in enumerate(zip(run.drives, run.motion(x)[0], strict=True)):
+    for k, (drive, *motion) in enumerate(zip(run.drives, *run.motion(x), strict=True)):
         if drive.joint not in units:  # the engines say which joints there are
             continue
-        joint, unit = model.joint(drive.joint), units[drive.joint]
-        low, high = model.jnt_range[joint.id]
+        values, unit = motion[0], units[drive.joint]
+        largest = [float(np.abs(part).max()) for part in motion]
+        if not (np.isfinite(largest).all() and largest[1] < FASTEST):
+            raise InputError(case.file, case.drive_key(k), f"joint {drive.joint!r} is driven to "
+                             f"{largest[0]:.6g} {unit} at up to {largest[1]:.6g} {unit}/s and "
+                             f"{largest[2]:.6g} {unit}/s^2; all must be finite, and the rate less "
+                             f"than {FASTEST:g}")
+        low, high = model.joint(drive.joint).range
         beyond = np.maximum(low - values, values - high)
-        if model.jnt_limited[joint.id] and beyond.max() > ROUNDING:
+        if model.jnt_limited[model.joint(drive.joint).id] and beyond.max() > ROUNDING:
             raise InputError(case.file, case.drive_key(k), f"joint {drive.joint!r} is driven to "
                              f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
                              f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "

@@ -131,6 +131,8 @@ MEASURELESS = {
                               ["rod_cantilever.toml: rod.rod.segments: ", "equal to 100000"]),
     "refined into 23 digits": ("rod_cantilever.toml", r"segments = \[10,", f"segments = [{10**22},",
                                ["rod_cantilever.toml: refine.segments.0: ", "equal to 100000"]),
+    "a rate of 1e308": ("fourbar.toml", r"rate = 1.0  ", "rate = 1e308",
+                        ["fourbar.toml: drive: joint 'crank'", "1e+308 rad/s", "less than 1e+150"]),
     "a time step of 0": ("fourbar.xml", 'timestep="1e-3"', 'timestep="0"',
                          ["fourbar.xml: <option>: timestep 0 is not positive"]),
     "a height field": ("fourbar.xml", "<worldbody>", '<asset><hfield name="h" nrow="1000000" '
