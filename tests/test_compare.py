@@ -46,12 +46,12 @@ def test_error_measures_of_a_known_difference():
     error = np.array([0, 0, -2e-11, 1e-11, 0])
     c = one(case, "duration", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {})
     assert c.outcome == "agrees"
-    assert c.error_max == pytest.approx(2e-11, rel=1e-4)  # 1e-16 of rounding at 2
+    assert c.error_max == pytest.approx(2e-11, rel=1e-4, abs=0)  # 1e-16 of rounding at 2
     assert c.at == 0.5
-    assert c.error_rms == pytest.approx(1e-11, rel=1e-4)  # sqrt((4 + 1) / 5) e-11
-    assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4)
-    assert c.of_range == pytest.approx(5e-12, rel=1e-4)
-    assert c.allowed == pytest.approx(4e-10)
+    assert c.error_rms == pytest.approx(1e-11, rel=1e-4, abs=0)  # sqrt((4 + 1) / 5) e-11
+    assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4, abs=0)
+    assert c.of_range == pytest.approx(5e-12, rel=1e-4, abs=0)
+    assert c.allowed == pytest.approx(4e-10, rel=1e-4, abs=0)
     assert c.message.startswith("RK4 at 1 ms")  # the tolerance's reason
 
 
@@ -72,8 +72,20 @@ def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
                 for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg")))
     assert (deg.unit, deg.outcome) == ("deg", "agrees")
     for name in ("error_max", "error_rms", "error_later", "allowed"):
-        assert getattr(deg, name) == pytest.approx(np.rad2deg(getattr(rad, name)))
-    assert (deg.nrmse, deg.of_range) == pytest.approx((rad.nrmse, rad.of_range))
+        assert getattr(deg, name) == pytest.approx(np.rad2deg(getattr(rad, name)), rel=1e-4, abs=0)
+    assert (deg.nrmse, deg.of_range) == pytest.approx((rad.nrmse, rad.of_range), rel=1e-4, abs=0)
+    off = Curves(x, {"angle": truth + 2 * np.pi})
+    assert one(in_unit(PENDULUM, "angle", unit="deg"), "duration", "mujoco", "angle", off, truth,
+               {}).message.startswith("off by 1 whole turn")
+
+
+def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
+    x, zero = np.linspace(0, 4, 3), np.zeros(3)
+    c = one(PENDULUM, "duration", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {})
+    assert c.nrmse == pytest.approx(2.0)  # 0.5 rad/s; one in the 4 s of the motion is 0.25
+    rod = load_case(MODELS / "rod_cantilever.toml")
+    c = one(rod, "rest", "mujoco", "rod.moment", Curves(x, {"rod.moment": zero + 0.5}), zero, {})
+    assert np.isnan(c.nrmse)
 
 
 def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
@@ -82,8 +94,8 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     curves = Curves(x, {"angle": truth + error})
     assert start_until(curves) == 3.0
     c = one(PENDULUM, "duration", "mujoco", "angle", curves, truth, {})
-    assert c.error_later == pytest.approx(1e-10, rel=1e-4)  # at 3; 1e-16 of rounding at 1
-    assert c.of_range_later == pytest.approx(c.of_range / 1.1)
+    assert c.error_later == pytest.approx(1e-10, rel=1e-4, abs=0)  # at 3; 1e-16 of rounding at 1
+    assert c.of_range_later == pytest.approx(c.of_range / 1.1, rel=1e-4, abs=0)
     rod = load_case(MODELS / "rod_cantilever.toml")
     name = next(iter(rod.channels))
     assert np.isnan(one(rod, "rest", "mujoco", name, Curves(x, {name: truth}), truth, {}
