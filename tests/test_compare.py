@@ -420,6 +420,7 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
 
 def test_what_has_no_size_needs_an_absolute_tolerance():
     assert scale("rod.moment", [0.0, 0.0], "rod_cantilever", "rest") == 0.0
+    assert scale("rod.angle", [0.0, 0.0], "rod_cantilever", "rest") == 1.0  # whatever the time
     outcome, message = verdict(1e-17, 0.0, "N m", "rounding")
     assert outcome == "differs"
     assert "give the tolerance as abs" in message
