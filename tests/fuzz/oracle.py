@@ -48,8 +48,12 @@ import numpy as np
 S, OFF = mujoco.mjtSensor, mujoco.mjtDisableBit
 Array = Any
 FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
-UNITS = {"mm": ("m", 1e-3), "deg": ("rad", math.pi / 180), "J": ("N m", 1.0)}
+UNITS = {"deg": ("rad", math.pi / 180), "J": ("N m", 1.0)}
 """What a channel's unit is in SI; other words stand for themselves."""
+PREFIXES = dict(zip("qryzafpnµmcdhkMGTPEZYRQ", (
+    *(10.0**k for k in range(-30, 0, 3)), 1e-2, 1e-1, 1e2, *(10.0**k for k in range(3, 31, 3))),
+    strict=True)) | {"u": 1e-6, "da": 10.0}
+"""Of a unit; a mutation of `rad` may be `rrad`, 1e-27 rad."""
 
 
 class Unjudged(Exception):
@@ -103,7 +107,9 @@ def least(agrees: list, key: str, value: float) -> float:
 
 def in_si(unit: str) -> tuple[str, float]:
     """The SI unit of a channel's unit, and the factor to it."""
-    return UNITS.get(unit.strip(), (unit.strip(), 1.0))
+    unit = " ".join(unit.split())
+    hit = re.fullmatch(f"({'|'.join(PREFIXES)})(rad|m)", unit)
+    return (hit[2], PREFIXES[hit[1]]) if hit else UNITS.get(unit, (unit, 1.0))
 
 
 def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
@@ -197,10 +203,11 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
     drive = drives[0]
     if "law" in drive:
         raise Unjudged("a law of the reference")
-    a, b = drive.get("from", 0.0), drive["to"]
+    a, b = float(drive.get("from", 0.0)), float(drive["to"])
     if "period" in drive:
-        x, w = np.linspace(0, table.get("until", drive.get("until", drive["period"])), n), (
-            2 * np.pi / drive["period"])
+        period = float(drive["period"])
+        x = np.linspace(0, float(table.get("until", drive.get("until", period))), n)
+        w = 2 * np.pi / period
         half = (b - a) / 2
         return x, [(drive["joint"], a + half * (1 - np.cos(w * x)), half * w * np.sin(w * x),
                     half * w * w * np.cos(w * x))]
@@ -212,7 +219,8 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
 
 def table(file: Path) -> dict[str, Array]:
     """A recorded curve in SI units; the oracle knows few of them."""
-    text = file.read_bytes().decode("utf-8-sig")
+    data = file.read_bytes()
+    text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
     mark = next((m for m in ";\t" if m in lines[0]), ",")
     rows = list(csv.reader(lines, delimiter=mark))

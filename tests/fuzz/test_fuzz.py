@@ -135,6 +135,12 @@ def test_a_finding_that_was_kept(file, judge):
     assert judge.judge(name, files).findings == []
 
 
+@pytest.mark.parametrize(("unit", "wanted"), [
+    ("rrad", ("rad", 1e-27)), (" mm", ("m", 1e-3)), ("N  m", ("N m", 1.0)), ("kg", ("kg", 1.0))])
+def test_the_oracle_knows_units_with_prefixes_and_blanks(unit, wanted):
+    assert oracle.in_si(unit) == wanted
+
+
 def test_a_few_mutated_inputs(judge):
     assert not faults(judge, 0, QUICK)
 
