@@ -8,8 +8,8 @@ the same one within these limits before: studies look up numbers of the model of
 `compare` from Python has the reference in the calling process.
 
 A worker is kept for the next run, since importing the engines takes longer than most runs; a worker
-that died or was killed is replaced.  `multiprocessing` is not used because it imports the caller's
-main script again, which a ten-line script or a notebook does not survive.
+that died, was killed, or broke an engine is replaced.  `multiprocessing` is not used because it
+imports the caller's main script again, which a ten-line script or a notebook does not survive.
 """
 
 import atexit
@@ -24,6 +24,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
+
+from sim.protocol import BROKEN
 
 try:
     import resource
@@ -59,6 +61,7 @@ class Worker:
     """A process that calls functions, one after the other."""
 
     def __init__(self) -> None:
+        self.usable = True
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the worker
         path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
@@ -83,7 +86,8 @@ class Worker:
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
             to.write(pickle.dumps((function, args, timeout, memory, os.getcwd())))
             to.flush()
-            return pickle.load(back)
+            good, value, self.usable = pickle.load(back)
+            return good, value
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
             self.process.wait()
             if late.is_set():
@@ -176,7 +180,10 @@ def isolated(function: Callable, *args: object, timeout: float, memory: float = 
         raise
     finally:
         busy.discard(worker)
-    idle.put(worker)
+    if worker.usable:
+        idle.put(worker)
+    else:
+        worker.close()
     if not good:
         raise value
     return value
@@ -219,18 +226,23 @@ def answered(function: Callable, args: tuple, memory: float) -> bytes:
     """A call's result or exception, whatever it is, packed for the caller."""
     limit_data(memory)
     try:
-        return pickle.dumps((True, function(*args)))
+        return packed(True, function(*args))
     except MemoryError:
-        return pickle.dumps((False, beyond(memory)))
+        return packed(False, beyond(memory))
     except Exception as error:
         # where dask is installed, pint loads it, and exceptions would be packed with all of these
         error.__traceback__ = error.__cause__ = error.__context__ = None
         try:  # an exception may be packed and yet not be unpacked
-            packed = pickle.dumps((False, error))
-            pickle.loads(packed)
-            return packed
+            answer = packed(False, error)
+            pickle.loads(answer)
+            return answer
         except Exception:  # it cannot be sent
-            return pickle.dumps((False, Crashed(f"{type(error).__name__}: {error}")))
+            return packed(False, Crashed(f"{type(error).__name__}: {error}"))
+
+
+def packed(good: bool, value: Any) -> bytes:
+    """An answer, and whether this process can be called again."""
+    return pickle.dumps((good, value, not BROKEN))
 
 
 def beyond(memory: float) -> OutOfMemory:

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from sim.protocol import BadModel, Rod
+from sim.protocol import BROKEN, BadModel, Rod
 from sim.rods import compile_with_rods
 
 OFF = mujoco.mjtDisableBit
@@ -89,6 +89,7 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
             refuse_numbers(path, warnings)
             raise refusal(error, f"{path.name}: ") from None
         except RuntimeError as error:  # of C++, which MuJoCo passes on without its words
+            BROKEN.add("MuJoCo")  # the next model of which it warns would hang, in MuJoCo 4.0.0
             raise BadModel(f"{path.name}: MuJoCo cannot compile it and says no more than "
                            f"\"{error}\"; it does so where there is no memory for a model as "
                            f"large, such as one with a height field of 1e6 rows") from None

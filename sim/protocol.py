@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 Array = NDArray[np.float64]
+BROKEN = set[str]()
+"""Engines that cannot be called in this process any more; whoever keeps it has to start another."""
 Law = Callable[[Array], tuple[Array, Array, Array]]
 
 

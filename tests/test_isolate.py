@@ -13,7 +13,9 @@ import pytest
 
 from proofmass.check import check
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
+from proofmass.isolate import Crashed, OutOfMemory, TimedOut, dismiss, isolated
+from sim.mjcf import compile_model
+from sim.protocol import BadModel
 
 LARGE = '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>' \
         '<geom size="1"/></body></replicate></worldbody></mujoco>'
@@ -80,6 +82,21 @@ def test_an_exception_is_sent_without_where_it_was_raised():
     pytest.importorskip("dask")
     with pytest.raises(InputError, match="nested too deeply"):
         isolated(deep, True, timeout=20)
+
+
+def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
+    """After such a model MuJoCo 4.0.0 hangs as soon as it warns of another."""
+    large, warns = tmp_path / "large.xml", tmp_path / "warns.xml"
+    large.write_text('<mujoco><asset><hfield name="h" nrow="1000000" ncol="1000000" size="1 1 1 1"'
+                     '/></asset><worldbody><geom type="hfield" hfield="h"/></worldbody></mujoco>')
+    warns.write_text('<mujoco><worldbody><body pos="nan 0 0"><joint/><geom size="1"/></body>'
+                     '</worldbody></mujoco>')
+    dismiss()  # so that there is one process
+    process = isolated(os.getpid, timeout=20)
+    for file, why in ((large, "cannot compile"), (warns, "not a number")):
+        with pytest.raises(BadModel, match=why):
+            isolated(compile_model, file, timeout=20)
+    assert isolated(os.getpid, timeout=20) != process
 
 
 def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
