@@ -32,12 +32,13 @@ CASES: dict[str, tuple[Any, dict[str, Any], int]] = {
     "3PFR, annex": (assembly(CORNERS, stiffness=EI, arm=triangle(0.5), angle=GUIDES, guide=GUIDES),
                     {"inputs": 0.1, "load": [0.3, -0.2, 0.0]}, 1),
 }
+CASES["2RFR, modes 1"] = *CASES["2RFR, Table 7"][:2], 1  # of --quick
 RANDOM = {  # case, engine, links: random starts
     ("2RFR, Table 7", "mujoco", 20): 400, ("2RFR, Table 7", "mujoco", 10): 60,
     ("2RFR, Table 7", "pymunk", 10): 60, ("3RFR, Table 8", "mujoco", 20): 200,
     ("3PFR, annex", "mujoco", 20): 200}
 NUDGES = 2  # of each equilibrium, in the same scenes
-QUICK = {("2RFR, Table 7", "mujoco", 10): 1, ("2RFR, Table 7", "pymunk", 10): 1}
+QUICK = {("2RFR, modes 1", "mujoco", 10): 1, ("2RFR, modes 1", "pymunk", 10): 1}
 Task = tuple[str, str, int, str, int]
 Row = dict[str, Any]
 Starts = Mapping[tuple[str, str, int], int]

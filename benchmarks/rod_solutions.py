@@ -77,10 +77,11 @@ def timed(work: Callable[[], Grid | Solutions]) -> tuple[Grid | Solutions, float
     return work(), time.process_time() - began
 
 
-def searched(most: int) -> Iterator[str]:
+def searched(names: Sequence[str], most: int) -> Iterator[str]:
     """Rows of the first table, with so many inflections at most."""
     before = {("2RFR, Table 7", 3): 33, ("3RFR, Table 8", 2): 4, ("3PFR, annex", 1): 3}
-    for name, (a, given, modes) in CASES.items():
+    for name in names:
+        a, given, modes = CASES[name]
         for upto in modes[:most]:
             found, seconds = timed(lambda a=a, upto=upto, given=given: solutions(
                 a, modes=upto, **given))
@@ -89,18 +90,18 @@ def searched(most: int) -> Iterator[str]:
                    f"{seconds:.1f} |")
 
 
-def gridded(nodes: Sequence[int], settings: Sequence[tuple[int, float, float]]) -> Iterator[str]:
+def gridded(names: Sequence[str], nodes: Sequence[int],
+            settings: Sequence[tuple[int, float, float]]) -> Iterator[str]:
     """Rows of the second table: n for two rods; n, tolL [m] and tolM [N m] for three."""
-    at = {name: (state(a, **given), len(solutions(a, modes=1, **given)))
-          for name, (a, given, _) in CASES.items()}
-    s, known = at["2RFR, Table 7"]
-    for n in nodes:
-        grid, seconds = timed(lambda n=n: two(s, n))
-        yield row("2RFR, Table 7", (n, "", ""), grid, known, seconds)
-    for name in ("3RFR, Table 8", "3PFR, annex"):
-        s, known = at[name]
-        for setting in settings:
-            yield of_three(name, s, setting, known)
+    for name in names:
+        a, given, _ = CASES[name]
+        s, known = state(a, **given), len(solutions(a, modes=1, **given))
+        if a is not PAIR:
+            yield from (of_three(name, s, setting, known) for setting in settings)
+            continue
+        for n in nodes:
+            grid, seconds = timed(lambda s=s, n=n: two(s, n))
+            yield row(name, (n, "", ""), grid, known, seconds)
 
 
 def of_three(name: str, s: State, setting: tuple[int, float, float], known: int) -> str:
@@ -132,8 +133,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("-o", "--output", type=Path, default=None)
     given = parser.parse_args(argv)
-    grids = gridded((3,), ((3, 0.5, 1.0),)) if given.quick else gridded(NODES, tuple(PRINTED))
-    text = "\n".join([HEAD.rstrip("\n"), *searched(1 if given.quick else 3),
+    names = ("2RFR, Table 7", "3PFR, annex") if given.quick else tuple(CASES)
+    grids = gridded(names, *(((3,), ((3, 0.5, 1.0),)) if given.quick else (NODES, tuple(PRINTED))))
+    text = "\n".join([HEAD.rstrip("\n"), *searched(names, 1 if given.quick else 3),
                       GRIDS.rstrip("\n"), *grids, TAIL])
     if given.output:
         given.output.write_text(text)

@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "stress")
     given = parser.parse_args(argv)
-    most = 2 if given.quick else None  # boundaries, of small models and of each case
+    most = 1 if given.quick else None  # boundaries, of small models and of each case
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
         with pool() as workers:

@@ -5,7 +5,7 @@ it.  An item fails where ``proofmass check`` would: same code, same tolerances.
 """
 
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from proofmass.errors import InputError
 from proofmass.refined import refinements
 
 VERDICTS = partial(compare, detectable=False)
+loaded = cache(load)
+"""A case that has been checked before its first item runs."""
 
 
 def is_sidecar(path: Path) -> bool:
@@ -57,7 +59,7 @@ class SolverItem(pytest.Item):
         """Run and compare; skipped when nothing of this solver is checked, failed when nothing of
         the whole case is and its sidecar does not say so.
         """
-        load(self.case.file)
+        loaded(self.case.file)
         comparisons: list[Comparison] = []
         for kind, run in self.case.run.items():
             if self.name in run.solvers:
