@@ -91,12 +91,11 @@ def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
 
 
 def test_sidecars_are_pytest_items(models, pytester):
-    result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-v",
-                                           "-p", "no:cacheprovider")
-    result.assert_outcomes(passed=2, skipped=2)
-    one = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::pymunk", "-v",
-                                        "-p", "no:cacheprovider")
-    one.assert_outcomes(passed=1)
+    result = pytester.runpytest_subprocess(
+        models / "pendulum.toml", f"{models / 'slider_crank.toml'}::mujoco", "-v",
+        "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=3, skipped=2)
+    result.stdout.fnmatch_lines(["*slider_crank.toml::mujoco PASSED*"])
 
 
 def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):

@@ -117,9 +117,10 @@ def outcomes(result, name):
     return {c.outcome for c in result.comparisons if c.case == name}
 
 
-def test_a_model_that_is_too_large_costs_itself_only(models, edit):
+def test_a_model_that_is_too_large_costs_itself_only(models, edit, keep_solver):
     edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
-    edit("fourbar.toml", r"(?m)^(solvers = .*)", r"\1\ntimeout = 3")
+    keep_solver("fourbar.toml", "mujoco")
+    edit("fourbar.toml", r"(?m)^(solvers = .*)", r"\1\ntimeout = 2")
     began = time.monotonic()
     result = check([models / "fourbar.toml", models / "pendulum.toml"])
     assert outcomes(result, "fourbar") == {"timed out"}
@@ -130,7 +131,7 @@ def test_a_model_that_is_too_large_costs_itself_only(models, edit):
 
 def test_a_reference_that_takes_too_long_costs_itself_only(models, edit):
     edit("rod_pinned.toml", r"(?m)^pin_x = .*", "pin_x = -0.8")
-    edit("rod_pinned.toml", r"(?m)^solvers = .*", 'solvers = ["mujoco"]\ntimeout = 5')
+    edit("rod_pinned.toml", r"(?m)^solvers = .*", 'solvers = ["mujoco"]\ntimeout = 2')
     result = check([models / "rod_pinned.toml", models / "pendulum.toml"])
     assert outcomes(result, "rod_pinned") == {"timed out"}
     assert any("timeout in [run.rest] allows more" in c.message for c in result.comparisons)
@@ -189,6 +190,6 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
     edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
     asking = subprocess.Popen([sys.executable, "-m", "proofmass", "check", models / "fourbar.toml"],
                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    time.sleep(10.0)  # by then it runs, for the two minutes that its runs may take
+    time.sleep(6.0)  # by then it runs, for the two minutes that its runs may take
     asking.send_signal(signal.SIGINT)
     assert asking.wait(60.0) == 130

@@ -81,6 +81,7 @@ def test_motors_end_where_the_sheet_of_poses_is_singular():
     assert abs(np.linalg.eigvalsh(derivatives(fold).stiffness)[0]) < 1e-8
 
 
+@pytest.mark.slow
 def test_rim_of_a_sheet_is_an_inverse_singularity():
     ends, ways = rim(natural())
     slopes = derivatives(ends)

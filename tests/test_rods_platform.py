@@ -158,7 +158,12 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize(("file", "old", "new"), WRONG.values(), ids=WRONG)
+QUICK = ("side", "load", "guide's direction", "slider's motion")
+
+
+@pytest.mark.parametrize(("file", "old", "new"), [
+    pytest.param(*change, id=what, marks=[pytest.mark.slow] * (what not in QUICK))
+    for what, change in WRONG.items()])
 def test_a_wrong_mechanism_differs(file, old, new, edit):
     name = file.partition(".")[0]
     sidecar = quick(edit, name)

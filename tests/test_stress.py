@@ -81,7 +81,7 @@ def test_a_run_that_is_finite_and_wrong_is_lost(stand):
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-@pytest.mark.parametrize("factor", [3e-6, 1e6])
+@pytest.mark.parametrize("factor", [3e-6, pytest.param(1e6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("name", "kind"), [
     ("slider_crank", "duration"), ("slider_crank", "sweep"), ("fourbar_released", "duration"),
     ("balancer_sine", "sweep")])
