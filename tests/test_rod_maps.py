@@ -118,6 +118,7 @@ def test_the_aspect_of_a_stable_equilibrium_is_stable():
     assert (np.linalg.eigvalsh(beyond.stiffness)[:, 0] < 0.0).any()
 
 
+@pytest.mark.slow
 def test_labels_of_singularities_are_those_of_the_text():
     """Not of the program, which has them swapped: direct where K is singular, at which dq/dP is."""
     chart = over_poses(pair("S4"), natural(), "rad²/m²")

@@ -89,8 +89,9 @@ def test_shapes_converge_on_both_sides_of_a_snap():
 
 @pytest.mark.parametrize(("old", "new"), [
     ("segments = 40", 'segments = 40\nscheme = "naive"'),
-    pytest.param("distance = 0.8 ", "distance = 0.79 ", marks=pytest.mark.slow),
-    pytest.param("turn = -2.1", "turn = 2.1", marks=pytest.mark.slow)])  # wound into a loop
+    ("distance = 0.8 ", "distance = 0.79 "),
+    ("turn = -2.1", "turn = 2.1")])  # wound into a loop
+@pytest.mark.slow
 def test_a_wrong_rod_is_found(old, new, edit):
     """Another pin, a soft clamp, another equilibrium."""
     edit("rod_snap.toml", '"mujoco:settled", "pymunk"', '"pymunk"')

@@ -173,7 +173,8 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
 
 
 @pytest.mark.parametrize(("file", "old", "new"), [
-    ("rfr2_driven.toml", "segments = 16", 'segments = 16\nscheme = "naive"'),
+    pytest.param("rfr2_driven.toml", "segments = 16", 'segments = 16\nscheme = "naive"',
+                 marks=SLOW),
     pytest.param("rfr2_driven.toml", r"length = 1.0\n(stiffness = .*\nsegments)",
                  r"length = 1.01\n\1", marks=SLOW),
     ("rfr2_natural.xml", "gear=.0.3 -0.1", 'gear="0.32 -0.1')])

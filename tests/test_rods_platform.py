@@ -158,7 +158,7 @@ WRONG = {
 }
 
 
-QUICK = ("side", "load", "guide's direction", "slider's motion")
+QUICK = ("load", "guide's direction")
 
 
 @pytest.mark.parametrize(("file", "old", "new"), [

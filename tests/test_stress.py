@@ -164,6 +164,7 @@ def test_limit_positions_come_from_the_reference(stand):
         assert found.ratio == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_model_with_another_limit_position_is_noticed(stand):
     """A rocker longer by 2 % turns on by 1 %; angles and moments are off before that."""
     held = stand("triple_rocker")

@@ -223,10 +223,6 @@ def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
     assert untimed(torn) == untimed(whole)
 
 
-def test_a_study_killed_twice_gives_the_same_table(tmp_path):
-    same_after(2, 4, tmp_path)
-
-
 @pytest.mark.slow
 def test_a_study_killed_ten_times_gives_the_same_table(tmp_path):
     same_after(10, 20, tmp_path)
