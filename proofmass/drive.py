@@ -3,11 +3,12 @@
 They are small classes, not closures, so that a run can be sent to another process.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import BPoly, CubicHermiteSpline
 
 from sim.protocol import Array, Curves, Diverged, Run
 
@@ -15,6 +16,10 @@ State = tuple[Array, Array, Array]
 LAG = 0.05
 """Share of its way that a driven joint may be off: a soft drive lags, MuJoCo's default one by 2e-3.
 """
+
+EXACT, MOST = 1e-12, 4000
+"""What a written table of a law may be off half way between its times [share of the range], and
+its most rows."""
 
 
 @dataclass(frozen=True)
@@ -117,3 +122,113 @@ def check_driven(run: Run, curves: Curves) -> None:
         raise Diverged(f"joint {run.drives[drive].joint!r} is at "
                        f"{curves.drive[0][drive, sample]:.4g} where its drive leads it to "
                        f"{led[drive, sample]:.4g}, at x = {curves.x[sample]:.4g}")
+
+
+def motion_source(laws: Sequence[object], x: Array) -> str:
+    """Source of ``motion(t)``: values, rates and accelerations (drives, n) of drives at times (n,).
+
+    It uses ``np``, NumPy.  A law that is no formula is written as values, rates and accelerations
+    at times, with the polynomial of fifth degree through them in between.
+
+    Parameters
+    ----------
+    laws : sequence of callable
+        See `sim.protocol.Drive`.
+    x : ndarray (n,)
+        Times of the samples [s].
+
+    Examples
+    --------
+    >>> print(motion_source([Steady(0.5, 2.0, x_is_time=True)], np.linspace(0.0, 1.0, 3)))
+    def motion(t):
+        \"\"\"Values, rates and accelerations (drives, n) of the drives at times (n,) [s].\"\"\"
+        one = np.ones_like(t)
+        return (
+            np.array([0.5 + 2.0 * t]),
+            np.array([2.0 * one]),
+            np.array([0.0 * one]))
+    """
+    if not laws:
+        return ""
+    formulas = [formula(law) for law in laws]
+    if all(formulas):
+        parts = [", ".join(one[k] for one in formulas if one) for k in range(3)]
+        return FORMULA.format(*parts)
+    times = table_times(laws, x)
+    rows = np.array([np.broadcast_arrays(*law(times)) for law in laws])  # type: ignore[operator]
+    return TABLE.format(times=lines_of(times), rows=",\n".join(
+        f"    [{', '.join(lines_of(part) for part in drive)}]" for drive in rows))
+
+
+FORMULA = '''\
+def motion(t):
+    """Values, rates and accelerations (drives, n) of the drives at times (n,) [s]."""
+    one = np.ones_like(t)
+    return (
+        np.array([{}]),
+        np.array([{}]),
+        np.array([{}]))'''
+TABLE = '''\
+TIMES = np.array({times})  # s
+TABLE = np.array([  # of each drive values, rates and accelerations at these times
+{rows}])
+
+
+def motion(t):
+    """Values, rates and accelerations (drives, n) of the drives at times (n,) [s].
+
+    They follow the polynomial of fifth degree through two rows of the table.
+    """
+    k = np.clip(np.searchsorted(TIMES, t, "right") - 1, 0, len(TIMES) - 2)
+    h = TIMES[k + 1] - TIMES[k]
+    s = (t - TIMES[k]) / h
+    p, v, a = np.moveaxis(TABLE[:, :, k], 1, 0) * [[h**0], [h], [h**2]]
+    q, w, b = np.moveaxis(TABLE[:, :, k + 1], 1, 0) * [[h**0], [h], [h**2]]
+    c3 = 10 * (q - p) - 6 * v - 4 * w - 1.5 * a + 0.5 * b
+    c4 = -15 * (q - p) + 8 * v + 7 * w + 1.5 * a - b
+    c5 = 6 * (q - p) - 3 * v - 3 * w - 0.5 * a + 0.5 * b
+    return (
+        p + s * (v + s * (0.5 * a + s * (c3 + s * (c4 + s * c5)))),
+        (v + s * (a + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h,
+        (a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2)'''
+
+
+def formula(law: object) -> tuple[str, str, str] | None:
+    """A law as Python of times t: value, rate and acceleration; None if it is no formula."""
+    if isinstance(law, Steady) and law.x_is_time:
+        return f"{law.start!r} + {law.rate!r} * t", f"{law.rate!r} * one", "0.0 * one"
+    if isinstance(law, Swing):
+        half, w = 0.5 * (law.to - law.start), 2 * math.pi / law.period
+        return (f"{law.start!r} + {half!r} * (1 - np.cos({w!r} * t))",
+                f"{half * w!r} * np.sin({w!r} * t)", f"{half * w**2!r} * np.cos({w!r} * t)")
+    if isinstance(law, InProportion) and (leader := formula(law.leader)):
+        value, rate, acceleration = leader
+        return (f"{law.start!r} + {law.ratio!r} * ({value} - {law.origin!r})",
+                f"{law.ratio!r} * ({rate})", f"{law.ratio!r} * ({acceleration})")
+    return None
+
+
+def table_times(laws: Sequence[object], x: Array) -> Array:
+    """Times of a table of laws so dense that half way between two of them nothing is off by more
+    than `EXACT` of the range, or as dense as `MOST` rows are."""
+    times = x
+    while times.size < MOST:
+        middle = 0.5 * (times[:-1] + times[1:])
+        off = 0.0
+        for law in laws:
+            value, rate, acceleration = np.broadcast_arrays(*law(times))  # type: ignore[operator]
+            spline = BPoly.from_derivatives(times, np.column_stack([value, rate, acceleration]))
+            exact = np.broadcast_to(law(middle)[0], middle.shape)  # type: ignore[operator]
+            span = float(np.ptp(value)) or 1.0
+            off = max(off, float(np.abs(spline(middle) - exact).max()) / span)
+        if off <= EXACT:
+            break
+        times = np.sort(np.append(times, middle))
+    return times
+
+
+def lines_of(values: Array) -> str:
+    """Numbers with all their digits, four in a line."""
+    numbers = [repr(float(value)) for value in values]
+    rows = [", ".join(numbers[k:k + 4]) for k in range(0, len(numbers), 4)]
+    return "[\n    " + ",\n    ".join(rows) + "]"

@@ -108,6 +108,23 @@ class Drive:
 
 
 @dataclass(frozen=True)
+class Imposed:
+    """How a written program imposes the motion of its drives.
+
+    Attributes
+    ----------
+    kind : str
+        A word of the engine's; see its `write_program`.
+    gain : float
+        How hard the drive holds its joint, in multiples of what the time step suggests; 0 where
+        there is nothing to choose.
+    """
+
+    kind: str
+    gain: float = 0.0
+
+
+@dataclass(frozen=True)
 class Rod:
     """An elastic rod between two sites of the MJCF: inextensible, bending in the model's plane.
 

@@ -1,14 +1,15 @@
 """Sensors of the MJCF as functions of the engine's poses, and their first two time derivatives."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from sim.mujoco_model import gear_of_force, joint_of
+from sim.plane import Plane
 from sim.protocol import Array, BadModel
-from sim.pymunk_links import Links
+from sim.pymunk_links import Joint, Links
 from sim.pymunk_pose import along, joint_value, turned
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -32,8 +33,96 @@ class Channel:
     factor: float = 1.0
 
 
-def _still(pose: Array) -> Array:
-    return np.zeros(pose.shape[:-2])
+@dataclass(frozen=True)
+class Level:
+    """A quantity that does not change."""
+
+    value: float = 0.0
+
+    def __call__(self, pose: Array) -> Array:
+        return np.full(pose.shape[:-2], self.value)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The angle of a link [rad]: ``start + share * turn``."""
+
+    link: int
+    start: float = 0.0
+    share: float = 1.0
+
+    def __call__(self, pose: Array) -> Array:
+        return self.start + self.share * pose[..., self.link, 2]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Component `part` of the world position [m] of a point of a link, `height` over the plane.
+
+    ``local`` is seen from the link's centre in the start pose.
+    """
+
+    plane: Plane
+    link: int
+    local: Array
+    height: float
+    part: int
+
+    def __call__(self, pose: Array) -> Array:
+        body = pose[..., self.link, :]
+        flat = body[..., :2] + turned(body[..., 2], self.local)
+        return self.plane.world(flat, self.height)[..., self.part]
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Component `part` in the world of a unit vector of a link, `height` of it over the plane."""
+
+    plane: Plane
+    link: int
+    local: Array
+    height: float
+    part: int
+
+    def __call__(self, pose: Array) -> Array:
+        flat = turned(pose[..., self.link, 2], self.local)
+        return self.plane.world(flat, self.height)[..., self.part]
+
+
+@dataclass(frozen=True)
+class Value:
+    """The coordinate of a joint [rad or m]."""
+
+    joint: Joint
+
+    def __call__(self, pose: Array) -> Array:
+        return joint_value(self.joint, pose)
+
+
+@dataclass(frozen=True)
+class Potential:
+    """MuJoCo's potential energy [J]: -m g.r of every body, plus the joint springs."""
+
+    links: Links
+
+    def __call__(self, pose: Array) -> Array:
+        energy = np.zeros(pose.shape[:-2])
+        for mass, place in weights(self.links):
+            at = np.stack([replace(place, part=k)(pose) for k in range(3)], axis=-1)
+            energy = energy - mass * (at @ self.links.model.opt.gravity)
+        for joint in self.links.joints:
+            energy = energy + joint.spring_energy(joint_value(joint, pose))
+        return energy
+
+
+def weights(links: Links) -> list[tuple[float, Place]]:
+    """Mass [kg] and centre of mass of every body of the MJCF."""
+    model, plane, found = links.model, links.plane, []
+    for b in range(1, model.nbody):
+        link, point = int(links.of_body[b]), links.data.xipos[b]
+        found.append((float(model.body_mass[b]), Place(
+            plane, link, plane.flat(point) - links.centre[link], float(point @ plane.normal), 0)))
+    return found
 
 
 def channel(links: Links, name: str) -> Channel | str:
@@ -80,11 +169,11 @@ def _scalar(links: Links, s: int) -> Channel | str:
     user = kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT
     if kind in (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL) or user:
         order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}.get(kind, 2)
-        return Channel(order, lambda pose: joint_value(links.joints[obj], pose))
+        return Channel(order, Value(links.joints[obj]))
     if kind == S.mjSENS_E_POTENTIAL:
-        return Channel(0, lambda pose: _potential(links, pose))
+        return Channel(0, Potential(links))
     if kind == S.mjSENS_E_KINETIC:
-        return Channel(-1, _still)
+        return Channel(-1, Level())
     if kind in FORCES:
         return _force(links, kind, obj)
     return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
@@ -96,26 +185,23 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
         gear = 1.0 if of_joint else gear_of_force(model, obj)
-        return Channel(-2, _still, links.driven.index(joint), 1.0 / gear)
+        return Channel(-2, Level(), links.driven.index(joint), 1.0 / gear)
     force = links.joints[joint].load if of_joint else float(
         links.data.actuator_force[model.actuator_outadr[obj]])
-    return Channel(0, lambda pose: np.full(pose.shape[:-2], force))
+    return Channel(0, Level(force))
 
 
 def _frame(links: Links, s: int, part: str) -> Pose:
     link, local, height, turn = _frame_at(links, s)
     plane, kind = links.plane, S(int(links.model.sensor_type[s]))
     if part == "angle":
-        start = np.arctan2(*plane.flat(turn[:, 0])[::-1])
-        return lambda pose: start + pose[..., link, 2]
+        return Turn(link, float(np.arctan2(*plane.flat(turn[:, 0])[::-1])))
     k = "xyz".index(part)
     if kind in (S.mjSENS_FRAMEANGVEL, S.mjSENS_FRAMEANGACC):
-        return lambda pose: pose[..., link, 2] * plane.normal[k]
+        return Turn(link, share=float(plane.normal[k]))
     if kind == S.mjSENS_FRAMEXAXIS:
-        axis, up = plane.flat(turn[:, 0]), float(turn[:, 0] @ plane.normal)
-        return lambda pose: plane.world(turned(pose[..., link, 2], axis), up)[..., k]
-    return lambda pose: plane.world(
-        pose[..., link, :2] + turned(pose[..., link, 2], local), height)[..., k]
+        return Direction(plane, link, plane.flat(turn[:, 0]), float(turn[:, 0] @ plane.normal), k)
+    return Place(plane, link, local, height, k)
 
 
 def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
@@ -132,21 +218,6 @@ def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
     link, point = links.of_body[bodies[obj]], points[obj]
     local = links.plane.flat(point) - links.centre[link]
     return link, local, float(point @ links.plane.normal), turns[obj].reshape(3, 3)
-
-
-def _potential(links: Links, pose: Array) -> Array:
-    """MuJoCo's potential energy: -m g.r of every body, plus the joint springs."""
-    model, plane = links.model, links.plane
-    energy = np.zeros(pose.shape[:-2])
-    for b in range(1, model.nbody):
-        link, point = links.of_body[b], links.data.xipos[b]
-        local = plane.flat(point) - links.centre[link]
-        at = plane.world(pose[..., link, :2] + turned(pose[..., link, 2], local),
-                         float(point @ plane.normal))
-        energy = energy - model.body_mass[b] * (at @ model.opt.gravity)
-    for joint in links.joints:
-        energy = energy + joint.spring_energy(joint_value(joint, pose))
-    return energy
 
 
 def kinetic(links: Links, velocity: Array) -> Array:

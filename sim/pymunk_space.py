@@ -1,6 +1,6 @@
 """A pymunk space built from links, and reading all its bodies at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -48,17 +48,25 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     for pull in links.pulls:
         _pull(pull, bodies[pull.link])
     bodies.append(space.static_body)
-    held = []
-    for joint in links.joints:
-        held += [*_springs(joint, links, bodies), *_hold(joint.hold, links, bodies, joint)]
-    for loop in links.loops:
-        held += _hold(loop, links, bodies)
-    for constraint in held:
+    for _, constraint in constraints(links, bodies):
         # a stop that threw a joint out of it in one step would make it bounce
         if not isinstance(constraint, STOPS):
             constraint.error_bias = error_bias
         space.add(constraint)
     return space
+
+
+def constraints(links: Links, bodies: list[pymunk.Body]
+                ) -> Iterator[tuple[Joint | Hold, pymunk.Constraint]]:
+    """All constraints but those of drives, in the solver's order, with the joint or the loop each
+    belongs to: springs, loads and stops of a joint, what holds it, then the loops."""
+    for joint in links.joints:
+        for constraint in (*_springs(joint, links, bodies),
+                           *_hold(joint.hold, links, bodies, joint)):
+            yield joint, constraint
+    for loop in links.loops:
+        for constraint in _hold(loop, links, bodies):
+            yield loop, constraint
 
 
 def _pull(pull: Pull, body: pymunk.Body) -> None:

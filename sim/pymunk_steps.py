@@ -33,8 +33,15 @@ def prepared(links: Links, run: Run, per: int, settings: Settings
              ) -> tuple[pymunk.Space, list[Motor], Array, Array]:
     """The space one step before the start, its drives, their values after each step (steps,
     drives), and the velocity before the start."""
-    dt = settings["timestep"]
     space = build(links, settings["iterations"], settings["error_bias"])
+    pose, velocity, targets = start_state(links, run, per, settings["timestep"])
+    put(space, pose, velocity)
+    return space, add_drives(space, links), targets, velocity
+
+
+def start_state(links: Links, run: Run, per: int, dt: float) -> tuple[Array, Array, Array]:
+    """Pose (links + 1, 3) one step before the start, velocity from there to the start, and the
+    values of the drives after each step (steps, drives)."""
     times = run.x[0] + dt * np.arange((len(run.x) - 1) * per + 1)
     laws = np.zeros((3, len(times), len(run.drives)))
     for k, drive in enumerate(run.drives):
@@ -45,8 +52,7 @@ def prepared(links: Links, run: Run, per: int, settings: Settings
     pose = close(links, links.pose, value[1])
     motion = start_motion(links, pose, rate[0], acc[0])
     pose, velocity = step_back(links, pose, motion, dt, value[:2])
-    put(space, pose, velocity)
-    return space, add_drives(space, links), value[2:], velocity
+    return pose, velocity, value[2:]
 
 
 def _one_more(value: Array, acc: Array, dt: float) -> Array:

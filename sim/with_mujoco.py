@@ -9,6 +9,8 @@ from sim import mujoco_flex
 from sim.mjcf import refusal
 from sim.mujoco_model import MujocoSettings, load, loop_gap
 from sim.mujoco_passive import passive
+from sim.mujoco_program import IMPOSED as IMPOSED
+from sim.mujoco_program import write_program as write_program
 from sim.mujoco_shape import rest
 from sim.mujoco_steps import duration
 from sim.mujoco_sweep import sweep

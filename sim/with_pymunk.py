@@ -2,41 +2,15 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
 
-import mujoco
-from pydantic import Field
-
-from sim.mjcf import compile_model
-from sim.protocol import (
-    BadModel,
-    Count,
-    Curves,
-    EngineSettings,
-    Number,
-    Run,
-    Switch,
-    Unsupported,
-)
-from sim.pymunk_compiled import read_links
+from sim.protocol import Curves, Run
 from sim.pymunk_duration import duration
-from sim.pymunk_read import Channel, channel
+from sim.pymunk_model import CHIPMUNK_BIAS as CHIPMUNK_BIAS
+from sim.pymunk_model import PymunkSettings, find_channels, read_model
+from sim.pymunk_program import IMPOSED as IMPOSED
+from sim.pymunk_program import write_program as write_program
 from sim.pymunk_shape import rest
-from sim.pymunk_space import Settings
 from sim.pymunk_sweep import sweep
-from sim.rod_shape import of_rods
-
-CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
-NO_EFFORT = "Chipmunk gives the size of a drive's impulse without its sign: sweeps only"
-
-
-class PymunkSettings(EngineSettings):
-    """What can be set in pymunk; see `simulate`."""
-
-    timestep: Number = Field(0.002, gt=0)
-    iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # ten times as many in the first step
-    error_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
-    defaults: Switch = False
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -85,40 +59,9 @@ def simulate(model: Path, run: Run) -> Curves:
     Diverged
         The run was lost.
     """
-    compiled = _compile(model, run)
-    links = read_links(compiled, run.start, _driven(compiled, run))
-    settings = _settings(run, compiled)
-    found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
-    missing = {name: why for name, why in found.items() if isinstance(why, str)}
-    wanted = {name: c for name, c in found.items() if isinstance(c, Channel)}
-    if run.kind == "duration":
-        missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
-        wanted = {name: c for name, c in wanted.items() if c.order != -2}
+    links, settings = read_model(model, run)
+    wanted, missing = find_channels(links, run)
     act = {"sweep": sweep, "rest": rest, "duration": duration}[run.kind]
     curves = act(links, run, wanted, settings)
     curves.missing.update(missing)
     return curves
-
-
-def _compile(path: Path, run: Run) -> mujoco.MjModel:
-    model = compile_model(path, run.rods)
-    if model.njnt == 0:
-        raise Unsupported(f"{path.name}: a model without joints")
-    return model
-
-
-def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
-    names = [model.joint(j).name for j in range(model.njnt)]
-    for drive in run.drives:
-        if drive.joint not in names:
-            raise BadModel(f"no joint '{drive.joint}'; the model has {', '.join(names)}")
-    return tuple(names.index(drive.joint) for drive in run.drives)
-
-
-def _settings(run: Run, model: mujoco.MjModel) -> Settings:
-    given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
-    own = given.pop("defaults", False)
-    tuned = {"timestep": float(model.opt.timestep),
-             "iterations": 10 if own else None if run.kind == "duration" else 500,
-             "error_bias": CHIPMUNK_BIAS if own else 0.0}
-    return tuned | given

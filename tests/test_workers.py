@@ -17,7 +17,6 @@ from proofmass.errors import InputError
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
 from proofmass.study import closing, rescaled, scene
-from proofmass.study.choose import verify
 from proofmass.study.command import named
 from proofmass.study.energy import energies
 from proofmass.study.measure import Task
@@ -25,6 +24,7 @@ from proofmass.study.row import Row
 from proofmass.study.setting import Setting
 from proofmass.study.stand import Stand
 from proofmass.study.store import key_of
+from proofmass.study.verify import verify
 from proofmass.study.ways import farther, followed
 
 LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
@@ -75,7 +75,7 @@ def test_a_choice_is_verified_in_workers(name, models, edit, here):
     """The general solver, from which a free motion starts later, is a reference too."""
     edit(f"{name}.toml", r"(?s)(run.duration.*?\nn = )\d+", r"\g<1>5")
     row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
-    done = verify(load_case(models / f"{name}.toml"), "duration", row, "position")
+    done = verify(load_case(models / f"{name}.toml"), "duration", row, "position", 1e-3)
     assert done.fresh > 0
     assert done.shifted > 0
     assert not here

@@ -8,17 +8,14 @@ from textwrap import fill, indent
 
 from proofmass.case import Case
 from proofmass.strict import Kind
-from proofmass.study.bounded import limited
 from proofmass.study.line import FALLS, order
 from proofmass.study.row import NAN, Row
-from proofmass.study.setting import Setting
 from proofmass.study.snippet import snippet
 from proofmass.study.verdict import Verdict
-from proofmass.study.verify import LOST, again, elsewhere
+from proofmass.study.verify import Check, verify
 from proofmass.study.words import cost, off, told, walled
 from proofmass.wording import number
 from sim.mujoco_model import ENGINE_DEFAULTS
-from sim.protocol import Unsupported
 
 MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
 ALIKE = 1.5  # an error so near to the wall of another line is taken to be at the same wall
@@ -26,20 +23,6 @@ ALIKE = 1.5  # an error so near to the wall of another line is taken to be at th
 
 class Cannot(Exception):
     """No measured setting is good enough; says which is best, and what keeps it there."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """A setting run again: errors as shares of range; why there is no shifted one; as used."""
-
-    fresh: float
-    shifted: float
-    note: str
-    used: Setting
-
-    def holds(self, wanted: float) -> bool:
-        """Whether both are as good as is asked for."""
-        return self.fresh <= wanted and (bool(self.note) or self.shifted <= wanted)
 
 
 @dataclass(frozen=True)
@@ -72,20 +55,7 @@ class Choice:
     refused: tuple[str, ...] = ()
 
 
-Verify = Callable[[Case, Kind, Row, str], Check]
-
-
-def verify(case: Case, kind: Kind, row: Row, of: str) -> Check:
-    """Run a setting as its snippet says it, and from a shifted start; NaN for what is lost."""
-    setting, errors, note = Setting(row.engine, row.knobs), [NAN, NAN], ""
-    try:
-        errors[0], setting = limited(case, kind, again, case, kind, setting, row.steps, of)
-        errors[1] = limited(case, kind, elsewhere, case, kind, setting, of)
-    except Unsupported as error:
-        note = str(error)
-    except LOST:
-        pass
-    return Check(errors[0], errors[1], note, setting)
+Verify = Callable[[Case, Kind, Row, str, float], Check]
 
 
 def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str = "position",
@@ -107,7 +77,8 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
     verdicts : iterable of Verdict
         What the walls are.
     verify : callable, optional
-        Runs a setting again; both runs must meet what is asked for.
+        Runs a setting again, as its program and from a shifted start; both runs must meet what is
+        asked for.
 
     Raises
     ------
@@ -117,21 +88,19 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
     rows = [row for row in rows if row.engine in (engine or row.engine)]
     verdicts, refused = list(verdicts), list[str]()
     for row in enough(rows, of, wanted):
-        check = verify(case, kind, row, of)
+        check = verify(case, kind, row, of, wanted)
         if check.holds(wanted):
             return Choice(row, of, wanted, check, *beside(rows, row, of, wanted, verdicts),
                           tuple(refused))
         rows.remove(row)
-        refused.append(f"{told(row)} is {off(row, of)}, but "
-                       f"{number(check.fresh, 2)} when run again and {number(check.shifted, 2)} "
-                       f"from a shifted start")
+        refused.append(f"{told(row)} is {off(row, of)}, but {check.words}")
     raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts)]))
 
 
 def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
     """Settings that meet an error with margin, cheapest first."""
     return sorted((row for row in rows if row.outcome == "ran" and row.seconds > 0
-                   and MARGIN * row.errors.get(of, NAN) <= wanted), key=lambda row: row.seconds)
+                   and MARGIN * row.reached(of) <= wanted), key=lambda row: row.seconds)
 
 
 def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict]
@@ -212,19 +181,19 @@ def wall_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
 def words(choice: Choice, case: Case) -> list[str]:
     """A choice in sentences."""
     row, check = choice.row, choice.check
-    again = f"from a shifted start: {check.note}" if check.note else (
-        f"{number(check.shifted, 2)} from a shifted start")
     return [f"{case.name}, {row.run}: {choice.of} within {number(choice.wanted, 2)} of its range",
             f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, "
             f"{row.steps} steps",
-            f"run again with the lines below {number(check.fresh, 2)}, {again}",
-            choice.beside, *choice.refused]
+            check.words, *check.other_drives(choice.of, choice.wanted), choice.beside,
+            *choice.refused]
 
 
 def printed(choice: Choice, case: Case) -> str:
     """What to paste, with the evidence as comments in it."""
     lines = snippet(choice.check.used, choice.row.steps, case.model_path)
     told = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
+    if choice.check.ran:
+        told.append("The start state and the drives are in the program that -o run.py writes.")
     text = "\n".join(told).replace("--", "-")
     if choice.row.engine == "pymunk":
         return indent(text, "# ") + "\n" + lines

@@ -1,21 +1,28 @@
 """``proofmass choose``: the cheapest setting that is as good as is asked for, to paste."""
 
+from functools import partial
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated, cast
 
 import typer
 
 from proofmass.case import Case
-from proofmass.command import Dask, Jobs, answering, errors
+from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.strict import Kind
-from proofmass.study.choose import MARGIN, Cannot, choose, printed
+from proofmass.study.choose import MARGIN, Cannot, Choice, Verify, choose, printed, words
 from proofmass.study.command import Errors, Runs, measured, named, turnable
-from proofmass.study.finer import refined
+from proofmass.study.program import imposed, program
 from proofmass.study.row import Row
 from proofmass.study.run import pool
-from proofmass.study.store import Store
+from proofmass.study.run import run as run_tasks
+from proofmass.study.search import finer_for_drives, search
+from proofmass.study.store import Store, versions
 from proofmass.study.trade import chosen
+from proofmass.study.verdict import Verdict
+from proofmass.study.verify import Check, verify
 
 
 def choose_command(
@@ -26,38 +33,111 @@ def choose_command(
     solver: Annotated[str, typer.Option(help="mujoco or pymunk.", show_default="any")] = "",
     run: Annotated[Runs | None, typer.Option(help="Which run of the case.", show_default="the "
                    "first of these that it has")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of proofmass trade; what "
-                      "it lacks is run.")] = Path("trade"),
+    drive: Annotated[str, typer.Option(help="How the program moves its drives: flywheel, servo or "
+                                       "equality in MuJoCo; gear or motor in pymunk.",
+                                       show_default="the first of these, which is ideal")] = "",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="A Python program that runs "
+                      "the motion with that setting, without proofmass.",
+                      show_default="lines to paste are printed")] = None,
+    store: Annotated[Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks "
+                                        "is run.")] = Path("trade"),
+    longest: Annotated[float, typer.Option(min=0.001, help="After how many seconds a run is given "
+                                           "up.")] = 30.0,
     jobs: Jobs = None,
     dask: Dask = None,
 ) -> None:
-    """Print the cheapest measured setting whose error is as small as is asked for, to paste.
+    """Find the cheapest setting whose error is as small as is asked for.
 
-    Its measured error must be half of that, and it is run again, from a shifted start as well.
-    Where the study's steps end above that, or a finer one promises to be cheaper, finer ones are
-    measured.
+    Its measured error must be half of that.  Then it is run as a program of its own, without
+    proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
+    program is written with -o; without it the lines of the setting are printed, to paste.
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
-    with answering(f"{output} keeps the runs"):
+    with answering(f"{store} keeps the runs"):
         cases = named([path])
         if len(cases) != 1:
             raise InputError(path, "", "give the sidecar of one case, such as models/fourbar.toml")
         case, = cases
         kind = chosen(case, cast(Kind | None, run and run.value))
         asked(case, kind, error, solver)
+        writable(case, kind, output)
         if not turnable(case, kind):
             raise typer.Exit(1)
-        study = measured([case], output, jobs, dask, kind)
-        there(study.rows, of.value)
-        with pool(jobs, dask) as workers, errors.status("looking for finer steps"):
-            rows = refined(case, kind, study.rows, study.verdicts, of.value, error / MARGIN,
-                           Store(output / "runs"), workers, solver)
+        runs, verdicts = Store(store / "runs"), list[Verdict]()
+        if kind == "duration":
+            with pool(jobs, dask) as workers, counting(letters=40) as advance:
+                rows = search(case, of.value, error / MARGIN, runs, workers, solver,
+                              longest=longest, progress=advance)
+        else:
+            study = measured([case], store, jobs, dask, kind)
+            rows, verdicts = study.rows, study.verdicts
+        there(rows, of.value)
+        check = partial(verify, store=runs, longest=longest, drive=drive, compare=True)
         try:
-            choice = choose(case, kind, rows, error, of.value, solver, study.verdicts)
+            choice = choose_with_drive(case, kind, rows, error, of.value, solver, verdicts, check,
+                                       runs, longest)
         except Cannot as why:
             errors.print(f"{case.name}: {why}", markup=False)
             raise typer.Exit(1) from None
-        print(printed(choice, case))
+        if output is None:
+            print(printed(choice, case))
+            return
+        found = choice.check
+        if found.ran is None:
+            raise InputError(path, "", f"no program can be written: {found.reason}")
+        drive_of = found.drive or imposed(case, choice.row.engine)[0]
+        write_whole(output, program(case, found.used, drive_of, head(choice, case)))
+        print(output)
+        errors.print("\n".join(words(choice, case)), markup=False)
+
+
+def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of: str, solver: str,
+                      verdicts: list[Verdict], check: Verify, store: Store, longest: float
+                      ) -> Choice:
+    """`choose`, with finer steps where the program's drive asks for them."""
+    tried = list[tuple[Row, float]]()
+
+    def noted(case: Case, kind: Kind, row: Row, of: str, wanted: float) -> Check:
+        found = check(case, kind, row, of, wanted)
+        tried.append((row, found.fresh))
+        return found
+
+    for last in (False,) * ROUNDS + (True,):
+        with errors.status("running the programs of settings"):
+            try:
+                return choose(case, kind, rows, error, of, solver, verdicts, noted)
+            except Cannot:
+                tasks = finer_for_drives(case, tried, error) if case.drive else []
+                if last or not tasks:
+                    raise
+            known = [row for row, _ in tried]
+            rows = [row for row in rows if row not in known]
+            rows += run_tasks(tasks, store, timeout=longest)
+            tried.clear()
+    raise AssertionError("the last round returns or raises")
+
+
+def head(choice: Choice, case: Case) -> str:
+    """What a program says of itself."""
+    lines = [fill(line, 92) for line in words(choice, case)]
+    return (f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
+            f"{choice.row.engine} {versions(choice.row.engine)[choice.row.engine]}.  It writes the "
+            f"curves of all channels, in SI units:\n\n    python run.py [curves.csv]")
+
+
+def writable(case: Case, kind: Kind, output: Path | None) -> None:
+    """Raise ValueError where no program can be written: in runs without time steps."""
+    if output is None:
+        return
+    if kind != "duration":
+        raise ValueError(f"-o {output}: a program steps through time, and the {kind} of "
+                         f"{case.name} has no time; without -o the setting is printed")
+    if output.suffix != ".py":
+        raise ValueError(f"-o {output}: give the name of a Python program, such as run.py")
+
+
+ROUNDS = 4
+"""In which steps are made finer for the sake of drives."""
 
 
 def asked(case: Case, kind: Kind, error: float, solver: str) -> None:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -68,6 +69,7 @@ class Found:
     machine: str = ""
     outcome: str = "ran"
     message: str = ""
+    asked: dict[str, float] = field(default_factory=dict)
     curves: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -112,23 +114,35 @@ def observe(task: Task, again: bool, core: int | None) -> Found:
         if again and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
         cost = Found({}, {}, curves.seconds, curves.steps, core is not None, shared, machine())
-        return cost if again else held(case, task.run, curves, cost)
+        return cost if again else held(case, run, curves, cost)
 
 
-def held(case: Case, kind: Kind, curves: Curves, cost: Found) -> Found:
+def held(case: Case, run: Run, curves: Curves, cost: Found) -> Found:
     """A run held against its reference."""
+    kind = cast(Kind, run.kind)
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}
     cost = replace(cost, curves={"x": curves.x, **channels})
     if wrong := not_finite(curves.channels):
         return replace(cost, outcome="not finite", message=wrong)
     try:
         errors = shares(case, kind, curves)
+        asked = shares(case, kind, as_asked(run, curves)) if moved(run, curves) else {}
     except InputError as error:  # a pose that the mechanism cannot have
         return replace(cost, outcome="no reference", message=error.wrong)
     if wrong := not_finite(truth(case, curves)):
         return replace(cost, outcome="no reference", message=wrong)
-    return replace(cost, errors=errors, invariants=invariants(case, curves),
+    return replace(cost, errors=errors, asked=asked, invariants=invariants(case, curves),
                    outcome="stopped" if curves.stopped else "ran", message=curves.stopped)
+
+
+def moved(run: Run, curves: Curves) -> bool:
+    """Whether drives moved in time, so that they may be elsewhere than they were asked to be."""
+    return run.kind == "duration" and bool(run.drives) and curves.drive is not None
+
+
+def as_asked(run: Run, curves: Curves) -> Curves:
+    """Curves of a run as if its drives had moved exactly as they were asked to."""
+    return replace(curves, drive=run.motion(curves.x))
 
 
 def clocked(engine: str, model: Path, run: Run) -> tuple[Curves, float]:

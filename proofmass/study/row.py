@@ -28,7 +28,8 @@ class Row:
     knobs : dict of str to Knob
         All of them.
     errors : dict of str to float
-        Largest error of each kind of channel, as a share of the reference's range.
+        Largest error of each kind of channel, as a share of the reference's range, at the state
+        that the drives really had.
     invariants : dict of str to float
         gap [m]; energy, its drift over the largest kinetic energy, where nothing drives or brakes;
         stretch of rods [1].
@@ -48,6 +49,8 @@ class Row:
         out of memory, unsupported.
     key : str
         What its files in the store are called: ``store.curves(row.key)``.
+    asked : dict of str to float
+        `errors` at the state that the drives were asked to have; empty without drives in time.
     """
 
     study: str
@@ -69,3 +72,8 @@ class Row:
     outcome: str = "ran"
     message: str = ""
     key: str = ""
+    asked: dict[str, float] = field(default_factory=dict)
+
+    def reached(self, kind: str) -> float:
+        """Error of a kind that somebody gets who asks for the motion; NaN if there is none."""
+        return (self.asked or self.errors).get(kind, NAN)

@@ -14,7 +14,8 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.study.row import NAN, Row
 
-SPREAD = {"knobs": "knob", "errors": "error", "invariants": "invariant"}  # a column for each key
+SPREAD = {  # a column for each key
+    "knobs": "knob", "errors": "error", "asked": "asked", "invariants": "invariant"}
 COLUMNS = {
     "study": "trade, choose, stress or diet",
     "case": "name of the sidecar",
@@ -27,6 +28,8 @@ COLUMNS = {
             "a tuple is a JSON array",
     "error": "largest error of the channels of a kind, at the state the drives really had, as a "
              "share of the range of the reference [1]",
+    "asked": "the same at the state that the drives were asked to have; empty where there are none "
+             "in time [1]",
     "invariant": "gap: largest distance of points that a loop should hold together [m]; energy: "
                  "largest change over the largest kinetic energy, of free motions without "
                  "friction [1]; stretch: of rods [1]",

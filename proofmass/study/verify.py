@@ -1,8 +1,9 @@
 """Is a measured setting good by luck?  Once more as its snippet says it, and from another start."""
 
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 from xml.etree import ElementTree
 
 import mujoco
@@ -12,16 +13,197 @@ from analytic import planar
 from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.recorded import Recorded
-from proofmass.reference import evaluate, module_of
+from proofmass.reference import compiled, evaluate, module_of
 from proofmass.solve import simulate
 from proofmass.strict import Kind
+from proofmass.study.bounded import limited
 from proofmass.study.measure import shares
+from proofmass.study.program import Ran, drive_words, imposed, tried
+from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.snippet import EQUALITY, OPTION, SPACE, pasted, snippet
+from proofmass.study.store import Store
+from proofmass.wording import number
 from sim.mjcf import read_tree
-from sim.protocol import Array, BadModel, Curves, Run, Unsupported
+from sim.protocol import Array, BadModel, Curves, Imposed, Run, Unsupported
 
+LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
+"""What a run may raise."""
 PART = 0.381966  # of a sample; irrational, or some steps would fall where others fell before
+
+
+@dataclass(frozen=True)
+class Check:
+    """A setting run again, as a program by itself and from a shifted start.
+
+    Attributes
+    ----------
+    fresh, shifted : float
+        Errors of the two runs [share of range]; NaN for what is lost.
+    note : str
+        Why there is no shifted start.
+    used : Setting
+        As used, with what the engine chose by itself.
+    ran : Ran or None
+        What the program gave; None where there is none, and the setting was run as it is pasted.
+    drive : Imposed or None
+        How the program moves its drives.
+    others : tuple of (Imposed, Ran)
+        Of each other way to move them the best gain.
+    reason : str
+        Why there is no program.
+    again : bool
+        Whether it was run from a shifted start: not where the first run is not good enough.
+    """
+
+    fresh: float
+    shifted: float
+    note: str
+    used: Setting
+    ran: Ran | None = None
+    drive: Imposed | None = None
+    others: tuple[tuple[Imposed, Ran], ...] = ()
+    reason: str = ""
+    again: bool = True
+
+    def holds(self, wanted: float) -> bool:
+        """Whether both are as good as is asked for."""
+        return self.fresh <= wanted and (bool(self.note) or self.shifted <= wanted)
+
+    @property
+    def words(self) -> str:
+        """What the two runs gave."""
+        how = f", its drive moved by {drive_words(self.drive)}" if self.drive else ""
+        if self.ran is None:
+            first = f"run again with the lines below {number(self.fresh, 2)}"
+            first += f" (no program: {self.reason})" if self.reason else ""
+        elif self.ran.failure:
+            first = f"as a program{how}: {self.ran.failure}"
+        else:
+            first = (f"as a program that runs by itself{how}: {number(self.fresh, 2)} off in "
+                     f"{number(self.ran.seconds, 2)} s")
+        if self.note:
+            return f"{first}; from a shifted start: {self.note}"
+        if not self.again:
+            return first
+        return f"{first}; {number(self.shifted, 2)} from a shifted start"
+
+    def other_drives(self, of: str, wanted: float) -> list[str]:
+        """What other ways to move the drives give, a sentence each."""
+        told = []
+        for drive, ran in self.others:
+            if ran.failure:
+                told.append(f"its drive moved by {drive_words(drive)} instead: {ran.failure}")
+                continue
+            error = ran.errors.get(of, NAN)
+            enough = "" if error <= wanted else ", not good enough"
+            told.append(f"its drive moved by {drive_words(drive)} instead: {number(error, 2)} off "
+                        f"in {number(ran.seconds, 2)} s{enough}")
+        return told
+
+
+def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Store | None = None,
+           longest: float = 30.0, drive: str = "", compare: bool = False) -> Check:
+    """Run a setting as a program, and from a shifted start; NaN for what is lost.
+
+    Parameters
+    ----------
+    case, kind, row, of
+        What is run, a setting of it, and the kind of error.
+    wanted : float
+        What is asked for [share of range].
+    store : Store, optional
+        Where what programs gave is kept.
+    longest : float
+        After which a program is ended [s].
+    drive : str, optional
+        How the program moves its drives, a word of the engine's; ideally, if not given.
+    compare : bool
+        Whether the other ways are tried as well, if the first is good enough.
+    """
+    setting, note, shifted = Setting(row.engine, row.knobs), "", NAN
+    check = Check(NAN, NAN, "", setting)
+    try:
+        if kind == "duration":
+            check = as_program(case, setting, row, of, store, longest, drive)
+        else:
+            error, used = limited(case, kind, again, case, kind, setting, row.steps, of)
+            check = Check(error, NAN, "", used)
+        if check.fresh <= wanted:
+            shifted = limited(case, kind, elsewhere, case, kind, check.used, of)
+    except Unsupported as error:
+        note = str(error)
+    except LOST:
+        pass
+    check = replace(check, shifted=shifted, note=note, again=check.fresh <= wanted)
+    if compare and check.drive and check.holds(wanted) and not drive:
+        others = other_drives(case, check, of, store, longest)
+        check = replace(check, others=tuple(others))
+    return check
+
+
+def as_program(case: Case, setting: Setting, row: Row, of: str, store: Store | None,
+               longest: float, drive: str = "") -> Check:
+    """A setting run as a program, with the gain of its drive that suits it best."""
+    ways = imposed(case, setting.engine)
+    known = list(dict.fromkeys(one.kind for one in ways))
+    if drive and drive not in known:
+        raise ValueError(f"--drive {drive}: {setting.engine} has {', '.join(known)}")
+    ways = [one for one in ways if one.kind == (drive or known[0])]
+    used = as_used(case, setting)
+    try:
+        ran = [ran_as(case, used, one, store, longest) for one in ways]
+    except Unsupported as error:
+        off, used = limited(case, "duration", again, case, "duration", setting, row.steps, of)
+        return Check(off, NAN, "", used, reason=str(error))
+    best = min(range(len(ran)), key=lambda k: error_or_inf(ran[k], of))
+    return Check(ran[best].errors.get(of, NAN), NAN, "", used, ran[best],
+                 ways[best] if case.drive else None)
+
+
+def other_drives(case: Case, check: Check, of: str, store: Store | None, longest: float
+                 ) -> list[tuple[Imposed, Ran]]:
+    """Of each other way to move the drives the best gain, and what it gives."""
+    found: dict[str, tuple[Imposed, Ran]] = {}
+    for one in imposed(case, check.used.engine):
+        if check.drive and one.kind == check.drive.kind:
+            continue
+        try:
+            ran = ran_as(case, check.used, one, store, longest)
+        except Unsupported as error:
+            ran = Ran(failure=str(error))
+        if one.kind not in found or error_or_inf(ran, of) < error_or_inf(found[one.kind][1], of):
+            found[one.kind] = one, ran
+    return list(found.values())
+
+
+def ran_as(case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
+           ) -> Ran:
+    """What the program of a setting gives."""
+    if store is not None:
+        return tried(case, setting, drive, store, longest)
+    with tempfile.TemporaryDirectory() as folder:
+        return tried(case, setting, drive, Store(Path(folder)), longest)
+
+
+def error_or_inf(ran: Ran, of: str) -> float:
+    """The error of what ran; infinite if it has none."""
+    error = ran.errors.get(of, NAN)
+    return error if error == error else np.inf
+
+
+def as_used(case: Case, setting: Setting) -> Setting:
+    """A setting with the step that is really taken, and what its engine chooses by itself."""
+    return cast(Setting, limited(case, "duration", used_here, case, setting))
+
+
+def used_here(case: Case, setting: Setting) -> Setting:
+    """The same, in this process."""
+    changed, run = setting.applied(case, "duration")
+    if setting.engine == "mujoco":
+        step = float(str(setting.knobs.get("timestep", compiled(changed).opt.timestep)))
+        return setting.but(timestep=run.steps(step)[1])
+    return setting.but(**used(simulate(setting.engine, changed.model_path, run), setting))
 
 
 def again(case: Case, kind: Kind, setting: Setting, steps: int, of: str) -> tuple[float, Setting]:
@@ -135,6 +317,3 @@ def state_at(case: Case, time: float) -> tuple[Array, Array]:
                       for word in kinds)
     return position, rate
 
-
-LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
-"""What a run may raise."""

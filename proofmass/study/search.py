@@ -1,0 +1,271 @@
+"""Search for the cheapest setting that is as good as is asked for, without measuring all others.
+
+A family is an engine with everything but the time step: an integrator, how hard its loops are held,
+how often its solver goes over them.  Each family starts with one step from sample to sample and
+goes on to the step that the order of its last errors says is good enough, as long as that promises
+to be cheaper than what is good enough already.  What is cheapest is then timed in rounds.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from math import ceil, inf, isfinite, log
+
+from proofmass.case import Case
+from proofmass.reference import compiled, grid
+from proofmass.study.axes import HARD, INTEGRATORS, as_given, leading
+from proofmass.study.measure import Task
+from proofmass.study.row import Row
+from proofmass.study.run import run
+from proofmass.study.setting import Setting
+from proofmass.study.store import Store
+
+Progress = Callable[[str, int, int], None]
+SAFE = 0.8  # of the error that is needed: orders change a little
+CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
+FARTHEST = 30.0  # ratio of two steps in turn, at most
+LOST = 0.1  # error from which on there is no order yet
+FALLS = 0.5  # order below which an error does not fall
+SLACK = 1.5  # times the cheapest: what single runs cannot tell apart is timed in rounds
+PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
+HOPELESS = 3  # steps in turn with which a family does not run at all
+BEST = 3  # settings that are refined at once for the sake of their drives
+RUNS = 12  # of a family at most
+
+
+@dataclass
+class Family:
+    """Settings of one engine that differ in the step, and their rows, from coarse to fine.
+
+    ``at(step)`` is the setting with a step [s]; `plain` families are the engine's own defaults.
+    The first step is `first`, or the whole way from sample to sample.
+    """
+
+    engine: str
+    name: str
+    at: Callable[[float], Setting]
+    sample: float
+    plain: bool = False
+    first: float | None = None
+    rows: list[Row] = field(default_factory=list)
+
+    def step(self, wanted: float) -> float:
+        """The longest step up to the wanted one of which an odd number leads to the next sample."""
+        return self.sample / (ceil(self.sample / wanted - 1e-9) // 2 * 2 + 1)
+
+    def next(self, of: str, needed: float, limit: float) -> float | None:
+        """The step to try next; None if no other promises to be good enough for less [s]."""
+        if not self.rows:
+            return self.first or self.sample
+        if len(self.rows) >= RUNS or any(row.outcome in ("timed out", "unsupported")
+                                         for row in self.rows):
+            return None
+        rows = sorted(self.rows, key=lambda row: -row.value)
+        if len(rows) >= HOPELESS and all(row.outcome != "ran" for row in rows):
+            return None
+        good = next((k for k, row in enumerate(rows) if error(row, of) <= needed), None)
+        if good == 0:
+            return None
+        if good is None:
+            step = self.finer(rows, of, needed)
+        elif self.plain:
+            return None
+        else:
+            step = between(rows[good - 1], rows[good], of, needed)
+        if step is None:
+            return None
+        step = self.step(step)
+        if any(abs(row.value - step) < 1e-9 * step for row in rows):
+            return None
+        ran = [row for row in rows if isfinite(row.seconds)]
+        cost = ran[-1].seconds * ran[-1].value / step if ran else 0.0
+        return step if cost <= limit else None
+
+    def finer(self, rows: list[Row], of: str, needed: float) -> float | None:
+        """The step that the order of the last errors says is good enough."""
+        last = rows[-1]
+        if not error(last, of) < LOST:
+            return last.value / 3.0
+        if len(rows) < 2 or not error(rows[-2], of) < LOST:
+            return last.value / 2.0
+        falls = order(rows[-2], last, of)
+        if falls < FALLS:  # once more, then it is at a floor
+            flat = len(rows) > 2 and order(rows[-3], last, of) < FALLS
+            return None if flat else last.value / 2.0
+        return max(last.value * (SAFE * needed / error(last, of)) ** (1 / falls),
+                   last.value / FARTHEST)
+
+
+def between(coarse: Row, fine: Row, of: str, needed: float) -> float | None:
+    """A step between one that is good enough and one that is not; None if these are close."""
+    if coarse.value < CLOSE * fine.value:
+        return None
+    middle = (coarse.value * fine.value) ** 0.5
+    if not error(coarse, of) < LOST:
+        return middle
+    falls = order(coarse, fine, of)
+    if falls < FALLS:
+        return middle
+    wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
+    return min(max(wanted, fine.value * 1.05), coarse.value / 1.05)
+
+
+def error(row: Row, of: str) -> float:
+    """The error of a row; infinite if it has none."""
+    value = row.reached(of)
+    return value if row.outcome == "ran" and isfinite(value) else inf
+
+
+def order(coarse: Row, fine: Row, of: str) -> float:
+    """The order of convergence that two rows show; minus infinity where the finer one is lost."""
+    if not isfinite(error(fine, of)):
+        return -inf
+    ratio = error(coarse, of) / max(error(fine, of), 1e-300)
+    return log(ratio) / log(coarse.value / fine.value) if ratio > 0 else -inf
+
+
+def families(case: Case, engine: str = "") -> Iterator[Family]:
+    """What is searched in a duration: of an engine, or of all that the case runs in."""
+    times = grid(case, "duration")
+    sample = float(times[1] - times[0])
+    there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["duration"].solvers)
+    kinds = {"mujoco": of_mujoco, "pymunk": of_pymunk}
+    for line in as_given(case, "duration"):
+        if line.engine in (engine or line.engine):
+            own, = line.settings
+            yield Family(line.engine, line.name, own.at_step, sample,
+                         first=min(leading(own.knobs["timestep"]), sample))
+    for name in there:
+        if name in (engine or name):
+            for title, knobs, plain in kinds[name](case):
+                yield Family(name, title, setter(name, knobs), sample, plain)
+
+
+Knobs = Callable[[float], dict]
+
+
+def setter(engine: str, knobs: Knobs) -> Callable[[float], Setting]:
+    """Settings of an engine by their step."""
+    return lambda step: Setting(engine, {"timestep": step, **knobs(step)})
+
+
+def of_mujoco(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
+    """Integrators, and time constants of loops in steps."""
+    loops = compiled(case).neq > 0
+
+    def held(integrator: str, soft: int) -> Knobs:
+        return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0),
+                             "solimp": HARD}
+
+    def by_itself(integrator: str) -> Knobs:
+        return lambda step: {"integrator": integrator, "defaults": True}
+
+    for integrator in INTEGRATORS:
+        yield (f"MuJoCo {integrator}{', default softness' * loops}", by_itself(integrator),
+               integrator == "Euler")
+        if loops:
+            for soft in (2, 4, 8):
+                yield f"MuJoCo {integrator}, solref {soft} steps", held(integrator, soft), False
+
+
+def of_pymunk(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
+    """Chipmunk's defaults, and loops without bias, with more or fewer iterations."""
+    yield "pymunk, defaults", lambda step: {"defaults": True}, True
+    yield "pymunk, no bias", lambda step: {"error_bias": 0.0}, False
+    for iterations in (10, 30, 100, 300):
+        def knobs(step: float, iterations: int = iterations) -> dict:
+            return {"error_bias": 0.0, "iterations": iterations}
+
+        yield f"pymunk, no bias, {iterations} iterations", knobs, False
+
+
+def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,
+           engine: str = "", *, longest: float = 30.0, budget: float = inf, repeats: int = 5,
+           progress: Progress = lambda *_: None) -> list[Row]:
+    """Measure settings of a duration until the cheapest that is good enough is known.
+
+    Parameters
+    ----------
+    case : Case
+    of, needed : str, float
+        Kind of error, and the largest that is good enough [share of range].
+    store, workers, progress
+        See `proofmass.study.run.run`.
+    engine : str, optional
+        The only one to search.
+    longest : float
+        After which a run is given up [s].
+    repeats : int
+        Timed runs of what is cheapest.
+
+    Returns
+    -------
+    list of Row
+        All that was measured.
+    """
+    found = list(families(case, engine))
+    while tasks := [task for family in found for task in following(case, family, found, of, needed,
+                                                                   longest)]:
+        rows = run([task for _, task in tasks], store, workers, repeats=0, timeout=longest,
+                   progress=progress)
+        for (family, _), row in zip(tasks, rows, strict=True):
+            family.rows.append(row)
+    rows = [row for family in found for row in family.rows]
+    cheap = cheapest(rows, of, needed)
+    timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
+    timed += [row for family in found if family.plain for row in family.rows
+              if row.outcome == "ran" and row not in timed]
+    tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
+                   row.value) for row in timed]
+    again = run(tasks_, store, workers, repeats=repeats, timeout=longest, progress=progress)
+    places = {id(row): k for k, row in enumerate(timed)}
+    return [again[places[id(row)]] if id(row) in places else row for row in rows]
+
+
+def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: float
+                     ) -> list[Task]:
+    """Finer steps of settings whose drives are not moved well enough.
+
+    Parameters
+    ----------
+    case : Case
+    tried : iterable of (Row, float)
+        Settings, and the errors of their programs [share of range].
+    wanted : float
+        What is asked for.
+
+    Returns
+    -------
+    list of Task
+        For the `BEST` whose predicted wall times are least: a drive of a given gain yields by the
+        square of the step.
+    """
+    asked = []
+    sample = float(grid(case, "duration")[1] - grid(case, "duration")[0])
+    for row, off in tried:
+        if wanted < off < LOST:
+            finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
+            step = sample / (ceil(sample / finer) // 2 * 2 + 1)
+            knobs = dict(row.knobs, timestep=step)
+            if isinstance(solref := row.knobs.get("solref"), tuple):
+                knobs["solref"] = (float(solref[0]) * step / row.value, *solref[1:])
+            asked.append((row.seconds * row.value / step, Task(
+                case, "duration", Setting(row.engine, knobs), row.study, row.line, row.axis, step)))
+    return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
+
+
+def following(case: Case, family: Family, every: Iterable[Family], of: str, needed: float,
+              longest: float) -> Iterator[tuple[Family, Task]]:
+    """The next run of a family, if there is one."""
+    best = cheapest([row for one in every for row in one.rows if one.engine == family.engine
+                     or not family.plain], of, needed)
+    limit = min(longest, (PLAIN if family.plain else SLACK) * best)
+    if (step := family.next(of, needed, limit)) is not None:
+        yield family, Task(case, "duration", family.at(step), "choose", family.name, "timestep",
+                           step)
+
+
+def cheapest(rows: Iterable[Row], of: str, needed: float) -> float:
+    """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
+    return min((row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0),
+               default=inf)

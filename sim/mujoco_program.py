@@ -1,0 +1,262 @@
+"""A run of MuJoCo in time as a Python program that needs nothing but MuJoCo and NumPy."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from sim.mjcf import read_tree
+from sim.mujoco_linkage import Linkage
+from sim.mujoco_model import NAMED, Recorder, is_acceleration, load
+from sim.mujoco_reading import withhold_drives
+from sim.mujoco_steps import FLYWHEEL, start
+from sim.protocol import Array, BadModel, Imposed, Run, Unsupported
+
+IMPOSED = (Imposed("flywheel"),
+           *(Imposed("servo", gain) for gain in (2.0, 1.0, 0.5, 0.2)),
+           *(Imposed("equality", gain) for gain in (0.5, 0.25, 0.1)))
+"""How a program may impose a motion: by a flywheel on the joint that nothing in the model can
+disturb, with the torque that moves it; by a position servo, of the natural frequency gain / step
+and critically damped; or by an equality that holds the joint at its target, of the time constant
+step / gain."""
+OPTIONS = ("timestep", "integrator", "solver", "iterations", "tolerance")
+KEYWORDS = {name.lower(): name for name in
+            ("Euler", "RK4", "implicit", "implicitfast", "discrete", "PGS", "CG", "Newton")}
+STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
+FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
+
+
+def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
+                  ) -> str:
+    """Write a run in time as a program.
+
+    Parameters
+    ----------
+    path : Path
+        The MJCF file.
+    run : Run
+        A duration, with the settings that the program has.
+    motion : str
+        Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
+        drives at times (n,) [s]; empty for a free motion.
+    head : str
+        What the program says of itself.
+    drive : Imposed, optional
+        How it moves the driven joints, one of `IMPOSED`: with a servo kp is I (gain / step)^2 and
+        kv is 2 I gain / step, I being the inertia that the drive feels in the start pose.
+
+    Returns
+    -------
+    str
+        The program: ``python run.py [FILE]`` writes the curves as CSV.
+
+    Raises
+    ------
+    BadModel, Unsupported
+        See `sim.with_mujoco.simulate`; also for rods, and for joints that are not written in the
+        file as elements, as those of a replicated body.
+    """
+    if run.rods:
+        raise Unsupported("a program for a model with rods: MuJoCo writes their links with six "
+                          "digits")
+    model, data = load(path, run)
+    ctrl = data.ctrl.copy()
+    count, step = run.steps(model.opt.timestep)
+    times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
+    linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
+    resting = model.dof_armature.copy()
+    start(linkage, run, times)
+    wheels = (model.dof_armature - resting)[linkage.dofs]
+    root = expanded(path)
+    apply_settings(root, model, step)
+    values: dict[str, Any] = {}
+    if run.drives:
+        values = impose(root, linkage, wheels, step, drive)
+    recorder = Recorder(model, data, run.channels, 1)
+    withhold_drives(model, linkage, recorder)
+    rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
+    moves = bool(np.ptp(rate, axis=1).any())
+    by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode")
+    return TEMPLATES.get_template("mujoco.py.jinja").render(
+        head=escaped(head), model=escaped(text),
+        step=repr(step), per=count, samples=run.x.size, first=repr(float(run.x[0])),
+        target=target(drive.kind, moves, by_stage) if run.drives else "",
+        motion=motion.strip() if run.drives else "", joints=list(linkage.joints),
+        drive=drive.kind if run.drives else "", steady=not moves,
+        middle=by_stage,
+        parts={name.rpartition(".")[2] for name in recorder.sensors},
+        qpos=listed(data.qpos), qvel=listed(data.qvel), ctrl=ctrl.tolist(),
+        curves={name: curve_of(recorder, name) for name in recorder.sensors}, **values)
+
+
+def target(kind: str, moves: bool, by_stage: bool) -> str:
+    """What a program sets before each step to move its drives; nothing where it need not."""
+    return {"flywheel": "data.qfrc_applied[dofs]" if moves else "",
+            "servo": "" if by_stage else "data.ctrl[-len(DRIVES):]",
+            "equality": "model.eq_data[holds, 0]"}[kind]
+
+
+TEMPLATES = Environment(loader=PackageLoader("sim", "programs"), undefined=StrictUndefined,
+                        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+
+
+def escaped(text: str) -> str:
+    """Text as it stands between three double quotes.
+
+    >>> escaped('a \\\\ b')
+    'a \\\\\\\\ b'
+    """
+    return text.strip().replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
+
+
+def listed(values: Array) -> str:
+    """Numbers with all their digits, in lines that can be read."""
+    numbers = [repr(value) for value in values.tolist()]
+    if len(numbers) <= 4:
+        return f"[{', '.join(numbers)}]"
+    rows = [", ".join(numbers[k:k + 4]) for k in range(0, len(numbers), 4)]
+    return "[\n        " + ",\n        ".join(rows) + "]"
+
+
+def expanded(path: Path) -> Element:
+    """The elements of an MJCF with what it includes, without keys, and with whole names of files.
+    """
+    root = read_tree(path)
+    include(root, path.parent)
+    folders = {key: value for compiler in root.iter("compiler")
+               for key, value in compiler.attrib.items() if key.endswith("dir")}
+    for element in root.iter():
+        if (file := element.get("file")) is not None:
+            own = FOLDERS.get(element.tag, "assetdir")
+            folder = folders.get(own, folders.get("assetdir", ""))
+            element.set("file", str((path.parent / folder / file).resolve()))
+    for keyframe in root.findall("keyframe"):
+        root.remove(keyframe)
+    return root
+
+
+def include(parent: Element, folder: Path) -> None:
+    """Put the elements of included files in the place of what includes them, in place."""
+    for place, child in reversed(list(enumerate(parent))):
+        if child.tag == "include":
+            there = read_tree(folder / child.get("file", ""))
+            include(there, folder)
+            parent[place:place + 1] = list(there)
+        else:
+            include(child, folder)
+
+
+def spelled(value: object) -> str:
+    """A value as MJCF has it, with all its digits.
+
+    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100)
+    ('0.02 1', '0.3333333333333333', 'Euler', '100')
+    """
+    if isinstance(value, (tuple, list)):
+        return " ".join(map(spelled, value))
+    if isinstance(value, str):
+        return KEYWORDS.get(value.lower(), value)
+    return str(value).removesuffix(".0")
+
+
+def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
+    """Write the options and the softness of equalities of a compiled model into its elements."""
+    said: dict[str, object] = {"timestep": step}
+    for key in OPTIONS[1:]:
+        value = getattr(model.opt, key)
+        said[key] = NAMED[key](value).name[6:] if key in NAMED else value
+    section(root, "option").attrib.update({key: spelled(value) for key, value in said.items()})
+    loops = root.findall("./equality/*")
+    if len(loops) != model.neq:
+        raise Unsupported(f"a program for a model with {model.neq} equalities, of which "
+                          f"{len(loops)} are elements of its file")
+    for i, loop in enumerate(loops):
+        loop.set("solref", spelled(model.eq_solref[i].tolist()))
+        loop.set("solimp", spelled(model.eq_solimp[i].tolist()))
+
+
+def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
+           ) -> dict[str, Any]:
+    """Write into the elements of a model what moves its driven joints; numbers of the program."""
+    joints = [joint_element(root, name) for name in linkage.joints]
+    if drive.kind == "flywheel":
+        for joint, armature in zip(joints, linkage.model.dof_armature[linkage.dofs], strict=True):
+            joint.set("armature", spelled(float(armature)))
+            # what resists an ideal drive does not change its motion
+            joint.set("damping", "0")
+            joint.set("frictionloss", "0")
+        return {"flywheels": wheels.tolist()}
+    if drive.kind == "servo":
+        rate = drive.gain / step  # natural frequency [rad/s]
+        place = section(root, "actuator")
+        for name, inertia in zip(linkage.joints, wheels / FLYWHEEL, strict=True):
+            ElementTree.SubElement(place, "position", {
+                "name": f"drive of {name}", "joint": name, "kp": spelled(float(inertia * rate**2)),
+                "kv": spelled(float(2.0 * inertia * rate))})
+        return {"lead": [2.0 / rate] * len(joints)}
+    if drive.kind == "equality":
+        constant = step / drive.gain
+        place = section(root, "equality")
+        for name in linkage.joints:
+            ElementTree.SubElement(place, "joint", {
+                "name": f"drive of {name}", "joint1": name, "solref": spelled((constant, 1.0)),
+                "solimp": spelled(STIFFEST)})
+        return {"lead": repr(2.0 * constant * STIFFEST[1])}
+    raise ValueError(f"a drive by {drive.kind!r}; known: "
+                     f"{', '.join(dict.fromkeys(one.kind for one in IMPOSED))}")
+
+
+def section(root: Element, tag: str) -> Element:
+    """The last section of that name of a model, made if there is none."""
+    found = root.findall(tag)
+    return found[-1] if found else ElementTree.SubElement(root, tag)
+
+
+def joint_element(root: Element, name: str) -> Element:
+    """The element of a joint.
+
+    Raises
+    ------
+    Unsupported
+        The file has none, as where a body is replicated or attached.
+    """
+    for joint in root.iterfind(f".//worldbody//joint[@name='{name}']"):
+        return joint
+    raise Unsupported(f"a program whose drive moves joint {name!r}, which is no element of the "
+                      f"file")
+
+
+def curve_of(recorder: Recorder, name: str) -> str:
+    """A line of Python that cuts a channel out of the recorded sensors and states."""
+    index, part = recorder.sensors[name]
+    model = recorder.model
+    first = int(model.sensor_adr[index])
+    if is_acceleration(model, index):
+        dof = int(model.jnt_dofadr[model.sensor_objid[index]])
+        return f"state[:, {model.nq + model.nv + dof}]"
+    gravity = np.zeros(3)
+    if model.sensor_type[index] == mujoco.mjtSensor.mjSENS_FRAMELINACC:
+        gravity = model.opt.gravity
+    if part == "angle":
+        plane = recorder.plane
+        if plane is None:
+            raise BadModel(f"channel {name!r}: no plane of motion")
+        x, y = (combined(axis, first) for axis in (plane.e1, plane.e2))
+        return f"angle({x}, {y})"
+    k = "xyz".index(part) if part else 0
+    off = float(gravity[k])
+    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""  # MuJoCo takes gravity off
+    return f"sensors[:, {first + k}]{more}"
+
+
+def combined(axis: Array, first: int) -> str:
+    """A component of recorded vectors along an axis, as Python."""
+    parts = [f"{'' if value == 1 else f'{value!r} * '}sensors[:, {first + k}]"
+             for k, value in enumerate(axis.tolist()) if value]
+    return " + ".join(parts)
