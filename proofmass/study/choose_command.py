@@ -60,6 +60,7 @@ def choose_command(
         case, = cases
         kind = chosen(case, cast(Kind | None, run and run.value))
         asked(case, kind, error, solver)
+        solver = with_drive(case, kind, solver, drive)
         writable(case, kind, output)
         if not turnable(case, kind):
             raise typer.Exit(1)
@@ -148,6 +149,22 @@ def asked(case: Case, kind: Kind, error: float, solver: str) -> None:
     known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
     if solver and solver not in known:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")
+
+
+def with_drive(case: Case, kind: Kind, solver: str, drive: str) -> str:
+    """The engine to choose from, if only one has such a drive; ValueError if none has."""
+    if not drive:
+        return solver
+    if kind != "duration" or not case.drive:
+        raise ValueError(f"--drive {drive}: nothing is driven in the {kind} of {case.name}")
+    names = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
+    kinds = {name: list(dict.fromkeys(one.kind for one in imposed(case, name))) for name in names
+             if name in (solver or name)}
+    able = [name for name in kinds if drive in kinds[name]]
+    if not able:
+        known = "; ".join(f"{name} has {', '.join(own)}" for name, own in kinds.items())
+        raise ValueError(f"--drive {drive}: {known}")
+    return able[0] if len(able) == 1 else solver
 
 
 def there(rows: list[Row], of: str) -> None:

@@ -1,0 +1,173 @@
+"""The search for the cheapest setting, on families whose errors and costs are formulas."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.case import Case, load_case
+from proofmass.cli import app
+from proofmass.study import search as module
+from proofmass.study.measure import Task
+from proofmass.study.program import Ran
+from proofmass.study.row import Row
+from proofmass.study.search import Family, finer_for_drives, search
+from proofmass.study.setting import Setting
+from proofmass.study.store import Store
+from proofmass.study.verify import Check, other_drives
+from sim.protocol import Imposed
+
+MODELS = Path(__file__).parent.parent / "models"
+SAMPLE = 3.14159265358979 / 180
+
+
+@pytest.fixture(scope="module")
+def fourbar() -> Case:
+    return load_case(MODELS / "fourbar.toml")
+
+
+class World:
+    """Families by name: order, scale and floor of the error, cost of a step [s], and if plain."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **families: tuple):
+        self.families = families
+        self.asked: list[tuple[str, float, int]] = []
+        monkeypatch.setattr(module, "families", lambda case, engine: [
+            Family("mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False)
+            for name, one in families.items()])
+        monkeypatch.setattr(module, "run", self.run)
+
+    def run(self, tasks: list[Task], store: object, workers: object, *, repeats: int,
+            timeout: float, progress: object) -> list[Row]:
+        rows = []
+        for task in tasks:
+            self.asked.append((task.line, task.value, repeats))
+            order, scale, floor, cost, *_ = self.families[task.line]
+            steps = round(6.28 / task.value)
+            row = Row("choose", "fourbar", "duration", "mujoco", task.line, "timestep", task.value,
+                      dict(task.setting.knobs), {"position": scale * task.value**order + floor},
+                      seconds=cost * steps, steps=steps, repeats=(1.0,) * repeats)
+            if order == 0:
+                row = replace(row, errors={}, seconds=nan, outcome="diverged")
+            elif row.seconds > timeout:
+                row = replace(row, errors={}, seconds=nan, outcome="timed out")
+            rows.append(row)
+        return rows
+
+    def best(self, needed: float) -> float:
+        """The least cost of a step of an odd share of a sample that is good enough."""
+        costs = [inf]
+        for order, scale, floor, cost, *_ in self.families.values():
+            costs += [cost * round(6.28 * n / SAMPLE) for n in range(1, 4001, 2)
+                      if order and scale * (SAMPLE / n) ** order + floor <= needed][:1]
+        return min(costs)
+
+
+def partial_setting(name: str) -> Callable[[float], Setting]:
+    return lambda step: Setting("mujoco", {"timestep": step, "integrator": name})
+
+
+@pytest.mark.parametrize("needed", [1e-2, 1e-4, 1e-6, 1e-7])
+def test_the_cheapest_is_found_within_a_tenth(needed: float, fourbar: Case, monkeypatch) -> None:
+    """Steps are as close as 1.25, and 0.8 of the error is aimed at: 0.8^(1/4) to 0.8 of a step.
+
+    Of the two families the quick one of first order is cheaper for large errors.
+    """
+    world = World(monkeypatch, first=(1.0, 0.5, 0.0, 1e-6), fourth=(4.0, 100.0, 0.0, 5e-6),
+                  second=(2.0, 50.0, 0.0, 2e-6))
+    rows = search(fourbar, "position", needed, Store.__new__(Store))
+    good = min(row.seconds for row in rows if row.errors["position"] <= needed)
+    assert good <= 1.25 * world.best(needed)
+    assert len(world.asked) < 40
+    chosen = min((row for row in rows if row.errors["position"] <= needed),
+                 key=lambda row: row.seconds)
+    assert len(chosen.repeats) == 5  # timed in rounds
+    steps = [(line, value) for line, value, repeats in world.asked if not repeats]
+    assert len(steps) == len(set(steps))
+    assert all(round(SAMPLE / value) % 2 == 1 for _, value in steps)
+
+
+def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch) -> None:
+    """A dear family ends with its first step, one that is lost after three."""
+    world = World(monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3),
+                  lost=(0, 0, 0, 0))
+    search(fourbar, "position", 1e-6, Store.__new__(Store))
+    counts = {name: sum(line == name and not repeats for line, _, repeats in world.asked)
+              for name in world.families}
+    assert counts["dear"] == 1
+    assert counts["lost"] == module.HOPELESS
+    assert counts["good"] >= 1
+
+
+def test_a_floor_ends_a_family(fourbar: Case, monkeypatch) -> None:
+    world = World(monkeypatch, floor=(2.0, 50.0, 1e-4, 1e-6))
+    rows = search(fourbar, "position", 1e-6, Store.__new__(Store))
+    assert len(world.asked) < module.RUNS
+    assert min(row.errors["position"] for row in rows) < 2e-4
+
+
+def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch) -> None:
+    """Up to `PLAIN` times the cheapest, where another family would end."""
+    world = World(monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), plain=(1.0, 0.01, 0.0, 1e-6, True),
+                  other=(1.0, 0.01, 0.0, 1e-6))
+    search(fourbar, "position", 1e-6, Store.__new__(Store))
+    finest = {name: min(value for line, value, _ in world.asked if line == name)
+              for name in ("plain", "other")}
+    assert finest["plain"] < finest["other"]
+
+
+def test_no_run_is_longer_than_is_allowed(fourbar: Case, monkeypatch) -> None:
+    world = World(monkeypatch, slow=(1.0, 1.0, 0.0, 1e-3))
+    search(fourbar, "position", 1e-6, Store.__new__(Store), longest=10.0)
+    assert all(1e-3 * 6.28 / value <= 10.0 for _, value, _ in world.asked)
+
+
+def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
+    """By the square of the step: a hundredth of the error is a tenth of the step, and its loops."""
+    knobs = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
+    row = Row("choose", "fourbar", "duration", "mujoco", "RK4", "timestep", SAMPLE, knobs,
+              {"position": 1e-8}, seconds=1.0)
+    task, = finer_for_drives(fourbar, [(row, 1e-2)], 1e-4)
+    assert SAMPLE / 14 < task.value <= SAMPLE * (0.8 * 1e-2) ** 0.5
+    assert task.setting.knobs["solref"] == pytest.approx((4 * task.value, 1.0))
+    assert not finer_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
+    many = [(replace(row, seconds=float(k)), 1e-2) for k in (5, 1, 4, 2, 3)]
+    assert len(finer_for_drives(fourbar, many, 1e-4)) == module.BEST
+
+
+def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
+    """With its error, or why it is lost."""
+    given = {Imposed("servo", 2.0): Ran(failure="lost"), Imposed("servo", 0.5): Ran(
+        {"position": 3e-4}, 2.0, 9), Imposed("servo", 0.2): Ran({"position": 2e-3}, 1.0, 9)}
+    monkeypatch.setattr("proofmass.study.verify.ran_as", lambda case, setting, drive, *_: given.get(
+        drive, Ran(failure="lost")))
+    setting = Setting("mujoco", {"timestep": 1e-3})
+    check = Check(1e-6, 1e-6, "", setting, Ran({"position": 1e-6}, 1.0, 9), Imposed("flywheel"))
+    found = other_drives(fourbar, check, "position", None, 9.0)
+    assert [drive.kind for drive, _ in found] == ["servo", "equality"]
+    assert found[0][0].gain == 0.5
+    told = replace(check, others=tuple(found)).other_drives("position", 1e-4)
+    assert told == ["its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good "
+                    "enough", "its drive moved by an equality of gain 0.5 instead: lost"]
+    assert "enough" not in replace(check, others=tuple(found)).other_drives("position", 1e-3)[0]
+
+
+@pytest.mark.parametrize(("asked", "right"), [
+    ("fourbar.toml --error 1e-2 --solver mujoco --drive rope",
+     "--drive rope: mujoco has flywheel, servo, equality"),
+    ("fourbar.toml --error 1e-2 --drive rope",
+     "pymunk has gear, motor"),
+    ("pendulum.toml --error 1e-2 --drive servo", "nothing is driven in the duration of pendulum"),
+    ("fourbar.toml --error 1e-2 -o run.xml", "give the name of a Python program, such as run.py"),
+    ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time")])
+def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
+    words = asked.split()
+    found = CliRunner().invoke(app, ["choose", str(MODELS / words[0]), *words[1:], "--store",
+                                     str(tmp_path)])
+    assert found.exit_code == 2
+    assert right in found.stderr
+    assert found.stderr.count("\n") == 1
+    assert not found.stdout
