@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,6 +19,14 @@ from proofmass.study.store import Store
 pytest_plugins = ["pytester"]
 MODELS = Path(__file__).parent.parent / "models"
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
+if sys.dont_write_bytecode:
+    # PYTHONDONTWRITEBYTECODE, which many containers set, keeps files of bytecode from the sources.
+    # Here they are among pytest's own: without any, each of some hundred processes that tests start
+    # compiles numpy, scipy and the rest for two seconds.
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = str(MODELS.parent / ".pytest_cache" / "bytecode")
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 
 
 @pytest.fixture(autouse=True, scope="session")
