@@ -89,6 +89,9 @@ class Held:
         """
         aim(self.drives, target.tolist())
         ease(self.stops, self.pose, self.dt)
+        if not self.free:
+            self._solve()
+            return
         noise = self.rounding / self.dt
         change = np.nan
         for _ in range(0, PATIENT, self.space.iterations):
@@ -99,7 +102,7 @@ class Held:
             # changes in a geometric row add up to change before / (before - change); at last they
             # do not fall any more, and are rounding
             small = change * before <= error * (before - change) or before <= change <= error
-            if small or not self.free:
+            if small:
                 return
         raise Diverged(f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
                        f"{PATIENT} iterations")

@@ -140,9 +140,9 @@ def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body],
 
 def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:
     """Set the state of all bodies from arrays (links + 1, 3); the ground is the last row."""
-    for body, p, v in zip(space.bodies, pose.tolist(), velocity.tolist(), strict=False):
-        body.position, body.angle = (p[0], p[1]), p[2]
-        body.velocity, body.angular_velocity = (v[0], v[1]), v[2]
+    buffer = batch.Buffer()  # all bodies at once, which takes half the time of their attributes
+    buffer.set_float_buf(np.hstack([pose, velocity]))
+    batch.set_space_bodies(space, FIELDS, buffer)
 
 
 def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
