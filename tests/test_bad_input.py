@@ -153,7 +153,11 @@ CURVES = {
 def messages(models: Path, name: str) -> list[str]:
     """Errors of a check of one case and of a good one beside it, which must still run."""
     case = Path(name).stem if name.endswith(".toml") else "fourbar"
-    result = check([models / f"{case}.toml", models / "pendulum.toml"])
+    good = models / "pendulum.toml"
+    if case != "pendulum":
+        good.write_text(good.read_text().replace("until = 10.0", "until = 0.5")
+                        .replace("n = 1001", "n = 51"))
+    result = check([models / f"{case}.toml", good])
     if case != "pendulum":
         assert {c.outcome for c in result.comparisons if c.case == "pendulum"} >= {"agrees"}
     assert result.exit_code == 2

@@ -138,7 +138,8 @@ def test_a_reference_that_takes_too_long_costs_itself_only(models, edit):
     assert "agrees" in outcomes(result, "pendulum")
 
 
-def test_more_samples_than_memory_cost_themselves_only(models, edit):
+def test_more_samples_than_memory_cost_themselves_only(models, edit, keep_solver):
+    keep_solver("pendulum.toml", "mujoco")
     edit("pendulum.toml", "n = 1001", "n = 100000000\nmemory = 1.0")
     result = check([models / "pendulum.toml", models / "slider_crank.toml"])
     assert outcomes(result, "pendulum") == {"out of memory"}

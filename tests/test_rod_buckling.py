@@ -8,9 +8,9 @@ from analytic.rod.buckling import of_free, of_pinned, on_the_line, pinned_waves
 from analytic.rod.cantilever import solve
 from analytic.rod.search_sheet import rods
 from analytic.rod.shooting import integrate
-from proofmass.check import check
 from sim.protocol import BadModel, Rod
 from tests.rod_models import ENGINES, model, pull, rest
+from tests.verdicts import verdicts
 
 EULER = np.pi**2 / 4.0
 EACH = pytest.mark.parametrize("engine", ENGINES)
@@ -133,8 +133,7 @@ def test_a_straight_chain_gives_way_at_henckys_load(n, tmp_path):
 def test_a_wrong_column_is_found(old, new, edit):
     """Stiffer, on the other side, with a soft clamp."""
     file = edit("rod_buckled.toml", old, new)
-    found = check([file]).comparisons
-    assert {c.solver for c in found if c.outcome == "differs"} == set(ENGINES)
+    assert {c.solver for c in verdicts(file) if c.outcome == "differs"} == set(ENGINES)
 
 
 def test_bad_input_is_named():

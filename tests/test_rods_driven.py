@@ -11,6 +11,7 @@ from proofmass.check import check
 from proofmass.cli import app
 from sim.protocol import BadRod, Drive, Rod, Run, Unsupported
 from tests.rod_models import CLAMPS, ENGINES, FIGURES, PAIR, held, model, pair, pull, rest
+from tests.verdicts import verdicts
 
 EACH = pytest.mark.parametrize("engine", ENGINES)
 ARM = '<body name="arm"><joint name="arm"/><inertial pos="1 0 0" mass="2" ' \
@@ -200,5 +201,4 @@ def test_a_wrong_rod_is_found(old, new, edit):
     """Stiffer, longer, or with a soft clamp: beyond what its links explain."""
     file = edit("rod_cantilever.toml", old, new)
     edit("rod_cantilever.toml", "n = 41", "n = 41\nuntil = 1.0")
-    found = check([file]).comparisons
-    assert {c.solver for c in found if c.outcome == "differs"} == set(ENGINES)
+    assert {c.solver for c in verdicts(file) if c.outcome == "differs"} == set(ENGINES)

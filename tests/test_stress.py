@@ -13,7 +13,7 @@ from proofmass.cli import app
 from proofmass.isolate import TimedOut
 from proofmass.report.stress_page import write_stress
 from proofmass.report.stress_sheet import stress_sheet
-from proofmass.study import rescaled
+from proofmass.study import rescaled, singular
 from proofmass.study.boundary import Boundary, Failure, Sought, bisect
 from proofmass.study.extremes import extremes
 from proofmass.study.measure import observe
@@ -152,16 +152,17 @@ def test_the_least_inertia_bounds_the_size(stand):
         "steps", "steps until the energy is off by 1 %"}
 
 
-def test_limit_positions_come_from_the_reference(stand):
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_limit_positions_come_from_the_reference(stand, engine):
     """The crank of (2, 2, 2.5, 3), at first at -2 rad, stops at arccos((4 + 9 - 4.5^2) / 12)."""
-    held = stand("triple_rocker")
+    held = stand("triple_rocker", engine)
     case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
         update={"n": 41})}})
-    sought, _ = extremes(case, held.store)
-    for one in (s for s in sought if s.knob == "drive's way"):
-        found = one.find()
-        assert found.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
-        assert found.ratio == pytest.approx(1.0, abs=0.01)
+    way = next(singular.limits(replace(held, case=case)))
+    assert way.knob == "drive's way"
+    assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
+    assert way.trial(0.99 * way.theory) is None
+    assert way.trial(1.01 * way.theory)
 
 
 @pytest.mark.slow
