@@ -5,7 +5,7 @@ from pathlib import Path
 
 from proofmass.report.stress_page import THEORY, subject
 from proofmass.report.stress_sheet import NEAR
-from proofmass.study.boundary import Boundary
+from proofmass.study.boundary import Boundary, Limit
 from proofmass.study.stress import read_boundaries
 from proofmass.wording import number, spoken
 
@@ -28,7 +28,7 @@ def far(file: Path) -> Iterator[str]:
     yield FAR.format(known=len(known), near=sum(abs(one.ratio - 1) <= NEAR for one in known),
                      within=NEAR, cases=", ".join(dict.fromkeys(one.what for one in turned)))
     yield ("| knob | engine | settings | least | greatest | hold to the end | lost in silence "
-           "| no reference beyond |")
+           "| not known beyond |")
     yield "|---|---|---|---|---|---|---|---|"
     for knob, engine in dict.fromkeys((knob_of(one), one.engine) for one in turned):
         yield row(knob, engine, [one for one in turned
@@ -42,10 +42,10 @@ def knob_of(one: Boundary) -> str:
 
 def row(knob: str, engine: str, own: Sequence[Boundary]) -> str:
     """Where the boundaries of a knob are."""
-    ends = sorted(one.measured for one in own if one.judged)
+    ends = sorted(one.measured for one in own if one.found)
     unit = {"times": " ×", "1": "", "share": ""}.get(own[0].unit, f" {own[0].unit}")
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
-    silent = sum(one.silent for one in own)
+    silent = sum(one.found and one.silent for one in own)
     return (f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
-            f"| {sum(one.holds == one.holds and not one.found for one in own)} "
-            f"| {silent or ''} | {sum(one.found and not one.judged for one in own) or ''} |")
+            f"| {sum(one.limit == Limit.HOLDS for one in own)} "
+            f"| {silent or ''} | {sum(one.unknown for one in own) or ''} |")

@@ -117,9 +117,8 @@ def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Ite
     yield "|---|---|---|---|---|---|"
     for one in found:
         theory = number(one.theory) if one.theory == one.theory else ""
-        how = ("in silence: " if one.silent else "") + one.failure.replace("|", "¦")
         yield (f"| {one.knob} | {number(one.start)} | {one.engine}, {one.setting} | "
-               f"{reached(one)} | {theory} | {how} |")
+               f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |")
     yield f"\nNot turned: {'; '.join(skipped)}."
 
 

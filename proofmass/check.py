@@ -19,13 +19,13 @@ from proofmass.refined import Finer, Row, errors, refinements
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
-from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+from sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 
 Task = tuple[Case, Kind, str] | Finer | Path
 Outcome = tuple[list[Comparison], Curves | None]
 FAILURES: dict[type[Exception], str] = {
-    Unsupported: "unsupported", Diverged: "diverged", Crashed: "crashed", TimedOut: "timed out",
-    OutOfMemory: "out of memory"}
+    Unsupported: "unsupported", Diverged: "diverged", NotSolved: "diverged", Crashed: "crashed",
+    TimedOut: "timed out", OutOfMemory: "out of memory"}
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
 
 

@@ -42,6 +42,7 @@ MEMORY = 8.0  # [GiB] of data that a call may ask for; a worker with both engine
 GIB = 2**30
 LONGEST = 1e9  # [s] that an alarm can be set to
 WORDS = 240  # letters of what a process wrote before it died
+KILLED = "killed by signal"  # words of a `Crashed` whose process aborted
 FULL = ("bad_alloc", "allocate memory")  # what C++ and MuJoCo say last when there is no memory
 
 
@@ -104,7 +105,7 @@ class Worker:
         self.errors.seek(0)
         text = self.errors.read().decode(errors="replace")
         code = self.process.returncode
-        died = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+        died = f"{KILLED} {-code}" if code < 0 else f"exit code {code}"
         words = " ".join(text.split())
         return died + (f": {words[:WORDS]}" if words else "")
 

@@ -107,6 +107,15 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     return model
 
 
+def compiles(path: Path) -> bool:
+    """Whether MuJoCo itself takes a file, whatever `compile_model` says of it."""
+    try:
+        mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError):
+        return False
+    return True
+
+
 def refusal(error: Exception, file: str = "") -> BadModel | MemoryError:
     """What MuJoCo says when it takes a model no further, as the error that it is."""
     if "allocate memory" in str(error):

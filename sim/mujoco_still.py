@@ -5,7 +5,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from sim.protocol import Diverged
+from sim.protocol import Diverged, NotSolved
 
 W = mujoco.mjtWarning
 FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
@@ -36,7 +36,9 @@ def until_still(model: mujoco.MjModel, data: mujoco.MjData, still: float, *, blo
     Raises
     ------
     Diverged
-        The engine reset itself, or does not come to rest.
+        The engine reset itself.
+    NotSolved
+        It does not come to rest.
     """
     before, steps = np.inf, 0
     for steps in range(block, most, block):
@@ -49,5 +51,5 @@ def until_still(model: mujoco.MjModel, data: mujoco.MjData, still: float, *, blo
             return steps
         before = speed
     joint = model.joint(model.dof_jntid[np.abs(data.qvel).argmax()]).name
-    raise Diverged(f"not at rest after {steps} steps{where}: joint {joint!r} moves at {before:.2g} "
-                   f"(rad/s or m/s)")
+    raise NotSolved(f"not at rest after {steps} steps{where}: joint {joint!r} moves at "
+                    f"{before:.2g} (rad/s or m/s)")

@@ -30,6 +30,10 @@ class Diverged(Exception):
     """The run was lost: not finite, reset by the engine, or the loops came open."""
 
 
+class NotSolved(Diverged):
+    """No pose at rest was found in the steps or iterations that this simulator allows itself."""
+
+
 class BadModel(Exception):
     """The model itself cannot be used: unreadable, not assembled, a missing element."""
 

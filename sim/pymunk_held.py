@@ -15,7 +15,7 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from sim.protocol import Array, BadModel, Diverged
+from sim.protocol import Array, BadModel, Diverged, NotSolved
 from sim.pymunk_close import close, missing, named
 from sim.pymunk_drive import Motor, add_drives, aim
 from sim.pymunk_links import Links
@@ -84,7 +84,7 @@ class Held:
 
         Raises
         ------
-        Diverged
+        NotSolved
             It does not agree.
         """
         aim(self.drives, target.tolist())
@@ -104,8 +104,8 @@ class Held:
             small = change * before <= error * (before - change) or before <= change <= error
             if small:
                 return
-        raise Diverged(f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
-                       f"{PATIENT} iterations")
+        raise NotSolved(f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
+                        f"{PATIENT} iterations")
 
     def _solve(self) -> None:
         """Let the engine step: the velocity as far as its iterations find it."""
@@ -123,7 +123,9 @@ class Held:
         BadModel
             The loops cannot be closed there, or stops are in the way.
         Diverged
-            They can, but Chipmunk does not close them, or does not come to rest.
+            They can, but Chipmunk does not close them.
+        NotSolved
+            It does not come to rest in the steps that there are.
         """
         last = values(self.links.drives, self.pose), self.pose
         self.ahead(target)
@@ -149,7 +151,8 @@ class Held:
                 self.most, self.past = max(self.most, self.space.iterations), last
                 return
         close(self.links, began, target)
-        raise self._lost(target, f"not at rest after {count + 1} steps")
+        kind = NotSolved if np.isfinite(self.velocity).all() else Diverged
+        raise self._lost(target, f"not at rest after {count + 1} steps", kind)
 
     def ahead(self, target: Array) -> None:
         """Begin where the last two rests point to, if the drives go on in the same direction.
@@ -185,16 +188,16 @@ class Held:
         off = missing(self.links, self.pose, target) / self.links.bounds
         return bool(np.abs(off).max(initial=0.0) > ROUGH)
 
-    def _lost(self, target: Array, how: str) -> Exception:
+    def _lost(self, target: Array, how: str, kind: type[Diverged] = Diverged) -> Exception:
         """The error of a pose that is not what it should be: stops are in the way, or nothing."""
         names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
         if names and self._missed(target):
             return BadModel(f"joint {', '.join(names)} is on its stop before "
                             f"{named(self.links, target)}")
         here = named(self.links, values(self.links.drives, self.pose))
-        return Diverged(f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
-                        f"{gaps(self.links, self.pose).max():.3g} m"
-                        + (f", {here}" if here else ""))
+        return kind(f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
+                    f"{gaps(self.links, self.pose).max():.3g} m"
+                    + (f", {here}" if here else ""))
 
     def efforts(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.

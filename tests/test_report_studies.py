@@ -14,7 +14,7 @@ from proofmass.report import written
 from proofmass.report.diet_page import write_diet
 from proofmass.report.diet_sheet import SMALL, diet_sheet
 from proofmass.report.style import RC
-from proofmass.study.boundary import Boundary
+from proofmass.study.boundary import Boundary, Limit
 from proofmass.study.diet_table import WHOLE, Entry, read_entries, write_entries
 from proofmass.study.stress import write_boundaries
 from proofmass.study.trade import Trade, write_study
@@ -43,7 +43,7 @@ def studies(tmp_path: Path) -> list[Path]:
     write_study(Trade([replace(r, case="pendulum") for r in rows], [],
                       [replace(v, case="pendulum") for v in verdicts]), folders[0])
     write_boundaries([Boundary("pendulum", "pymunk", "as it is", "gravity", "times", 1.0, 1e6, 2.0,
-                               2.01)], folders[1] / "stress.csv")
+                               2.01, limit=Limit.UNSTABLE)], folders[1] / "stress.csv")
     write_entries(ENTRIES, folders[2] / "pendulum.csv")
     (folders[2] / "pendulum.xml").write_text("<mujoco/>")
     return folders

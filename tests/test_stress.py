@@ -14,7 +14,7 @@ from proofmass.isolate import TimedOut
 from proofmass.report.stress_page import write_stress
 from proofmass.report.stress_sheet import stress_sheet
 from proofmass.study import rescaled, singular
-from proofmass.study.boundary import Boundary, Failure, Sought, bisect
+from proofmass.study.boundary import Boundary, Failure, Limit, Sought, Tried, bisect
 from proofmass.study.extremes import extremes
 from proofmass.study.measure import observe
 from proofmass.study.run import pool
@@ -30,21 +30,22 @@ from sim.mjcf import compile_model
 def test_a_boundary_is_between_its_sides(start, reach, edge):
     up = reach > start
     holds, breaks, failure = bisect(
-        lambda x: Failure("gone", True) if (x > edge) is up else None, start, reach)
+        lambda x: Failure("gone", Limit.UNSTABLE, True) if (x > edge) is up else None, start, reach)
     assert sorted([holds, edge, breaks])[1] == edge
     assert max(breaks / holds, holds / breaks) <= 1.01
-    assert failure == ("gone", True)
+    assert failure == ("gone", "unstable", True)
 
 
 def test_what_never_holds_and_what_always_does():
-    never = Sought("", "", "", "", "", 1.0, 9.0, lambda x: Failure("no")).find()
+    never = Sought("", "", "", "", "", 1.0, 9.0,
+                   lambda x: Tried(Failure("no", Limit.UNSTABLE))).find()
     assert np.isnan(never.measured)
     assert np.isnan(never.ratio)
     assert never.failure == "at 1 already: no"
-    always = Sought("", "", "", "", "", 1.0, 9.0, lambda x: None, theory=np.inf).find()
+    always = Sought("", "", "", "", "", 1.0, 9.0, lambda x: Tried(), theory=np.inf).find()
     assert (always.holds, always.measured, always.ratio) == (9.0, np.inf, 1.0)
     assert np.isnan(replace(always, theory=2.0).ratio)
-    assert Sought("", "", "", "", "", 1.0, 0.1, lambda x: None, theory=0.0).find().ratio == 1.0
+    assert Sought("", "", "", "", "", 1.0, 0.1, lambda x: Tried(), theory=0.0).find().ratio == 1.0
 
 
 def test_a_reset_is_heard(stand):
@@ -93,25 +94,37 @@ def test_scaled_mechanisms_have_scaled_curves(stand, name, kind, engine, factor)
     held = stand(name, engine, kind)
     run = held.case.run[kind]
     few = held.case.model_copy(update={"run": {kind: run.model_copy(update={"n": 11})}})
-    assert resized(replace(held, case=few), factor) is None
+    assert resized(replace(held, case=few), 0.0, factor).failure is None
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_places_within_a_micrometre_of_their_body_are_its_origin(stand, engine):
-    """The crank's centre, 0.5 m away, is at 1.9e-6 of its size; both engines read what is compiled.
+def test_places_within_a_micrometre_of_their_body_are_its_origin(stand):
+    """The crank's centre, 0.5 m away, is at 1.9e-6 of its size.
 
     Its weight is gone then, which the holding moment shows, though not by a tenth of its range.
     """
-    held = stand("fourbar", engine, "sweep")
+    held = stand("fourbar", "mujoco", "sweep")
     few = held.case.run["sweep"].model_copy(update={"n": 11})
     held = replace(held, case=held.case.model_copy(update={"run": {"sweep": few}}))
     smaller = next(s for s in sizes(held) if s.reach < 1)
     assert smaller.theory == pytest.approx(2e-6)
-    assert smaller.trial(2.1e-6) is None
-    failure = smaller.trial(1.9e-6)
+    assert smaller.trial(2.1e-6).failure is None
+    failure = smaller.trial(1.9e-6).failure
     assert failure
     assert failure.message.startswith("effort off by 0.0")
+    assert failure.limit == Limit.INACCURATE
     assert failure.silent
+
+
+def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stand):
+    """The model is read by MuJoCo for both engines; Chipmunk was not asked."""
+    held = stand("pendulum", "pymunk")
+    smaller = next(s for s in sizes(held) if s.reach < 1)
+    assert np.isnan(smaller.theory)
+    found = smaller.find()
+    assert (found.limit, found.found, found.silent) == (Limit.OURS, False, False)
+    assert 10**-0.5 <= found.holds <= 1.1 * 10**-0.5
+    assert np.isnan(found.measured)
+    assert "MuJoCo, which reads the model for pymunk" in found.failure
 
 
 def test_a_scale_that_forgets_something_is_noticed(stand):
@@ -145,7 +158,10 @@ def test_the_least_inertia_bounds_the_size(stand):
     sought, skipped = extremes(stand("pendulum").case, stand("pendulum").store)
     smaller = next(s for s in sought if s.knob == "all lengths smaller" and s.engine == "mujoco")
     assert smaller.theory == pytest.approx(10**-0.5)
-    assert smaller.find().ratio == pytest.approx(1.0, abs=0.01)
+    found = smaller.find()
+    assert found.ratio == pytest.approx(1.0, abs=0.01)
+    assert (found.limit, found.silent) == (Limit.REFUSED, False)
+    assert "mjMINVAL" in found.failure
     assert "stiffness: there is no spring and no rod" in skipped
     assert {s.knob for s in sought} == {
         "time step", "gravity", "spring in pivot", "all lengths larger", "all lengths smaller",
@@ -233,11 +249,12 @@ def test_trials_are_made_once(tmp_path):
 
     def trial(x):
         tried.append(x)
-        return Failure("beyond", True) if x > 3.0 else None
+        return Tried(Failure("beyond", Limit.UNSTABLE, True) if x > 3.0 else None, x / 2)
 
     sought = Sought("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
     with pool(1) as workers:
         first = stress([kept(sought, Store(tmp_path))], workers)
+        assert first[0].step == first[0].holds / 2
         count = len(tried)
         assert stress([kept(sought, Store(tmp_path))], workers) == first
         assert len(tried) == count > 5
@@ -247,22 +264,30 @@ def test_trials_are_made_once(tmp_path):
 
 def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     rows = [Boundary("spring, \"soft\"", "mujoco", "Euler", "dt ω", "1", 0.1, 10.0, 1.99, 2.005,
-                     2.0, "2 √(1 + ζ²)", "grew, without a word", True),
+                     1.99, 2.0, "2 √(1 + ζ²)", Limit.UNSTABLE, "grew, without a word", True),
             Boundary("spring, hard", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0,
                      theory=np.inf, law="implicit"),
             Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
-                     failure="at 1 already: no"),
+                     limit=Limit.INACCURATE, failure="at 1 already: no"),
             Boundary("fourbar", "pymunk", "as in the model", "size", "times", 1.0, 1e-6, 0.1,
-                     0.099),
+                     0.099, limit=Limit.REFUSED, failure="refused: too small"),
             Boundary("fourbar", "pymunk", "as in the model", "steps", "1", 100.0, 1e6, 1000.0,
-                     1009.0, failure="no reference: none in 60 s; the engine has its run")]
+                     1009.0, 1e-3, limit=Limit.OURS,
+                     failure="no reference: none in 60 s; the engine has its run")]
     write_boundaries(rows, tmp_path / "stress.csv")
     assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
     page = write_stress(tmp_path, tmp_path).first.read_text(encoding="utf-8")
-    assert "2 of 2 boundaries that theory knows were measured within 5%" in page
-    assert "<strong>in silence</strong>: grew, without a word" in page
+    table = (tmp_path / "stress.columns.md").read_text(encoding="utf-8")
+    assert "2 of 2 boundaries that theory knows were measured within 2%" in page
+    assert "1 of 1 boundaries are passed in silence" in page
+    assert "unstable, <strong>in silence</strong>: grew, without a word" in page
+    assert "not known beyond 1000" in page
+    for limit in Limit:
+        assert f"{limit}: {limit.sentence}" in table
+        assert f"{limit}: {limit.sentence}" in page.replace("&#39;", "'")
     assert "fourbar" in page
-    assert [row.judged for row in rows] == [True, False, False, True, False]
+    assert [row.found for row in rows] == [True, False, False, True, False]
+    assert [row.unknown for row in rows] == [False, False, False, False, True]
     drawing = (tmp_path / "figures" / "fourbar-stress.svg").read_text(encoding="utf-8")
     grounds = re.findall(r'<pattern.*?<rect[^>]* fill="(#\w+)".*?stroke: (#\w+)', drawing,
                          re.DOTALL)
@@ -270,7 +295,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     assert all(ground != lines for ground, lines in grounds)
     for some, here in ((rows[:2], False), (rows[2:], True)):
         told = [text.get_text() for text in stress_sheet(some).legends[0].get_texts()]
-        assert ("no reference beyond" in told) == here
+        assert ("not known beyond" in told) == here
     assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
 
 

@@ -80,8 +80,8 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
     soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
     link, arm = closing.last_link(held.case), closing.last_arm(held.case)
     for links, length in ((link, 0.8), (arm, 8 / 9)):
-        assert singular.sparing(held, links, length, 5e-4) is None
-        failure = singular.sparing(soft, links, length, 5e-4)
+        assert singular.sparing(held, links, length, 5e-4).failure is None
+        failure = singular.sparing(soft, links, length, 5e-4).failure
         assert failure
         assert failure.silent
 
@@ -103,7 +103,8 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
     for pieces in (10, 20):
         chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
         holds, breaks, failure = bisect(
-            lambda far, chain=chain: singular.snapped(chain, far), 0.99 * fold, 1.01 * fold, 1e-4)
+            lambda far, chain=chain: singular.snapped(chain, far).failure, 0.99 * fold,
+            1.01 * fold, 1e-4)
         assert "unstable" in failure.message
         ends.append(np.sqrt(holds * breaks))
     # bisected to 1e-4, of which Richardson makes 5/3
@@ -123,14 +124,15 @@ def test_a_rod_of_another_length_snaps_elsewhere(stand):
     assert abs(wrong / right - 1) > 0.01
     middle = np.sqrt(right * wrong)
     theirs = replace(held, case=longer)
-    assert bool(singular.snapped(held, middle)) is not bool(singular.snapped(theirs, middle))
+    assert bool(singular.snapped(held, middle).failure) is not bool(
+        singular.snapped(theirs, middle).failure)
 
 
 def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
     (sought,) = stiffness.stiffnesses(stand("pendulum", integrator="Euler"))
     assert sought.reach == pytest.approx(1e12 * sought.start)
-    assert sought.trial(0.95 * sought.theory) is None
-    failure = sought.trial(1.05 * sought.theory)
+    assert sought.trial(0.95 * sought.theory).failure is None
+    failure = sought.trial(1.05 * sought.theory).failure
     assert failure
     assert failure.message.startswith("position off by")
 
@@ -151,8 +153,8 @@ def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, br
     steps = min(held.seconds / held.step, stiffness.BRIEF)
     inertia = stiffness.last_hinge(held.case)[1]
     theirs = inertia * (theory.stiffest("pymunk", steps) / held.step) ** 2
-    assert sought.trial(holds * theirs) is None
-    assert sought.trial(breaks * theirs)
+    assert sought.trial(holds * theirs).failure is None
+    assert sought.trial(breaks * theirs).failure
 
 
 def test_stiffest_is_where_the_phase_is_off():
@@ -168,8 +170,8 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
                                  stiffness.last_hinge(held.case)[0],
                                  (0.3 / held.step) ** 2)
     steps = theory.faded_after("RK4", 0.3, 0.99)
-    assert energy.drifted(held, case, {}, 0.95 * steps) is None
-    failure = energy.drifted(held, case, {}, 1.05 * steps)
+    assert energy.drifted(held, case, {}, 0.95 * steps).failure is None
+    failure = energy.drifted(held, case, {}, 1.05 * steps).failure
     assert failure
     assert failure.message.startswith("energy off by 0.01")
 

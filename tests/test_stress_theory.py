@@ -21,8 +21,14 @@ QUICK = ["spring on a hinge, ζ = 0.3, Euler, dt ω", "spring on a hinge, ζ = 1
 
 
 def near(sought: Sought) -> bool:
-    """Within 5 % of theory, of which bisection may take 0.5."""
-    return abs(sought.find().ratio - 1.0) <= 0.05
+    """Within 2 % of theory, of which bisection takes up to 0.5.
+
+    The rest is how long a model is stepped: what grows slowly is lost a little beyond the limit.
+    """
+    found = sought.find()
+    if sought.knob in ("dt ω", "dt √(k/m)", "dt kv/I"):
+        assert found.step == pytest.approx(found.holds, rel=1e-12)  # what the engine took
+    return abs(found.ratio - 1.0) <= 0.02
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -17,7 +17,7 @@ from proofmass.isolate import Crashed, TimedOut
 from proofmass.solve import plan
 from proofmass.study import diet, scene, stand
 from proofmass.study.axes import Line
-from proofmass.study.boundary import Boundary, Failure, Sought, bisect, told
+from proofmass.study.boundary import Boundary, Failure, Limit, Sought, Tried, bisect, told
 from proofmass.study.diet_table import Entry
 from proofmass.study.draft import read
 from proofmass.study.feature import DRAWN, Feature
@@ -35,7 +35,7 @@ from proofmass.study.store import Store
 from proofmass.study.trial import Cost
 from proofmass.study.verdict import front
 from proofmass.study.wall import Probe, factor, gain, judge, probes, sampled
-from sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+from sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -47,6 +47,7 @@ def case_of(name: str):
 FOURBAR = case_of("fourbar")  # timestep 1e-3, solref 0.005 1, solimp 0.9999 0.9999 0.001
 BIAS = 0.9**60  # Chipmunk's own: the share of a gap that is left after a second
 SECOND = 3000  # iterations in pymunk where nothing is said
+GONE = Failure("gone", Limit.UNSTABLE, True)
 
 
 def moves(name: str, setting: Setting, folder: Path, run: str = "duration"):
@@ -254,7 +255,7 @@ def test_a_boundary_is_where_its_strides_find_it():
 
         def trial(x: float) -> Failure | None:
             seen.append(x)
-            return Failure("gone", True) if x >= edge else None
+            return GONE if x >= edge else None
 
         return seen, bisect(trial, start, reach, **how)
 
@@ -265,30 +266,49 @@ def test_a_boundary_is_where_its_strides_find_it():
     seen, (holds, breaks, failure) = tried(1.0, 16.0, edge=9.0, within=0.5)
     assert seen == pytest.approx([1.0, 4.0, 16.0, 8.0, 128**0.5])
     assert (holds, breaks) == pytest.approx((8.0, 128**0.5))  # within 1.5
-    assert failure == ("gone", True)
+    assert failure == GONE
+
+
+def test_what_is_not_known_is_closed_in_to_a_tenth():
+    """Where nothing is known is no property of an engine; a boundary before it still is."""
+    def ours(x: float) -> Failure | None:
+        return Failure("late", Limit.OURS) if x >= 9.0 else None
+
+    holds, breaks, failure = bisect(ours, 1.0, 16.0)
+    assert holds < 9.0 <= breaks
+    assert 1.01 < breaks / holds <= 1.1
+    assert failure.limit == Limit.OURS
+    holds, breaks, failure = bisect(lambda x: GONE if 5.0 <= x < 9.0 else ours(x), 1.0, 16.0)
+    assert holds < 5.0 <= breaks <= 1.01 * holds
+    assert failure == GONE
 
 
 def test_what_is_sought_is_told_with_what_failed():
     sought = Sought("what", "mujoco", "RK4", "knob", "m", 1.0, 16.0,
-                    lambda x: Failure("gone", True) if x >= 9.0 else None, 9.0, "law")
+                    lambda x: Tried(GONE if x >= 9.0 else None, x / 2), 9.0, "law")
     found = sought.find(0.5)
     assert (found.what, found.engine, found.setting, found.knob, found.unit, found.start,
             found.reach, found.theory, found.law) == (
         "what", "mujoco", "RK4", "knob", "m", 1.0, 16.0, 9.0, "law")
     assert (found.holds, found.breaks) == pytest.approx((8.0, 128**0.5))
-    assert (found.failure, found.silent) == ("gone", True)
+    assert (found.failure, found.limit, found.silent) == GONE
+    assert found.step == found.holds / 2
     assert found.found
-    assert found.judged
+    assert not found.unknown
     assert found.measured == pytest.approx(8.0 * 2**0.25)
     assert found.ratio == pytest.approx(8.0 * 2**0.25 / 9.0)
-    whole = Sought("", "", "", "", "", 1.0, 2.0, lambda x: None).find()
-    assert (whole.failure, whole.silent, whole.found, whole.judged) == ("", False, False, False)
+    whole = Sought("", "", "", "", "", 1.0, 2.0, lambda x: Tried()).find()
+    assert (whole.failure, whole.silent, whole.found, whole.limit) == ("", False, False, "holds")
+    assert isnan(whole.step)
 
 
-def test_a_boundary_of_the_reference_alone_is_not_the_engine_s():
+def test_a_limit_of_our_own_is_no_boundary():
     place = ("", "", "", "", "", 1.0, 9.0)
-    assert not Boundary(*place, 2.0, 3.0, failure="no reference: at 3").judged
-    assert Boundary(*place, 2.0, 3.0, failure="diverged").judged
+    ours = Boundary(*place, 2.0, 3.0, theory=2.5, limit=Limit.OURS, failure="no reference: at 3")
+    assert (ours.found, ours.unknown, ours.ending) == (False, True, "ours: no reference: at 3")
+    assert isnan(ours.measured)
+    assert isnan(ours.ratio)
+    assert Boundary(*place, 2.0, 3.0, limit=Limit.UNSTABLE).found
     assert isnan(Boundary(*place, 2.0, 3.0, theory=0.0).ratio)
     assert isnan(Boundary(*place, 2.0, 3.0, theory=inf).ratio)
     assert Boundary("", "", "", "", "", 9.0, 1.0, 1.0).measured == 0.0
@@ -388,18 +408,32 @@ def test_a_line_goes_on_until_all_its_kinds_are_at_a_wall():
     assert tracked(at("timed out")).done(1.0)
 
 
-@pytest.mark.parametrize(("found", "message", "silent"), [
-    (Found({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, False), (Found(), None, False),
-    (Found({"position": 0.111}), "position off by 0.11 of its range", True),
-    (Found({"effort": 0.222}), "effort off by 0.22 of its range", True),
-    (Found({"position": nan}), "position off by nan of its range", True),
-    (Found(outcome="diverged", message="MuJoCo warning x"), "diverged: MuJoCo warning x", False),
-    (Found(outcome="diverged", message="open"), "diverged: open", True),
-    (Found(outcome="not finite", message="x at 3"), "not finite: x at 3", True),
-    (Found(outcome="crashed", message="x"), "crashed: x", False),
-    (Found(outcome="no reference", message="x"), "no reference: x", False)])
-def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, silent):
-    assert judged(found) == (None if message is None else Failure(message, silent))
+OFF, LOST, OURS = Limit.INACCURATE, Limit.UNSTABLE, Limit.OURS
+
+
+@pytest.mark.parametrize(("found", "message", "limit", "silent"), [
+    (Found({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, None, False),
+    (Found(), None, None, False),
+    (Found({"position": 0.111}), "position off by 0.11 of its range", OFF, True),
+    (Found({"effort": 0.222}), "effort off by 0.22 of its range", OFF, True),
+    (Found({"position": nan}), "position off by nan of its range", OFF, True),
+    (Found(outcome="diverged", message="MuJoCo warning x"), "diverged: MuJoCo warning x", LOST,
+     False),
+    (Found(outcome="diverged", message="open"), "diverged: open", LOST, True),
+    (Found(outcome="not finite", message="x at 3"), "not finite: x at 3", LOST, True),
+    (Found(outcome="stopped", message="x"), "stopped: x", LOST, False),
+    (Found(outcome="crashed", message="killed by signal 6: x"), "crashed: killed by signal 6: x",
+     LOST, False),
+    (Found(outcome="crashed", message="ValueError: x"), "crashed: ValueError: x", OURS, False),
+    (Found(outcome="refused", message="x"), "refused: x", Limit.REFUSED, False),
+    *((Found(outcome=word, message="x"), f"{word}: x", OURS, False) for word in (
+        "not solved", "no start", "no reference", "timed out", "out of memory", "unsupported"))])
+def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
+    assert judged(found) == (None if message is None else Failure(message, limit, silent))
+
+
+def test_every_kind_of_limit_has_its_sentence():
+    assert len({limit.sentence for limit in Limit}) == len(Limit) == 5
 
 
 def fails(error: Exception):
@@ -420,7 +454,8 @@ def test_what_keeps_a_run_from_its_answer(monkeypatch):
     assert observed_run(task, 5.0) == Found(steps=7)
     assert calls == [("observe", (task, False, None), 5.0)]
     for error, outcome in ((Diverged("why"), "diverged"), (Crashed("why"), "crashed"),
-                           (BadModel("why"), "no start"), (Unsupported("why"), "unsupported")):
+                           (BadModel("why"), "no start"), (Unsupported("why"), "unsupported"),
+                           (NotSolved("why"), "not solved")):
         monkeypatch.setattr(stand, "isolated", fails(error))
         assert observed_run(task, 5.0) == Found(outcome=outcome, message="why")
 
@@ -454,24 +489,30 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
     monkeypatch.setattr(stand, "tried", found)
     own = Stand(FOURBAR, "duration", Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
                 Store(tmp_path), 9.0)
-    assert own.lost(FOURBAR, timestep=0.25) == Failure("position off by 0.5 of its range", True)
+    assert own.lost(FOURBAR, timestep=0.25) == Failure("position off by 0.5 of its range", OFF,
+                                                       True)
     setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
     assert asked == [(Task(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
     monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
-    assert own.run(FOURBAR) == Found(outcome="refused", message="why")
-    assert own.lost(FOURBAR) == Failure("refused: why")
+    for compiles, outcome, limit in ((True, "no start", OURS), (False, "refused", Limit.REFUSED)):
+        monkeypatch.setattr(stand, "taken_by_mujoco", lambda case, answer=compiles: answer)
+        assert own.run(FOURBAR) == Found(outcome=outcome, message="why")
+        assert own.lost(FOURBAR) == Failure(f"{outcome}: why", limit)
+        planar = replace(own, setting=Setting("pymunk"))
+        assert planar.lost(FOURBAR) == Failure("no start: why", OURS)
 
     def trial(knobs, x):
-        return Failure(f"{knobs} {x}")
+        return Tried(Failure(f"{knobs} {x}", LOST))
 
-    assert [(s.what, s.engine, s.setting, s.knob, s.unit, s.start, s.reach, s.trial(3.0).message)
+    assert [(s.what, s.engine, s.setting, s.knob, s.unit, s.start, s.reach,
+             s.trial(3.0).failure.message)
             for s in own.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))] == [
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
         for words in ("Euler", "RK4")]
     planar = Stand(FOURBAR, "duration", Setting("pymunk"), Store(tmp_path))
     one, = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
     assert (one.engine, one.setting, one.knob, one.unit, one.start, one.reach,
-            one.trial(3.0).message) == (
+            one.trial(3.0).failure.message) == (
         "pymunk", "as in the model", "step", "s", 1.0, 2.0, "{} 3.0")
     more = own.sought("k", "m", 1.0, 2.0, fails(KeyError()), theory=7.0, law="law")
     assert (more.setting, more.theory, more.law) == ("RK4", 7.0, "law")

@@ -16,13 +16,14 @@ from proofmass.report.stress_sheet import NEAR, stress_sheet
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
-from proofmass.study.boundary import Boundary
+from proofmass.study.boundary import Boundary, Limit
 from proofmass.study.stress import read_boundaries
 from proofmass.wording import number, pretty, spoken
 
 THEORY = "Small models whose limits theory knows"
 CAPTION = ("Bars: as far as each knob was turned until the run was lost; black ticks: where theory "
-           "says that it must be. Each boundary is bisected to 1 %.")
+           "says that it must be. Each boundary is bisected to 1 %. Where nothing is known beyond "
+           "a bar, for a reason of our own, it ends in a cross.")
 
 
 def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -42,7 +43,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
              for name, own in groupby(found, lambda one: subject(one))]
     page = output / "index.html"
     write_whole(page, environment().get_template("stress.html").render(
-        parts=parts, about=about(), style={}, home=home))
+        parts=parts, limits=list(Limit), about=about(), style={}, home=home))
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
@@ -68,10 +69,10 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
         near = sum(abs(one.ratio - 1) <= NEAR for one in known)
         yield (f"{near} of {len(known)} boundaries that theory knows were measured within "
                f"{NEAR:.0%} of it.")
-    silent = [one for one in found if one.silent]
+    silent = [one for one in found if one.found and one.silent]
     if silent:
-        yield (f"{len(silent)} of {sum(one.judged for one in found)} boundaries are passed in "
-               f"silence: the run goes on, finite and wrong.")
+        yield (f"{len(silent)} of {sum(one.found for one in found)} boundaries are passed in "
+               f"silence: the engine says nothing.")
     for one in found:
         if one.holds != one.holds:
             yield (f"{spoken(one.engine)}, {one.setting}: nothing to turn at {one.knob}, "
@@ -81,9 +82,14 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
 def cells(one: Boundary) -> dict[str, str]:
     """A row of the table, every number already a word."""
     unit = "" if one.unit == "1" else pretty(one.unit)
-    none = "nowhere" if one.holds != one.holds else f"none to {number(one.reach)}"
+    none = f"none to {number(one.reach)}"
+    if one.unknown:
+        none = f"not known beyond {number(one.holds)}" if one.holds == one.holds else "not known"
+    elif one.holds != one.holds:
+        none = "nowhere"
     return {"what": one.what, "solver": f"{spoken(one.engine)}, {one.setting}", "knob": one.knob,
             "unit": unit, "start": number(one.start),
             "measured": number(one.measured, 4) if one.found else none,
             "theory": number(one.theory, 4), "ratio": number(one.ratio, 4), "law": one.law,
-            "failure": one.failure, "silent": "in silence" if one.silent else ""}
+            "failure": one.failure, "silent": "in silence" if one.silent else "",
+            "limit": "" if one.limit == Limit.HOLDS else str(one.limit)}

@@ -18,7 +18,7 @@ INK = "#333333"
 HATCH = {"mujoco": "", "pymunk": "////"}
 ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
 PALE = 0.35  # of an engine's colour, the rest is white
-NEAR = 0.05
+NEAR = 0.02
 """How close to theory a measured boundary must be."""
 
 
@@ -60,11 +60,11 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
     low, high = span(one, known)
     colour = KNOWN[one.engine].colour
     if one.holds != one.holds:
-        ax.annotate("lost from the start", (0.01, y), xycoords=("axes fraction", "data"),
-                    fontsize=6.5, va="center")
+        ax.annotate("not known" if one.unknown else "lost from the start", (0.01, y),
+                    xycoords=("axes fraction", "data"), fontsize=6.5, va="center")
         return
     ax.barh(y, high - low, left=low, height=0.6, **filled(one.engine))
-    marker = "o" if one.judged else "X" if one.found else ">"
+    marker = "o" if one.found else "X" if one.unknown else ">"
     ax.plot(high, y, marker=marker, color=colour, markersize=4.5, clip_on=False,
             markerfacecolor="white" if one.silent else colour)
     if np.isfinite(one.theory) and one.theory:
@@ -89,7 +89,7 @@ def filled(engine: str) -> dict[str, Any]:
 
 def span(one: Boundary, known: bool) -> tuple[float, float]:
     """Where a bar begins and ends: values where theory is, otherwise times of the start."""
-    end = one.measured if one.found else one.reach
+    end = one.measured if one.found else one.holds if one.unknown else one.reach
     if known:
         return one.start, end
     return 1.0, turned(one, end)
@@ -127,8 +127,8 @@ def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
                 Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence",
                        **plain),
                 Line2D([], [], marker=">", label="holds to the end", **plain)]
-    if any(one.found and not one.judged for one in found):
-        handles.append(Line2D([], [], marker="X", label="no reference beyond", **plain))
+    if any(one.unknown for one in found):
+        handles.append(Line2D([], [], marker="X", label="not known beyond", **plain))
     if any(np.isfinite(one.theory) and one.theory for one in found):
         handles.append(Line2D([], [], marker="|", markeredgewidth=1.3, label="theory",
                               **{**plain, "color": "black", "markersize": 8}))

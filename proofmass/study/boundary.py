@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -9,15 +10,56 @@ import numpy as np
 NAN = float("nan")
 WITHIN = 0.01
 """A boundary is known when what failed is so little beyond what held."""
+COARSE = 0.1
+"""The same where nothing is known beyond: that value is no property of an engine."""
 STRIDE = 4.0
 """Factor from one value to the next on the way to the extreme."""
 
 
+class Limit(StrEnum):
+    """What ends the way of a knob; `sentence` says it in words."""
+
+    UNSTABLE = "unstable"
+    INACCURATE = "inaccurate"
+    REFUSED = "refused"
+    OURS = "ours"
+    HOLDS = "holds"
+
+    @property
+    def sentence(self) -> str:
+        """What is meant, in words."""
+        return SENTENCES[self]
+
+
+SENTENCES = {
+    Limit.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's warning, a "
+                    "loop comes open, or there is no pose or no equilibrium any more",
+    Limit.INACCURATE: "the engine runs to the end, and is off by more than a tenth of the range, "
+                      "or by more than the row names",
+    Limit.REFUSED: "the engine does not compile or accept it",
+    Limit.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for lack of "
+                "time, of a reference or of iterations, or did not accept it itself",
+    Limit.HOLDS: "no boundary: all held as far as the knob was turned"}
+"""Of all kinds of limits, for tables and pages."""
+
+
 class Failure(NamedTuple):
-    """Why a value did not hold, and whether the engine itself said nothing of it."""
+    """Why a value did not hold, what kind of limit that is, and whether the engine said nothing."""
 
     message: str
+    limit: Limit
     silent: bool = False
+
+
+class Tried(NamedTuple):
+    """What became of one value: a failure or none, and the time step that was taken [s].
+
+    `step` is read from the engine after the run; NaN where nothing was stepped, or the run gave no
+    curves.
+    """
+
+    failure: Failure | None = None
+    step: float = NAN
 
 
 def told(message: str) -> bool:
@@ -29,8 +71,8 @@ def told(message: str) -> bool:
     return message.startswith("MuJoCo warning")
 
 
-Trial = Callable[[float], Failure | None]
-"""Tries a value: why it did not hold, or None."""
+Trial = Callable[[float], Tried]
+"""Tries a value."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +109,14 @@ class Boundary(Turned):
     holds, breaks : float
         The furthest value that held, and the next that did not: NaN if all did up to `reach`, and
         if `start` did not.
+    step : float
+        Time step that the engine took at `holds` [s]; NaN where nothing was stepped.
     theory : float
         Where it must be: infinite (or zero, downwards) for nowhere, NaN if nothing is known.
     law : str
         What the theory says, in words.
+    limit : Limit
+        What kind of limit that is.
     failure : str
         What went wrong at `breaks`.
     silent : bool
@@ -79,27 +125,32 @@ class Boundary(Turned):
 
     holds: float = NAN
     breaks: float = NAN
+    step: float = NAN
     theory: float = NAN
     law: str = ""
+    limit: Limit = Limit.HOLDS
     failure: str = ""
     silent: bool = False
 
     @property
     def found(self) -> bool:
-        """Whether there is a boundary between `start` and `reach`."""
-        return bool(np.isfinite(self.breaks))
+        """Whether there is a boundary of the engine between `start` and `reach`."""
+        return bool(np.isfinite(self.breaks)) and not self.unknown
 
     @property
-    def judged(self) -> bool:
-        """Whether it is the engine's: not where only the reference had no answer."""
-        return self.found and not self.failure.startswith("no reference")
+    def unknown(self) -> bool:
+        """Whether nothing is known beyond `holds`, for a reason of our own."""
+        return self.limit == Limit.OURS
 
     @property
     def measured(self) -> float:
-        """The boundary, between what held and what did not; infinite (or zero) if there is none."""
+        """The boundary, between what held and what did not; infinite (or zero) if there is none.
+
+        NaN where nothing is known, or where `start` did not hold.
+        """
         if self.found:
             return float(np.sqrt(self.holds * self.breaks))
-        if not np.isfinite(self.holds):
+        if self.unknown or not np.isfinite(self.holds):
             return NAN
         return float("inf") if self.reach > self.start else 0.0
 
@@ -110,6 +161,19 @@ class Boundary(Turned):
             return 1.0
         ratio = self.measured / self.theory if self.theory else NAN
         return ratio if np.isfinite(ratio) and ratio else NAN
+
+    @property
+    def ending(self) -> str:
+        """What kind of limit it is, whether the engine said so, and what went wrong.
+
+        >>> Boundary("", "", "", "", "", 1.0, 9.0, 2.0, 2.02, limit=Limit.INACCURATE,
+        ...          failure="position off by 0.1 of its range", silent=True).ending
+        'inaccurate, in silence: position off by 0.1 of its range'
+        """
+        if self.limit == Limit.HOLDS:
+            return ""
+        kind = f"{self.limit}, in silence" if self.silent else str(self.limit)
+        return f"{kind}: {self.failure}"
 
 
 @dataclass(frozen=True)
@@ -122,18 +186,26 @@ class Sought(Turned):
 
     def find(self, within: float = WITHIN) -> Boundary:
         """Bisect the boundary to a share of its value."""
-        holds, breaks, failure = bisect(self.trial, self.start, self.reach, within)
+        steps = dict[float, float]()
+
+        def test(value: float) -> Failure | None:
+            failure, steps[value] = self.trial(value)
+            return failure
+
+        holds, breaks, failure = bisect(test, self.start, self.reach, within)
         known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
-        message, silent = failure or ("", False)
-        return Boundary(**known, holds=holds, breaks=breaks, failure=message, silent=silent)
+        message, limit, silent = failure or ("", Limit.HOLDS, False)
+        return Boundary(**known, holds=holds, breaks=breaks, step=steps.get(holds, NAN),
+                        limit=limit, failure=message, silent=silent)
 
 
-def bisect(trial: Trial, start: float, reach: float, within: float = WITHIN
-           ) -> tuple[float, float, Failure | None]:
+def bisect(test: Callable[[float], Failure | None], start: float, reach: float,
+           within: float = WITHIN) -> tuple[float, float, Failure | None]:
     """Turn a knob from `start` towards `reach`, and close in on where it stops to hold.
 
     Strides are geometric, so all values are positive.  A boundary is the first one that a stride
-    meets; an island of failure between two strides is not seen.
+    meets; an island of failure between two strides is not seen.  Where nothing is known beyond,
+    the two are closed in to `COARSE` alone.
 
     Returns
     -------
@@ -144,26 +216,28 @@ def bisect(trial: Trial, start: float, reach: float, within: float = WITHIN
 
     Examples
     --------
-    >>> holds, breaks, _ = bisect(lambda x: None if x < 2 else Failure("beyond"), 0.1, 100.0)
+    >>> lost = Failure("beyond", Limit.UNSTABLE)
+    >>> holds, breaks, _ = bisect(lambda x: None if x < 2 else lost, 0.1, 100.0)
     >>> holds < 2 <= breaks, breaks / holds < 1.01
     (True, True)
-    >>> bisect(lambda x: None if x > 1e-3 else Failure("below"), 1.0, 1e-2)
+    >>> bisect(lambda x: None if x > 1e-3 else lost, 1.0, 1e-2)
     (0.01, nan, None)
     """
-    failure = trial(start)
+    failure = test(start)
     if failure:
         return NAN, NAN, failure._replace(message=f"at {start:g} already: {failure.message}")
     holds, breaks = start, NAN
     strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE) - 1e-9)))
     for value in np.geomspace(start, reach, strides + 1)[1:].tolist():
-        failure = trial(value)
+        failure = test(value)
         if failure:
             breaks = value
             break
         holds = value
-    while max(holds / breaks, breaks / holds) > 1.0 + within:  # not with NaN
+    while max(holds / breaks, breaks / holds) > 1.0 + (  # not with NaN
+            max(COARSE, within) if failure and failure.limit == Limit.OURS else within):
         middle = float(np.sqrt(holds * breaks))
-        if found := trial(middle):
+        if found := test(middle):
             breaks, failure = middle, found
         else:
             holds = middle

@@ -27,7 +27,7 @@ from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.reference import compiled
 from proofmass.strict import Kind
-from proofmass.study.boundary import Failure, bisect
+from proofmass.study.boundary import Failure, Limit, bisect
 from proofmass.study.rescaled import times, with_model
 from proofmass.study.store import MATTERS, Store, digest, model_bytes, once, sources
 from proofmass.study.ways import followed
@@ -127,5 +127,5 @@ def unclosed(case: Case, links: Links, kind: Kind, folder: Path, factor: float
     try:
         followed(shortened(case, links, folder, factor), kind)
     except InputError as error:
-        return Failure(error.wrong)
+        return Failure(error.wrong, Limit.UNSTABLE)
     return None

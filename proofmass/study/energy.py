@@ -14,13 +14,13 @@ from proofmass.check import FAILURES
 from proofmass.isolate import isolated
 from proofmass.reference import compiled
 from proofmass.sidecar import Channel
-from proofmass.study.boundary import Failure, Sought, told
+from proofmass.study.boundary import Failure, Limit, Sought, Tried, told
 from proofmass.study.bounded import bounded
 from proofmass.study.invariants import conserved, invariants
-from proofmass.study.measure import Found, Task
+from proofmass.study.measure import Found, Task, taken
 from proofmass.study.rescaled import with_model
 from proofmass.study.setting import Knob
-from proofmass.study.stand import LONG, TIMEOUT, Stand, needs, simulated
+from proofmass.study.stand import LONG, TIMEOUT, Stand, limit_of, needs, simulated
 from proofmass.study.store import key_of
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
@@ -58,7 +58,7 @@ def weighed(case: Case, folder: Path) -> Case:
         f"whole_{name}": Channel(equals=0.0, unit="J") for name in SENSORS.values()}})
 
 
-def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> Failure | None:
+def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> Tried:
     """Run for so many steps, and look at the energy."""
     per = int(np.ceil(steps / MOST))
     count = round(steps / per)
@@ -68,9 +68,12 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> F
     task = Task(own, "duration", stand.setting.but(**knobs), "stress")
     found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
     if found.outcome != "ran":
-        return Failure(f"{found.outcome}: {found.message}", silent=not told(found.message))
+        limit = limit_of(found)
+        return Tried(Failure(f"{found.outcome}: {found.message}", limit,
+                             limit != Limit.OURS and not told(found.message)))
     off = found.invariants.get("energy", 0.0)
-    return Failure(f"energy off by {off:.2g}", silent=True) if off > OFF else None
+    lost = Failure(f"energy off by {off:.2g}", Limit.INACCURATE, silent=True)
+    return Tried(None if off <= OFF else lost, found.step)
 
 
 def weighing(task: Task) -> Found:
@@ -85,4 +88,4 @@ def weighed_here(task: Task) -> Found:
     """The same, in this process."""
     curves = simulated(task)
     return Found(invariants=invariants(task.case, curves), seconds=curves.seconds,
-                 steps=curves.steps)
+                 steps=curves.steps, step=taken(task.run, curves))

@@ -11,7 +11,7 @@ from proofmass.case import Case
 from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.study import rescaled
-from proofmass.study.boundary import Failure, Sought
+from proofmass.study.boundary import Sought, Tried
 from proofmass.study.energy import energies
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.singular import closings, limits, snaps, stretchings
@@ -19,10 +19,11 @@ from proofmass.study.size import sizes
 from proofmass.study.stand import LONG, NotHere, Stand, known, needs
 from proofmass.study.stiffness import stiffnesses
 from proofmass.study.store import Store
-from proofmass.study.ways import longer, sampled
+from proofmass.study.ways import longer
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4", "discrete"
 MANY, PATIENCE = 200, 600.0  # segments, and how long so many may take [s]
+FEW = 4  # steps of the shortest runs: a way there and back in two of them would look like none
 
 
 def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
@@ -47,24 +48,32 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
 def steps(stand: Stand) -> Iterator[Sought]:
     """Larger and larger time steps, with every integrator."""
     needs(stand.kind == "duration", "time step: nothing is stepped")
-    yield from stand.integrated("time step", "s", stand.step, stand.seconds / 4,
+    needs(not recorded(stand.case), "time step: a recorded curve has its own samples")
+    yield from stand.integrated("time step", "s", stand.step, stand.seconds / FEW,
                                 partial(stepped, stand), INTEGRATORS)
 
 
-def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Failure | None:
+def recorded(case: Case) -> bool:
+    """Whether the reference is a curve that is known at its samples alone."""
+    return case.reference.endswith(".csv")
+
+
+def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Tried:
     """Run with a step, looked at no more often than that."""
-    return stand.lost(sampled(stand.case, stand.seconds / step), timestep=step, **knobs)
+    return stand.stepped(stand.case, stand.seconds, timestep=step, **knobs)
 
 
 def speeds(stand: Stand) -> Iterator[Sought]:
-    """Faster and faster drives."""
+    """Faster and faster drives, until there are but a few steps."""
     needs(stand.kind == "duration" and stand.case.drive, "drive speed: nothing drives in time")
     leader = stand.case.drive[0]
-    needs(leader.to is not None, "drive speed: a law or a recorded drive has its own")
-    yield stand.sought("drive speed", "times", 1.0, 1e6, partial(sped, stand))
+    needs(leader.to is not None and not recorded(stand.case),
+          "drive speed: a law or a recorded drive has its own")
+    yield stand.sought("drive speed", "times", 1.0, stand.seconds / (FEW * stand.step),
+                       partial(sped, stand))
 
 
-def sped(stand: Stand, factor: float) -> Failure | None:
+def sped(stand: Stand, factor: float) -> Tried:
     """Drive so many times as fast."""
     case, leader = stand.case, stand.case.drive[0]
     faster = {"period": leader.period / factor} if leader.period else {
@@ -73,7 +82,7 @@ def sped(stand: Stand, factor: float) -> Failure | None:
     run = case.run["duration"]
     case = case.model_copy(update={"run": {"duration": run.model_copy(
         update={"until": run.until and run.until / factor})}})
-    return stand.lost(sampled(case, stand.seconds / factor / stand.step))
+    return stand.stepped(case, stand.seconds / factor)
 
 
 def weights(stand: Stand) -> Iterator[Sought]:
@@ -82,7 +91,7 @@ def weights(stand: Stand) -> Iterator[Sought]:
     needs(model.opt.gravity.any(), "gravity: there is none")
     needs(known(stand.case) or "gravity" in stand.case.parameters,
           "gravity: the reference has its own")
-    yield stand.sought("gravity", "times", 1.0, 1e6, lambda factor: stand.lost(
+    yield stand.sought("gravity", "times", 1.0, 1e6, lambda factor: stand.tried(
         rescaled.weightier(stand.case, stand.models, factor)))
 
 
@@ -93,7 +102,7 @@ def masses(stand: Stand) -> Iterator[Sought]:
     needs(stand.kind == "duration" and known(stand.case),
           "mass ratio: statics knows no inertia, or the reference has its own masses")
     for word, reach in (("heavier", 1e6), ("lighter", 1e-6)):
-        yield stand.sought(f"last body {word}", "times", 1.0, reach, lambda factor: stand.lost(
+        yield stand.sought(f"last body {word}", "times", 1.0, reach, lambda factor: stand.tried(
             rescaled.heavier(stand.case, stand.models, factor)))
 
 
@@ -105,7 +114,7 @@ def springs(stand: Stand) -> Iterator[Sought]:
           "stiffness: with weight or inertia its truth is another motion")
     for word, reach in (("stronger", 1e6), ("weaker", 1e-6)):
         yield stand.sought(f"springs and loads {word}", "times", 1.0, reach,
-                           lambda factor: stand.lost(
+                           lambda factor: stand.tried(
                                rescaled.stiffer(stand.case, stand.models, factor)))
 
 
@@ -115,18 +124,18 @@ def segments(stand: Stand) -> Iterator[Sought]:
     fewest = min(rod.segments for rod in stand.case.rods)
     patient = replace(stand, patience=PATIENCE)
     yield stand.sought("segments of each rod", "1", fewest, MANY,
-                       lambda n: patient.lost(stand.case, segments=round(n)))
+                       lambda n: patient.tried(stand.case, segments=round(n)))
 
 
 def long(stand: Stand) -> Iterator[Sought]:
     """The same motion on and on, to a million steps."""
     case = stand.case
-    needs(stand.kind == "duration" and not case.reference.endswith(".csv"),
+    needs(stand.kind == "duration" and not recorded(case),
           "long run: nothing is stepped, or a recorded curve ends")
     needs(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")
     own = stand.seconds / stand.step
-    yield stand.sought("steps", "1", own, LONG, lambda count: stand.lost(
-        longer(case, count / own, stand.seconds)))
+    yield stand.sought("steps", "1", own, LONG, lambda count: stand.stepped(
+        longer(case, count / own, stand.seconds), count * stand.step))
 
 
 AXES: tuple[Callable[[Stand], Iterator[Sought]], ...] = (

@@ -71,6 +71,7 @@ class Found:
     message: str = ""
     asked: dict[str, float] = field(default_factory=dict)
     curves: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
+    step: float = NAN
 
     @property
     def complete(self) -> bool:
@@ -113,8 +114,14 @@ def observe(task: Task, again: bool, core: int | None) -> Found:
         curves, shared = clocked(task.setting.engine, case.model_path, run)
         if again and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
-        cost = Found({}, {}, curves.seconds, curves.steps, core is not None, shared, machine())
+        cost = Found({}, {}, curves.seconds, curves.steps, core is not None, shared, machine(),
+                     step=taken(task.run, curves))
         return cost if again else held(case, run, curves, cost)
+
+
+def taken(kind: Kind, curves: Curves) -> float:
+    """Time step that the engine says it took [s]; NaN where nothing is stepped through time."""
+    return float(str(curves.settings.get("timestep", NAN))) if kind == "duration" else NAN
 
 
 def held(case: Case, run: Run, curves: Curves, cost: Found) -> Found:

@@ -8,9 +8,10 @@ import numpy as np
 
 from proofmass.drive import Steady
 from proofmass.study import specimens, theory
-from proofmass.study.boundary import Failure, Sought
+from proofmass.study.boundary import Failure, Limit, Sought, Tried
+from proofmass.study.measure import taken
 from proofmass.study.specimens import ran, stepping, wheel
-from sim.protocol import BadModel, Diverged, Drive, Rod, Run, Unsupported
+from sim.protocol import BadModel, Diverged, Drive, NotSolved, Rod, Run, Unsupported
 
 MUJOCO = "Euler", "implicit", "implicitfast", "RK4", "discrete"
 WIDE = 1e3  # how far beyond the start an unlimited knob is turned
@@ -73,7 +74,7 @@ def chains() -> Iterator[Sought]:
                      "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))")
 
 
-def row(engine: str, text: str, settings: dict[str, str], step: float) -> Failure | None:
+def row(engine: str, text: str, settings: dict[str, str], step: float) -> Tried:
     """Step a row of masses, in which all modes meet: as often as their slowest one needs not."""
     return stepping(engine, text, step, settings, steps=1000)
 
@@ -87,7 +88,7 @@ def pendulums() -> Iterator[Sought]:
                      theory.limit(theory.MAPS[setting]) ** 2, "square of the limit of dt ω")
 
 
-def hung(engine: str, settings: dict[str, str], gravity: float) -> Failure | None:
+def hung(engine: str, settings: dict[str, str], gravity: float) -> Tried:
     """Step a pendulum by a second at a time; a thousandfold is lost, and still small."""
     return stepping(engine, specimens.pendulum(gravity), 1.0, settings, bound=1e-3)
 
@@ -104,7 +105,7 @@ def servos() -> Iterator[Sought]:
                      partial(served, text, settings), limit, law)
 
 
-def served(text: str, settings: dict[str, str], step: float) -> Failure | None:
+def served(text: str, settings: dict[str, str], step: float) -> Tried:
     """Step a wheel that its servo brings to rest."""
     return stepping("mujoco", text, step, settings, "rate")
 
@@ -120,7 +121,7 @@ def soft_loops() -> Iterator[Sought]:
                 partial(loop, "", "Euler"), inf, "solref is kept to 2 dt")
 
 
-def loop(flags: str, setting: str, ratio: float) -> Failure | None:
+def loop(flags: str, setting: str, ratio: float) -> Tried:
     """A slide that an equality holds against its weight, stepped by a second at a time."""
     text = wheel(kind="slide", gravity="1e-3 0 0", flags=flags,
                  rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>')
@@ -134,7 +135,7 @@ def whirls() -> Iterator[Sought]:
                      "speed/√(k/m)", "1", 0.5, 2.0, partial(turned, setting), 1.0, "Ω² = k/m")
 
 
-def turned(setting: str, speed: float) -> Failure | None:
+def turned(setting: str, speed: float) -> Tried:
     """Turn the wheel at a speed, long enough for what flies out slowly."""
     engine, settings = engine_of(setting)
     return stepping(engine, specimens.whirl(speed), 0.05, settings, steps=6000)
@@ -149,17 +150,19 @@ def columns() -> Iterator[Sought]:
                          "Hencky: 4 n² sin²(π/4n)")
 
 
-def pushed(engine: str, segments: int, load: float) -> Failure | None:
+def pushed(engine: str, segments: int, load: float) -> Tried:
     """Let a column that is bent come to rest."""
     rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
     run = Run("rest", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
     try:
         curves = ran(engine, specimens.column(load), run)
-    except (BadModel, Diverged, Unsupported) as error:
-        return Failure(str(error))
+    except (NotSolved, Unsupported) as error:
+        return Tried(Failure(str(error), Limit.OURS))
+    except (BadModel, Diverged) as error:  # an equilibrium that is unstable, for one
+        return Tried(Failure(str(error), Limit.UNSTABLE))
     bent = float(abs(curves.channels["rod.angle"][-1]))
     # 1e-6 of load beyond the critical one bends the tip by sqrt(8e-6) rad
-    return Failure(f"bent by {bent:.2g} rad") if bent > 3e-3 else None
+    return Tried(None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", Limit.UNSTABLE))
 
 
 def folds() -> Iterator[Sought]:
@@ -173,12 +176,12 @@ def folds() -> Iterator[Sought]:
                      "law of cosines")
 
 
-def swept(engine: str, text: str, end: float) -> Failure | None:
+def swept(engine: str, text: str, end: float) -> Tried:
     """Turn the crank slowly from 0.5 rad."""
     law = Steady(0.0, 1.0, x_is_time=False)
     run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", law),))
     stopped = ran(engine, text, run).stopped
-    return Failure(stopped) if stopped else None
+    return Tried(Failure(stopped, Limit.UNSTABLE) if stopped else None)
 
 
 def long_runs() -> Iterator[Sought]:
@@ -194,12 +197,12 @@ def long_runs() -> Iterator[Sought]:
                      theory.faded_after(setting, z), "eigenvalues of the step's matrix")
 
 
-def fading(setting: str, z: float, steps: float) -> Failure | None:
+def fading(setting: str, z: float, steps: float) -> Tried:
     """Swing for so many steps, and look at the energy."""
     return swinging(setting, z, "energy", steps * z / (2 * np.pi))
 
 
-def swinging(setting: str, z: float, what: str, periods: float) -> Failure | None:
+def swinging(setting: str, z: float, what: str, periods: float) -> Tried:
     """Swing for so many periods, and look at the last of them."""
     engine, settings = engine_of(setting)
     steps = int(np.ceil(periods * 2 * np.pi / z))
@@ -207,8 +210,10 @@ def swinging(setting: str, z: float, what: str, periods: float) -> Failure | Non
     x = z * per * np.arange(steps // per + 1.0)
     run = Run("duration", x, ("place", "kinetic", "potential"),
               settings={"timestep": z, **settings})
-    found = ran(engine, wheel(1.0), run).channels
+    curves = ran(engine, wheel(1.0), run)
+    found = curves.channels
     place, truth = found["place"] / 1e-3, np.cos(x)
     energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
     off = np.abs(place - truth).max() / 2 if what == "place" else 1 - energy[-1]
-    return Failure(f"off by {off:.2g}", silent=True) if off > 0.1 else None
+    lost = Failure(f"off by {off:.2g}", Limit.INACCURATE, silent=True)
+    return Tried(lost if off > 0.1 else None, taken("duration", curves))

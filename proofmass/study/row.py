@@ -51,6 +51,9 @@ class Row:
         What its files in the store are called: ``store.curves(row.key)``.
     asked : dict of str to float
         `errors` at the state that the drives were asked to have; empty without drives in time.
+    step : float
+        Time step that the engine took [s], which need not be the one that was asked for: whole
+        steps lead from sample to sample.  NaN where nothing was stepped, or the run gave no curves.
     """
 
     study: str
@@ -73,6 +76,7 @@ class Row:
     message: str = ""
     key: str = ""
     asked: dict[str, float] = field(default_factory=dict)
+    step: float = NAN
 
     def reached(self, kind: str) -> float:
         """Error of a kind that somebody gets who asks for the motion; NaN if there is none."""

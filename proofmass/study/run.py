@@ -162,4 +162,4 @@ def row(task: Task, found: list[Found], timed: bool, key: str = "") -> Row:
     return Row(task.study, task.case.name, task.run, setting.engine, task.line, task.axis,
                task.value, dict(setting.knobs), first.errors, first.invariants, least.seconds,
                first.steps, tuple(one.seconds for one in ran), least.pinned, least.shared,
-               least.machine, outcome, message, key, first.asked)
+               least.machine, outcome, message, key, first.asked, first.step)

@@ -14,7 +14,7 @@ from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.strict import Kind
 from proofmass.study import closing
-from proofmass.study.boundary import Failure, Sought, bisect
+from proofmass.study.boundary import Failure, Limit, Sought, Tried, bisect
 from proofmass.study.measure import Task
 from proofmass.study.reread import movable, reread
 from proofmass.study.setting import Setting
@@ -41,11 +41,11 @@ def limits(stand: Stand) -> Iterator[Sought]:
     reach = max(TURNS * 2 * np.pi, 2 * way)
     limit = between(*bisect(partial(unreachable, case), way, reach, SHARP)[:2])
     yield swept.sought("drive's way", "rad", way, reach,
-                       lambda far: swept.lost(farther(case, far)), "sweep", theory=limit,
+                       lambda far: swept.tried(farther(case, far)), "sweep", theory=limit,
                        law="where the reference has no pose any more")
     if np.isfinite(limit) and stand.kind == "duration":
         yield stand.sought("drive turns back before its limit", "rad", limit - way, NEAREST,
-                           lambda gap: stand.lost(turning(case, limit - gap, stand.seconds)))
+                           lambda gap: stand.tried(turning(case, limit - gap, stand.seconds)))
 
 
 def between(holds: float, breaks: float) -> float:
@@ -58,7 +58,7 @@ def unreachable(case: Case, far: float) -> Failure | None:
     try:
         followed(farther(case, far), "sweep")
     except InputError as error:
-        return Failure(str(error))
+        return Failure(str(error), Limit.UNSTABLE)
     return None
 
 
@@ -88,9 +88,16 @@ def spared(stand: Stand, pose: str, knob: str, links: closing.Links) -> Iterator
                          own.words if kind == "duration" else kind)
 
 
-def sparing(stand: Stand, links: closing.Links, length: float, share: float) -> Failure | None:
-    """Run with links so much longer than what just closes."""
-    return stand.lost(closing.shortened(stand.case, links, stand.models, length * (1.0 + share)))
+def sparing(stand: Stand, links: closing.Links, length: float, share: float) -> Tried:
+    """Run with links so much longer than what just closes.
+
+    The reference has all poses.  A sweep that ends before one of them has not found it, which is a
+    limit of our own.
+    """
+    found = stand.tried(closing.shortened(stand.case, links, stand.models, length * (1.0 + share)))
+    if found.failure and found.failure.message.startswith("stopped"):
+        return found._replace(failure=found.failure._replace(limit=Limit.OURS))
+    return found
 
 
 def snaps(stand: Stand) -> Iterator[Sought]:
@@ -118,14 +125,14 @@ def there_and_back(case: Case, far: float) -> Case:
     return turning(case, far, 1.0).model_copy(update={"run": {"sweep": run}})
 
 
-def snapped(stand: Stand, far: float) -> Failure | None:
+def snapped(stand: Stand, far: float) -> Tried:
     """Whether the engine's rod comes back another way than it went; its error is not asked for."""
     task = Task(there_and_back(stand.case, far), "sweep", stand.setting, "stress")
     found = tried(task, stand.store, stand.patience)
     if found.outcome != "ran":
-        return judged(found)
+        return Tried(judged(found))
     curves = stand.store.curves(key_of(task))
-    return parted({name: curves[f"channel.{name}"] for name in places(stand.case)})
+    return Tried(parted({name: curves[f"channel.{name}"] for name in places(stand.case)}))
 
 
 def unreturned(case: Case, far: float) -> Failure | None:
@@ -144,5 +151,6 @@ def parted(curves: dict[str, Array]) -> Failure | None:
     for name, values in curves.items():
         apart = float(np.abs(values - values[::-1]).max())
         if apart > LOST * np.ptp(values):
-            return Failure(f"{name} comes back {apart:.2g} away from where it went", silent=True)
+            return Failure(f"{name} comes back {apart:.2g} away from where it went",
+                           Limit.UNSTABLE, silent=True)
     return None

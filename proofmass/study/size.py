@@ -8,7 +8,8 @@ import numpy as np
 
 from proofmass.reference import compiled
 from proofmass.study import rescaled
-from proofmass.study.boundary import Failure, Sought
+from proofmass.study.boundary import NAN, Failure, Limit, Sought, Tried
+from proofmass.study.measure import Found
 from proofmass.study.stand import Stand, judged, needs
 
 ROUNDING = 1e-9  # share of a curve's range that rounding may change, at worst in chaos
@@ -25,25 +26,35 @@ def sizes(stand: Stand) -> Iterator[Sought]:
           "size: masses of geoms")
     weighs = bool(model.opt.gravity.any()) if stand.kind != "duration" else not driven
     least = smallest(model, weighs)
-    for word, reach, limit in (("larger", 1e6, np.inf),
-                               ("smaller", 1e-6, least if least > 1e-6 else 0.0)):
-        yield stand.sought(f"all lengths {word}", "times", 1.0, reach, partial(resized, stand),
-                           theory=limit, law="dimensional analysis, of what MuJoCo compiles")
+    limit = least if least > 1e-6 else 0.0
+    if limit and stand.setting.engine != "mujoco":  # of another engine than the one it is read for
+        limit = NAN
+    for word, reach, theory in (("larger", 1e6, np.inf), ("smaller", 1e-6, limit)):
+        yield stand.sought(f"all lengths {word}", "times", 1.0, reach,
+                           partial(resized, stand, least), theory=theory,
+                           law="dimensional analysis, of what MuJoCo compiles")
 
 
-def resized(stand: Stand, factor: float) -> Failure | None:
-    """Run at another size, where errors must be what they are at its own, by dimensional analysis.
+def resized(stand: Stand, least: float, factor: float) -> Tried:
+    """Run at another size, down to the least that MuJoCo compiles for other engines as well."""
+    if factor < least and stand.setting.engine != "mujoco":
+        return Tried(Failure(f"MuJoCo, which reads the model for {stand.setting.engine}, compiles "
+                             f"the same mechanism down to {least:.3g} times its size", Limit.OURS))
+    found = stand.run(rescaled.larger(stand.case, stand.models, factor))
+    return Tried(unlike(found, stand.run(stand.case)), found.step)
+
+
+def unlike(found: Found, own: Found) -> Failure | None:
+    """Why a run at another size is lost: errors must be those at its own, by dimensional analysis.
 
     What is ten times as large is another curve; rounding is not that of another size.
     """
-    found = stand.run(rescaled.larger(stand.case, stand.models, factor))
     if failure := judged(found):
         return failure
-    own = stand.run(stand.case).errors
     for kind, error in found.errors.items():
-        if error > 10.0 * own[kind] + ROUNDING:
-            return Failure(f"{kind} off by {error:.2g} of its range, {own[kind]:.2g} at its size",
-                           silent=True)
+        if error > 10.0 * own.errors[kind] + ROUNDING:
+            return Failure(f"{kind} off by {error:.2g} of its range, {own.errors[kind]:.2g} at its "
+                           f"size", Limit.INACCURATE, silent=True)
     return None
 
 

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.isolate import Crashed, TimedOut, isolated
+from proofmass.isolate import KILLED, Crashed, TimedOut, isolated
 from proofmass.solve import simulate
-from proofmass.study.boundary import Failure, told
+from proofmass.study.boundary import Failure, Limit, Tried, told
+from proofmass.study.measure import taken
 from sim.protocol import Curves, Diverged, Run
 
 STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
@@ -115,15 +116,17 @@ def ran(engine: str, text: str, run: Run) -> Curves:
 
 
 def stepping(engine: str, text: str, step: float, settings: dict[str, Any], channel: str = "place",
-             bound: float = 1.0, steps: int = STEPS) -> Failure | None:
+             bound: float = 1.0, steps: int = STEPS) -> Tried:
     """Step a model: a failure when it is lost, or ends beyond a bound in silence."""
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
     settings = {"timestep": step, **settings}
     try:
         curves = ran(engine, text, Run("duration", x, (channel,), settings=settings))
     except Diverged as error:
-        return Failure(str(error), silent=not told(str(error)))
+        return Tried(Failure(str(error), Limit.UNSTABLE, silent=not told(str(error))))
     except (Crashed, TimedOut) as error:
-        return Failure(str(error))
+        aborted = str(error).startswith(KILLED)
+        return Tried(Failure(str(error), Limit.UNSTABLE if aborted else Limit.OURS))
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4:].max())
-    return None if last < bound else Failure(f"grew to {last:.2g}", silent=True)
+    grew = Failure(f"grew to {last:.2g}", Limit.UNSTABLE, silent=True)
+    return Tried(None if last < bound else grew, taken("duration", curves))

@@ -2,35 +2,43 @@
 
 That is when the engine says so, when it is not finite, when a loop comes open by a tenth of the
 mechanism, and when a position, or a holding moment of a sweep, is off by a tenth of its range: that
-the engine does not see.
+the engine does not see.  What keeps us from knowing is a limit of our own; see
+`proofmass.study.boundary.Limit`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from math import isclose, isnan
 from pathlib import Path
 from typing import Any, cast
 
 from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.errors import InputError
-from proofmass.isolate import TimedOut, isolated
+from proofmass.isolate import KILLED, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.reference import compiled, grid
 from proofmass.solve import simulate
 from proofmass.strict import Kind
-from proofmass.study.boundary import Failure, Sought, told
+from proofmass.study.boundary import Failure, Limit, Sought, Trial, Tried, told
 from proofmass.study.measure import Found, Task, observe
 from proofmass.study.reread import READS
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.store import Store, key_of
-from sim.protocol import BadModel, Curves
+from proofmass.study.ways import in_steps
+from sim.mjcf import compiles
+from sim.protocol import BadModel, Curves, NotSolved
 
 LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""
 JUDGED = "position", "effort"
 TIMEOUT = 60.0
 LONG = 1_000_000  # steps of the longest runs
+SAME = 1e-9  # share of a step by which rounding may change it
+LIMITS = {"diverged": Limit.UNSTABLE, "not finite": Limit.UNSTABLE, "stopped": Limit.UNSTABLE,
+          "refused": Limit.REFUSED}
+"""Outcomes that are the engine's; all others are limits of our own."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +78,35 @@ class Stand:
         try:
             return tried(task, self.store, self.patience)
         except InputError as error:
-            return Found(outcome="refused", message=error.wrong)
+            refused = self.setting.engine == "mujoco" and not taken_by_mujoco(case)
+            return Found(outcome="refused" if refused else "no start", message=error.wrong)
 
     def lost(self, case: Case, **knobs: Knob) -> Failure | None:
         """Run a changed case; why it is lost, or None."""
         return judged(self.run(case, **knobs))
 
+    def tried(self, case: Case, **knobs: Knob) -> Tried:
+        """Run a changed case; why it is lost, and the step that was taken."""
+        found = self.run(case, **knobs)
+        return Tried(judged(found), found.step)
+
+    def stepped(self, case: Case, seconds: float, **knobs: Knob) -> Tried:
+        """Run a changed case for so long [s], in steps of just what is asked.
+
+        Raises
+        ------
+        RuntimeError
+            The engine took another step.
+        """
+        step = float(str(knobs.get("timestep", self.step)))
+        found = self.tried(in_steps(case, seconds, step), **knobs)
+        if not (isnan(found.step) or isclose(found.step, step, rel_tol=SAME)):
+            raise RuntimeError(f"{self.case.name}, {self.setting.engine}: took steps of "
+                               f"{found.step!r} s where {step!r} s were asked for")
+        return found
+
     def integrated(self, knob: str, unit: str, start: float, reach: float,
-                   trial: Callable[[dict[str, Knob], float], Failure | None],
+                   trial: Callable[[dict[str, Knob], float], Tried],
                    integrators: Iterable[str]) -> Iterator[Sought]:
         """A boundary of this case for each integrator, where the engine has several."""
         if self.setting.engine != "mujoco":
@@ -88,7 +117,7 @@ class Stand:
                               words)
 
     def sought(self, knob: str, unit: str, start: float, reach: float,
-               trial: Callable[[float], Failure | None], words: str = "", **more: Any) -> Sought:
+               trial: Trial, words: str = "", **more: Any) -> Sought:
         """A boundary of this case."""
         return Sought(self.case.name, self.setting.engine, words or self.words, knob, unit, start,
                       reach, trial, **more)
@@ -105,6 +134,8 @@ def observed(task: Task, patience: float) -> Found:
         return cast(Found, isolated(observe, task, False, None, timeout=patience))
     except TimedOut as late:
         return unanswered(task, str(late))
+    except NotSolved as error:
+        return Found(outcome="not solved", message=str(error))
     except tuple(FAILURES) as error:
         return Found(outcome=FAILURES[type(error)], message=str(error))
     except BadModel as error:
@@ -126,15 +157,28 @@ def simulated(task: Task) -> Curves:
     return simulate(task.setting.engine, case.model_path, run)
 
 
+def taken_by_mujoco(case: Case) -> bool:
+    """Whether MuJoCo compiles the case's file; in a worker."""
+    return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
+
+
 def judged(found: Found) -> Failure | None:
     """Why a run is lost, or None."""
     if found.outcome != "ran":
         unseen = found.outcome in ("diverged", "not finite") and not told(found.message)
-        return Failure(f"{found.outcome}: {found.message}", silent=unseen)
+        return Failure(f"{found.outcome}: {found.message}", limit_of(found), unseen)
     for kind in JUDGED:
         if not found.errors.get(kind, 0.0) <= LOST:
-            return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range", silent=True)
+            return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range",
+                           Limit.INACCURATE, silent=True)
     return None
+
+
+def limit_of(found: Found) -> Limit:
+    """What kind of limit a run without errors is."""
+    if found.outcome == "crashed" and found.message.startswith(KILLED):
+        return Limit.UNSTABLE
+    return LIMITS.get(found.outcome, Limit.OURS)
 
 
 class NotHere(Exception):

@@ -11,10 +11,11 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.reference import compiled
 from proofmass.study import theory
-from proofmass.study.boundary import NAN, Failure, Sought
+from proofmass.study.boundary import NAN, Sought, Tried
 from proofmass.study.reread import movable, reread
 from proofmass.study.rescaled import with_model
 from proofmass.study.stand import Stand, known, needs
+from proofmass.study.ways import in_steps
 
 DECADES = 1e12
 BRIEF = 100  # steps of a free motion: the reference has to follow each swing of the spring
@@ -62,14 +63,13 @@ def last_hinge(case: Case) -> tuple[str, float]:
 
 def brief(case: Case, seconds: float, step: float) -> Case:
     """The case with a shorter duration, looked at after every step."""
-    run = case.run["duration"]
-    return case.model_copy(update={"run": {"duration": run.model_copy(
-        update={"until": seconds, "n": round(seconds / step) + 1})}})
+    run = case.run["duration"].model_copy(update={"n": round(seconds / step) + 1})
+    return in_steps(case.model_copy(update={"run": {"duration": run}}), seconds, step)
 
 
-def sprung(stand: Stand, case: Case, joint: str, stiffness: float) -> Failure | None:
+def sprung(stand: Stand, case: Case, joint: str, stiffness: float) -> Tried:
     """Run with a spring."""
-    return stand.lost(with_spring(case, stand.models, joint, stiffness))
+    return stand.tried(with_spring(case, stand.models, joint, stiffness))
 
 
 def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:

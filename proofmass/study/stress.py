@@ -19,7 +19,7 @@ from typing import Any, get_type_hints
 
 from proofmass.files import write_whole
 from proofmass.study import proven, specimens
-from proofmass.study.boundary import Boundary, Failure, Sought, Trial
+from proofmass.study.boundary import Boundary, Failure, Limit, Sought, Trial, Tried
 from proofmass.study.store import Store, digest, once, sources, versions
 from proofmass.study.table import write_columns
 
@@ -33,12 +33,16 @@ COLUMNS = {
     "start": "where it was turned from",
     "reach": "how far it was turned at most",
     "holds": "the furthest value that held; empty if even `start` did not",
-    "breaks": "the next that did not, at most 1 % further; empty if all held",
+    "breaks": "the next that did not, at most 1 % further, 10 % if `limit` is ours; empty if all "
+              "held",
+    "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
     "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
     "law": "what theory says, in words",
+    "limit": "what kind of limit it is; " + "; ".join(f"{one}: {one.sentence}" for one in Limit),
     "failure": "what went wrong there",
     "silent": "whether the engine itself said nothing",
-    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`",
+    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
+                "if `limit` is ours, or `start` did not hold",
     "ratio": "measured over theory; 1 where both say nowhere",
 }
 
@@ -51,11 +55,11 @@ class Kept:
     folder: Path
     name: str
 
-    def __call__(self, value: float) -> Failure | None:
+    def __call__(self, value: float) -> Tried:
         """The outcome for a value, found or made."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
-        told = once(file, lambda: self.trial(value))
-        return Failure(*told) if told else None
+        told, step = once(file, lambda: self.trial(value))
+        return Tried(Failure(told[0], Limit(told[1]), told[2]) if told else None, step)
 
 
 def kept(sought: Sought, store: Store) -> Sought:
@@ -128,4 +132,4 @@ def parsed(cell: str, kind: type) -> Any:
         return cell == "True"
     if kind is float:
         return float(cell or "nan")
-    return cell
+    return kind(cell)

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from proofmass.command import Dask, Jobs, answering, counting, errors
-from proofmass.study.boundary import Boundary
+from proofmass.study.boundary import Boundary, Limit
 from proofmass.study.command import named
 from proofmass.study.extremes import extremes
 from proofmass.study.proven import probes
@@ -61,8 +61,10 @@ def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None
 
 
 def shown(found: list[Boundary]) -> Table:
-    """A row for each boundary, on standard output."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
+    """A row for each boundary, on standard output, and what the kinds of limits are."""
+    table = Table(box=None, header_style="bold", pad_edge=False, caption_justify="left",
+                  caption="\n".join(f"{kind}: {kind.sentence}" for kind in Limit
+                                    if any(one.limit == kind for one in found)))
     for name in ("what", "engine", "setting", "knob", "boundary", "theory", "ratio",
                  "how it breaks"):
         right = name in ("boundary", "theory", "ratio")
@@ -71,7 +73,7 @@ def shown(found: list[Boundary]) -> Table:
         known = one.theory == one.theory
         table.add_row(one.what, one.engine, one.setting, one.knob, reached(one),
                       number(one.theory) if known else "", number(one.ratio) if known else "",
-                      ("in silence: " if one.silent else "") + one.failure)
+                      one.ending)
     return table
 
 
@@ -82,8 +84,14 @@ def reached(one: Boundary) -> str:
     '2.01 s'
     >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
     'none to 10 s'
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=Limit.OURS))
+    'not known beyond 2 s'
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
     if one.found:
         return f"{number(one.measured)}{unit}"
-    return "nowhere" if one.holds != one.holds else f"none to {number(one.reach)}{unit}"
+    if one.holds != one.holds:
+        return "not known" if one.unknown else "nowhere"
+    if one.unknown:
+        return f"not known beyond {number(one.holds)}{unit}"
+    return f"none to {number(one.reach)}{unit}"

@@ -36,6 +36,8 @@ COLUMNS = {
     "seconds": "least wall time of the repeats without loading the model, of the first run where "
                "there are none [s]",
     "steps": "time steps of a duration, solved poses otherwise",
+    "step": "time step that the engine took in a duration [s]: the one of `knob.timestep`, or the "
+            "next shorter one of which whole ones lead from sample to sample",
     "repeats": "all wall times [s], as a JSON array, made in rounds over all settings; a short run "
                "after one to warm up",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",

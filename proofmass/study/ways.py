@@ -11,6 +11,8 @@ from proofmass.strict import Kind
 from proofmass.study.bounded import bounded
 from sim.protocol import Curves
 
+ROUNDING = 1e-9  # of a number of steps
+FEWEST = 2  # samples of a run after its first
 
 def farther(case: Case, far: float) -> Case:
     """The case with its first drive so far, at constant speed, and the others in proportion."""
@@ -30,11 +32,52 @@ def turning(case: Case, far: float, seconds: float) -> Case:
     return case.model_copy(update={"drive": (swing, *others)})
 
 
-def sampled(case: Case, steps: float) -> Case:
-    """The case with no more samples of its duration than steps."""
+def in_steps(case: Case, seconds: float, step: float) -> Case:
+    """The case with a duration in which an engine takes just the step that is asked for.
+
+    There are whole steps from sample to sample: as many as fit between two samples of the case, or
+    one.  The end is moved to the nearest sample; a drive that may go no further than it does, at
+    constant speed with no whole turns or by a law, ends at the last one before its end.
+
+    Parameters
+    ----------
+    case : Case
+        With a duration, of a reference that can be evaluated anywhere.
+    seconds : float
+        Duration that is asked for [s].
+    step : float
+        Time step [s].
+
+    Returns
+    -------
+    Case
+    """
     run = case.run["duration"]
-    fewer = run.model_copy(update={"n": min(run.n or 2, max(3, int(steps + 1e-9) + 1))})
-    return case.model_copy(update={"run": {"duration": fewer}})
+    per = max(1, int(seconds / ((run.n or 2) - 1) / step + ROUNDING))
+    samples = seconds / (per * step)
+    samples = max(FEWEST, round(samples) if endless(case) else int(samples + ROUNDING))
+    case = case.model_copy(update={"run": {"duration": run.model_copy(
+        update={"n": samples + 1})}})
+    return lasting(case, samples * per * step)
+
+
+def lasting(case: Case, seconds: float) -> Case:
+    """The case with another duration [s], and drives that go on as they do."""
+    if case.drive and case.drive[0].steady:
+        leader = case.drive[0]
+        moved, *others = farther(case, abs(leader.speed) * seconds).drive
+        moved = moved.model_copy(update={"rate": leader.rate})
+        return case.model_copy(update={"drive": (moved, *others)})
+    run = case.run["duration"].model_copy(update={"until": seconds})
+    return case.model_copy(update={"run": {"duration": run}})
+
+
+def endless(case: Case) -> bool:
+    """Whether a motion may go on: free, to and fro, or in whole turns."""
+    if not case.drive or case.drive[0].period:
+        return True
+    leader = case.drive[0]
+    return leader.steady and turns(case, abs(float(leader.to or 0.0) - leader.start))
 
 
 def longer(case: Case, factor: float, seconds: float) -> Case:
@@ -42,17 +85,10 @@ def longer(case: Case, factor: float, seconds: float) -> Case:
 
     A drive that makes no whole turns goes to and fro instead.
     """
-    run = case.run["duration"]
-    if case.drive and case.drive[0].steady:
+    if not endless(case):
         leader = case.drive[0]
-        way = abs(float(leader.to or 0.0) - leader.start)
-        if turns(case, way):
-            moved, *others = farther(case, factor * way).drive
-            moved = moved.model_copy(update={"rate": leader.rate})
-            return case.model_copy(update={"drive": (moved, *others)})
-        case = turning(case, way, 2.0 * seconds)
-    return case.model_copy(update={"run": {"duration": run.model_copy(
-        update={"until": seconds * factor})}})
+        case = turning(case, abs(float(leader.to or 0.0) - leader.start), 2.0 * seconds)
+    return lasting(case, seconds * factor)
 
 
 def followed(case: Case, kind: Kind) -> Curves:

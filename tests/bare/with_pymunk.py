@@ -1,0 +1,335 @@
+"""Limits of Chipmunk, measured with pymunk and NumPy alone; see `with_mujoco.py` beside it.
+
+    python -I tests/bare/with_pymunk.py                     # all of them, as JSON
+    python -I tests/bare/with_pymunk.py "pendulum, step"    # one
+
+All mechanisms are built by hand.  Chipmunk moves positions with the velocity of the step before, so
+that a run that is known begins one step before its start, with the velocity that leads there.
+Pins close their gap in one step (`error_bias` 0), and have the iterations that they need.
+"""
+
+import cmath
+import json
+import math
+import sys
+from functools import cache, partial
+
+import numpy as np
+import pymunk
+
+WITHIN = 2e-3  # share of a limit to which it is bisected
+LOST = 0.1
+GRAVITY = 9.81
+ITERATIONS = 3000
+
+
+def limit(lost, low, high):
+    """Where something is lost first: strides of a quarter from `low` on, then halves."""
+    stride = 1.25 if high > low else 0.8
+    assert not lost(low)
+    while not lost(low * stride):
+        low *= stride
+        assert (low < high) is (stride > 1), "not lost at all"
+    high = low * stride
+    while max(high / low, low / high) > 1 + WITHIN:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if lost(middle) else (middle, high)
+    return math.sqrt(low * high)
+
+
+def off(found, wanted):
+    """Largest error of some curves (n, curves), as a share of the range of the true ones."""
+    if not np.isfinite(found).all():
+        return math.inf
+    return float((np.abs(found - wanted).max(axis=0) / np.ptp(wanted, axis=0)).max())
+
+
+def ahead(y, step, rate):
+    """A state some way along its rate."""
+    return [p + step * q for p, q in zip(y, rate, strict=True)]
+
+
+def integrate(slope, y, step, count):
+    """Runge and Kutta's method: states (count + 1, len(y))."""
+    rows = [y]
+    for _ in range(count):
+        a = slope(y)
+        b = slope(ahead(y, 0.5 * step, a))
+        c = slope(ahead(y, 0.5 * step, b))
+        d = slope(ahead(y, step, c))
+        y = [p + step / 6 * (q + 2 * r + 2 * s + t)
+             for p, q, r, s, t in zip(y, a, b, c, d, strict=True)]
+        rows.append(y)
+    return np.array(rows)
+
+
+def space_of(gravity, iterations=ITERATIONS):
+    """An empty space."""
+    space = pymunk.Space()
+    space.gravity = 0.0, -gravity
+    space.iterations = iterations
+    return space
+
+
+def pinned(space, one, other, at):
+    """A pin at a place of the world, where both bodies are now."""
+    pin = pymunk.PivotJoint(one, other, at)
+    pin.error_bias = 0.0
+    space.add(pin)
+
+
+def led(body, before, after, step):
+    """Put a body where it is one step before the start, on its way to the start.
+
+    Both are a place (complex) and an angle.
+    """
+    (place, angle), (place_after, angle_after) = before, after
+    way = (place_after - place) / step
+    body.position, body.angle = (place.real, place.imag), angle
+    body.velocity, body.angular_velocity = (way.real, way.imag), (angle_after - angle) / step
+
+
+# -- a pendulum: a point mass on a rod of 1 m, let go where it is level
+
+
+def swing(x, speed):
+    """Angle of a pendulum at times x, by Jacobi's elliptic functions.
+
+    sin(angle / 2) = -k cd(w t, k) with k = sin(pi / 4); cd by descending Landen steps.
+    """
+    moduli = [math.sqrt(0.5)]
+    while moduli[-1] > 1e-9:
+        rest = math.sqrt(1 - moduli[-1] ** 2)
+        moduli.append((1 - rest) / (1 + rest))
+    quarter = math.pi / 2 * np.prod([1 + k for k in moduli[1:]])
+    u = speed * np.asarray(x) + quarter  # cd(u) = sn(u + K)
+    s = np.sin(u / np.prod([1 + k for k in moduli[1:]]))
+    for k in reversed(moduli[1:]):
+        s = (1 + k) * s / (1 + k * s**2)
+    return -2 * np.arcsin(math.sqrt(0.5) * s)
+
+
+POINT = 1.0, 1.0, 1e-14
+SWUNG = 2.0, 0.5, 0.5
+"""Mass, distance of its centre from the pin, and moment about its centre: of a point mass, and of
+a body that swings in the same way, since its moment about the pin and its mass times distance are
+the same.  Chipmunk's error differs: a body goes straight ahead in a step, here with its centre
+nearer to the pin.  proofmass builds the second for a link on the ground that is nearly a point
+mass."""
+
+
+def hung(angle, distance=1.0):
+    """Where the centre of a body is, and how it is turned."""
+    return cmath.rect(distance, angle - math.pi / 2), angle
+
+
+def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
+    """Angles after each step, from a place `before` one step before the start."""
+    space = space_of(gravity)
+    mass, distance, moment = built
+    body = pymunk.Body(mass, moment)
+    space.add(body)
+    start = hung(-math.pi / 2, distance)
+    body.position, body.angle = (start[0].real, start[0].imag), start[1]
+    pinned(space, space.static_body, body, (0.0, 0.0))
+    if stiffness:
+        space.add(pymunk.DampedRotarySpring(space.static_body, body, 0.0, stiffness, 0.0))
+    led(body, hung(before, distance), start, step)
+    rows = []
+    for _ in range(steps + 1):
+        space.step(step)
+        rows.append(body.angle)
+    assert math.isclose(space.current_time_step, step, rel_tol=1e-12)  # what was taken
+    return np.array(rows)[:, None]
+
+
+def pendulum_lost(step, gravity=1.0, seconds=10.0, built=SWUNG):
+    """Whether the pendulum's angle is off by a tenth of its range."""
+    steps, speed = round(seconds / step), math.sqrt(GRAVITY * gravity)
+    wanted = swing(step * np.arange(-1, steps + 1), speed)
+    found = pendulum(step, steps, GRAVITY * gravity, float(wanted[0]), built=built)
+    return off(found, wanted[1:, None]) > LOST
+
+
+def pendulum_step(built=SWUNG):
+    """Largest time step [s]."""
+    return limit(lambda step: pendulum_lost(step, built=built), 0.01, 1.0)
+
+
+def pendulum_gravity():
+    """How many times gravity may be, at 1 ms."""
+    return limit(lambda gravity: pendulum_lost(1e-3, gravity), 20.0, 1e4)
+
+
+def pendulum_spring(seconds=0.1, step=1e-3):
+    """The stiffest spring in the pivot [N m/rad], over a tenth of a second at 1 ms."""
+    def lost(stiffness):
+        steps, each = round(seconds / step), 40  # fine steps of the truth in one that is tried
+        true = integrate(lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
+                         [-math.pi / 2, 0.0], step / each, each * steps)[::each, 0]
+        found = pendulum(step, steps, GRAVITY, float(true[1]), stiffness)  # let go at rest: even
+        return off(found, true[:, None]) > LOST
+    return limit(lost, 1e4, 1e6)
+
+
+# -- a four-bar: crank 1, coupler 2, rocker 2.5, ground 3 m; 1 kg/m
+
+
+BARS = 1.0, 2.0, 2.5, 3.0
+
+
+def closed(crank):
+    """Angles of coupler and rocker in the open mode."""
+    a, b, c, ground = BARS
+    pin = cmath.rect(a, crank)
+    gap = ground - pin
+    angle = cmath.phase(gap) + math.acos((b**2 + abs(gap) ** 2 - c**2) / (2 * b * abs(gap)))
+    return angle, cmath.phase(pin + cmath.rect(b, angle) - ground)
+
+
+def energies(crank):
+    """Inertia (1, at unit speed of the crank) and potential energy of a pose."""
+    a, b, c, _ = BARS
+    beta, gamma = closed(crank)
+    # a i e^(ia) + b i e^(ib) b' = c i e^(ic) c'
+    beta_rate = a * math.sin(crank - gamma) / (b * math.sin(gamma - beta))
+    gamma_rate = a * math.sin(crank - beta) / (c * math.sin(gamma - beta))
+    middle = cmath.rect(a, crank) * 1j + cmath.rect(b / 2, beta) * 1j * beta_rate
+    inertia = (a**3 / 3 + b * abs(middle) ** 2 + b**3 / 12 * beta_rate**2
+               + c**3 / 3 * gamma_rate**2)
+    height = (a * a / 2 * math.sin(crank) + b * (a * math.sin(crank) + b / 2 * math.sin(beta))
+              + c * c / 2 * math.sin(gamma))
+    return inertia, GRAVITY * height
+
+
+def slope(y):
+    """Lagrange's equation of the one coordinate; derivatives of the energies by differences."""
+    crank, rate = y
+    h = 1e-5
+    (more, up), (less, down) = energies(crank + h), energies(crank - h)
+    return rate, -(0.5 * (more - less) * rate**2 + up - down) / (2 * h) / energies(crank)[0]
+
+
+FINE = 2.5e-4  # [s]
+
+
+@cache
+def released():
+    """Angle and speed of the crank, let go at rest, at times FINE apart."""
+    return integrate(slope, [0.0, 0.0], FINE, round(2.3 / FINE))
+
+
+def between(x):
+    """The crank at times, by a cubic between two of those that are known."""
+    place, rate = released().T
+    k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
+    s = x / FINE - k
+    return (place[k] * (1 + 2 * s) * (1 - s) ** 2 + FINE * rate[k] * s * (1 - s) ** 2
+            + place[k + 1] * s**2 * (3 - 2 * s) + FINE * rate[k + 1] * s**2 * (s - 1))
+
+
+def middles(crank):
+    """Places and angles of crank, coupler and rocker."""
+    beta, gamma = closed(crank)
+    return ((cmath.rect(0.5, crank), crank),
+            (cmath.rect(1.0, crank) + cmath.rect(1.0, beta), beta),
+            (3.0 + cmath.rect(1.25, gamma), gamma))
+
+
+def fourbar_step(seconds=2.0):
+    """Largest time step [s] of a four-bar that is let go."""
+    def lost(step):
+        steps, space = round(seconds / step), space_of(GRAVITY)
+        bodies = [pymunk.Body(m, m**3 / 12) for m in BARS[:3]]  # 1 kg/m
+        space.add(*bodies)
+        crank, coupler, rocker = bodies
+        start, before = middles(0.0), middles(float(between(np.array([step]))[0]))  # even in time
+        for body, (place, angle) in zip(bodies, start, strict=True):
+            body.position, body.angle = (place.real, place.imag), angle
+        pin = cmath.rect(2.5, start[2][1]) + 3.0
+        for one, other, at in ((space.static_body, crank, 0j), (crank, coupler, 1 + 0j),
+                               (space.static_body, rocker, 3 + 0j), (coupler, rocker, pin)):
+            pinned(space, one, other, (at.real, at.imag))
+        for body, here, there in zip(bodies, before, start, strict=True):
+            led(body, here, there, step)
+        rows = []
+        for _ in range(steps + 1):
+            space.step(step)
+            end = rocker.local_to_world((1.25, 0.0))
+            gap = abs(end - coupler.local_to_world((1.0, 0.0)))
+            rows.append((rocker.angle, coupler.angle, end.x, end.y, gap))
+        rows = np.array(rows)
+        if not np.isfinite(rows).all() or rows[:, 4].max() > LOST * 3.0:
+            return True
+        pairs = np.array([closed(a) for a in between(step * np.arange(steps + 1))])
+        beta, gamma = np.unwrap(pairs, axis=0).T
+        wanted = np.column_stack([gamma, beta, 3 + 2.5 * np.cos(gamma), 2.5 * np.sin(gamma)])
+        return off(rows[:, :4], wanted) > LOST
+    return limit(lost, 4e-3, 1.0)
+
+
+# -- springs, begun a thousandth out of their place
+
+
+def grows(space, body, step, steps=3000, bound=1.0):
+    """Whether an angle, or else a place, is large after many steps."""
+    began, largest = body.position.x, 0.0
+    for k in range(steps):
+        space.step(step)
+        value = max(abs(body.angle), abs(body.position.x - began))
+        if not value < 1e6:
+            return True
+        largest = max(largest, value) if k > 0.75 * steps else 0.0
+    return largest > bound
+
+
+def spring_step(zeta, high=50.0):
+    """Largest dt omega of a wheel on a spring and a damper."""
+    def lost(z):
+        space, body = space_of(0.0), pymunk.Body(1.0, 1.0)
+        body.angle = 1e-3
+        space.add(body, pymunk.DampedRotarySpring(space.static_body, body, 0.0, 1.0, 2 * zeta))
+        return grows(space, body, z)
+    if zeta > 0.25:
+        return math.inf if not any(map(lost, np.geomspace(0.3, high, 12).tolist())) else math.nan
+    return limit(lost, 0.3, high)
+
+
+def row_step(masses=5):
+    """Largest dt sqrt(k/m) of masses in a row on springs."""
+    def lost(z):
+        space = space_of(0.0)
+        last = space.static_body
+        for k in range(masses):
+            body = pymunk.Body(1.0, 1.0)
+            body.position = k + 1.0 + (1e-3 if k == masses - 1 else 0.0), 0.0
+            space.add(body, pymunk.DampedSpring(last, body, (0, 0), (0, 0), 1.0, 1.0, 0.0))
+            last = body
+        return grows(space, last, z, steps=1000, bound=0.1)  # far from 1 m, where springs turn over
+    return limit(lost, 0.1, 10.0)
+
+
+def hung_gravity():
+    """Largest gravity dt2 / L of a point mass that hangs."""
+    def lost(gravity):
+        space, body = space_of(gravity), pymunk.Body(1.0, 1e-12)
+        place, body.angle = hung(1e-6)
+        body.position = place.real, place.imag
+        space.add(body)
+        pinned(space, space.static_body, body, (0.0, 0.0))
+        return grows(space, body, 1.0, bound=1e-3)
+    return limit(lost, 0.5, 50.0)
+
+
+LIMITS = {
+    "pendulum, step": pendulum_step, "pendulum, gravity": pendulum_gravity,
+    "pendulum as a point mass, step": partial(pendulum_step, POINT),
+    "pendulum, spring": pendulum_spring, "fourbar_released, step": fourbar_step,
+    "spring, ζ = 0": partial(spring_step, 0.0), "spring, ζ = 0.1": partial(spring_step, 0.1),
+    "spring, ζ = 0.3": partial(spring_step, 0.3), "row of 5 masses": row_step,
+    "hung pendulum": hung_gravity,
+}
+
+
+if __name__ == "__main__":
+    print(json.dumps({name: LIMITS[name]() for name in sys.argv[1:] or LIMITS}))
