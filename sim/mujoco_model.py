@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -28,7 +29,12 @@ ENGINE_DEFAULTS = {
     "solref": (0.02, 1.0),
     "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
 }
-NAMED = {"integrator": mujoco.mjtIntegrator, "solver": mujoco.mjtSolver}
+NAMED = {"integrator": mujoco.mjtIntegrator, "solver": mujoco.mjtSolver, "cone": mujoco.mjtCone}
+FLAGS = {"refsafe": mujoco.mjtDisableBit.mjDSBL_REFSAFE,
+         "warmstart": mujoco.mjtDisableBit.mjDSBL_WARMSTART}
+"""Bits of ``disableflags``, by the settings that clear them when true and set them when false."""
+UNSAID = {"cone": mujoco.mjtCone.mjCONE_PYRAMIDAL, "impratio": 1.0, "noslip_iterations": 0}
+"""Options that are told of a run only where they are not MuJoCo's own."""
 
 
 class MujocoSettings(EngineSettings):
@@ -38,6 +44,10 @@ class MujocoSettings(EngineSettings):
     name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
     spelled as in MJCF; ``defaults = True`` first puts back the values that MuJoCo has when the
     model says nothing; `settled` chooses the kind of a sweep, `flex` that of a rest.
+
+    `cone`, `impratio` and `noslip_iterations` are the options of that name and act on contacts and
+    dry friction.  ``refsafe = False`` lets a `solref` be shorter than two time steps, and
+    ``warmstart = False`` starts the solver of each step anew; both are flags of MJCF.
     """
 
     timestep: Number = Field(0.002, gt=0)
@@ -45,13 +55,18 @@ class MujocoSettings(EngineSettings):
     solver: str = "Newton"
     iterations: Count = 100
     tolerance: Number = Field(1e-8, ge=0)
+    cone: str = "pyramidal"
+    impratio: Number = Field(1.0, gt=0)
+    noslip_iterations: Annotated[int, Field(strict=True, ge=0, lt=2**31)] = 0
+    refsafe: Switch = True
+    warmstart: Switch = True
     solref: Numbers = (0.02, 1.0)
     solimp: Numbers = (0.9, 0.95, 0.001, 0.5, 2.0)
     settled: Switch = False
     flex: Switch = False
     defaults: Switch = False
 
-    @field_validator("integrator", "solver")
+    @field_validator("integrator", "solver", "cone")
     @classmethod
     def _named(cls, value: str, info: ValidationInfo) -> str:
         names = named_values(str(info.field_name))
@@ -81,7 +96,8 @@ class MujocoSettings(EngineSettings):
 
 def named_values(option: str) -> dict[str, int]:
     """The values of an option that has words for them, by their words in small letters."""
-    return {name[6:].lower(): value for name, value in NAMED[option].__members__.items()}
+    return {name.partition("_")[2].lower(): value
+            for name, value in NAMED[option].__members__.items()}
 
 
 def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -140,6 +156,10 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
         elif key in ("solref", "solimp"):
             row = np.asarray(value, dtype=float)
             getattr(model, f"eq_{key}")[:, : row.size] = row
+        elif key in FLAGS:
+            bit = int(FLAGS[key])
+            flags = int(model.opt.disableflags)
+            model.opt.disableflags = flags & ~bit if value else flags | bit
         else:
             setattr(model.opt, key, value)
 
@@ -152,13 +172,34 @@ def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
     option = model.opt
     said: dict[str, object] = {
         "timestep": option.timestep,
-        **{key: kinds(getattr(option, key)).name[6:] for key, kinds in NAMED.items()},
+        **{key: kinds(getattr(option, key)).name.partition("_")[2]
+           for key, kinds in NAMED.items() if key not in UNSAID},
         "iterations": option.iterations, "tolerance": option.tolerance}
+    for key, own in UNSAID.items():
+        if (value := getattr(option, key)) != own:
+            said[key] = NAMED[key](value).name.partition("_")[2] if key in NAMED else value
+    said |= {key: False for key, bit in FLAGS.items() if option.disableflags & int(bit)}
     for key in ("solref", "solimp"):
         rows = np.unique(getattr(model, f"eq_{key}")[model.eq_active0.astype(bool)], axis=0)
         if len(rows):
             said[key] = tuple(rows[0].tolist()) if len(rows) == 1 else "several"
     return said
+
+
+def may_touch(model: mujoco.MjModel) -> bool:
+    """Whether contacts may arise: of geoms of two bodies, or of a pair that the model names."""
+    off = mujoco.mjtDisableBit
+    if model.opt.disableflags & int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
+        return False
+    touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
+    return bool(model.npair or np.unique(touchable).size > 1)
+
+
+def rubs(model: mujoco.MjModel) -> bool:
+    """Whether joints or tendons have dry friction."""
+    off = mujoco.mjtDisableBit
+    return not model.opt.disableflags & int(off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT) and (
+        bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any()))
 
 
 def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:

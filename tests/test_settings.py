@@ -1,9 +1,13 @@
 """Settings of engines are checked before anything runs: bad ones are named, with their key."""
 
+import mujoco
+import numpy as np
 import pytest
 
+from proofmass.case import load_case
 from proofmass.check import check
-from sim.mujoco_model import MujocoSettings
+from proofmass.study.axes import lines
+from sim.mujoco_model import MujocoSettings, configure, may_touch, rubs, stepped_with
 from sim.protocol import BadSetting
 from sim.with_mujoco import check_settings as mujoco_settings
 from sim.with_pymunk import check_settings as pymunk_settings
@@ -18,6 +22,10 @@ WRONG = {
     "timestep = 0": "timestep: Input should be greater than 0",
     "timestep = inf": "timestep: Input should be a finite number",
     'timestep = "1e-3"': "timestep: Input should be a valid number",
+    'cone = "round"': "cone: known: pyramidal, elliptic, not 'round'",
+    "impratio = 0": "impratio: Input should be greater than 0",
+    "noslip_iterations = -1": "noslip_iterations: Input should be greater than or equal to 0",
+    "refsafe = 0": "refsafe: Input should be a valid boolean",
     "tolerance = true": "tolerance: Input should be a valid number",
     "settled = 1": "settled: Input should be a valid boolean",
     'integrator = "RK5"': "integrator: known: euler, rk4, ",
@@ -46,6 +54,82 @@ def test_pymunk_states_its_own():
 def test_numbers_may_be_spelled_as_in_mjcf():
     assert MujocoSettings.read({"solref": "0.002 1"}).solref == (0.002, 1.0)
     mujoco_settings({"solref": [-1000, -10], "solimp": "0.9 0.95", "integrator": "RK4"})
+
+
+FALLING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>
+<worldbody>{floor}<body name="a" pos="0 0 {height}"><joint name="x" type="slide" axis="1 0 0" {rub}/>
+<joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0"/>
+<geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>{loop}
+<keyframe><key name="start" qvel="1 0 0"/></keyframe></mujoco>"""
+FLOOR = '<geom type="plane" size="1 1 1"/>'
+LOOP = '<equality><connect body1="a" anchor="0 0 0" solref="2e-3 1"/></equality>'
+
+
+def scene(option="", flag="", rub="", floor="", loop="", height="0.5"):
+    return mujoco.MjModel.from_xml_string(FALLING.format(
+        option=option, flag=flag, rub=rub, floor=floor, loop=loop, height=height))
+
+
+def fallen(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, 300)
+    return data.qpos.copy()
+
+
+@pytest.mark.parametrize(("settings", "option", "flag", "there"), [
+    ({"refsafe": False}, "", '<flag refsafe="disable"/>', {"loop": LOOP}),
+    ({"warmstart": False}, ' solver="CG" iterations="2"', '<flag warmstart="disable"/>',
+     {"floor": FLOOR, "height": "0.1"}),
+    ({"cone": "elliptic", "impratio": 10.0}, ' cone="elliptic" impratio="10"', "",
+     {"floor": FLOOR, "height": "0.1"}),
+    ({"noslip_iterations": 3}, ' noslip_iterations="3"', "", {"floor": FLOOR, "height": "0.1"})])
+def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, there):
+    """And they act: without them the body is elsewhere."""
+    plain = ' solver="CG" iterations="2"' if "CG" in option else ""
+    read, own = scene(option, flag, **there), scene(plain, **there)
+    before = fallen(own)
+    configure(own, settings)
+    assert np.array_equal(fallen(own), fallen(read))
+    assert not np.array_equal(fallen(own), before)
+    assert all(stepped_with(own)[key] == value if not isinstance(value, str)
+               else str(stepped_with(own)[key]).lower() == value
+               for key, value in settings.items())
+    configure(own, dict.fromkeys(settings.keys() & {"refsafe", "warmstart"}, True))
+    assert "refsafe" not in stepped_with(own)
+
+
+def test_what_may_touch_and_what_rubs_is_known():
+    assert not may_touch(scene())
+    assert may_touch(scene(floor=FLOOR))
+    assert not may_touch(scene(floor=FLOOR, flag='<flag contact="disable"/>'))
+    assert not rubs(scene())
+    assert rubs(scene(rub='frictionloss="1"'))
+    assert not rubs(scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>'))
+
+
+@pytest.mark.parametrize(("change", "axes"), [
+    ("", set()), ('rub', {"noslip_iterations"}),
+    ('touch', {"noslip_iterations", "impratio"})])
+def test_a_study_turns_what_acts(models, edit, change, axes):
+    if change == "rub":
+        edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" frictionloss="0.1"/>')
+    if change == "touch":
+        edit("pendulum.xml", "<worldbody>", '<worldbody><geom type="plane" size="9 9 9"/>')
+        edit("pendulum.xml", '<flag contact="disable"/>', "")
+        edit("pendulum.xml", '<geom ', '<geom contype="1" conaffinity="1" ')
+    found = {line.axis for line in lines(load_case(models / "pendulum.toml"), "duration")}
+    assert found - {"timestep", "iterations", "error_bias"} == axes
+
+
+def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
+    found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "duration")}
+    off = next(line for name, line in found.items() if "refsafe off" in name)
+    step = off.settings[0].knobs["timestep"]
+    assert all(s.knobs["refsafe"] is False and s.knobs["solref"][0] < 2 * step
+               for s in off.settings)
+    cold = next(line for name, line in found.items() if "without warm start" in name)
+    assert all(s.knobs["warmstart"] is False for s in cold.settings)
 
 
 def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):

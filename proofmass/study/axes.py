@@ -13,6 +13,7 @@ from proofmass.reference import compiled, grid
 from proofmass.strict import Kind
 from proofmass.study.setting import Knob, Setting
 from proofmass.wording import spoken
+from sim.mujoco_model import may_touch, rubs
 from sim.with_pymunk import CHIPMUNK_BIAS
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
@@ -30,7 +31,8 @@ def leading(knob: Knob) -> float:
 SIZE: dict[str, Callable[[Knob], float]] = {
     "timestep": leading, "solref": leading, "solimp": lambda d: 1.0 - leading(d),
     "error_bias": lambda share: -1.0 / log(leading(share)), "segments": lambda n: 1.0 / leading(n),
-    "iterations": lambda n: 1.0 / leading(n)}
+    "iterations": lambda n: 1.0 / leading(n), "impratio": lambda r: 1.0 / leading(r),
+    "noslip_iterations": lambda n: 1.0 / leading(n)}
 """What errors fall with along an axis: a step or time constant [s], a share, a length of a link."""
 
 
@@ -118,21 +120,33 @@ def in_mujoco(case: Case) -> Iterator[Line]:
         return Line("mujoco", f"MuJoCo {integrator}{held * loops}", "timestep",
                     tuple(Setting("mujoco", k) for k in knobs))
 
-    loops = compiled(case).neq > 0
+    model = compiled(case)
+    loops = model.neq > 0
     yield from (over(integrator, None) for integrator in INTEGRATORS)
+    at = f"MuJoCo RK4 at {1e3 * own:g} ms"
+    plain = Setting("mujoco", {"timestep": own, "integrator": "RK4"})
+    if may_touch(model):
+        for cone in ("pyramidal", "elliptic"):
+            yield turned(plain.but(cone=cone), f"{at}, {cone} cone, impratio", "impratio",
+                         (1.0, 10.0, 100.0))
+    if may_touch(model) or rubs(model):
+        yield turned(plain, f"{at}, noslip_iterations", "noslip_iterations", (1, 3, 10, 30))
     if not loops:
         return
     yield from (over(integrator, STEPS_OF_SOLREF) for integrator in INTEGRATORS)
     yield from (over("Euler", 2), over("RK4", 4))
     base = Setting("mujoco", {"timestep": own, "integrator": "RK4",
                               **hard(STEPS_OF_SOLREF * own)})
-    at = f"MuJoCo RK4 at {1e3 * own:g} ms"
     yield turned(base, f"{at}, solref", "solref", [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)])
+    yield turned(base.but(refsafe=False), f"{at}, refsafe off, solref", "solref",
+                 [(m * own, 1.0) for m in (1.5, 1.0, 0.75)])  # with it, these would be 2 steps
     yield turned(base, f"{at}, solimp", "solimp", [(d, d, 0.001) for d in (.9, .99, .999, .9999)])
     for solver, counts in (("Newton", (1, 2, 4)), ("CG", (1, 2, 4, 8)),
                            ("PGS", (1, 2, 4, 8, 16, 32, 64))):
         yield turned(base.but(solver=solver, tolerance=0.0), f"{at}, {solver} iterations",
                      "iterations", counts)
+    yield turned(base.but(solver="CG", tolerance=0.0, warmstart=False),
+                 f"{at}, CG without warm start, iterations", "iterations", (1, 2, 4, 8))
 
 
 def hard(solref: float) -> dict[str, Knob]:
