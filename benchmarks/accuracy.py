@@ -57,7 +57,7 @@ What `proofmass choose CASE --error 1e-4` and `--error 1e-6` find, by engine: th
 whose measured error is half of that and which is as good when it is run again as pasted, and from a
 shifted start. × is how many times as long the engine's defaults take when only their step is
 refined to the same error, by their measured order where no measured step gets there; “never” where
-they stay at a wall above it.
+their error floor is above it.
 """
 
 
@@ -87,6 +87,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         study = (trade(cases, Store(folder / "runs"), budget=0.01, repeats=1) if given.quick else
                  measured(cases, folder, None, None, None))
         write_study(study, folder)
+        cases = study.cases
         stepped = [case for case in cases if "duration" in case.run]
         wanted = (1e-2,) if given.quick else WANTED
         rows = refined_rows(stepped, study, folder, wanted)

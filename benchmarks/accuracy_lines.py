@@ -1,4 +1,4 @@
-"""Orders and walls of all lines of a study, in tables: what holds everywhere, and what does not."""
+"""Orders and error floors of all lines of a study, in tables, and what does not fit."""
 
 import re
 from collections import Counter
@@ -16,9 +16,9 @@ ORDERS = """
 ## Orders
 
 A line turns one knob, usually the step, from coarse to fine; its order is how its error falls
-before the wall, where two refinements in turn show the same. Of {lines} lines that show an order,
-{near} are within {within} of the one that theory expects (`proofmass/study/orders.py`). {mute} more
-show none: they come to their wall, or to an end, in fewer refinements, or are still bending.
+before an error floor, where two refinements in turn show the same. Of {lines} lines that show an
+order, {near} are within {within} of the one that theory expects (`proofmass/study/orders.py`).
+{mute} more show none: they come to a floor, or to an end, in fewer refinements, or still bend.
 """
 ODD = """
 The others, and what their error follows where they end: one cause after the other was moved there.
@@ -26,11 +26,12 @@ The order is that of the largest error of a run.  Where that is now here and now
 two terms, no power of the step is to be seen in it: beside it are the medians of the orders at all
 places, those that are off by a hundredth of it, from each refinement to the next.
 """
-WALLS = """
-## Walls
+FLOORS = """
+## Error floors
 
-Where a line falls no further, one cause after the other was moved; the error follows what it is
-made of.
+Where two halvings of the step each change an error of less than 1e-2 of the range by less than 5 %,
+one cause after the other was moved; the error follows what it is made of.  {without} more verdicts
+show none: they tell how far their line came.
 """
 
 
@@ -72,16 +73,16 @@ def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
 
 
 def causes(study: Trade) -> Iterator[str]:
-    """How often a wall of a line is what, and how high."""
-    yield WALLS
+    """How often an error floor of a line is what, and how high."""
+    yield FLOORS.format(without=sum(bool(v.reached) for v in study.verdicts))
     yield "| line | error of | it is | lines | lowest | median | highest |"
     yield "|---|---|---|---|---|---|---|"
     groups: dict[tuple[str, str, str], list[float]] = {}
     for v in study.verdicts:
-        if v.wall > 0:
-            groups.setdefault((family(v.line), v.kind, v.cause or "unknown"), []).append(v.wall)
-    for (line, kind, cause), walls in sorted(groups.items()):
-        yield (f"| {line} | {kind} | {cause} | {len(walls)} | {number(min(walls), 2)} "
-               f"| {number(median(walls), 2)} | {number(max(walls), 2)} |")
-    told = Counter(v.cause or "unknown" for v in study.verdicts if v.wall > 0)
+        if v.floor > 0:
+            groups.setdefault((family(v.line), v.kind, v.cause), []).append(v.floor)
+    for (line, kind, cause), floors in sorted(groups.items()):
+        yield (f"| {line} | {kind} | {cause} | {len(floors)} | {number(min(floors), 2)} "
+               f"| {number(median(floors), 2)} | {number(max(floors), 2)} |")
+    told = Counter(v.cause for v in study.verdicts if v.floor > 0)
     yield "\nAll together: " + ", ".join(f"{cause} {n}" for cause, n in told.most_common()) + "."

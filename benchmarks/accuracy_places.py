@@ -24,7 +24,7 @@ COUNTS = 0.01
 
 
 def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[Row]) -> list[float]:
-    """Median of the orders at all places, from each setting before the wall to the next one.
+    """Median of the orders at all places, from each setting before a floor to the next one.
 
     Parameters
     ----------

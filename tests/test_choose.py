@@ -26,10 +26,11 @@ from proofmass.study.choose import (
     choose,
     default,
     enough,
+    floor_at,
     printed,
-    wall_at,
     words,
 )
+from proofmass.study.finer import Limits
 from proofmass.study.row import Row
 from proofmass.study.search import search
 from proofmass.study.setting import Setting
@@ -123,8 +124,8 @@ def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scal
     assert np.isnan(chosen(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
 
 
-def test_a_wall_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
-    """They are at the level of that wall by chance, and fall on."""
+def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
+    """They are at the level of that floor by chance, and fall on."""
     plain = line("plain", order=1.0, scale=0.1, defaults=True)
     level = plain[-1].errors["position"]
     others = verdict("other", 2.0, level, "iterations")
@@ -153,17 +154,23 @@ def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
     assert found.ratio == pytest.approx(dear[6].seconds / found.row.seconds)
 
 
-def test_a_wall_is_named(fourbar: Case) -> None:
+def test_a_floor_is_named(fourbar: Case) -> None:
     rows, verdicts = study()
     mine = [row for row in rows if row.engine == "mujoco"]
     found = chosen(fourbar, mine, 1e-4, verdicts=verdicts)
-    assert "defaults never get there: the wall is 2e-4, softness of the loop" in found.beside
+    assert "defaults never get there: the error floor is 2e-4, softness of the loop" in found.beside
     assert np.isnan(found.ratio)
-    with pytest.raises(Cannot, match=r"the best, MuJoCo RK4, solref 8 dt.* the wall is 3e-8, cap "
-                       r"of solimp; halving solref divides the error by 4.0"):
+    with pytest.raises(Cannot, match=r"the best, MuJoCo RK4, solref 8 dt.* the error floor is "
+                       r"3e-8, cap of solimp; halving solref divides the error by 4.0"):
         chosen(fourbar, mine, 1e-9, verdicts=verdicts)
-    with pytest.raises(Cannot, match="at no wall, but no finer one was measured"):
+    # 100 h^2 with 6.28e-5 / h seconds: to 0.8 * 5e-10, h = 2e-6 s and 31 s
+    needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
+    with pytest.raises(Cannot, match=needs + "proofmass choose measures finer steps"):
         chosen(fourbar, line("quick"), 1e-9)
+    with pytest.raises(Cannot, match=needs + "--longest is 30$"):
+        chosen(fourbar, line("quick"), 1e-9, limits=Limits(longest=30.0))
+    with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
+        chosen(fourbar, line("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
     lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
     with pytest.raises(Cannot, match=r"^no setting ran, of \d+: \d+ diverged; the first, "
                        r"[^;]*: diverged: open by 1 m$"):
@@ -380,23 +387,23 @@ def at(line: str = "", error: float = 1e-5, value: float = 1e-3, seconds: float 
                outcome=outcome, message=message)
 
 
-def wall_of(line: str, wall: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
-    return Verdict("fourbar", "duration", engine, line, kind, wall=wall, cause="softness",
+def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
+    return Verdict("fourbar", "duration", engine, line, kind, floor=floor, cause="softness",
                    evidence="halving it divides the error by 4")
 
 
-@pytest.mark.parametrize(("walls", "found"), [
-    ([wall_of("own", 2.0)], 0),  # a line falls to its own wall, however far it is
-    ([wall_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
-    ([wall_of("other", 2.8)], 0), ([wall_of("other", 3.2)], None), ([wall_of("other", 1.4)], 0),
-    ([wall_of("other", 1.2)], None), ([wall_of("own", nan)], None),
-    ([wall_of("own", 2.0, "pymunk")], None), ([wall_of("own", 2.0, kind="rate")], None),
-    ([wall_of("other", 2.0), wall_of("own", 9.0)], 1),
-    ([wall_of("other", 2.8), wall_of("another", 1.8)], 1),
-    ([wall_of("other", 1.4), wall_of("another", 2.2)], 1)])
-def test_the_wall_that_a_setting_is_at(walls: list[Verdict], found: int | None) -> None:
-    assert wall_at(at("own", 2.0), "position", iter(walls)) == (
-        None if found is None else walls[found])
+@pytest.mark.parametrize(("floors", "found"), [
+    ([floor_of("own", 2.0)], 0),  # a line falls to its own floor, however far it is
+    ([floor_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
+    ([floor_of("other", 2.8)], 0), ([floor_of("other", 3.2)], None), ([floor_of("other", 1.4)], 0),
+    ([floor_of("other", 1.2)], None), ([floor_of("own", nan)], None),
+    ([floor_of("own", 2.0, "pymunk")], None), ([floor_of("own", 2.0, kind="rate")], None),
+    ([floor_of("other", 2.0), floor_of("own", 9.0)], 1),
+    ([floor_of("other", 2.8), floor_of("another", 1.8)], 1),
+    ([floor_of("other", 1.4), floor_of("another", 2.2)], 1)])
+def test_the_floor_that_a_setting_is_at(floors: list[Verdict], found: int | None) -> None:
+    assert floor_at(at("own", 2.0), "position", iter(floors)) == (
+        None if found is None else floors[found])
 
 
 def test_settings_that_are_enough_have_a_margin_of_two() -> None:
@@ -407,15 +414,16 @@ def test_settings_that_are_enough_have_a_margin_of_two() -> None:
 
 
 def test_why_none_is_enough() -> None:
-    """The best, and its wall with the evidence."""
+    """The best, and its floor with the evidence."""
     rows = [at("poor", 1e-3), at("fine", 1.23e-5, 1e-4), at("none", nan), at("lost", 0.0,
                                                                           outcome="stopped")]
     short = ("no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
              "best, fine, timestep 0.1 ms, is 1.2e-5 off")
-    assert best(rows, "position", 1.27e-6, []) == (
-        f"{short}, at no wall, but no finer one was measured",)
-    assert best(rows, "position", 1.27e-6, [wall_of("fine", 1.16e-5)]) == (
-        f"{short}: the wall is 1.2e-5, softness", "halving it divides the error by 4")
+    none = "no line of settings falls with its step at its end, so none promises to get there"
+    assert best(rows, "position", 1.27e-6, []) == (short, none)
+    assert best(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
+        f"{short}: the error floor is 1.2e-5, softness", "halving it divides the error by 4",
+        none)
     assert best([], "position", 1.0, []) == ("no setting was measured",)
     lost = [at("one", nan), at("two", outcome="diverged", message="why"),
             at("three", outcome="diverged")]
@@ -429,8 +437,8 @@ def test_what_the_defaults_would_cost() -> None:
     """Seconds of a setting that takes 0.5 s and of the defaults, refined to a half of 1e-4."""
     tuned = at("tuned", seconds=0.5)
 
-    def of(*rows: Row, walls: tuple[Verdict, ...] = ()) -> tuple[str, float]:
-        return beside([tuned, *rows], tuned, "position", 1e-4, walls)
+    def of(*rows: Row, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
+        return beside([tuned, *rows], tuned, "position", 1e-4, floors)
 
     def plain(error: float, value: float, seconds: float = 2.0, **more) -> Row:
         return at("plain", error, value, seconds, defaults=True, **more)
@@ -456,10 +464,10 @@ def test_what_the_defaults_would_cost() -> None:
     assert of(fine) == (short, pytest.approx(nan, nan_ok=True))
     flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order of less than a half
     assert of(flat, fine) == (short, pytest.approx(nan, nan_ok=True))
-    assert of(coarse, fine, walls=(wall_of("plain", 3.2e-3), wall_of("other", 3.2e-3))) == (
-        "the engine's defaults never get there: the wall is 3.2e-3, softness",
+    assert of(coarse, fine, floors=(floor_of("plain", 3.2e-3), floor_of("other", 3.2e-3))) == (
+        "the engine's defaults never get there: the error floor is 3.2e-3, softness",
         pytest.approx(nan, nan_ok=True))
-    assert of(coarse, fine, walls=(wall_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
+    assert of(coarse, fine, floors=(floor_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
     assert beside([fine], fine, "position", 1e-4, ()) == (
         "these are the engine's defaults, refined", 1.0)
 

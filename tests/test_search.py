@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from proofmass.case import Case, load_case
 from proofmass.cli import app
 from proofmass.study import search as module
+from proofmass.study.finer import Limits
 from proofmass.study.measure import Task
 from proofmass.study.program import Ran
 from proofmass.study.row import Row
@@ -121,8 +122,20 @@ def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch) -> No
 
 def test_no_run_is_longer_than_is_allowed(fourbar: Case, monkeypatch) -> None:
     world = World(monkeypatch, slow=(1.0, 1.0, 0.0, 1e-3))
-    search(fourbar, "position", 1e-6, Store.__new__(Store), longest=10.0)
+    search(fourbar, "position", 1e-6, Store.__new__(Store), limits=Limits(longest=10.0))
     assert all(1e-3 * 6.28 / value <= 10.0 for _, value, _ in world.asked)
+
+
+def test_a_budget_ends_the_search(fourbar: Case, monkeypatch) -> None:
+    """And the limits say so."""
+    world = World(monkeypatch, good=(1.0, 1.0, 0.0, 1e-6))
+    limits = Limits(budget=1e-9)
+    search(fourbar, "position", 1e-6, Store.__new__(Store), limits=limits)
+    assert limits.short
+    assert "which left some out" in limits.words
+    asked, world.asked = len(world.asked), []
+    search(fourbar, "position", 1e-6, Store.__new__(Store), limits=Limits())
+    assert len(world.asked) > asked
 
 
 def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:

@@ -57,8 +57,9 @@ def test_numbers_may_be_spelled_as_in_mjcf():
 
 
 FALLING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>
-<worldbody>{floor}<body name="a" pos="0 0 {height}"><joint name="x" type="slide" axis="1 0 0" {rub}/>
-<joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0"/>
+<worldbody>{floor}<body name="a" pos="0 0 {height}">
+<joint name="x" type="slide" axis="1 0 0" {rub}/><joint name="z" type="slide" axis="0 0 1"/>
+<joint name="turn" axis="0 1 0"/>
 <geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>{loop}
 <keyframe><key name="start" qvel="1 0 0"/></keyframe></mujoco>"""
 FLOOR = '<geom type="plane" size="1 1 1"/>'

@@ -177,8 +177,8 @@ def test_limit_positions_come_from_the_reference(stand, engine):
     way = next(singular.limits(replace(held, case=case)))
     assert way.knob == "drive's way"
     assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
-    assert way.trial(0.99 * way.theory) is None
-    assert way.trial(1.01 * way.theory)
+    assert way.trial(0.99 * way.theory).failure is None
+    assert way.trial(1.01 * way.theory).failure
 
 
 @pytest.mark.slow

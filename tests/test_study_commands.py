@@ -46,7 +46,7 @@ FAT = """<mujoco>
 ASKED = {"trade": "trade case.toml", "stress": "stress --only kv",
          "diet": "diet fat.xml --seconds 0.1", "choose": "choose case.toml --error 1e-5"}
 KILLED = "trade", "stress", "diet"
-TABLES = {"trade": ("trade.csv", "walls.csv", "verdicts.json"), "stress": ("stress.csv",),
+TABLES = {"trade": ("trade.csv", "floors.csv", "verdicts.json"), "stress": ("stress.csv",),
           "diet": ("fat.csv", "fat.xml")}
 FOLDERS = {"choose": "trade"}  # of runs, where they are not called like the command
 KEPT = {"trade": "trade keeps the runs", "choose": "trade keeps the runs",

@@ -26,7 +26,7 @@ def coarse(name="RK4", order=2.0, seconds=1e-5, scale=1.0, **knobs):
 def test_the_step_is_good_enough_and_leads_from_sample_to_sample(order):
     needed = 1e-8
     rows = coarse(order=order, scale=1e-6 / 1e-3**order)
-    task, = promising(CASE, "duration", rows, [], "position", needed)
+    (_, task), = promising(CASE, "duration", rows, [], "position", needed)
     assert 0.5 * needed < 1e-6 * (task.value / 1e-3) ** order <= needed
     number = SAMPLE / task.value
     assert round(number) % 2 == 1
@@ -37,12 +37,12 @@ def test_the_step_is_good_enough_and_leads_from_sample_to_sample(order):
 
 def test_what_holds_loops_goes_with_the_step():
     rows = [replace(row, knobs={**row.knobs, "solref": (8 * row.value, 1.0)}) for row in coarse()]
-    task, = promising(CASE, "duration", rows, [], "position", NEEDED)
+    (_, task), = promising(CASE, "duration", rows, [], "position", NEEDED)
     assert task.setting.knobs["solref"] == pytest.approx((8 * task.value, 1.0))
     assert task.setting.knobs["solref"][1] == 1.0
 
 
-def test_a_line_at_its_wall_is_left_alone():
+def test_a_line_at_its_floor_is_left_alone():
     rows = coarse()
     assert promising(CASE, "duration", rows, [], "position", NEEDED)
     assert not promising(CASE, "duration", rows, verdict("RK4", 2.0, 1e-8, "softness"), "position",
@@ -55,12 +55,12 @@ def test_a_line_at_its_wall_is_left_alone():
 def test_only_what_promises_to_be_cheaper_is_run():
     dear, cheap = coarse("dear", seconds=1e-4), coarse("cheap", seconds=1e-5)
     good = [replace(row, errors={"position": NEEDED / 2}) for row in coarse("good", seconds=1e-4)]
-    assert {t.line for t in promising(CASE, "duration", dear + cheap, [], "position", NEEDED)} == {
-        "dear", "cheap"}
+    found = promising(CASE, "duration", dear + cheap, [], "position", NEEDED)
+    assert {task.line for _, task in found} == {"dear", "cheap"}
     for price, lines in ((1e9, {"dear", "cheap"}), (1e-9, set())):
         priced = [replace(row, seconds=price) for row in good]
         found = promising(CASE, "duration", dear + cheap + priced, [], "position", NEEDED)
-        assert {task.line for task in found} == lines
+        assert {task.line for _, task in found} == lines
     assert not promising(CASE, "duration", coarse(seconds=1.0), [], "position", NEEDED), "too long"
 
 

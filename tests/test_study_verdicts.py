@@ -21,8 +21,9 @@ from proofmass.study.boundary import Boundary, Failure, Limit, Sought, Tried, bi
 from proofmass.study.diet_table import Entry
 from proofmass.study.draft import read
 from proofmass.study.feature import DRAWN, Feature
+from proofmass.study.floor import Probe, factor, gain, judge, probes, sampled
 from proofmass.study.kept import Kept
-from proofmass.study.line import Track, clear, deep, level, observed, wall
+from proofmass.study.line import Track, clear, flat, level, observed, slowed
 from proofmass.study.measure import Found, Task
 from proofmass.study.orders import expected, jolted, nearest, off
 from proofmass.study.row import Row
@@ -34,7 +35,6 @@ from proofmass.study.stand import observed as observed_run
 from proofmass.study.store import Store
 from proofmass.study.trial import Cost
 from proofmass.study.verdict import front
-from proofmass.study.wall import Probe, factor, gain, judge, probes, sampled
 from sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -151,28 +151,35 @@ def test_what_is_moved_of_the_samples(tmp_path):
 
 
 def row(error: float, outcome: str = "ran") -> Row:
-    return Row("wall", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome)
+    return Row("floor", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome)
 
 
 def moved(cause: str, error: float, better: bool | None = True, **more):
     return Probe(cause, f"moving {cause}", FOURBAR, Setting("mujoco"), better), row(error, **more)
 
 
-def test_a_wall_is_told_by_all_that_was_moved():
+def test_what_an_error_follows_is_told_by_all_that_was_moved():
     found = [moved("one", 0.5), moved("two", 1.0), moved("three", 0.4, outcome="diverged"),
              moved("four", 0.0)]
     assert judge(1.0, found, "rate") == ("one", (
         "moving one divides the error by 2.00; moving two leaves the error; "
         "moving three: diverged; moving four: ran"))
-    assert judge(1.0, found, "position")[0] == "one, finer is lost"
     lost = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
-    assert judge(1.0, lost, "rate")[0] == "one, finer is lost"
-    assert judge(1.0, lost[::-1], "rate")[0] == "two, finer is lost"
+    for nothing in (judge(1.0, found, "position"), judge(1.0, lost, "rate")):
+        assert nothing[0] == "unknown"
     assert judge(1.0, [moved("one", 1 / 1.11)], "rate")[0] == "one"  # of which a fifth is one
     assert judge(1.0, [moved("one", 1 / 1.09)], "rate")[0] == "unknown"
-    assert judge(1.0, [moved("time step", 1.09)], "rate")[0] == "unknown"
-    assert judge(1.0, [moved("time step", 1.11)], "rate")[0] == "rounding"
-    assert judge(1.0, [moved("other", 1.11), lost[0]], "rate")[0] == "one, finer is lost"
+    for worse in (1.09, 1.11, 9.0):  # no rounding: nobody has moved that
+        assert judge(1.0, [moved("time step", worse)], "rate")[0] == "unknown"
+
+
+def test_the_time_step_is_no_cause_of_a_floor():
+    found = [moved("time step", 0.5), moved("one", 1 / 1.2)]
+    assert judge(1.0, found, "rate")[0] == "time step"
+    assert judge(1.0, found, "rate", at_floor=True)[0] == "one"
+    assert judge(1.0, found[:1], "rate", at_floor=True)[0] == "unknown"
+    steps = moved("too few steps in solref", 0.5)
+    assert judge(1.0, [steps, *found], "rate", at_floor=True)[0] == "too few steps in solref"
 
 
 def test_a_gain_is_how_much_better_the_error_is():
@@ -341,26 +348,37 @@ def falling(*slopes: float) -> list[tuple[float, float]]:
     return halved(*(2.0**-sum(slopes[:k]) for k in range(len(slopes) + 1)))
 
 
-@pytest.mark.parametrize(("points", "first", "well_in", "least", "before"), [
-    (halved(1.0), None, None, nan, 1),
-    (halved(1.0, 1.0), None, None, nan, 0),  # which may become one
-    (halved(1.0, 1.0, 1.0), 0, 2, 1.0, 0),
-    (halved(1.0, 0.7, 0.5), None, None, nan, 0),  # an order of a half: it falls
-    (halved(1.0, 0.7, 0.51), 0, 2, 0.51, 0),
-    (halved(1.0, 1.0, 0.9, 0.3), None, None, nan, 4),
-    (halved(100.0, 11.0, 1.0, 1.1, 1.0), 2, 4, 1.0, 2),
-    (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 4, 1.0, 1),  # ten times the wall: it bends
-    (halved(100.0, 11.0, 1.1, 1.0), None, None, nan, 2),  # an end that falls no further
-    (halved(100.0, 9.0, 1.1, 1.0), None, None, nan, 1),
-    (halved(100.0, 10.5, 1.0, 1.1), None, None, nan, 2),
-    (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 2, 1.0, 2),
-    (halved(100.0, 11.0, 2.0, 1.0, inf, inf), 2, 3, 1.0, 2),
-    (halved(inf, 4.0, 1.0), None, None, nan, 2),
+@pytest.mark.parametrize(("points", "first", "least", "before"), [
+    (halved(1.0), None, nan, 1),
+    (halved(1.0, 1.0), None, nan, 0),  # which may become one
+    (halved(1.0, 1.0, 1.0), 0, 1.0, 0),
+    (halved(1.0, 0.7, 0.5), None, nan, 0),  # an order of a half: it falls
+    (halved(1.0, 0.7, 0.51), 0, 0.51, 0),
+    (halved(1.0, 1.0, 0.9, 0.3), None, nan, 4),
+    (halved(100.0, 11.0, 1.0, 1.1, 1.0), 2, 1.0, 2),
+    (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 1.0, 1),  # ten times the least: it bends
+    (halved(100.0, 11.0, 1.1, 1.0), None, nan, 2),  # an end that falls no further
+    (halved(100.0, 9.0, 1.1, 1.0), None, nan, 1),
+    (halved(100.0, 10.5, 1.0, 1.1), None, nan, 2),
+    (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 1.0, 2),
+    (halved(100.0, 11.0, 2.0, 1.0, inf, inf), 2, 1.0, 2),
+    (halved(inf, 4.0, 1.0), None, nan, 2),
 ])
-def test_a_wall_and_what_is_before_it(points, first, well_in, least, before):
-    assert (wall(points), deep(points)) == (first, well_in)
+def test_where_an_error_slows_and_what_is_before_it(points, first, least, before):
+    assert slowed(points) == first
     assert level(points) == pytest.approx(least, nan_ok=True)
     assert clear(points) == [p for p in points if p[1] < inf][:before]
+
+
+@pytest.mark.parametrize(("errors", "place"), [
+    ((0.8, 0.81, 0.8, 0.8), None),  # of another motion
+    ((0.011, 0.011, 0.011), None), ((9e-3, 9e-3, 9e-3), 0),
+    ((1e-3, 1e-3), 0),  # the line ends there
+    ((1e-3,), None), ((1e-3, 0.94e-3), None), ((1e-3, 0.96e-3), 0),
+    ((4e-3, 1e-3, 1e-3, 1e-3, 1e-3), 2),  # of all that are flat, the last with two after it
+    ((1e-3, 1e-3, 1e-4, 1e-5), None), ((1e-3, 1e-3, inf), None)])
+def test_what_may_be_a_floor_is_asymptotic_and_flat_to_the_end(errors, place):
+    assert flat(halved(*errors)) == place
 
 
 @pytest.mark.parametrize(("slopes", "seen"), [
@@ -393,13 +411,16 @@ def test_points_are_of_settings_that_ran_or_were_lost():
     assert tracked(at(rate=0.1)).points("position") == []
 
 
-def test_a_line_goes_on_until_all_its_kinds_are_at_a_wall():
+def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
     one, two = at(rate=1e-3, position=1e-3), at(rate=1e-3, position=1e-6)
     assert not tracked(one, one).done(1.0)
     assert tracked(one, one, one).done(1.0)
     assert not tracked(one, one, two).done(1.0)  # its positions fall
     assert tracked(one, one, two).kinds == ["rate", "position"]
     assert tracked(one, two, two, two).done(1.0)  # no more settings
+    far, jolt = at(rate=0.5, position=0.8), at(rate=0.5, position=1e-3)
+    assert not tracked(far, far, far).done(1.0)  # another motion, which may yet become right
+    assert tracked(jolt, jolt, jolt).done(1.0)  # the motion is right, its rates are not
     assert not tracked().done(1.0)
     assert not tracked(at("diverged"), at("diverged"), at("diverged")).done(1.0)
     assert not tracked(at(seconds=1.0)).done(1.0)

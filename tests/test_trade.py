@@ -13,7 +13,7 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.study import axes, trade
 from proofmass.study.axes import SIZE, Line, lines
-from proofmass.study.line import Track, deep, level, observed, wall
+from proofmass.study.line import Track, flat, halved, least, level, observed, slowed, worse
 from proofmass.study.orders import WITHIN, expected, off
 from proofmass.study.row import Row
 from proofmass.study.setting import Setting
@@ -34,26 +34,51 @@ def test_the_order_of_a_power_law_is_its_power(order):
     assert observed(falling(order)) == pytest.approx(order, abs=1e-9)
 
 
-def test_a_wall_is_where_an_error_stops_falling_and_bends_no_order():
+def test_an_error_slows_where_it_stops_falling_and_bends_no_order():
     points = falling(2.0, floor=1e-5)
-    assert 1.0e-5 < points[wall(points)][1] < 2e-5
+    assert 1.0e-5 < points[slowed(points)][1] < 2e-5
     assert level(points) == points[-1][1]
     assert observed(points) == pytest.approx(2.0, abs=0.15)  # a tenth of floor: 1.87
 
 
-def test_without_a_floor_there_is_no_wall():
-    assert wall(falling(1.0)) is None
+def test_without_a_floor_there_is_none():
+    assert slowed(falling(1.0)) is None
+    assert flat(falling(1.0)) is None
     assert np.isnan(level(falling(1.0)))
 
 
-def test_a_plateau_that_an_error_leaves_is_no_wall():
-    points = [(0.4, 1e-2), (0.2, 1e-2), (0.1, 1e-2), (0.05, 1e-4), (0.025, 1e-6)]
-    assert wall(points) is None
+def test_a_plateau_that_an_error_leaves_is_no_floor():
+    points = [(0.4, 1e-3), (0.2, 1e-3), (0.1, 1e-3), (0.05, 1e-4), (0.025, 1e-6)]
+    assert slowed(points) is None
+    assert flat(points) is None
 
 
-def test_rounding_that_grows_is_a_wall_at_the_least_error():
+def test_rounding_that_grows_may_be_a_floor_at_the_least_error():
     points = [(h, h**2 + 1e-12 / h**2) for h in (0.1 / 2**k for k in range(12))]
-    assert level(points) == min(error for _, error in points)
+    assert level(points) == points[least(points)][1] == min(error for _, error in points)
+    assert flat(points) is None
+    assert least(points[:9]) is None  # only one finer step is worse
+
+
+@pytest.mark.parametrize(("share", "shown"), [(0.05, True), (0.2, False), (1.0, False)])
+def test_a_floor_is_what_two_halvings_leave(share, shown):
+    """An error of first order with a share s that still falls changes by s / 2, then by less."""
+    assert halved([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
+
+
+@pytest.mark.parametrize("errors", [
+    (0.8, 0.8, 0.8), (0.011, 0.011, 0.011), (1e-3, 1.06e-3, 1.06e-3), (1e-3, 1e-3), ()])
+def test_a_floor_is_asymptotic_and_measured_twice(errors):
+    assert not halved(errors)
+
+
+def test_a_finer_step_that_is_worse_is_found():
+    """As the chain of two four-bars shows it; what is far off at both steps is another motion."""
+    chain = [(4e-3, 0.9), (2e-3, 0.3), (1e-3, 1.9e-2), (5e-4, 6.8e-2), (2.5e-4, 4e-4)]
+    assert worse(chain) == (chain[2], chain[3])
+    assert worse([(2e-3, 0.3), (1e-3, 0.9)]) is None
+    assert worse([(2e-3, 1e-3), (1e-3, 1.4e-3)]) is None
+    assert worse(falling(1.0)) is None
 
 
 def tracked(errors, seconds=0.1, outcomes=()):
@@ -66,22 +91,24 @@ def tracked(errors, seconds=0.1, outcomes=()):
     return Track(line, rows)
 
 
-def test_a_line_ends_at_its_wall_at_its_budget_and_after_a_run_without_end():
+def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_end():
     assert not tracked([]).done(1.0)
     assert not tracked([1e-2, 2e-3, 1e-3]).done(1.0)
     assert tracked([1e-2, 1e-3, 1e-3, 1e-3]).done(1.0)
+    assert not tracked([1e-2, 1e-3, 1e-3]).done(1.0)
+    assert not tracked([0.8, 0.81, 0.8, 0.8]).done(1.0), "another motion is no floor"
     assert tracked([1e-2, 2e-3, 1e-3]).done(0.05)
     assert tracked([], outcomes=["timed out"]).done(1.0)
     assert not tracked([], outcomes=["diverged"]).done(1.0), "a smaller step may be stable"
     assert tracked([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
 
 
-def test_runs_that_are_lost_at_finer_steps_are_a_wall():
+def test_runs_that_are_lost_at_finer_steps_end_a_line():
     lost = tracked([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
     points = lost.points("rate")
     assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
     assert level(points) == 1e-4
-    assert points[deep(points)][1] == 1e-4, "what is moved there must have an error"
+    assert flat(points) is least(points) is None, "nothing shows a floor"
     assert lost.done(1.0)
     assert np.isnan(observed(points))
 
@@ -193,7 +220,7 @@ def test_a_study_is_written_and_read_again(pendulum):
     study, folder = pendulum
     again = read_table(folder / "trade.csv")
     assert [row.errors for row in again] == [row.errors for row in study.rows]
-    assert (folder / "walls.csv").exists() == bool(study.moved)
+    assert (folder / "floors.csv").exists() == bool(study.moved)
     told = trade.read_verdicts(folder / "verdicts.json")
     assert [repr(v) for v in told] == [repr(v) for v in study.verdicts]
 

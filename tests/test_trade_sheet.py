@@ -115,11 +115,11 @@ def test_triangles_have_the_expected_slopes(sheet: Figure) -> None:
 
 
 def test_an_order_that_no_line_shows_has_no_triangle() -> None:
-    figure = drawn(line("flat", order=1.0, scale=1e-6, wall=1e-3), verdict("flat", 4.0))
+    figure = drawn(line("flat", order=1.0, scale=1e-6, floor=1e-3), verdict("flat", 4.0))
     assert not figure.axes[1].patches
 
 
-def test_walls_are_ticks_with_their_causes(sheet: Figure) -> None:
+def test_floors_are_ticks_with_their_causes(sheet: Figure) -> None:
     ticks = [float(one.get_ydata()[0]) for one in sheet.axes[0].lines if one.get_marker() == "_"]
     assert sorted(ticks) == pytest.approx(
         [2e-9, 3e-8, *(2e-4 * (1 + k / 10) for k in range(5))])
@@ -173,7 +173,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_pages_and_files(page: Path) -> None:
     names = {file.name for file in page.parent.iterdir()}
     assert {"index.html", "fourbar-duration-trade.html", "watt-duration-trade.html", "trade.csv",
-            "walls.csv", "verdicts.json", "figures"} <= names
+            "floors.csv", "verdicts.json", "figures"} <= names
     for stem in ("fourbar-duration-trade", "watt-duration-trade"):
         for ending in (".svg", ".png"):
             assert (page.parent / "figures" / (stem + ending)).stat().st_size > 1000

@@ -10,12 +10,12 @@ STEPS = tuple(0.016 / 2**k for k in range(9))  # s
 
 
 def line(name: str, engine: str = "mujoco", order: float = 2.0, scale: float = 100.0,
-         wall: float = 0.0, cost: float = 1e-5, **knobs: object) -> list[Row]:
-    """Errors scale * step^order + wall; a step costs `cost` seconds; rates are 10 times as far off
+         floor: float = 0.0, cost: float = 1e-5, **knobs: object) -> list[Row]:
+    """Errors scale * step^order + floor; a step costs `cost` seconds; rates are 10 times as far off
     and accelerations 100 times."""
     rows = []
     for dt in STEPS:
-        error, steps = scale * dt**order + wall, round(SPAN / dt)
+        error, steps = scale * dt**order + floor, round(SPAN / dt)
         rows.append(Row("trade", "fourbar", "duration", engine, name, "timestep", dt,
                         {"timestep": dt, **knobs},
                         {"position": error, "rate": 10 * error, "acceleration": 100 * error},
@@ -23,12 +23,12 @@ def line(name: str, engine: str = "mujoco", order: float = 2.0, scale: float = 1
     return rows
 
 
-def verdict(name: str, expected: float, wall: float = float("nan"), cause: str = "",
+def verdict(name: str, expected: float, floor: float = float("nan"), cause: str = "",
             engine: str = "mujoco") -> list[Verdict]:
     """The same for all kinds."""
     return [Verdict("fourbar", "duration", engine, name, kind, expected + 0.01, expected,
-                    factor * wall, cause, "halving solref divides the error by 4.0, the step by 1.0"
-                    if cause else "")
+                    factor * floor, cause,
+                    "halving solref divides the error by 4.0, the step by 1.0" if cause else "")
             for kind, factor in (("position", 1), ("rate", 10), ("acceleration", 100))]
 
 

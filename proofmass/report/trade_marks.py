@@ -1,4 +1,4 @@
-"""What stands beside the lines of a work-precision diagram: letters, failures, orders, walls."""
+"""What stands beside the lines of a work-precision diagram: letters, failures, orders, floors."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ from proofmass.wording import number
 
 INK, PALE = "#333333", "#888888"
 NEAR = 9.0  # [pt] ends of lines that are no further apart have their letters in one place
-LEVEL = 3.0  # walls of one cause that differ by no more are one wall
+LEVEL = 3.0  # error floors of one cause that differ by no more are one
 NARROW = 26  # letters of the margin in a row
 ROW = 0.06  # of a panel's height: one row of the margin
 SHOWN = 0.5  # off the expected order: what has no part that is nearer gets no triangle
@@ -114,16 +114,16 @@ def triangle(ax: Axes, steps: tuple[float, float], top: float, order: float) -> 
                 textcoords="offset points", ha="right", va="center", color=INK)
 
 
-def walls(ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict],
+def floors(ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict],
           named: bool) -> None:
     """A short level tick where a line stays; `named`: what keeps it there, in the margin."""
     groups: list[list[Verdict]] = []
-    for verdict in sorted((v for v in verdicts if v.wall > 0 and name_of(v) in ends),
-                          key=lambda v: v.wall):
-        ax.plot(ends[name_of(verdict)][0], verdict.wall, marker="_", markersize=18, zorder=2.5,
+    for verdict in sorted((v for v in verdicts if v.floor > 0 and name_of(v) in ends),
+                          key=lambda v: v.floor):
+        ax.plot(ends[name_of(verdict)][0], verdict.floor, marker="_", markersize=18, zorder=2.5,
                 markeredgewidth=1.8, color=looks[name_of(verdict)].colour)
         alike = next((g for g in groups if g[0].cause == verdict.cause
-                      and verdict.wall < LEVEL * g[0].wall), None)
+                      and verdict.floor < LEVEL * g[0].floor), None)
         if alike:
             alike.append(verdict)
         else:
@@ -133,12 +133,12 @@ def walls(ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[V
 
 
 def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, Look]) -> None:
-    """Level, lines and cause of each wall at the right of a panel, apart from each other."""
+    """Level, lines and cause of each error floor at the right of a panel, apart from each other."""
     low, high = np.log(ax.get_ylim())
-    texts = [fill(f"{number(group[0].wall, 2)} {group[0].cause} ("
+    texts = [fill(f"{number(group[0].floor, 2)} {group[0].cause} ("
                   f"{' '.join(sorted(letter(looks[name_of(v)]) for v in group))})", NARROW)
              for group in groups]
-    places = [float((np.log(group[0].wall) - low) / (high - low)) for group in groups]
+    places = [float((np.log(group[0].floor) - low) / (high - low)) for group in groups]
     heights = [ROW * (text.count("\n") + 1) for text in texts]
     for at, y, text in zip(places, spread(places, heights), texts, strict=True):
         ax.annotate(text, (1.0, at), xytext=(1.06, y), xycoords="axes fraction", fontsize=6.5,

@@ -28,11 +28,11 @@ from proofmass.study.words import brief, told
 from proofmass.wording import number, spoken
 
 ASKED = (1e-4, 1e-6)  # of the range: errors that the words speak of
-FILES = ("trade.csv", "trade.columns.md", "walls.csv", "verdicts.json")
+FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
 WORK = ("Largest error over a run against its cost. Filled markers and the pale stairs: the front, "
         "of which no other setting is both cheaper and closer. Triangles fall with the order that "
-        "theory expects. Short level ticks: walls, with their lines and what they are. Crosses: "
-        "runs that failed; the table has their messages.")
+        "theory expects. Short level ticks: error floors, with their lines and what they are. "
+        "Crosses: runs that failed; the table has their messages.")
 TURNED = "The same for what else can be turned, at a fixed step."
 
 
@@ -85,8 +85,9 @@ def part(rows: Sequence[Row], verdicts: Iterable[Verdict], output: Path) -> dict
     return {"case": case, "run": run, "page": f"{stem}.html", "advice": advice(rows, own),
             "prices": list(prices(rows, own)),
             "figures": list(figures(rows, own, output / "figures" / stem)),
-            "lines": list(lines(rows, own)), "walls": list(walls(rows, own)),
-            "kinds": kinds(rows), "measured": measured(rows)}
+            "lines": list(lines(rows, own)), "floors": list(floors(rows, own)),
+            "motion": next((v.motion for v in own if v.motion), ""),
+            "reached": list(reached(rows, own)), "kinds": kinds(rows), "measured": measured(rows)}
 
 
 def kinds(rows: Iterable[Row]) -> list[str]:
@@ -174,14 +175,23 @@ def cells(row: Row, kinds: Iterable[str]) -> dict[str, Any]:
             "repeats": len(row.repeats), "outcome": row.outcome, "message": row.message}
 
 
-def walls(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
+def floors(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
     """What keeps each line from falling further, and the evidence."""
     looks = dressed(rows)
     for v in verdicts:
-        if v.wall > 0 and name_of(v) in looks:
+        if v.floor > 0 and name_of(v) in looks:
             yield {"letter": letter(looks[name_of(v)]), "line": v.line,
-                   "kind": v.kind, "level": number(v.wall, 2), "cause": v.cause or "unknown",
+                   "kind": v.kind, "level": number(v.floor, 2), "cause": v.cause,
                    "evidence": v.evidence}
+
+
+def reached(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
+    """How far each line came that shows no floor, and where a finer setting is worse."""
+    looks = dressed(rows)
+    for v in verdicts:
+        if (said := "; ".join(filter(None, (v.reached, v.worse)))) and name_of(v) in looks:
+            yield {"letter": letter(looks[name_of(v)]), "line": v.line, "kind": v.kind,
+                   "said": said}
 
 
 def measured(rows: Sequence[Row]) -> str:

@@ -15,11 +15,11 @@ from proofmass.report.style import KNOWN, SOLID, Dash, Look
 from proofmass.report.trade_marks import (
     Name,
     failures,
+    floors,
     letter,
     letters,
     name_of,
     triangles,
-    walls,
     work,
 )
 from proofmass.study.axes import SIZE
@@ -48,7 +48,7 @@ def trade_sheet(rows: Sequence[Row], verdicts: Iterable[Verdict], looks: Mapping
     rows : sequence of Row
         Of all settings, those that failed among them.
     verdicts : iterable of Verdict
-        Walls and expected orders of the lines.
+        Error floors and expected orders of the lines.
     looks : mapping
         From `dressed`.
     """
@@ -163,7 +163,7 @@ def panels(pair: Sequence[Axes], rows: Sequence[Row], kind: str, looks: Mapping[
         scale(ax, [min(row.errors[kind], LOST) for row in shown])
         failures(ax, rows, ax is left, looks)
         letters(ax, ends, looks)
-        walls(ax, ends, looks, verdicts, named=ax is right)
+        floors(ax, ends, looks, verdicts, named=ax is right)
     triangles(right, shown, kind, verdicts)
 
 

@@ -149,6 +149,18 @@ def in_mujoco(case: Case) -> Iterator[Line]:
                  f"{at}, CG without warm start, iterations", "iterations", (1, 2, 4, 8))
 
 
+def at_step(setting: Setting, step: float) -> Setting:
+    """A setting with another time step [s], and a `solref` that goes with it.
+
+    >>> at_step(Setting("mujoco", {"timestep": 1e-3, "solref": (8e-3, 1.0)}), 5e-4).knobs
+    {'timestep': 0.0005, 'solref': (0.004, 1.0)}
+    """
+    knobs = dict(setting.knobs, timestep=step)
+    if isinstance(solref := setting.knobs.get("solref"), tuple):
+        knobs["solref"] = (leading(solref) * step / leading(setting.knobs["timestep"]), *solref[1:])
+    return Setting(setting.engine, knobs)
+
+
 def hard(solref: float) -> dict[str, Knob]:
     """Loops with a time constant [s], and as hard as can be otherwise."""
     return {"solref": (solref, 1.0), "solimp": HARD}

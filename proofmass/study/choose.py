@@ -8,17 +8,18 @@ from textwrap import fill, indent
 
 from proofmass.case import Case
 from proofmass.strict import Kind
+from proofmass.study.finer import ROUNDS, Limits, promises
 from proofmass.study.line import FALLS, order
 from proofmass.study.row import NAN, Row
 from proofmass.study.snippet import snippet
 from proofmass.study.verdict import Verdict
 from proofmass.study.verify import Check, verify
-from proofmass.study.words import cost, off, told, walled
+from proofmass.study.words import cost, floored, off, told
 from proofmass.wording import number
 from sim.mujoco_model import ENGINE_DEFAULTS
 
 MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
-ALIKE = 1.5  # an error so near to the wall of another line is taken to be at the same wall
+ALIKE = 1.5  # an error so near to the floor of another line is taken to be at the same one
 
 
 class Cannot(Exception):
@@ -59,7 +60,8 @@ Verify = Callable[[Case, Kind, Row, str, float], Check]
 
 
 def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str = "position",
-           engine: str = "", verdicts: Iterable[Verdict] = (), verify: Verify = verify) -> Choice:
+           engine: str = "", verdicts: Iterable[Verdict] = (), verify: Verify = verify,
+           limits: Limits | None = None) -> Choice:
     """The cheapest setting whose error is as small as is asked for, with margin.
 
     Parameters
@@ -75,10 +77,12 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
     engine : str, optional
         The only one to choose from.
     verdicts : iterable of Verdict
-        What the walls are.
+        What the error floors are.
     verify : callable, optional
         Runs a setting again, as its program and from a shifted start; both runs must meet what is
         asked for.
+    limits : Limits, optional
+        What finer steps might take, and took.
 
     Raises
     ------
@@ -94,7 +98,7 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
                           tuple(refused))
         rows.remove(row)
         refused.append(f"{told(row)} is {off(row, of)}, but {check.words}")
-    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts)]))
+    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits)]))
 
 
 def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
@@ -103,18 +107,43 @@ def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
                    and MARGIN * row.reached(of) <= wanted), key=lambda row: row.seconds)
 
 
-def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict]
-         ) -> tuple[str, ...]:
-    """Why no setting is good enough: the best one, and its wall; then the evidence."""
+def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
+         limits: Limits | None = None) -> tuple[str, ...]:
+    """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
+    a line that still falls would need."""
     able = [row for row in rows if row.outcome == "ran" and isfinite(row.errors.get(of, NAN))]
     if not able:
         return none_ran(rows, of)
+    verdicts = list(verdicts)
     row = min(able, key=lambda row: row.errors[of])
     short = (f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
              f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}")
-    if not (wall := wall_at(row, of, verdicts)):
-        return f"{short}, at no wall, but no finer one was measured",
-    return f"{short}: {walled(wall)}", wall.evidence
+    more = would_need(able, of, wanted, verdicts, limits)
+    if not (floor := floor_at(row, of, verdicts)):
+        return short, more
+    return f"{short}: {floored(floor)}", floor.evidence, more
+
+
+def would_need(rows: Iterable[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
+               limits: Limits | None = None) -> str:
+    """The step and cost by which the cheapest line that still falls would be good enough.
+
+    And why it was not measured: it costs more than a run or all finer steps may.
+    """
+    promised = promises(rows, verdicts, of, wanted / MARGIN)
+    if not promised:
+        return "no line of settings falls with its step at its end, so none promises to get there"
+    first = promised[0]
+    said = (f"{first.row.line} would need a step of about {number(first.step, 2)} s and about "
+            f"{number(first.seconds, 2)} s a run, if its order {number(first.falls, 2)} holds")
+    if limits is None:
+        return f"{said}; proofmass choose measures finer steps"
+    if first.seconds > limits.longest:
+        return f"{said}; --longest is {number(limits.longest)}"
+    if limits.short:
+        return (f"{said}; of --budget {number(limits.budget)} s, {number(limits.spent, 2)} s are "
+                f"spent")
+    return f"{said}; {limits.settings} finer steps were measured, in {ROUNDS} rounds at most"
 
 
 def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:
@@ -148,8 +177,8 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
                 f"error, {cost(good[0])}"), ratio
     row = min(plain, key=lambda row: row.errors[of])
     own = [verdict for verdict in verdicts if verdict.line == row.line]
-    if wall := wall_at(row, of, own):
-        return f"the engine's defaults never get there: {walled(wall)}", NAN
+    if floor := floor_at(row, of, own):
+        return f"the engine's defaults never get there: {floored(floor)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
     before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
                  default=None)
@@ -169,12 +198,12 @@ def default(row: Row) -> bool:
     return "defaults" in row.knobs and row.knobs.items() <= own.items()
 
 
-def wall_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
-    """The wall that a row stands at: of its own line, or of another of that engine."""
+def floor_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
+    """The error floor that a row stands at: of its own line, or of another of that engine."""
     near = [v for v in verdicts if (v.engine, v.kind) == (row.engine, of)
-            and v.wall > row.errors[of] / ALIKE
-            and (v.line == row.line or v.wall < ALIKE * row.errors[of])]
-    return min(near, key=lambda v: (v.line != row.line, abs(v.wall - row.errors[of])),
+            and v.floor > row.errors[of] / ALIKE
+            and (v.line == row.line or v.floor < ALIKE * row.errors[of])]
+    return min(near, key=lambda v: (v.line != row.line, abs(v.floor - row.errors[of])),
                default=None)
 
 

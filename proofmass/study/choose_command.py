@@ -13,7 +13,9 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.strict import Kind
 from proofmass.study.choose import MARGIN, Cannot, Choice, Verify, choose, printed, words
-from proofmass.study.command import Errors, Runs, measured, named, turnable
+from proofmass.study.command import Errors, Longest, Runs, measured, named, seconds, turnable
+from proofmass.study.disturbed import motions_of, within
+from proofmass.study.finer import BUDGET, LONGEST, Limits, known
 from proofmass.study.program import imposed, program
 from proofmass.study.row import Row
 from proofmass.study.run import pool
@@ -41,10 +43,11 @@ def choose_command(
                       show_default="lines to paste are printed")] = None,
     store: Annotated[Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks "
                                         "is run.")] = Path("trade"),
-    longest: Annotated[float, typer.Option(min=0.001, help="After how many seconds a run is given "
-                                           "up.")] = 30.0,
     jobs: Jobs = None,
     dask: Dask = None,
+    longest: Longest = LONGEST,
+    budget: Annotated[float, typer.Option(help="Wall time [s] of the whole search.",
+                                          metavar="SECONDS")] = BUDGET,
 ) -> None:
     """Find the cheapest setting whose error is as small as is asked for.
 
@@ -62,21 +65,28 @@ def choose_command(
         asked(case, kind, error, solver)
         solver = with_drive(case, kind, solver, drive)
         writable(case, kind, output)
+        limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
         if not turnable(case, kind):
             raise typer.Exit(1)
         runs, verdicts = Store(store / "runs"), list[Verdict]()
         if kind == "duration":
             with pool(jobs, dask) as workers, counting(letters=40) as advance:
+                motion, = motions_of([case], [kind], runs, workers, longest)
+                case = within(case, kind, motion)  # up to the horizon of a chaotic motion
                 rows = search(case, of.value, error / MARGIN, runs, workers, solver,
-                              longest=longest, progress=advance)
+                              limits=limits, progress=advance)
+            more = [row for row in known(case, kind, rows, runs) if row.engine in (
+                solver or row.engine)]
+            limits.known, rows = len(more), rows + more
+            errors.print(limits.words, markup=False, highlight=False)
         else:
-            study = measured([case], store, jobs, dask, kind)
+            study = measured([case], store, jobs, dask, kind, longest)
             rows, verdicts = study.rows, study.verdicts
         there(rows, of.value)
         check = partial(verify, store=runs, longest=longest, drive=drive, compare=True)
         try:
             choice = choose_with_drive(case, kind, rows, error, of.value, solver, verdicts, check,
-                                       runs, longest)
+                                       runs, limits)
         except Cannot as why:
             errors.print(f"{case.name}: {why}", markup=False)
             raise typer.Exit(1) from None
@@ -93,7 +103,7 @@ def choose_command(
 
 
 def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of: str, solver: str,
-                      verdicts: list[Verdict], check: Verify, store: Store, longest: float
+                      verdicts: list[Verdict], check: Verify, store: Store, limits: Limits
                       ) -> Choice:
     """`choose`, with finer steps where the program's drive asks for them."""
     tried = list[tuple[Row, float]]()
@@ -106,14 +116,14 @@ def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of:
     for last in (False,) * ROUNDS + (True,):
         with errors.status("running the programs of settings"):
             try:
-                return choose(case, kind, rows, error, of, solver, verdicts, noted)
+                return choose(case, kind, rows, error, of, solver, verdicts, noted, limits)
             except Cannot:
                 tasks = finer_for_drives(case, tried, error) if case.drive else []
                 if last or not tasks:
                     raise
             known = [row for row, _ in tried]
             rows = [row for row in rows if row not in known]
-            rows += run_tasks(tasks, store, timeout=longest)
+            rows += run_tasks(tasks, store, timeout=limits.longest)
             tried.clear()
     raise AssertionError("the last round returns or raises")
 

@@ -2,6 +2,7 @@
 
 from enum import StrEnum
 from itertools import groupby
+from math import inf
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -17,14 +18,20 @@ from proofmass.study.axes import lines
 from proofmass.study.orders import off
 from proofmass.study.run import pool
 from proofmass.study.store import Store
-from proofmass.study.trade import Trade, chosen, cost, trade, write_study
+from proofmass.study.trade import LONGEST, Trade, chosen, cost, limits, trade, write_study
 from proofmass.study.verdict import Verdict
+from proofmass.study.words import turned
 from proofmass.terminal import console, number
 
 WANTED = (1e-4, 1e-6)  # errors whose price the table tells
+SAID = "what the error floor is, or how far the line came"
 
 Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
 Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
+
+
+Longest = Annotated[float, typer.Option(help="Wall time [s] after which a run is given up.",
+                                        metavar="SECONDS")]
 
 
 def trade_command(
@@ -33,12 +40,13 @@ def trade_command(
                       "runs.")] = Path("trade"),
     jobs: Jobs = None,
     dask: Dask = None,
+    longest: Longest = LONGEST,
     run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
                    "first of these that a case has")] = None,
     error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
     = Errors.position,
 ) -> None:
-    """Measure what accuracy costs: settings from coarse to fine, their orders, walls and prices.
+    """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
 
     Every finished run is kept: a study that was stopped goes on when the command is given again.
     Exit code 0: done; 1: nothing ran; 2: bad input.
@@ -49,9 +57,10 @@ def trade_command(
 
         if not (cases := [case for case in named(paths) if turnable(case, kind)]):
             raise typer.Exit(0)
-        study = measured(cases, output, jobs, dask, kind)
+        study = measured(cases, output, jobs, dask, kind, seconds("--longest", longest))
         write_study(study, output)
         show(study, error.value)
+        errors.print(limits(longest), markup=False, highlight=False)
         print(write_trade(output, output).first if study.rows else output / "trade.csv")
     raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
 
@@ -85,18 +94,29 @@ def turnable(case: Case, kind: Kind | None) -> bool:
 
 
 def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None,
-             kind: Kind | None) -> Trade:
-    """`trade` with a progress bar on standard error."""
+             kind: Kind | None, longest: float = LONGEST) -> Trade:
+    """`trade` with a progress bar on standard error, which tells what chaotic motions are."""
     with pool(jobs, dask) as workers, counting(letters=40) as advance:
-        return trade(cases, Store(folder / "runs"), workers, kind, progress=advance)
+        study = trade(cases, Store(folder / "runs"), workers, kind, longest=longest,
+                      progress=advance)
+    for case, motion in {v.case: v.motion for v in study.verdicts if v.motion}.items():
+        errors.print(f"{case}: {motion}", markup=False, highlight=False)
+    return study
+
+
+def seconds(option: str, value: float) -> float:
+    """A number of seconds that was given; raises ValueError if it is none."""
+    if not 0 < value < inf:
+        raise ValueError(f"{option} {value:g}: give a number of seconds above 0, such as 30")
+    return value
 
 
 def show(study: Trade, kind: str) -> None:
     """A table with one row for each line, on standard output."""
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("case", "line", "order", "expected", "wall", "best",
-                 *(f"s for {error:g}" for error in WANTED), "what the wall is"):
-        right = name not in ("case", "line", "what the wall is")
+    for name in ("case", "line", "order", "expected", "error floor", "best",
+                 *(f"s for {error:g}" for error in WANTED), SAID):
+        right = name not in ("case", "line", SAID)
         table.add_column(name, justify="right" if right else "left", no_wrap=right)
     told = {(v.case, v.line): v for v in study.verdicts if v.kind == kind}
     last = ""
@@ -105,9 +125,11 @@ def show(study: Trade, kind: str) -> None:
         figures = [number(cost(own, kind, error)) for error in WANTED]
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
         verdict = told.get((case, line), Verdict(case, "", "", line, kind))
-        lost = next((f"{row.outcome}: {row.message}" for row in own if row.outcome != "ran"), "")
-        table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.wall),
-                      number(best), *figures, "; ".join(filter(None, (verdict.cause, lost))))
+        lost = next((f"{turned(row)}: {row.outcome}: {row.message}" for row in own
+                     if row.outcome != "ran"), "")
+        table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.floor),
+                      number(best), *figures, "; ".join(filter(None, (
+                          verdict.cause, verdict.reached, verdict.worse, lost))))
         last = case
     if table.row_count:
         console().print(table)

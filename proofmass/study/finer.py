@@ -1,37 +1,92 @@
 """Finer steps than a study took, where none is good enough or a cheaper setting is in sight.
 
-The errors of a line that is at no wall fall on with the order of its last two steps.  That tells
-which step is good enough, and what it will cost; what promises to be cheaper than all that is good
-enough is measured.
+The errors of a line that is at no error floor fall on with the order of its last two steps.  That
+tells which step is good enough, and what it will cost; what promises to be cheaper than all that is
+good enough is measured.  What the store knows of the case already is used first.
 """
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from itertools import groupby
-from math import ceil, inf
+from math import ceil, inf, isclose
 
 from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.strict import Kind
-from proofmass.study.axes import leading
+from proofmass.study.axes import Line, at_step, leading, lines
 from proofmass.study.line import FALLS, order
 from proofmass.study.measure import Task
 from proofmass.study.row import NAN, Row
+from proofmass.study.run import row as row_of
 from proofmass.study.run import run
-from proofmass.study.setting import Setting
-from proofmass.study.store import Store
+from proofmass.study.setting import Knob, Setting
+from proofmass.study.store import Store, key_of, versions
 from proofmass.study.verdict import Verdict
+from proofmass.wording import number, spoken
 
 SAFE = 0.8  # of the error that is needed: orders change a little
 CHEAPER = 0.8  # of the cheapest that is good enough: else it is not worth a run
 LONGEST = 30.0  # s, of a run
+BUDGET = 300.0  # s, of all finer steps together
+PATIENCE = 2.0  # s, of a run that is repeated, as in `proofmass.study.run.run`
 ROUNDS = 4  # in which steps are corrected
 FEW = 2  # lines in a round
+APART = 1.4  # times a step that the one before it must be, for an order to be told from both
+
+
+@dataclass
+class Limits:
+    """How much time finer steps may take, and how much they took.
+
+    Attributes
+    ----------
+    longest, budget : float
+        Of a run, and of all of them together [s].
+    spent : float
+        What was measured took so long [s].
+    settings : int
+        How many were measured.
+    known : int
+        How many more the store knew.
+    short : bool
+        Whether the budget left one out.
+    """
+
+    longest: float = LONGEST
+    budget: float = BUDGET
+    spent: float = 0.0
+    settings: int = 0
+    known: int = 0
+    short: bool = False
+
+    @property
+    def words(self) -> str:
+        """The same in a sentence.
+
+        >>> Limits(budget=60.0, spent=12.34, settings=3).words
+        '3 settings measured in 12 s of --budget 60 s, --longest 30 s a run'
+        """
+        known = f"{self.known} more settings known from the store; " if self.known else ""
+        return (f"{known}{self.settings} settings measured in {number(self.spent, 2)} "
+                f"s of --budget {number(self.budget)} s, --longest {number(self.longest)} s a run"
+                + ", which left some out" * self.short)
+
+
+@dataclass(frozen=True)
+class Promise:
+    """The step [s] with which a line should be good enough, and what it should cost [s]."""
+
+    row: Row
+    step: float
+    seconds: float
+    falls: float
 
 
 def refined(case: Case, kind: Kind, rows: Iterable[Row], verdicts: Iterable[Verdict], of: str,
             needed: float, store: Store, workers: Executor, engine: str = "", *,
-            repeats: int = 5) -> list[Row]:
+            repeats: int = 5, limits: Limits | None = None) -> list[Row]:
     """Measured settings, with finer ones where these are needed or promise to be cheaper.
 
     Parameters
@@ -46,58 +101,131 @@ def refined(case: Case, kind: Kind, rows: Iterable[Row], verdicts: Iterable[Verd
         See `proofmass.study.run.run`.
     engine : str, optional
         The only one that matters.
+    repeats : int
+        Timed runs of each setting.
+    limits : Limits, optional
+        What it may take; gets what it took.
     """
     found, told = list(rows), list(verdicts)
+    limits = limits or Limits()
+    more = list(known(case, kind, found, store))
+    limits.known = len(more)
+    found += more
     for _ in range(ROUNDS):
         own = [row for row in found if row.engine == (engine or row.engine)]
-        if not (tasks := promising(case, kind, own, told, of, needed)):
+        asked = promising(case, kind, own, told, of, needed, limits.longest)
+        left = limits.budget - limits.spent
+        tasks = []
+        for cost, task in asked:
+            whole = cost * (1 + repeats * (cost <= PATIENCE))
+            if whole <= left:
+                tasks.append(task)
+                left -= whole
+        limits.short = len(tasks) < len(asked)
+        if not tasks:
             break
-        found += run(tasks, store, workers, repeats=repeats, timeout=LONGEST)
+        began = time.monotonic()
+        found += run(tasks, store, workers, repeats=repeats, patience=PATIENCE,
+                     timeout=limits.longest)
+        limits.spent += time.monotonic() - began
+        limits.settings += len(tasks)
     return found
 
 
 def promising(case: Case, kind: Kind, rows: Sequence[Row], verdicts: Sequence[Verdict], of: str,
-              needed: float) -> list[Task]:
-    """The next steps to try, those of the cheapest lines."""
-    limit = min((row.seconds for row in rows if row.outcome == "ran" and row.seconds > 0
-                 and row.errors.get(of, inf) <= needed), default=LONGEST / CHEAPER)
-    tried = {(row.line, row.value) for row in rows}
-    asked = sorted(steps(case, kind, rows, verdicts, of, needed), key=lambda each: each[0])
-    return [task for cost, task in asked
-            if cost < CHEAPER * limit and (task.line, task.value) not in tried][:FEW]
-
-
-def steps(case: Case, kind: Kind, rows: Sequence[Row], verdicts: Sequence[Verdict], of: str,
-          needed: float) -> Iterator[tuple[float, Task]]:
-    """Of each line at no wall what it should cost [s], and the step that should be good enough."""
+              needed: float, longest: float = LONGEST) -> list[tuple[float, Task]]:
+    """The next steps to try, those of the cheapest lines, after what each should cost [s]."""
     if kind != "duration":
-        return
-    walled = {(v.engine, v.line) for v in verdicts if v.kind == of and v.wall > 0}
+        return []
+    limit = min((row.seconds for row in rows if row.outcome == "ran" and row.seconds > 0
+                 and row.errors.get(of, inf) <= needed), default=longest / CHEAPER)
+    tried = {(row.line, row.value) for row in rows}
     times = grid(case, kind)
     sample = float(times[1] - times[0])
-    for coarse, fine in ends(row for row in rows if (row.engine, row.line) not in walled):
+    asked = []
+    for each in promises(rows, verdicts, of, needed):
+        step = sample / (ceil(sample / each.step) // 2 * 2 + 1)  # odd, see `axes.timesteps`
+        cost = each.seconds * each.step / step
+        if cost < min(CHEAPER * limit, longest) and (each.row.line, step) not in tried:
+            asked.append((cost, Task(case, kind, scaled(each.row, step), each.row.study,
+                                     each.row.line, each.row.axis, step)))
+    return sorted(asked, key=lambda each: each[0])[:FEW]
+
+
+def promises(rows: Iterable[Row], verdicts: Iterable[Verdict], of: str, needed: float
+             ) -> list[Promise]:
+    """Of each line at no error floor the step that should be good enough, the cheapest first."""
+    floors = {(v.engine, v.line) for v in verdicts if v.kind == of and v.floor > 0}
+    found = []
+    for coarse, fine in ends(row for row in rows if (row.engine, row.line) not in floors):
         pair = [(row.value, row.errors.get(of, NAN)) for row in (coarse, fine)]
-        falls = order(*pair) if all(error > 0 for _, error in pair) else NAN
+        falls = order(*pair) if all(0 < error < inf for _, error in pair) else NAN
         if falls > FALLS and fine.errors[of] > needed:
-            finer = fine.value * (SAFE * needed / fine.errors[of]) ** (1 / falls)
-            step = sample / (ceil(sample / finer) // 2 * 2 + 1)  # odd, see `axes.timesteps`
-            yield fine.seconds * fine.value / step, Task(case, kind, scaled(fine, step), fine.study,
-                                                         fine.line, fine.axis, step)
+            step = fine.value * (SAFE * needed / fine.errors[of]) ** (1 / falls)
+            found.append(Promise(fine, step, fine.seconds * fine.value / step, falls))
+    return sorted(found, key=lambda each: each.seconds)
 
 
 def ends(rows: Iterable[Row]) -> Iterator[tuple[Row, Row]]:
-    """The two finest steps of each line, if it ran with both."""
+    """The finest step of each line and the one before it that is clearly coarser, if both ran."""
     stepped = sorted((row for row in rows if row.axis == "timestep"),
                      key=lambda row: (row.engine, row.line, -row.value))
-    for _, line in groupby(stepped, lambda row: (row.engine, row.line)):
-        last = list(line)[-2:]
-        if [row.outcome for row in last] == ["ran", "ran"]:
-            yield last[0], last[1]
+    for _, group in groupby(stepped, lambda row: (row.engine, row.line)):
+        line = list(group)
+        before = [row for row in line if row.value > APART * line[-1].value]
+        if before and [before[-1].outcome, line[-1].outcome] == ["ran", "ran"]:
+            yield before[-1], line[-1]
 
 
 def scaled(row: Row, step: float) -> Setting:
     """A setting with another step; what holds loops goes with the step, as it does on its line."""
-    knobs = dict(row.knobs, timestep=step)
-    if isinstance(solref := row.knobs.get("solref"), tuple):
-        knobs["solref"] = (leading(solref) * step / row.value, *solref[1:])
-    return Setting(row.engine, knobs)
+    return at_step(Setting(row.engine, dict(row.knobs, timestep=row.value)), step)
+
+
+def known(case: Case, kind: Kind, rows: Iterable[Row], store: Store) -> Iterator[Row]:
+    """Settings that the store has of a case beside those of a study, whoever asked for them.
+
+    The key of each is found anew, so that its model, sidecar, sources and versions are these.
+    """
+    there = {row.key for row in rows}
+    own = lines(case, kind)
+    for key, record in store.records(case.name, kind):
+        engine, knobs = str(record.get("engine")), record.get("knobs")
+        if key in there or engine not in {line.engine for line in own} or (
+                not isinstance(knobs, dict) or record.get("versions") != versions(engine)):
+            continue
+        setting = Setting(engine, {name: tuple(value) if isinstance(value, list) else value
+                                   for name, value in knobs.items()})
+        task = Task(case, kind, setting, "choose", *placed(setting, own))
+        if key_of(task) == key and (found := store.repeats(key)) and found[0].outcome == "ran":
+            yield row_of(task, found, True, key)
+
+
+def placed(setting: Setting, own: Iterable[Line]) -> tuple[str, str, float]:
+    """The line that a setting is on, its axis and its value there; else a line of its own."""
+    for line in own:
+        first = line.settings[0]
+        value = setting.knobs.get(line.axis)
+        if line.engine != setting.engine or value is None or len(line.settings) < 2:
+            continue
+        there = (at_step(first, leading(value)) if line.scaled
+                 else first.but(**{line.axis: value}))
+        if same(there.knobs, setting.knobs):
+            return line.name, line.axis, leading(value)
+    step = setting.knobs.get("timestep", NAN)
+    words = ", ".join(f"{name} {value}" for name, value in setting.knobs.items()
+                      if name != "timestep")
+    return f"{spoken(setting.engine)}, {words or 'as in the model'}", "timestep", leading(step)
+
+
+def same(one: dict[str, Knob], other: dict[str, Knob]) -> bool:
+    """Whether two settings differ by no more than rounding."""
+    if one.keys() != other.keys():
+        return False
+    for name, value in one.items():
+        parts = [v if isinstance(v, tuple) else (v,) for v in (value, other[name])]
+        if len(parts[0]) != len(parts[1]) or not all(
+                isclose(a, b, rel_tol=1e-9) if isinstance(a, float) and isinstance(b, (float, int))
+                else a == b for a, b in zip(*parts, strict=True)):
+            return False
+    return True

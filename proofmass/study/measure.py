@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Lock
 from typing import cast
 
 import numpy as np
@@ -18,9 +20,11 @@ from proofmass.study.core import machine, own_core, pinned
 from proofmass.study.invariants import invariants
 from proofmass.study.row import KINDS, NAN
 from proofmass.study.setting import Setting
-from proofmass.study.truth import truth
+from proofmass.study.truth import read_truth, truth, write_truth
 from sim.protocol import Array, BadModel, Curves, Run
 
+REFERENCE = 600.0  # s, after which a reference of a free motion is given up
+writing: dict[Path, Lock] = {}
 SHORT = 0.02  # s; a shorter run is timed when it was made once before, in the same process
 CONSTANT = 1e-9  # a curve whose range is this share of another's, in the same unit, is rounding
 
@@ -39,6 +43,8 @@ class Task:
         The engine and its knobs.
     study, line, axis, value
         See `Row`.
+    reference : path, optional
+        Where the reference of a free motion is kept, or shall be.
     """
 
     case: Case
@@ -48,6 +54,7 @@ class Task:
     line: str = ""
     axis: str = ""
     value: float = NAN
+    reference: Path | None = None
 
     @property
     def label(self) -> str:
@@ -96,6 +103,8 @@ def measure(task: Task, again: bool, timeout: float) -> Found:
         The model cannot be used, or a knob is unknown to the engine.
     """
     with own_core() as core:
+        if task.reference and not again:
+            referred(task, task.reference)
         try:
             return isolated(observe, task, again, core, timeout=timeout,
                             memory=task.case.run[task.run].memory)
@@ -107,10 +116,25 @@ def measure(task: Task, again: bool, timeout: float) -> Found:
             raise InputError(task.case.model_path, "", str(error)) from None
 
 
+def referred(task: Task, file: Path) -> None:
+    """Write the reference of a free motion, if nobody did; that is no time of a run.
+
+    Where it cannot be evaluated, the run says why.
+    """
+    limits = task.case.run[task.run]
+    with writing.setdefault(file, Lock()):
+        if not file.is_file():
+            with suppress(InputError, *FAILURES):
+                isolated(write_truth, task.setting.applied(task.case, task.run)[0], task.run, file,
+                         timeout=max(REFERENCE, limits.timeout), memory=limits.memory)
+
+
 def observe(task: Task, again: bool, core: int | None) -> Found:
     """Run a task in this process, on one processor from beginning to end."""
     with pinned(core):
         case, run = task.setting.applied(task.case, task.run)
+        if task.reference and not again:
+            read_truth(case, task.run, task.reference)
         curves, shared = clocked(task.setting.engine, case.model_path, run)
         if again and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)

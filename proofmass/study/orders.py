@@ -39,7 +39,7 @@ second order into 1.9 to 2.1 and fourth order into 3.8 to 4.2."""
 def expected(case: Case, run: Kind, line: Line, kind: str) -> tuple[float, ...]:
     """Orders that a line may show in one kind of error, any of its terms being the largest.
 
-    Nothing where theory promises none; 0 is a wall from the start on.
+    Nothing where theory promises none; 0 is a floor from the start on.
     """
     j, axis = DERIVATIVE[kind], line.axis
     if len(line.settings) < 2:  # one setting shows no order

@@ -14,11 +14,13 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from proofmass.isolate import stopping
 from proofmass.study.measure import Found, Task, measure
 from proofmass.study.row import Row
+from proofmass.study.setting import Setting
 from proofmass.study.store import Store, key_of
 
 Progress = Callable[[str, int, int], None]
@@ -92,7 +94,7 @@ def run(tasks: Iterable[Task], store: Store, workers: Executor | None = None, *,
         with pool() as local:
             return run(tasks, store, local, repeats=repeats, patience=patience, timeout=timeout,
                        progress=progress)
-    tasks = list(tasks)
+    tasks = [replace(task, reference=reference_of(task, store)) for task in tasks]
     keys = [key_of(task) for task in tasks]
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(rounds.tasks))
@@ -103,6 +105,13 @@ def run(tasks: Iterable[Task], store: Store, workers: Executor | None = None, *,
              for key in keys]
     return [row(task, each, repeats > 0, key)
             for task, each, key in zip(tasks, found, keys, strict=True)]
+
+
+def reference_of(task: Task, store: Store) -> Path | None:
+    """Where the reference of a free motion is kept, which all settings have in common."""
+    if task.run != "duration" or task.case.drive or task.case.rod:
+        return None
+    return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.truth.npz"
 
 
 @dataclass

@@ -6,6 +6,7 @@ goes on to the step that the order of its last errors says is good enough, as lo
 to be cheaper than what is good enough already.  What is cheapest is then timed in rounds.
 """
 
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from math import ceil, inf, isfinite, log
 from proofmass.case import Case
 from proofmass.reference import compiled, grid
 from proofmass.study.axes import HARD, INTEGRATORS, as_given, leading
+from proofmass.study.finer import Limits, scaled
 from proofmass.study.measure import Task
 from proofmass.study.row import Row
 from proofmass.study.run import run
@@ -133,18 +135,23 @@ def families(case: Case, engine: str = "") -> Iterator[Family]:
     for line in as_given(case, "duration"):
         if line.engine in (engine or line.engine):
             own, = line.settings
-            yield Family(line.engine, line.name, own.at_step, sample,
+            yield Family(line.engine, line.name, setter(own), sample,
                          first=min(leading(own.knobs["timestep"]), sample))
     for name in there:
         if name in (engine or name):
             for title, knobs, plain in kinds[name](case):
-                yield Family(name, title, setter(name, knobs), sample, plain)
+                yield Family(name, title, setting_of(name, knobs), sample, plain)
 
 
 Knobs = Callable[[float], dict]
 
 
-def setter(engine: str, knobs: Knobs) -> Callable[[float], Setting]:
+def setter(own: Setting) -> Callable[[float], Setting]:
+    """A setting with other steps."""
+    return lambda step: own.but(timestep=step)
+
+
+def setting_of(engine: str, knobs: Knobs) -> Callable[[float], Setting]:
     """Settings of an engine by their step."""
     return lambda step: Setting(engine, {"timestep": step, **knobs(step)})
 
@@ -180,7 +187,7 @@ def of_pymunk(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
 
 
 def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,
-           engine: str = "", *, longest: float = 30.0, budget: float = inf, repeats: int = 5,
+           engine: str = "", *, limits: Limits | None = None, repeats: int = 5,
            progress: Progress = lambda *_: None) -> list[Row]:
     """Measure settings of a duration until the cheapest that is good enough is known.
 
@@ -193,8 +200,8 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
         See `proofmass.study.run.run`.
     engine : str, optional
         The only one to search.
-    longest : float
-        After which a run is given up [s].
+    limits : Limits, optional
+        What it may take; gets what it took.
     repeats : int
         Timed runs of what is cheapest.
 
@@ -203,9 +210,15 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     list of Row
         All that was measured.
     """
-    found = list(families(case, engine))
+    found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
+    longest = limits.longest
     while tasks := [task for family in found for task in following(case, family, found, of, needed,
                                                                    longest)]:
+        limits.spent = time.monotonic() - began
+        if limits.spent > limits.budget:
+            limits.short = True
+            break
+        limits.settings += len(tasks)
         rows = run([task for _, task in tasks], store, workers, repeats=0, timeout=longest,
                    progress=progress)
         for (family, _), row in zip(tasks, rows, strict=True):
@@ -218,6 +231,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
                    row.value) for row in timed]
     again = run(tasks_, store, workers, repeats=repeats, timeout=longest, progress=progress)
+    limits.spent = time.monotonic() - began
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
 
@@ -246,11 +260,8 @@ def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: flo
         if wanted < off < LOST:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
             step = sample / (ceil(sample / finer) // 2 * 2 + 1)
-            knobs = dict(row.knobs, timestep=step)
-            if isinstance(solref := row.knobs.get("solref"), tuple):
-                knobs["solref"] = (float(solref[0]) * step / row.value, *solref[1:])
             asked.append((row.seconds * row.value / step, Task(
-                case, "duration", Setting(row.engine, knobs), row.study, row.line, row.axis, step)))
+                case, "duration", scaled(row, step), row.study, row.line, row.axis, step)))
     return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
 
 

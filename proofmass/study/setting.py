@@ -31,10 +31,6 @@ class Setting:
         """The same with other knobs."""
         return Setting(self.engine, {**self.knobs, **knobs})
 
-    def at_step(self, step: float) -> "Setting":
-        """The same with another time step [s]."""
-        return self.but(timestep=step)
-
     def applied(self, case: Case, kind: Kind) -> tuple[Case, Run]:
         """The case, with its rods cut as the setting says, and what to ask of its engine."""
         knobs: dict[str, Any] = dict(self.knobs)

@@ -8,7 +8,7 @@ import importlib.metadata
 import io
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -87,6 +87,20 @@ class Store:
             raise
         except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile):
             raise foreign(file) from None
+
+    def records(self, case: str, run: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Key and record of every first run of a case of that name, whatever its model was."""
+        for file in sorted(self.folder.glob("*.0.json")):
+            record = read(file)
+            if isinstance(record, dict) and (record.get("case"), record.get("run")) == (case, run):
+                yield file.name.removesuffix(".0.json"), record
+
+    def repeats(self, key: str) -> list[Found]:
+        """What all runs of a task gave, the first one before the timed ones."""
+        found = list[Found]()
+        while one := self.load(key, len(found)):
+            found.append(one)
+        return found
 
     def save(self, key: str, repeat: int, task: Task, found: Found, timeout: float) -> None:
         """Keep what a run gave; its curves first, for with the record it is finished."""

@@ -1,4 +1,5 @@
-"""What a study of work and precision found: of each line its order and its wall, and the front."""
+"""What a study of work and precision found: of each line its order and its error floor, or how far
+it came; and the front."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,14 +19,22 @@ class Verdict:
     case, run, engine, line, kind : str
         What it is about; see `Row`.
     observed, expected : float
-        Order of convergence before the wall, and by theory; NaN where there is none.
-    wall : float
-        Error [share of the range] from which the line falls no further; NaN if it did not come
-        there.
+        Order of convergence before an error floor, and by theory; NaN where there is none.
+    floor : float
+        Error floor [share of the range]: an asymptotic error that two halvings of the step leave
+        and that a cause moves; NaN where none was shown.
     cause, evidence : str
-        What the wall is, and the factors that show it.
+        What the floor is, and the factors that show it.
     remark : str
         What moves the error where the observed order is not the expected one.
+    reached : str
+        How far the line came, where no floor was shown, and what it would need for 1e-4.
+    worse : str
+        A finer setting that is worse than the coarser one before it.
+    motion : str
+        How a free motion answers to a disturbed start, where that matters.
+    horizon : float
+        Until when the errors are judged [s], if that is not the whole run.
     """
 
     case: str
@@ -35,10 +44,14 @@ class Verdict:
     kind: str
     observed: float = NAN
     expected: float = NAN
-    wall: float = NAN
+    floor: float = NAN
     cause: str = ""
     evidence: str = ""
     remark: str = ""
+    reached: str = ""
+    worse: str = ""
+    motion: str = ""
+    horizon: float = NAN
 
 
 def front(rows: Iterable[Row], kind: str) -> list[Row]:

@@ -1,7 +1,8 @@
-"""What a wall is: one cause at a time is moved at the wall, and the error says which it follows.
+"""What an error floor is: one cause at a time is moved there, and the error says which it follows.
 
 A cause that has a share s of the error, and is of first order, moves it by a factor 1 / (1 - s/2)
-when it is halved.
+when it is halved.  The time step is no cause: a floor is what halving it leaves.  Rounding is one
+where it is shown, by a disturbance of its size (`proofmass.study.disturbed`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ from proofmass.case import Case
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
 from proofmass.strict import Kind
+from proofmass.study.axes import Line, at_step
 from proofmass.study.reread import READS, movable, reread
 from proofmass.study.rescaled import thinned
 from proofmass.study.row import NAN, Row
@@ -26,11 +28,15 @@ MOVES = 1.1
 """Factor on the error from which a cause is one: a fifth of the error, if of first order."""
 CAP = 0.9999  # MuJoCo takes no harder solimp
 UNKNOWN = "unknown"
+STEP = "time step"
+IN_SOLREF = "too few steps in solref"
+"""What the step alone moves on a line whose loops get harder with it."""
+ROUNDING = "rounding"
 
 
 @dataclass(frozen=True)
 class Probe:
-    """A wall's setting with one cause moved.
+    """A setting with one cause moved.
 
     Attributes
     ----------
@@ -53,24 +59,56 @@ class Probe:
     whole: bool = False
 
 
-def probes(case: Case, run: Kind, setting: Setting, folder: Path) -> list[Probe]:
-    """All causes that can be moved in a run, each of them moved; a folder takes what that needs."""
+def halvings(run: Kind, line: Line, setting: Setting, own: float) -> list[Setting]:
+    """A setting of a line with half and a quarter of its step, or of its links.
+
+    Parameters
+    ----------
+    run, line, setting
+        Where loops get harder with the step along the line, they do so here.
+    own : float
+        The model's time step [s], for a setting that has none.
+    """
+    if run != "duration":
+        n = int(str(setting.knobs["segments"]))
+        return [setting.but(segments=2 * n), setting.but(segments=4 * n)]
+    step = float(str(setting.knobs.get("timestep", own)))
+    return [at_step(setting, step / by) if line.scaled else setting.but(timestep=step / by)
+            for by in (2, 4)]
+
+
+def probes(case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool = False
+           ) -> list[Probe]:
+    """All causes that can be moved in a run, each of them moved.
+
+    Parameters
+    ----------
+    case, run, setting
+        What is moved.
+    folder : Path
+        Takes the models and curves that it needs.
+    scaled : bool
+        Whether loops get harder with the step along the setting's line: the step alone changes how
+        many steps are in `solref`.
+    """
     if run != "duration":
         own = [] if not case.rod else [Probe(
             "segments", "twice as many segments", case,
             setting.but(segments=2 * int(str(setting.knobs["segments"]))))]
     else:
-        own = [*(in_pymunk if setting.engine == "pymunk" else in_mujoco)(case, setting)]
+        own = [*(in_pymunk if setting.engine == "pymunk" else in_mujoco)(case, setting, scaled)]
     return [*own, *of_reference(case, setting, folder), *of_samples(case, run, setting)]
 
 
-def in_mujoco(case: Case, setting: Setting) -> Iterator[Probe]:
+def in_mujoco(case: Case, setting: Setting, scaled: bool) -> Iterator[Probe]:
     """Step, softness of loops, solver."""
     model = compiled(case)
     known: dict[str, Any] = {**(ENGINE_DEFAULTS if setting.knobs.get("defaults") else {}),
                              **setting.knobs}
     step = known.get("timestep", model.opt.timestep)
-    yield Probe("time step", "halving the step", case, setting.but(timestep=step / 2))
+    yield Probe(IN_SOLREF if scaled else STEP,
+                "halving the step" + ", solref as it is" * scaled, case,
+                setting.but(timestep=step / 2))
     if not model.neq:
         return
     tau, ratio = known.get("solref", model.eq_solref[0])[:2]
@@ -88,11 +126,11 @@ def in_mujoco(case: Case, setting: Setting) -> Iterator[Probe]:
                 setting.but(iterations=more, tolerance=0.0))
 
 
-def in_pymunk(case: Case, setting: Setting) -> Iterator[Probe]:
+def in_pymunk(case: Case, setting: Setting, scaled: bool) -> Iterator[Probe]:
     """Step, bias, iterations."""
     known: dict[str, Any] = setting.knobs
     step = known.get("timestep", compiled(case).opt.timestep)
-    yield Probe("time step", "halving the step", case, setting.but(timestep=step / 2))
+    yield Probe(STEP, "halving the step", case, setting.but(timestep=step / 2))
     own = known.get("defaults")
     if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
         yield Probe("bias of the loops", "halving its time constant", case,
@@ -134,37 +172,37 @@ def sampled(case: Case, run: Kind, n: int) -> Case:
     return case.model_copy(update={"run": {**case.run, run: table}})
 
 
-def judge(error: float, found: Sequence[tuple[Probe, Row]], kind: str) -> tuple[str, str]:
-    """What a wall is, and the factors that tell.
+def judge(error: float, found: Sequence[tuple[Probe, Row]], kind: str, at_floor: bool = False
+          ) -> tuple[str, str]:
+    """What an error follows, and the factors that tell.
 
     Parameters
     ----------
     error : float
-        At the wall.
+        Where causes were moved.
     found : sequence of (Probe, Row)
         All that was moved.
     kind : str
         Of error.
+    at_floor : bool
+        Whether the step was shown to leave it, so that it is no cause.
 
     Returns
     -------
     cause, evidence : str
     """
     gains: dict[str, float] = {}
-    words, lost = [], list[str]()
+    words = []
     for probe, row in found:
         moved = row.errors.get(kind, NAN)
         if row.outcome != "ran" or not moved > 0:
             words.append(f"{probe.move}: {row.outcome}")
-            lost += [f"{probe.cause}, finer is lost"] if probe.better else []
             continue
-        gains[probe.cause] = max(gain(probe, error / moved), gains.get(probe.cause, 0.0))
+        if not (at_floor and probe.cause == STEP):
+            gains[probe.cause] = max(gain(probe, error / moved), gains.get(probe.cause, 0.0))
         words.append(f"{probe.move} {factor(error / moved)}")
     cause = max(gains, key=lambda name: gains[name], default=UNKNOWN)
-    if gains.get(cause, 1.0) < MOVES:
-        finer = gains.get("time step", 1.0)
-        cause = "rounding" if finer < 1 / MOVES else next(iter(lost), UNKNOWN)
-    return cause, "; ".join(words)
+    return cause if gains.get(cause, 1.0) >= MOVES else UNKNOWN, "; ".join(words)
 
 
 def gain(probe: Probe, ratio: float) -> float:
