@@ -127,8 +127,9 @@ def test_motors_do_what_gears_do(name, tmp_path):
 def test_a_motor_does_not_drift(tmp_path):
     """A hundred turns, by rates that are corrected at every step, in few iterations."""
     file = tmp_path / "wheel.xml"
-    file.write_text(planar('<body name="wheel"><joint name="wheel" axis="0 0 -1"/>'
-                           '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>',
+    inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    file.write_text(planar(f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
+                           f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
                            '<jointpos name="angle" joint="wheel"/>'))
     run = Run("duration", np.linspace(0, 10, 11), ("angle",),
               (Drive("wheel", lambda t: (20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
@@ -155,9 +156,9 @@ def planar(bodies: str, sensors: str = "", more: str = "", qpos: str = "", qvel:
             f'<sensor>{sensors}</sensor><keyframe><key name="start"{key}/></keyframe></mujoco>')
 
 
-# In the x-z plane with its normal along -y; springs of all kinds, a damper, limits, constant loads
-# on a hinge and a slide, two pulls on one site, an armature, a body on the ground, names that
-# Python cannot have for variables, and two that the program has already.
+# In the x-z plane with its normal along -y, about which two hinges turn backwards; springs of all
+# kinds, a damper, limits, constant loads on hinges and a slide, two pulls on one site, an armature,
+# a body on the ground, names that Python cannot have for variables, and two that the program has.
 RICH = planar(
     '<body name="time"><joint name="lift &#34;1&#34;" type="slide" axis="0.6 0 0.8" '
     ' stiffness="40 3 2" springref="0.1" limited="true" range="-0.2 0.21"/>'
@@ -168,7 +169,8 @@ RICH = planar(
     ' <body><joint name="flap" axis="0 1 0" pos="0 0 0.1" stiffness="2 1 3" limited="true" '
     '  range="-0.5 0.4"/><inertial pos="-0.3 0 0.1" mass="0.7" diaginertia=".01 .03 .03"/></body>'
     '</body>'
-    '<body name="ground"><joint name="wheel" axis="0 1 0" armature="0.02"/>'
+    '<body name="ground"><joint name="wheel" axis="0 1 0" armature="0.02" '
+    ' stiffness="0.4" springref="0.9"/>'
     ' <inertial pos="0.1 0 0" mass="1" diaginertia=".01 .01 .01"/>'
     ' <body name="rail"><joint name="rail" type="slide" axis="1 0 0.2" stiffness="30" '
     '  springref="-0.05" damping="0.5"/>'
@@ -189,9 +191,10 @@ RICH = planar(
     '<e_potential name="potential"/><e_kinetic name="kinetic"/>'
     '<actuatorfrc name="push" actuator="push"/><jointactuatorfrc name="moment" joint="arm"/>',
     '<actuator><motor name="push" joint="lift &#34;1&#34;"/><motor name="twist" joint="arm"/>'
+    '<motor name="turn" joint="flap"/>'
     ' <general name="pull" site="tip" refsite="here" gear="1 0 -2 0 0.3 0"/>'
     ' <general name="pull 2" site="tip" refsite="here" gear="0 0 1 0 0 0"/></actuator>',
-    qpos="0.05 0.4 0.1 0.2 0.1", qvel="0.3 0 1 2 0", ctrl="-3 0.7 0.5 0.2",
+    qpos="0.05 0.4 0.1 0.2 0.1", qvel="0.3 0 1 2 0", ctrl="-3 0.7 0.4 0.5 0.2",
     gravity="0.5 0 -9.81")
 CHANNELS = ("arm", "flap_rate", "lift_acc", 'lift, "m"', "rail_rate", "rail", "potential",
             "kinetic", "push", "moment", "way.angle",
