@@ -130,20 +130,21 @@ def test_a_motor_does_not_drift(tmp_path):
     inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
     file.write_text(planar(f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
                            f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
-                           '<jointpos name="angle" joint="wheel"/>'))
-    run = Run("duration", np.linspace(0, 10, 11), ("angle",),
-              (Drive("wheel", lambda t: (20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
+                           '<jointpos name="value" joint="wheel"/>'
+                           '<framexaxis name="way" objtype="xbody" objname="wheel"/>'))
+    run = Run("duration", np.linspace(0, 10, 11), ("value", "way.angle"),
+              (Drive("wheel", lambda t: (4 + 20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
               settings={"timestep": 1e-3, "iterations": 10, "error_bias": 0.0})
-    motion = "def motion(t):\n    return 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
+    motion = "def motion(t):\n    return 4 + 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
     text = write_program(file, run, motion, "", Imposed("motor"))
-    # 1e-13 rad of rounding at 600 rad a step, corrected in the next one
-    np.testing.assert_allclose(ran(tmp_path / "bare", text).curves["angle"],
-                               20 * np.pi * run.x, atol=1e-11)
-    # the mutation: a rate of the law alone leaves what rounding and iterations do
-    loose, hits = re.subn(r"drives\[0\].rate = .*", "drives[0].rate = 20.0", text)
+    got, truth = ran(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
+    # 1e-13 rad of rounding at 600 rad, corrected in the next step
+    np.testing.assert_allclose(got["value"], truth, atol=1e-11)
+    np.testing.assert_allclose(got["way.angle"], 2 * np.pi - truth, atol=1e-11)  # from (-pi, pi]
+    # the mutation: the angle of now, which the step moves on by 0.06 rad before the motor pushes
+    late, hits = re.subn(r" \+ TIMESTEP \* \(b\.angular_velocity - .*\)", "", text)
     assert hits == 1
-    off = ran(tmp_path / "loose", loose).curves["angle"] - 20 * np.pi * run.x
-    assert abs(off).max() > 1
+    assert abs(ran(tmp_path / "late", late).curves["value"] - truth).max() > 0.01
 
 
 def planar(bodies: str, sensors: str = "", more: str = "", qpos: str = "", qvel: str = "",
