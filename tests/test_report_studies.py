@@ -15,7 +15,8 @@ from proofmass.report.diet_page import write_diet
 from proofmass.report.diet_sheet import SMALL, diet_sheet
 from proofmass.report.style import RC
 from proofmass.study.boundary import Boundary, Limit
-from proofmass.study.diet_table import WHOLE, Entry, read_entries, write_entries
+from proofmass.study.diet_table import OPTION, SAID, WHOLE, Entry, read_entries, write_entries
+from proofmass.study.diet_words import sentences
 from proofmass.study.stress import write_boundaries
 from proofmass.study.trade import Trade, write_study
 from proofmass.study.trial import Cost
@@ -23,14 +24,18 @@ from tests.conftest import MODELS
 from tests.trade_rows import study
 
 HEAVY, LEAN = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
+QUARTER, NOTHING = (0.2, 0.25, 0.3), (-0.02, 0.01, 0.03)
 RUN = "pendulum duration"
 ENTRIES = [
-    Entry("light", "sun", "harmless", {RUN: {"angle": 0.0, "rate.x": 0.0}}, "", (HEAVY, LEAN)),
+    Entry("light", "sun", "harmless", {RUN: {"angle": 0.0, "rate.x": 0.0}}, "", (HEAVY, LEAN),
+          QUARTER),
     Entry("joint", "pivot", "needed", message='no <sensor>, "angle" needs it'),
-    Entry("body", "bob", "matters", {RUN: {"angle": 7e12}}, "", (HEAVY, LEAN)),
+    Entry("body", "bob", "matters", {RUN: {"angle": 7e12}}, "", (HEAVY, LEAN), QUARTER),
     Entry("geom", "rod", "diverged", message="MuJoCo warning badqacc"),
-    Entry("drawn geom", "2: rod, bob", "drawn", {RUN: {"angle": 2e-3}}, "", (HEAVY, HEAVY)),
-    Entry(WHOLE, "", "harmless", {RUN: {"angle": 0.5, "rate.x": 0.25}}, "", (HEAVY, LEAN))]
+    Entry("drawn geom", "2: rod, bob", "drawn", {RUN: {"angle": 2e-3}}, "", (HEAVY, HEAVY),
+          NOTHING),
+    Entry(WHOLE, "", "harmless", {RUN: {"angle": 0.5, "rate.x": 0.25}}, "", (HEAVY, LEAN),
+          QUARTER)]
 
 
 @pytest.fixture
@@ -55,6 +60,26 @@ def test_the_table_of_a_diet_holds_everything(tmp_path: Path) -> None:
     assert "`moved_over_allowed`" in (tmp_path / "diet.columns.md").read_text()
 
 
+def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
+    option = Entry(OPTION, "tolerance 0 to 1e-8", "harmless", {RUN: {"angle": 0.5}}, "",
+                   (HEAVY, LEAN), QUARTER)
+    longer = Entry(OPTION, "time step 1e-3 to 2e-3 s", "matters", {RUN: {"rate": 4.0}})
+    watched = Entry(SAID, "", SAID, message="Watched: joint crank, and nothing else.")
+    told = [watched, option, longer, replace(ENTRIES[-1], saved=NOTHING)]
+    write_entries(told, tmp_path / "a.csv")
+    assert read_entries(tmp_path / "a.csv") == told
+    assert list(sentences(told)) == [
+        "Watched: joint crank, and nothing else.",
+        "Nothing is left to remove: of 0 features, each taken out, 0 move a channel by more than "
+        "it may, and 0 are needed for the model to run.",
+        "Options are changed: tolerance 0 to 1e-8.",
+        "The largest error of a channel is 0.5 of what is allowed, of angle in pendulum duration.",
+        "The time of a run does not change measurably (0.97 to 1.02 of it with 99 %), and 10 KB "
+        "less memory.",
+        "Options that stay, since an error would be too large: time step 1e-3 to 2e-3 s (4 of what "
+        "is allowed, of rate)."]
+
+
 def test_another_table_is_no_diet(tmp_path: Path) -> None:
     (tmp_path / "other.csv").write_text("kind,feature\nlight,sun\n")
     with pytest.raises(InputError, match="not the table of a diet"):
@@ -67,7 +92,9 @@ def test_the_page_of_a_diet_says_what_goes_and_what_that_saves(studies: list[Pat
     text = write_diet(studies[2], studies[2]).first.read_text(encoding="utf-8")
     assert "1 of 5 features go together: light sun." in text
     assert "The largest change is 0.5 of what is allowed, of angle in pendulum duration." in text
-    assert "A step takes 0.75 of its time, and 10 KB less memory." in text
+    assert "A run takes 0.75 of its time (0.7 to 0.8 with 99 %), and 10 KB less memory." in text
+    assert "<td>25 % (20 to 30)</td>" in text
+    assert text.count("<td>none</td>") == 1  # whose interval holds 0
     assert "Drawn, and kept for the eye: 2: rod, bob." in text
     assert "MuJoCo warning badqacc" in text
 
@@ -91,7 +118,9 @@ def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
     assert [m.get_xdata()[0] for m in marks] == [SMALL, 1e9, 2e-3, 0.5]
     assert [m.get_marker() for m in marks] == ["o", "X", "o", "o"]
     assert [m.get_markerfacecolor() == "white" for m in marks] == [False, False, True, False]
-    assert [round(p.get_width(), 6) for p in time.patches] == [25.0, 25.0, 0.0, 25.0]
+    assert [round(p.get_width(), 6) for p in time.patches] == [25.0, 25.0, 1.0, 25.0]
+    assert [line.get_xdata().tolist() for line in time.lines[1:]] == [
+        pytest.approx(span) for span in ([20, 30], [20, 30], [-2, 3], [20, 30])]
     assert [p.get_width() for p in memory.patches] == [10.0, 10.0, 0.0, 10.0]
 
 

@@ -33,7 +33,7 @@ from proofmass.study.setting import Setting
 from proofmass.study.stand import NotHere, Stand, judged, known, needs
 from proofmass.study.stand import observed as observed_run
 from proofmass.study.store import Store
-from proofmass.study.trial import Cost
+from proofmass.study.trial import Cost, Pace
 from proofmass.study.verdict import front
 from sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 
@@ -660,6 +660,7 @@ class Given:
     """A draft that was given probes and rods of its own."""
 
     probes: ClassVar = {"probe"}
+    watch = ()
 
     def segmented(self, rods):
         return (*rods, "cut")
@@ -819,7 +820,8 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
 
 def test_what_is_timed_is_the_model_before_and_after(monkeypatch):
     own = search(scene_with(draft=Cuts(["all"])), workers="workers")
-    monkeypatch.setattr(Outcomes, "timed", lambda self, now, draft, entry: (now, draft))
+    monkeypatch.setattr(Outcomes, "timed", lambda self, now, draft, entry, tuned=False: (
+        now, draft))
     assert own.explored(Cuts(["old"]), feature("new"))[0][1] == (["old"], ["old", "new"])
 
     def none(slim, scene):
@@ -838,7 +840,7 @@ def test_workers_of_its_own_are_there_while_a_search_runs(monkeypatch):
     monkeypatch.setattr(diet, "pool", opened)
     monkeypatch.setattr(diet, "features", lambda slim, scene: iter(()))
     seen = []
-    monkeypatch.setattr(Outcomes, "tried", lambda self, now, feature: seen.append(
+    monkeypatch.setattr(Outcomes, "tried", lambda self, now, feature, tuned: seen.append(
         self.workers) or (now, entry("needed")))
     assert search(scene_with(draft=Cuts())).run().whole.outcome == "needed"
     assert set(seen) == {"workers"}
@@ -852,18 +854,18 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
 
     def raced(models, run, rounds, limit):
         asked.append((models, run.x.size, run.rods, rounds, limit))
-        return [Cost(2.0, 3), Cost(1.0, 2)]
+        return Pace((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
 
     monkeypatch.setattr(diet, "paced", raced)
     own = diet.Search(scene_with(short, long), rounds=3, kept=Asked())
     now, draft = Cuts(["old"]), Cuts(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
         assert own.timed(now, draft, entry(outcome)) == entry(
-            outcome, costs=(Cost(2.0, 3), Cost(1.0, 2)))
+            outcome, costs=(Cost(2.0, 3), Cost(1.0, 2)), saved=(0.4, 0.5, 0.6))
     assert own.timed(now, draft, entry("needed")) == entry("needed")
     assert replace(own, rounds=0).timed(now, draft, entry("drawn")) == entry("drawn")
     models = ("model", "old", "rod"), ("model", "old", "new", "rod")
-    # 500 steps, 250 a sample; a limit of 20 times as long, 3 times over
+    # two samples are more than are timed; a limit of 20 times as long, 3 times over
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
     kept_as, (run, rounds) = own.kept.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)

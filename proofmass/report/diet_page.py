@@ -15,12 +15,12 @@ from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.study.diet_table import Entry, read_entries
-from proofmass.study.diet_words import ranked, sentences
+from proofmass.study.diet_words import ranked, saving, sentences
 from proofmass.wording import number
 
 CAPTION = ("What the model can be run without. Left: the channel that moves most, over what it may "
            "move; filled: goes, ring: drawn, kept for the eye, cross: matters. Right: what a step "
-           "would save; outlines stay.")
+           "would save, with the interval of the median with 99 %; outlines stay.")
 
 
 def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -61,5 +61,5 @@ def cells(entry: Entry) -> dict[str, str]:
     where = f"{channel} in {run}" if channel and share else ""
     return {"kind": entry.kind, "name": entry.name, "outcome": entry.outcome,
             "share": number(share), "where": where or entry.message,
-            "time": f"{number(100 * entry.saved_time, 2)} %" if entry.costs else "—",
+            "time": saving(entry),
             "memory": f"{number(entry.saved_memory)} KB" if entry.costs else "—"}

@@ -7,14 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from proofmass.report.style import KNOWN
-from proofmass.study.diet_table import WHOLE, Entry
+from proofmass.study.diet_table import NO_GAIN, WHOLE, Entry
 
 ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands above and below
 LEAST = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
 LETTERS = 42  # of a feature's name
 SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are told apart
 LOOKS = {"harmless": ("o", KNOWN["mujoco"].colour), "drawn": ("o", "white"),
-         "matters": ("X", "#333333")}
+         NO_GAIN: ("o", "white"), "matters": ("X", "#333333")}
 """Marker and filling by outcome: what goes, what could, what stays."""
 
 
@@ -36,6 +36,10 @@ def diet_sheet(entries: Sequence[Entry]) -> Figure:
     axes[0].set_ylim(0.2, len(entries) + 0.8)
     axes[0].set_yticks([])
     bars(axes[1], entries, places, lambda entry: 100 * entry.saved_time)
+    for y, entry in zip(places, entries, strict=True):
+        if entry.saved:
+            low, _, high = entry.saved
+            axes[1].plot([100 * low, 100 * high], [y, y], color="#333333", linewidth=0.9)
     axes[1].set_xlim(left=max(axes[1].get_xlim()[0], LEAST))
     axes[1].set_xlabel("time of a step saved [%]")
     bars(axes[2], entries, places, lambda entry: entry.saved_memory)

@@ -10,8 +10,8 @@ from rich.table import Table
 from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
 from proofmass.study.diet import Diet, Search
-from proofmass.study.diet_table import Entry, read_entries, write_entries
-from proofmass.study.diet_words import ranked, sentences
+from proofmass.study.diet_table import NO_GAIN, Entry, read_entries, write_entries
+from proofmass.study.diet_words import ranked, saving, sentences
 from proofmass.study.draft import read
 from proofmass.study.kept import Kept
 from proofmass.study.run import pool
@@ -20,7 +20,8 @@ from proofmass.study.slim import write
 from proofmass.terminal import console
 from proofmass.wording import number
 
-GOES = {"harmless": "✓ goes", "drawn": "· drawn", "matters": "✗ matters"}
+GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain",
+        "matters": "✗ matters"}
 
 
 def diet_command(
@@ -30,6 +31,12 @@ def diet_command(
                       "stands beside it.", show_default="diet/MODEL.xml")] = None,
     seconds: Annotated[float, typer.Option(min=1e-3, help="To follow a model without a sidecar, "
                        "from its key.")] = 5.0,
+    watch: Annotated[list[str] | None, typer.Option("--watch", help="A joint, body, site or sensor "
+                     "that matters; what does not act on it goes. Can be given again. Without it "
+                     "all that is measured, or moves, is watched.")] = None,
+    error: Annotated[float | None, typer.Option("--error", min=0.0, help="How far other options of "
+                     "the engine may take a channel from the fine solution, as a share of its "
+                     "range. Without a sidecar; a tenth more than now if not given.")] = None,
     blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
     = False,
     jobs: Jobs = None,
@@ -38,8 +45,10 @@ def diet_command(
     """Find what a scene does not need, and write the model without it.
 
     Each feature is taken out by itself and every run is done again: those of the sidecars, within
-    their tolerances, or the motion from the model's key, to rounding. What was tried is kept: a
-    diet that was stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
+    their tolerances, or the motion from the model's key, to rounding. Then solver tolerance,
+    iterations, time step, integrator and solver are made cheaper where the error of the reference,
+    or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
+    goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
     from proofmass.report.diet_page import write_diet  # matplotlib is slow to load
 
@@ -49,12 +58,12 @@ def diet_command(
             raise InputError(file, "--output", "is the model itself; give another file")
         if (table := file.with_suffix(".csv")).exists():
             read_entries(table)  # what is no table of a diet is not replaced by one
-        scene = scene_of(model, seconds)
+        scene = scene_of(model, seconds, tuple(dict.fromkeys(watch or ())), error)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
             found = Search(scene, blind, workers=workers, kept=Kept(file.parent / "runs"),
                            progress=lambda what: status.update(what[:70])).run()
         finish(scene, found, file)
-    for part in shown((*found.entries, found.whole)):
+    for part in shown(found.table):
         console().print(part, markup=False)
     print()
     for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
@@ -69,7 +78,8 @@ def finish(scene: Scene, found: Diet, file: Path) -> None:
         write(found.slim, half, dressed=True)
         written = read(half, found.slim.rods)
         models = [written.compiled(found.slim.segmented(w.run.rods)) for w in scene.watches]
-        outcome, _, message = Search(scene).ran(models, found.slim)
+        search = Search(scene)
+        outcome, _, message = (search.held if found.tuned else search.ran)(models, found.slim)
         if outcome != "harmless":
             raise InputError(scene.draft.file, "", "cannot be written with all its digits: its "
                              f"slim model {message or outcome}")
@@ -77,7 +87,7 @@ def finish(scene: Scene, found: Diet, file: Path) -> None:
         half.replace(file)
     finally:
         half.unlink(missing_ok=True)
-    write_entries((*found.entries, found.whole), file.with_suffix(".csv"))
+    write_entries(found.table, file.with_suffix(".csv"))
 
 
 def shown(entries: Sequence[Entry]) -> Iterator[str | Table]:
@@ -92,8 +102,10 @@ def shown(entries: Sequence[Entry]) -> Iterator[str | Table]:
             rows.add_row(*cells(entry))
     if rows.row_count:
         yield rows
-        yield "\ntime and memory: saved; moves: largest change of a channel, of what is allowed"
-    if needed := [e.title for e in entries if e.outcome not in GOES]:
+        yield ("\ntime and memory: saved; time in brackets: interval of the median with 99 %, none "
+               "where 0 is within it; moves: largest change of a channel, or with another option "
+               "its error, of what is allowed")
+    if needed := [e.title for e in ranked(entries) if e.outcome not in GOES]:
         yield f"\nWithout these it does not run: {'; '.join(needed)}"
 
 
@@ -102,6 +114,6 @@ def cells(entry: Entry) -> tuple[str, ...]:
     run, channel, share = entry.worst
     saved = ("–", "–")
     if entry.costs:
-        saved = f"{entry.saved_time:+.0%}", f"{entry.saved_memory:+.1f} KB"
+        saved = saving(entry), f"{entry.saved_memory:+.1f} KB"
     return (entry.title, GOES[entry.outcome], *saved, number(share, 2),
             f"{channel} in {run}" if share else "")

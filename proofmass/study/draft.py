@@ -1,7 +1,8 @@
 """A model in the making: an `MjSpec`, the rods that complete it, and what it was given to be told.
 
 Whatever has no name gets one while it is studied, ``geom 3 of crank``, and loses it when it is
-written.  A model without sensors gets probes, which read every joint.
+written.  A model without sensors gets probes, which read every joint; one of which it is said what
+to watch gets probes of that.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,7 +13,7 @@ from typing import Any
 
 import mujoco
 
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from sim.mjcf import compile_model
 from sim.protocol import BadModel, Rod
 from sim.rods import compile_with_rods
@@ -29,6 +30,12 @@ PROBES = {  # of each kind of joint: what is read, of the joint or of its body
                        S.mjSENS_FRAMEANGVEL)}
 
 
+FRAME = PROBES[JOINT.mjJNT_FREE]
+WATCHED = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
+"""Lists of what can be watched by name, and what one of them is called."""
+READ_AS = {"joints": OBJ.mjOBJ_JOINT, "bodies": OBJ.mjOBJ_XBODY, "sites": OBJ.mjOBJ_SITE}
+
+
 class Draft:
     """An MJCF file, and what was cut from it.
 
@@ -41,6 +48,9 @@ class Draft:
         Whether a model without sensors gets one for everything that moves.
     cuts : tuple of callable
         What was done to it, one after the other; each is given the draft.
+    watch : tuple of str
+        Names of joints, bodies, sites and sensors: these alone are read, and nothing else is
+        probed.
 
     Attributes
     ----------
@@ -55,13 +65,17 @@ class Draft:
     """
 
     def __init__(self, file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
-                 cuts: tuple[Cut, ...] = ()):
+                 cuts: tuple[Cut, ...] = (), watch: tuple[str, ...] = ()):
         self.file, self.rods, self.share = file, rods, 1
-        self.source = file, rods, probing
+        self.source, self.watch = (file, rods, probing), watch
         self.alone = Lock()  # two threads that compile one spec crash
         self.spec = mujoco.MjSpec.from_file(str(file))
         self.given = {(kind, name) for kind in NAMED for name in unnamed(self.spec, kind)}
-        self.probes = set(probes(self.spec)) if probing and not self.spec.sensors else set()
+        self.probes = set[str]()
+        if watch:
+            self.probes = set(probes_of(self.spec, watch)) if probing else set()
+        elif probing and not self.spec.sensors:
+            self.probes = set(probes(self.spec))
         if not rods:
             self.spec.compile()  # so that what is cut goes from its keys as well
         self.cuts: tuple[Cut, ...] = ()
@@ -77,11 +91,11 @@ class Draft:
         ValueError
             It cannot be made.
         """
-        return Draft(*self.source, (*self.cuts, cut))
+        return Draft(*self.source, (*self.cuts, cut), self.watch)
 
     def again(self) -> "Draft":
         """The same, to be used up."""
-        return Draft(*self.source, self.cuts)
+        return Draft(*self.source, self.cuts, self.watch)
 
     def compiled(self, rods: tuple[Rod, ...] = ()) -> mujoco.MjModel:
         """The model, with these rods or its own.
@@ -110,28 +124,41 @@ class Draft:
     def drop(self, kind: str, name: str) -> None:
         """Delete an element, and the probes that read it; what is gone stays gone."""
         if element := self.find(kind, name):
-            word = {"joints": OBJ.mjOBJ_JOINT, "bodies": OBJ.mjOBJ_XBODY}.get(kind)
+            word = READ_AS.get(kind)
             for sensor in list(self.spec.sensors):
                 if sensor.name in self.probes and (sensor.objtype, sensor.objname) == (word, name):
                     self.spec.delete(sensor)
             self.spec.delete(element)
 
 
-def read(file: Path, rods: tuple[Rod, ...] = (), probing: bool = False) -> Draft:
+def read(file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
+         watch: tuple[str, ...] = ()) -> Draft:
     """A draft of a file as it is.
 
     Raises
     ------
     InputError
-        No such file, or it does not compile.
+        No such file, it does not compile, or nothing in it has a name that is to be watched.
     """
     if not file.is_file() or file.suffix != ".xml":
         raise InputError(file, "", "no such model; give an MJCF file, NAME.xml")
     try:
         compile_model(file, rods)
-        return Draft(file, rods, probing)
+        draft = Draft(file, rods, probing, (), watch)
     except BadModel as error:
         raise InputError(file, "", str(error).removeprefix(f"{file.name}: ")) from None
+    there = names(draft.spec)
+    for name in watch:
+        if name not in there:
+            raise InputError(file, "--watch", f"no joint, body, site or sensor is called {name!r}; "
+                             f"{suggest(name, there)}")
+    return draft
+
+
+def names(spec: mujoco.MjSpec) -> list[str]:
+    """The names of all that can be watched."""
+    return list(dict.fromkeys(e.name for kind in WATCHED for e in getattr(spec, kind)
+                              if (kind, e.name) != ("bodies", "world")))
 
 
 def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
@@ -158,3 +185,22 @@ def probes(spec: mujoco.MjSpec) -> Iterator[str]:
                             objtype=OBJ.mjOBJ_JOINT if scalar else OBJ.mjOBJ_XBODY,
                             objname=joint.name if scalar else joint.parent.name)
             yield name
+
+
+def probes_of(spec: mujoco.MjSpec, watch: tuple[str, ...]) -> Iterator[str]:
+    """Add sensors for the joints, bodies and sites that are called so, and tell their names.
+
+    What is watched of a joint is its value and its rate, of a body or a site its place, its
+    attitude and both velocities.
+    """
+    for kind, word in WATCHED.items():
+        for element in [e for e in getattr(spec, kind) if e.name in watch and kind in READ_AS]:
+            read, what, name = READ_AS[kind], FRAME, element.name
+            if kind == "joints":
+                what = PROBES[element.type]
+                if element.type in (JOINT.mjJNT_BALL, JOINT.mjJNT_FREE):
+                    read, name = OBJ.mjOBJ_XBODY, element.parent.name
+            for sensor in what:
+                probe = f"{word} {element.name} {sensor.name[7:].lower()}"
+                spec.add_sensor(name=probe, type=sensor, objtype=read, objname=name)
+                yield probe

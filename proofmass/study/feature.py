@@ -1,7 +1,7 @@
 """Features of a scene: whatever can be taken out of an `MjSpec`, or be said more simply.
 
-A feature may have parts: what to try where it cannot go as a whole, for one half of the geoms, or
-one iteration more.  So what nobody needs goes at once, and what matters is found in a few runs.
+A feature may have parts: what to try where it cannot go as a whole, for one half of the geoms.  So
+what nobody needs goes at once, and what matters is found in a few runs.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -11,8 +11,6 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from proofmass.check import FAILURES
-from proofmass.isolate import isolated
 from proofmass.study.cut import (
     coarser,
     enclose,
@@ -26,14 +24,10 @@ from proofmass.study.cut import (
 )
 from proofmass.study.draft import Cut, Draft
 from proofmass.study.scene import Scene, Watch
-from proofmass.study.trial import by_steps, most_iterations
-from proofmass.wording import number
+from proofmass.study.trial import by_steps
 
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
-FEWER = (1, 2, 3, 5, 10, 20, 50)  # iterations that are tried
-LOOSER = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)  # where the solver may stop, not lower
-LATEST = 60.0  # s
 DRAWN = "drawn geom"
 WHOLE = {  # lists of elements that are deleted as they are, and what one of them is called
     "joints": "joint", "equalities": "equality", "actuators": "actuator", "tendons": "tendon",
@@ -129,32 +123,16 @@ def contacts(draft: Draft) -> Iterator[Feature]:
 
 
 def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
-    """Iterations that change nothing any more: a tolerance that is too small, a cap too high."""
+    """What the solver does beside its task; its options are in `proofmass.study.options`."""
     if not by_steps(watch.run):
         return
     option = draft.spec.option
-    used, *fewer = (taken(draft, watch, t) for t in (option.tolerance, *LOOSER))
-    yield from ladder("solver", [
-        *((f"tolerance {number(option.tolerance)} to {number(t)}",
-           partial(set_option, name="tolerance", value=t))
-          for t, n in zip(LOOSER, fewer, strict=True) if t > option.tolerance and n < used),
-        *((f"iterations {option.iterations} to {n}",
-           partial(set_option, name="iterations", value=n)) for n in FEWER if n < used)])
     if option.noslip_iterations:
         yield Feature("solver", "noslip iterations",
                       partial(set_option, name="noslip_iterations", value=0))
     if option.enableflags & ~int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         yield Feature("flag", "what is enabled beside the defaults",
                       partial(set_option, name="enableflags", value=0))
-
-
-def taken(draft: Draft, watch: Watch, tolerance: float) -> int:
-    """Iterations that a run takes with a tolerance; all that it may, if it fails."""
-    try:
-        return int(isolated(most_iterations, draft.compiled(watch.run.rods), watch.brief,
-                            tolerance, timeout=LATEST))
-    except tuple(FAILURES):
-        return int(draft.spec.option.iterations)
 
 
 def subtree(body: mujoco._specs.MjsBody) -> Feature:

@@ -3,11 +3,16 @@
 With sidecars these are their runs in MuJoCo; a channel may move by a tenth of what its error leaves
 of its tolerance.  Without, the model is let go from its key, and a channel may move as much as by a
 nudge of that pose.
+
+Another option of the engine moves every channel by more than that, for the better or the worse,
+and is held against what is true: with sidecars the reference, whose error may grow by a tenth of
+what it leaves of its tolerance; without, the fine solution of the same model, of which a channel
+may be off by a tenth more than it is with the options as they are, or by as much as was said.
 """
 
 import tomllib
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import cast
 
@@ -15,15 +20,17 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.check import FAILURES, load
+from proofmass.check import FAILURES, LOADING, load
 from proofmass.compare import reference_for
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
+from proofmass.files import read_text
 from proofmass.isolate import isolated
 from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.study.bounded import bounded
-from proofmass.study.draft import Draft, read
-from proofmass.study.trial import PASSIVE, attempt, by_steps
+from proofmass.study.draft import WATCHED, Draft, read
+from proofmass.study.trial import PASSIVE, attempt, by_steps, groups
+from proofmass.wording import listed, number
 from sim.mjcf import compile_model
 from sim.protocol import Array, BadModel, Curves, Run
 
@@ -35,7 +42,42 @@ SAMPLES = 501
 SHARE = 0.1  # of what an error leaves of its tolerance: a change that uses it up would be a loss
 LATEST = 600.0  # s
 COMPILING = 120.0  # s, as a run has that states no limit
-FEW = 500  # steps that are timed, and whose iterations are counted
+FEW = 500  # steps whose iterations are counted
+TIMED = 2000  # steps that are timed
+BRIEF = 0.05  # s, of a run that is timed or counted, where fewer steps take as long
+FINER = (4, 8)  # times shorter steps, of solutions that are called fine; the last one is the truth
+FINE = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}  # beside shorter steps
+WORSE = 0.1  # of its error, by which that may grow where no tolerance says more
+LONGER = 64  # steps from sample to sample, so that as many times longer steps can be tried
+SPARSE = 50  # samples that are left at least
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What a run is held against when the engine has other options.
+
+    Attributes
+    ----------
+    run : Run
+    allowed : dict of str to float
+        The largest error of each channel, in its unit.
+    truth : dict of str to ndarray
+        The fine solution; none where a reference of a case is the truth.
+    case : Case, optional
+        Whose reference is evaluated, at the state that the drives had in the run.
+    """
+
+    run: Run
+    allowed: dict[str, float]
+    truth: dict[str, Array] = field(default_factory=dict)
+    case: Case | None = None
+
+    def errors(self, curves: Curves) -> dict[str, float]:
+        """Largest error of each channel, over what it may be."""
+        truth = self.truth if self.case is None else bounded(
+            self.case, cast(Kind, self.run.kind), reference_for, self.case, curves).channels
+        return {name: float(np.abs(curves.channels[name] - truth[name]).max()) / most
+                for name, most in self.allowed.items()}
 
 
 @dataclass(frozen=True)
@@ -51,18 +93,34 @@ class Watch:
         How far each channel may move at each sample, in its unit.
     before : Curves
         Of the model as it is.
+    level : frozenset of str
+        Channels that are known up to a constant, and read as their change: potential energies.
+    bound : Bound, optional
+        What other options are held against; without one they may move a channel as little as a
+        feature.
     """
 
     name: str
     run: Run
     allowed: dict[str, Array]
     before: Curves
+    level: frozenset[str] = frozenset()
+    bound: Bound | None = None
 
     @property
     def brief(self) -> Run:
-        """As few samples of the run as have `FEW` steps, but two at least."""
-        stride = max(1, self.before.steps // self.run.x.size)
-        return replace(self.run, x=self.run.x[:max(2, FEW // stride)])
+        """As few samples of the run as have `FEW` steps or take `BRIEF`, but two at least."""
+        return self.shortened(self.run)
+
+    def shortened(self, run: Run, few: int = FEW) -> Run:
+        """As few samples of one of its runs as have `few` steps or take `BRIEF`, but two at least.
+        """
+        length = float(np.ptp(self.before.x)) or 1.0
+        samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
+        stride = max(1, self.before.steps // (samples + 1))
+        if self.before.seconds > 0 and self.before.steps:
+            few = min(few, int(BRIEF * self.before.steps / self.before.seconds))
+        return replace(run, x=run.x[:max(2, few // stride)])
 
 
 @dataclass(frozen=True)
@@ -78,12 +136,15 @@ class Scene:
         Sensors that the sidecars read; None: without them, all.
     keys : set of str
         Keys that runs start from.
+    said : tuple of str
+        What is watched, and what options are held against, in sentences.
     """
 
     draft: Draft
     watches: tuple[Watch, ...]
     read: set[str] | None
     keys: set[str]
+    said: tuple[str, ...] = ()
 
     @property
     def longest(self) -> Watch:
@@ -91,28 +152,118 @@ class Scene:
         return max(self.watches, key=lambda w: (by_steps(w.run), w.before.seconds))
 
 
-def scene_of(file: Path, seconds: float) -> Scene:
-    """A model with the sidecars beside it that speak of it; `seconds` to follow it without any.
+def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: float | None = None
+             ) -> Scene:
+    """A model with the sidecars beside it that speak of it.
+
+    Parameters
+    ----------
+    file : Path
+        The MJCF file.
+    seconds : float
+        To follow it without sidecars [s].
+    watch : tuple of str
+        Joints, bodies, sites and sensors that alone matter; all that is measured, or moves, if
+        empty.
+    error : float, optional
+        How far other options may take a channel from the fine solution [share of its range]; of
+        models without sidecars.
 
     Raises
     ------
     InputError
-        The model or a sidecar cannot be used, or the model as it is does not run.
+        The model or a sidecar cannot be used, the model as it is does not run, or a name that is
+        watched is not there.
     """
     cases = list(sidecars(file)) if file.is_file() else []
     if not cases:
         compile_elsewhere(file)
     runs = [(case, kind, solver) for case in cases for kind in case.run
             for solver in solvers_of(case, kind)]
-    draft = read(file, next((case.rods for case in cases), ()), probing=not runs)
+    draft = read(file, next((case.rods for case in cases), ()), not runs, watch)
     if not runs:
-        watch = let_go(file, draft, seconds)
-        keys = {watch.run.start, *(case.start for case in cases)} - {""}
-        return Scene(draft, (watch,), None, keys)
+        let = let_go(file, draft, seconds)
+        keys = {let.run.start, *(case.start for case in cases)} - {""}
+        held, why = with_fine_solution(file, draft, let, error)
+        return Scene(draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why))
+    if error is not None:
+        raise InputError(file, "--error", "its sidecar states what an error may be; change its "
+                         "tolerances, or leave --error out")
     watches = [watched(case, plan(case, kind, solver), solver, draft)
                for case, kind, solver in runs]
     sensors = {name.partition(".")[0] for case in cases for name in case.channels}
-    return Scene(draft, tuple(watches), sensors, {case.start for case in cases})
+    words = "Watched: the channels of the sidecars, in their runs."
+    if watch:
+        read_by = sensors_of(draft, watch)
+        watches = [only(w, read_by) for w in watches if reads(w, read_by)]
+        if not watches:
+            there = dict.fromkeys(n for w in runs for n in w[0].channels)
+            raise InputError(file, "--watch", f"no channel of the sidecars reads {listed(watch)}; "
+                             f"{suggest(watch[0], there, 'their channels')}")
+        sensors &= read_by
+        words = (f"Watched: {listed(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
+                 "runs of the sidecars.")
+    return Scene(draft, tuple(watches), sensors, {case.start for case in cases}, (
+        words, "Options are held against the references of the sidecars: an error may grow by a "
+        "tenth of what it leaves of its tolerance."))
+
+
+def sensors_of(draft: Draft, watch: Collection[str]) -> set[str]:
+    """The sensors, and rods, with these names, and those that read something with these names."""
+    return {*watch, *(s.name for s in draft.spec.sensors if s.objname in watch)}
+
+
+def own_sensors(draft: Draft) -> set[str] | None:
+    """The sensors that are watched; None if all are."""
+    if not draft.watch:
+        return None
+    return {s.name for s in draft.spec.sensors if s.name in draft.watch or s.name in draft.probes}
+
+
+def reads(watch: Watch, sensors: set[str]) -> list[str]:
+    """The channels of a run that these sensors show."""
+    return [name for name in watch.allowed if name.partition(".")[0] in sensors]
+
+
+def only(watch: Watch, sensors: set[str]) -> Watch:
+    """A run of which nothing but the channels of these sensors is looked at."""
+    names = reads(watch, sensors)
+    run = replace(watch.run, channels=tuple(names))
+    bound = watch.bound and replace(watch.bound, run=run, allowed={
+        n: watch.bound.allowed[n] for n in names})
+    return replace(watch, run=run, allowed={n: watch.allowed[n] for n in names}, bound=bound,
+                   before=replace(watch.before, channels={
+                       n: watch.before.channels[n] for n in names}))
+
+
+def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
+    """What is watched of a model without a sidecar, and what does not act on it."""
+    named = [f"{word} {e.name}" for kind, word in WATCHED.items()
+             for e in getattr(draft.spec, kind) if e.name in draft.watch
+             and e.name not in draft.probes]
+    sensors = [s.name for s in draft.spec.sensors if s.name not in draft.probes]
+    if draft.watch:
+        yield f"Watched: {listed(named)}, and nothing else."
+    elif sensors:
+        yield (f"Watched, since no sidecar and no --watch says what matters: all sensors of the "
+               f"model, {listed(sensors)}.")
+    else:
+        yield ("Watched, since no sidecar, no sensor and no --watch says what matters: everything "
+               "that moves.")
+    if watch.level:
+        yield (f"{listed(sorted(watch.level))}: a potential energy is known up to a constant, so "
+               "only its change counts; what does not move adds nothing to it.")
+    try:
+        found = isolated(groups, draft.compiled(), watch.run, timeout=LATEST)
+    except Exception:  # then nothing is said of it
+        return
+    if len(found) < 2 or draft.watch:
+        return
+    told = "; ".join(", ".join(group) for group in found)
+    yield (f"{len(found)} groups of bodies move without acting on each other in this run, through "
+           f"no contact, equality, tendon or actuator: {told}. All of what is watched of them is "
+           f"kept. --watch NAME, with a joint, body, site or sensor of the group that matters, "
+           f"leaves the others out.")
 
 
 def solvers_of(case: Case, kind: Kind) -> list[str]:
@@ -122,14 +273,23 @@ def solvers_of(case: Case, kind: Kind) -> list[str]:
 
 
 def sidecars(file: Path) -> Iterator[Case]:
-    """The cases beside a model that are about it."""
+    """The cases beside a model that are about it; each file is read in a worker."""
     for path in sorted(file.parent.glob("*.toml")):
         try:
-            named = tomllib.loads(path.read_text(encoding="utf-8")).get("model", path.stem + ".xml")
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+            named = isolated(model_named, path, timeout=LOADING)
+        except tuple(FAILURES):  # it is the sidecar of a model only if it has its name
             named = path.stem + ".xml"
         if named == file.name:
             yield load(path, strict=True)
+
+
+def model_named(path: Path) -> str:
+    """The file that a sidecar says it is about; the one of its own name where it cannot be read."""
+    own = path.stem + ".xml"
+    try:
+        return str(tomllib.loads(read_text(path)).get("model", own))
+    except (tomllib.TOMLDecodeError, InputError, RecursionError):
+        return own
 
 
 def compile_elsewhere(file: Path) -> None:
@@ -161,14 +321,17 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
     """
     before = done(case.model_path, draft.compiled(run.rods), run)
     truth = bounded(case, cast(Kind, run.kind), reference_for, case, before).channels
-    allowed = dict[str, Array]()
+    allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
         tolerance = case.tolerance_for(run.kind, solver, name)
         most = tolerance.allowed(float(np.ptp(truth[name]))) if tolerance else 0.0
-        left = SHARE * (most - float(np.abs(curve - truth[name]).max()))
-        allowed[name] = np.full(curve.size, max(left, ROUNDING * scale(before, name)))
+        error = float(np.abs(curve - truth[name]).max())
+        left, rounding = SHARE * (most - error), ROUNDING * scale(before, name)
+        allowed[name] = np.full(curve.size, max(left, rounding))
+        largest[name] = error + max(left if tolerance else WORSE * error, rounding)
     setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
-    return Watch(f"{case.name} {run.kind}{setting}", run, allowed, before)
+    return Watch(f"{case.name} {run.kind}{setting}", run, allowed, before,
+                 bound=Bound(run, largest, case=case))
 
 
 def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
@@ -183,10 +346,12 @@ def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
     stride = max(1, steps // (SAMPLES - 1))
     x = model.opt.timestep * stride * np.arange(max(2, steps // stride + 1))
     run = Run(PASSIVE, x, (), start=start)
-    before = done(file, model, run)
+    level = frozenset(model.sensor(s).name for s in range(model.nsensor)
+                      if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_E_POTENTIAL)
+    before, beside = (levelled(seen(draft, done(file, model, run, *nudge)), level)
+                      for nudge in ((), (NUDGE,)))
     if not before.channels:
         raise InputError(file, "", "nothing in it moves and nothing is measured; give it a <joint>")
-    beside = done(file, model, run, NUDGE)
     grown = {name: np.abs(curve - beside.channels[name]) / scale(before, name)
              for name, curve in before.channels.items()}
     lost = np.max(list(grown.values()), axis=0) > LOST
@@ -197,7 +362,74 @@ def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
                          f"{x[n]:.3g} s; give a key that starts further from a collision")
     allowed = {name: np.maximum(ROUNDING, np.maximum.accumulate(part[:n])) * scale(before, name)
                for name, part in grown.items()}
-    return Watch("let go", replace(run, x=x[:n]), allowed, before)
+    return Watch("let go", replace(run, x=x[:n]), allowed, before, level & before.channels.keys())
+
+
+def seen(draft: Draft, curves: Curves) -> Curves:
+    """The curves of the sensors that are watched."""
+    if (sensors := own_sensors(draft)) is None:
+        return curves
+    return replace(curves, channels={name: curve for name, curve in curves.channels.items()
+                                     if name.partition("[")[0] in sensors})
+
+
+def levelled(curves: Curves, names: Collection[str]) -> Curves:
+    """Curves of which some are read as their change since the start."""
+    if not names:
+        return curves
+    return replace(curves, channels={name: curve - curve[0] if name in names else curve
+                                     for name, curve in curves.channels.items()})
+
+
+def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | None = None
+                       ) -> tuple[Watch, str]:
+    """A free motion with what other options of the engine are held against, and that in words.
+
+    The truth is the fine solution of the same model: steps that are 8 times shorter, constraints
+    solved by Newton's method to 1e-14.  It is followed until the model as it is has left it by a
+    tenth of a channel's largest value, which further on says nothing any more.  A channel may be
+    off it by a tenth more than as it is, by rounding, or by a share `error` of its range.
+    """
+    model = draft.compiled()
+    step, x = model.opt.timestep, watch.run.x
+    stride = max(1, round((x[1] - x[0]) / step)) if x.size > 1 else 1
+    thin = 1
+    while 2 * thin * stride <= LONGER and x.size // (2 * thin) >= SPARSE:
+        thin *= 2
+    run = replace(watch.run, x=x[::thin])
+    own = {name: curve[:x.size:thin] for name, curve in watch.before.channels.items()}
+    strict = {**FINE, "tolerance": min(1e-14, model.opt.tolerance),
+              "iterations": max(100, model.opt.iterations)}
+    no = "Options may move a channel by no more than a feature may, for there is no fine solution "
+    try:
+        coarse, fine = (levelled(seen(draft, done(file, model, replace(
+            run, settings={**strict, "timestep": step / k}))), watch.level).channels for k in FINER)
+    except InputError as wrong:
+        return watch, f"{no}to hold them against: {wrong.wrong}."
+    sizes = {name: scale(watch.before, name) for name in own}
+    off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
+    lost = np.max(list(off.values()), axis=0) > LOST
+    n = int(np.argmax(lost)) if lost.any() else run.x.size
+    if n < min(FEWEST, run.x.size):
+        name = max(off, key=lambda name: float(off[name][n]))
+        return watch, (f"{no}to hold them against: {name} is off it by a tenth of its size after "
+                       f"{number(float(run.x[n]))} s.")
+    allowed, free = dict[str, float](), error or 0.0
+    ranges = {name: max(float(np.ptp(c[:n])) for other, c in fine.items()
+                        if other.partition("[")[0] == name.partition("[")[0]) for name in own}
+    for name, size in sizes.items():
+        most = max((1 + WORSE) * float(off[name][:n].max()), ROUNDING, free * ranges[name] / size)
+        if float(np.abs(coarse[name] - fine[name])[:n].max()) / size > most / 2:
+            return watch, (f"{no}to hold them against: {name} still changes between steps of "
+                           f"{number(step / FINER[0])} s and {number(step / FINER[1])} s.")
+        allowed[name] = most * size
+    bound = Bound(replace(run, x=run.x[:n]), allowed, {k: c[:n] for k, c in fine.items()})
+    return replace(watch, bound=bound), (
+        f"Options are held against the fine solution of the same model, with steps of "
+        f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
+        f"first {number(float(run.x[n - 1]))} s: no channel may be off it by more than 1.1 times "
+        f"what it is with the options as they are, by {ROUNDING:g} of its size"
+        + (f", or by {number(free)} of its range." if free else "; --error SHARE allows more."))
 
 
 def scale(curves: Curves, name: str) -> float:
@@ -225,6 +457,7 @@ def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
     What is gone has moved without bound, unless it is an `optional` one that never moved.
     """
     found = {}
+    curves = levelled(curves, watch.level)
     for name, before in watch.before.channels.items():
         allowed, after = watch.allowed[name], curves.channels.get(name)
         if after is None and name.partition("[")[0] in optional:
@@ -232,3 +465,9 @@ def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
         found[name] = np.inf if after is None or after.size != allowed.size else float(
             (np.abs(after - before[:allowed.size]) / allowed).max())
     return found
+
+
+def strayed(watch: Watch, curves: Curves) -> dict[str, float]:
+    """How far each channel is off what is true, over what it may be."""
+    assert watch.bound is not None
+    return watch.bound.errors(levelled(curves, watch.level))
