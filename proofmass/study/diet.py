@@ -91,6 +91,8 @@ class Search:
     rounds : int
         Pairs of timed runs of models with and without a feature; 0: nothing is timed, and nothing
         is taken that only the clock can tell.
+    tune : bool
+        Whether options of the engine are made cheaper as well.
     workers : Executor, optional
         Where runs go, from `proofmass.study.run.pool`; local ones if not given.  What is timed has
         a processor of its own.
@@ -103,6 +105,7 @@ class Search:
     scene: Scene
     blind: bool = False
     rounds: int = ROUNDS
+    tune: bool = True
     workers: Executor | None = None
     kept: Kept = field(default_factory=Kept)
     progress: Callable[[str], None] = lambda _: None
@@ -123,7 +126,8 @@ class Search:
             wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
             if left := bool(wanted):
                 slim = self.together(slim, wanted)
-        lean, changed = self.optioned(slim) if stepped(self.scene) else (slim, [])
+        tune = self.tune and bool(stepped(self.scene))
+        lean, changed = self.optioned(slim) if tune else (slim, [])
         self.found |= {(e.kind, e.name): e for e in changed}
         tuned = lean is not slim
         whole = self.timed(self.scene.draft, *self.tried(lean, all_of([]), tuned), tuned)

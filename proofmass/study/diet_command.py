@@ -37,6 +37,8 @@ def diet_command(
     error: Annotated[float | None, typer.Option("--error", min=0.0, help="How far other options of "
                      "the engine may take a channel from the fine solution, as a share of its "
                      "range. Without a sidecar; a tenth more than now if not given.")] = None,
+    keep_options: Annotated[bool, typer.Option("--keep-options", help="The engine's options stay "
+                            "as they are; nothing goes but what changes no run.")] = False,
     blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
     = False,
     jobs: Jobs = None,
@@ -60,7 +62,8 @@ def diet_command(
             read_entries(table)  # what is no table of a diet is not replaced by one
         scene = scene_of(model, seconds, tuple(dict.fromkeys(watch or ())), error)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
-            found = Search(scene, blind, workers=workers, kept=Kept(file.parent / "runs"),
+            found = Search(scene, blind, tune=not keep_options, workers=workers,
+                           kept=Kept(file.parent / "runs"),
                            progress=lambda what: status.update(what[:70])).run()
         finish(scene, found, file)
     for part in shown(found.table):

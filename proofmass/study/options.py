@@ -20,7 +20,7 @@ from proofmass.study.diet_table import OPTION
 from proofmass.study.draft import Draft
 from proofmass.study.feature import Feature
 from proofmass.study.scene import Scene, Watch
-from proofmass.study.trial import by_steps, most_iterations
+from proofmass.study.trial import STEPPED, by_steps, most_iterations
 from proofmass.wording import number
 
 Rungs = Callable[[Draft, Scene], list[Feature]]
@@ -95,17 +95,17 @@ def steps(draft: Draft, scene: Scene) -> list[Feature]:
     if not (watches := following(scene, "timestep")):
         return []
     now = float(draft.spec.option.timestep)
-    widths = [float(np.ptp(run.x)) / (run.x.size - 1)
-              for watch in watches for run in (watch.bound.run if watch.bound else watch.run,)]
-    width = min(widths)
-    count = max(1, ceil(width / now - 1e-9))
-    found = {}
-    for times in LONGER:
-        fewer = ceil(count / times)
-        if fewer < count:
-            step = float(f"{width / fewer:.12g}")  # of what is off by rounding no digit is written
-            found[f"time step {number(now)} to {number(step)} s"] = step
-    return [rung("timestep", words, step) for words, step in found.items()]
+    runs = [watch.bound.run if watch.bound else watch.run for watch in watches]
+    widths = [float(np.ptp(run.x)) / (run.x.size - 1) for run in runs if run.kind in STEPPED]
+    values = [times * now for times in LONGER]
+    if widths:  # a sweep that settles at each pose has no time between its samples
+        count = max(1, ceil(min(widths) / now - 1e-9))
+        values = [min(widths) / fewer for times in LONGER
+                  if (fewer := ceil(count / times)) < count]
+    # of what is off by rounding no digit is written
+    values = list(dict.fromkeys(float(f"{step:.12g}") for step in values))
+    return [rung("timestep", f"time step {number(now)} to {number(step)} s", step)
+            for step in values]
 
 
 def integrators(draft: Draft, scene: Scene) -> list[Feature]:

@@ -328,7 +328,9 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
         error = float(np.abs(curve - truth[name]).max())
         left, rounding = SHARE * (most - error), ROUNDING * scale(before, name)
         allowed[name] = np.full(curve.size, max(left, rounding))
-        largest[name] = error + max(left if tolerance else WORSE * error, rounding)
+        # a tolerance may be narrower than that rounding: no option may lead beyond it
+        largest[name] = error + (max(left, 1e-3 * rounding) if tolerance else
+                                 max(WORSE * error, rounding))
     setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
     return Watch(f"{case.name} {run.kind}{setting}", run, allowed, before,
                  bound=Bound(run, largest, case=case))
