@@ -8,6 +8,7 @@ from typing import Annotated, cast
 import typer
 
 from proofmass.case import Case
+from proofmass.check import collect
 from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.files import write_whole
@@ -57,10 +58,9 @@ def choose_command(
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
     with answering(f"{store} keeps the runs"):
-        cases = named([path])
-        if len(cases) != 1:
+        if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
             raise InputError(path, "", "give the sidecar of one case, such as models/fourbar.toml")
-        case, = cases
+        case, = named([path])
         kind = chosen(case, cast(Kind | None, run and run.value))
         asked(case, kind, error, solver)
         solver = with_drive(case, kind, solver, drive)
