@@ -25,7 +25,7 @@ CLAMPS = PAIR.clamp
 
 @cache
 def natural():
-    return sheet(pair("S4"), 25)
+    return sheet(pair("S4"), 17)
 
 
 @cache
