@@ -125,4 +125,7 @@ def caption(found: Solutions, modes: int) -> str:
         fallen = found.potential[ways == k]
         words.append(f"; {fallen.size} that fall in {directions(k)}, the lowest at "
                      f"{fallen[0]:.4g} J")
-    return "".join(words) + ". V is the energy of bending less F·P."
+    limit = (f"No rod of any other carries more than R = {found.bound:.3g}² EI/L², by proof; up to "
+             "there all were searched for" if found.bounded else
+             f"Searched up to R = {found.up_to:.3g}² EI/L² on each rod")
+    return f"{''.join(words)}. V is the energy of bending less F·P. {limit}."

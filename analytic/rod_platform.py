@@ -15,6 +15,7 @@ from analytic.rod.solutions import solutions
 from analytic.rod.state import State
 
 MODES = tuple(range(1, 10))
+LARGEST = 20.0  # alpha = L sqrt(R/EI): States of more are not to be followed, e^alpha away
 STRIDE = 0.02  # of the length: by so much rigid ends grow from one equilibrium to the next
 Three = tuple[float, float, float]
 
@@ -67,14 +68,14 @@ def solve(
     A mode instead of a first guess: nobody knows the forces of a mechanism that is yet to be built,
     but what it does when it is let go is a stable equilibrium.  All of them are searched for, by
     `analytic.rod.solutions`, in about a second; problems that are equal in five digits share the
-    search, and each goes on from there by Newton's method.  Equilibria with looped rods are counted
-    too, if their potential is high.  Rigid ends grow from nothing along the equilibrium that is
-    counted without them.
+    search, and each goes on from there by Newton's method.  Counted are those
+    whose rods carry R = 20^2 EI/L^2 at most, with looped rods among them; there are more beyond.
+    Rigid ends grow from nothing along the equilibrium that is counted without them.
 
     Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.  Source: Pérez Gámiz 2018,
     eqs 106-115 and Table 8, with 180 degrees for theta2, printed 0, and the side of 0.2 m, which is
-    not printed.  Its first solution is mode 2 here, its second mode 1; three more stable ones,
-    each with a looped rod, are not in it.
+    not printed.  Its first solution is mode 2 here, its second mode 1; three more stable ones up
+    to that load, each with a looped rod, are not in it.
 
     Examples
     --------
@@ -125,16 +126,17 @@ def standing(problem: Problem, mode: int, prolongation: float = 0.0) -> State:
     """The equilibrium of that mode, with rigid ends if there are any."""
     there = stable(problem)
     if mode not in range(1, 1 + len(there.vector)):
-        raise ValueError(f"mode {mode} is not there; there are: {spoken(there)}")
+        raise ValueError(f"mode {mode} is not there; there are: {spoken(there)}, with loads up to "
+                         f"R = {LARGEST:g}² EI/L²")
     near = State(problem.assembly, there[int(mode) - 1].vector)
     return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
 
 
 @shared
 def stable(problem: Problem) -> State:
-    """All stable equilibria (n,), the lowest potential first."""
+    """All stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
     found = solutions(problem.assembly, inputs=problem.inputs, load=problem.load,
-                      modes=problem.inflections)
+                      modes=problem.inflections, most_load=LARGEST)
     return found.state[found.negative == 0]
 
 

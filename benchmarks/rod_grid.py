@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from analytic.domain import TURN, Array
 from analytic.rod import tip
-from analytic.rod.search_bound import CAP
 from analytic.rod.search_newton import solve
 from analytic.rod.search_sheet import Complex, rods
 from analytic.rod.state import State, clamps
 
+CAP = 20.0  # alpha of the equilibria that are counted
 RISE = np.log(0.0966498)  # B of its spacing of k_rel with the end slope 0.25
 FINE = 400  # values of k_rel of each sign in which a load is looked up
 

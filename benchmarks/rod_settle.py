@@ -43,6 +43,7 @@ STILL = 1e-6  # [rad/s] the fastest joint at rest: 1e-9 rad in a step
 SWEEPS = 100  # iterations of Chipmunk in a step
 TURN, NOISE = 2.0 * np.pi, 0.25  # [rad] of random starts: a rod's largest turn, each joint's spread
 FAR = 0.05  # [m, rad] between the poses of a rod's equilibrium and of its chain's
+LARGEST = 20.0  # alpha = L sqrt(R/EI): more takes loops that chains of 20 links do not have
 SAME = 1e-4  # [rad] of all links: what is nearer is one equilibrium
 
 
@@ -160,7 +161,7 @@ class Scene:
 
 def scene(a: Assembly, given: dict[str, Sequence[float]], modes: int, n: int) -> Scene:
     """A problem with all its equilibria up to a mode, in chains of n links."""
-    found = solutions(a, modes=modes, **given)
+    found = solutions(a, modes=modes, most_load=LARGEST, **given)
     load = np.append(given["load"], 0.0)
     inputs = np.broadcast_to(given["inputs"], a.rods)
     angles = found.state.shape(np.arange(1, n + 1) / n)[2]

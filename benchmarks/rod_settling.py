@@ -155,11 +155,13 @@ HEAD = """# Where engines settle
 
 `python -m benchmarks.rod_settling` made this. The mechanisms of J. Pérez Gámiz, Resolución del
 problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG, UPV/EHU Bilbao
-2018: all equilibria that `analytic.rod.solutions` finds, the lowest first, and how many of the
-random starts of an engine end in each. A start turns every rod by up to a full turn in an arc,
-bends each joint by 0.25 rad more (standard deviation), and closes the loops with the least change.
-The engine then steps, with damping, until nothing moves. Nudged: begun in the chain's own
-equilibrium with links turned by 1e-3 rad (standard deviation), twice.
+2018: all equilibria that `analytic.rod.solutions` finds with loads up to R = 400 EI/L^2, the lowest
+first, and how many of the random starts of an engine end in each. Larger loads take loops tighter
+than these chains can be bent; two rods have none, three have more (`rod_solutions.md`). A start
+turns every rod by up to a full turn in an arc, bends each joint by 0.25 rad more (standard
+deviation), and closes the loops with the least change. The engine then steps, with damping, until
+nothing moves. Nudged: begun in the chain's own equilibrium with links turned by 1e-3 rad (standard
+deviation), twice.
 
 In every table what begins beside a stable equilibrium stays, and nothing ends in an unstable one.
 Which of the stable ones a shape comes to depends on damping and inertia, which are made up:

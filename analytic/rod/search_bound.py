@@ -6,6 +6,7 @@ Summed over the rods, with any point c of the plane and rho the largest |P - c|:
     sum R_i (L_i - |O_i - c| - |r_i|) - sum 4 mode_i E(k_i) sqrt(R_i EI_i)  <=  |F| rho
 
 so that no R_i is large unless clamps are so far apart that rods can be stretched between them.
+`search_boxes.bound` holds more often, and takes seconds for a platform.
 """
 
 from collections.abc import Sequence
@@ -16,26 +17,26 @@ from scipy.special import ellipe, ellipkm1
 from analytic.domain import Array
 from analytic.rod.state import State, clamps
 
-CAP = 20.0  # alpha where there is no bound
 FURTHEST = 200.0  # alpha at which a bound is given up
 FINE = 20001
 
 
 def largest(s: State, modes: Sequence[int]) -> float:
-    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; 20 where this gives none."""
+    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where this gives none."""
     a, clamp = s.assembly, clamps(s)[1]
     away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
     slack = a.length - away
     if np.any(slack <= 0.0):
-        return CAP
+        return float(np.inf)
     alpha = np.linspace(0.0, FURTHEST, FINE)
     held = np.array([hold(alpha, mode) for mode in modes])
     unit = (a.stiffness / a.length)[:, None]
     excess = unit * alpha * (alpha * (slack / a.length)[:, None] - held)
     spare = np.hypot(*s.load[:2]) * (a.length + away).min()
     room = spare - excess.min(axis=1).sum() + excess.min(axis=1)
-    return float(max(alpha[np.flatnonzero(row <= most)[-1]]
-                     for row, most in zip(excess, room, strict=True)) + FURTHEST / FINE)
+    last = max(alpha[np.flatnonzero(row <= most)[-1]]
+               for row, most in zip(excess, room, strict=True))
+    return float(last + FURTHEST / FINE) if last < FURTHEST else float(np.inf)
 
 
 def hold(alpha: Array, mode: int) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ellipkm1
 
 from analytic.domain import Array
 from analytic.rod.search_sheet import Complex, Rods, rods
@@ -9,8 +10,10 @@ from analytic.rod.state import State, clamps
 
 MOST = 30  # steps; most starts that arrive take less than ten
 LONGEST = 1.0  # step of alpha, of q, of phi and of P [L]
+SHARE = 0.3  # of a large alpha that its step may be
 STILL = 1e-11  # the last step; what is left is its square
 LEAST = 1e-3  # of alpha, below which q says nothing
+FURTHEST = 340.0  # alpha and q: k' = sech(q) is 1e-147
 SINGULAR = 1e-200  # determinant of a matrix that is not solved with
 
 
@@ -53,19 +56,38 @@ def solve(s: State, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Charts (k, 2, m) and poses (3, m) of the starts that arrive."""
     k, p = s.assembly.rods, s.assembly.freedoms
     x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
-    longest = np.full((2 * k + p, 1), LONGEST)
-    longest[2 * k: 2 * k + 2] *= s.assembly.scale[0]
     left, done = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
     for _ in range(MOST):
         step = solved(*system(s, *split(x[:, left], k))).T
-        size = np.abs(step / longest).max(axis=0)
+        size = lengths(s, x[:, left], step).max(axis=0)
         x[:, left] -= step / np.maximum(size, 1.0)
         x[: 2 * k: 2] = np.maximum(x[: 2 * k: 2], LEAST)
         done[left] = size < STILL
-        left = left[np.isfinite(size) & ~done[left]]
+        left = left[np.isfinite(size) & ~done[left] & inside(x[:, left], k)]
         if not left.size:
             break
     return split(x[:, done], k)
+
+
+def lengths(s: State, x: Array, step: Array) -> Array:
+    """Steps (2 k + p, n) over the longest that are taken.
+
+    Where alpha is large it may change by a share of itself, with q so that loops stay in place:
+    alpha - n K does, with n K next to the clamp and K = q + ln 2.
+    """
+    k = s.assembly.rods
+    alpha, q = x[: 2 * k: 2], x[1: 2 * k: 2]
+    nearest = 2.0 * np.floor(0.5 * alpha / ellipkm1(1.0 / np.cosh(q) ** 2)) + 1.0
+    size = np.abs(step) / LONGEST
+    size[2 * k: 2 * k + 2] /= s.assembly.scale[0]
+    size[1: 2 * k: 2] = np.abs(step[: 2 * k: 2] - nearest * np.sign(q) * step[1: 2 * k: 2])
+    size[: 2 * k: 2] /= np.maximum(1.0, SHARE * alpha)
+    return size
+
+
+def inside(x: Array, k: int) -> NDArray[np.bool_]:
+    """Whether alpha and q of all rods are such that their loads can be computed."""
+    return np.asarray((np.abs(x[: 2 * k]) < FURTHEST).all(axis=0))
 
 
 def split(x: Array, k: int) -> tuple[Array, Array]:

@@ -9,14 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 from analytic.domain import TURN, Array
 from analytic.rod.assembly import Assembly
 from analytic.rod.elliptic import relative
-from analytic.rod.search_bound import largest
+from analytic.rod.search_boxes import proven
 from analytic.rod.search_lattice import starts
-from analytic.rod.search_newton import negative, solve, turned
+from analytic.rod.search_newton import FURTHEST, negative, solve, turned
 from analytic.rod.search_sheet import rods
+from analytic.rod.search_tight import drawn
 from analytic.rod.state import State, state
 
 SAME = 1e-6  # of length, load and moment: what is nearer is one equilibrium
 POSES = 2000
+LATTICE = 20.0  # alpha up to which the lattice of poses is searched
+OVERLAP = 12.0  # alpha from which on loads are drawn as well, if they may exceed that
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,14 @@ class Solutions:
         V = sum U_i - F.P - M phi [J].
     negative : ndarray (n,)
         Directions in which V falls: 0 is stable.
+    alpha, complement : ndarray (n, k)
+        L sqrt(R/EI) of each rod, and k' = sqrt(1 - k^2) of its modulus, which has digits left where
+        k_rel is 1 in double precision, for alpha beyond about 18.
+    up_to : float
+        The largest alpha that was searched: the count holds up to there.
+    bound : float
+        alpha that no rod of any equilibrium with these modes exceeds, by `search_boxes.proven`; inf
+        where there is no proof.
     """
 
     state: State
@@ -43,6 +54,15 @@ class Solutions:
     k_rel: Array
     potential: Array
     negative: NDArray[np.int_]
+    alpha: Array
+    complement: Array
+    up_to: float
+    bound: float
+
+    @property
+    def bounded(self) -> bool:
+        """Whether no equilibrium can have larger loads than were searched."""
+        return bool(self.up_to >= self.bound)
 
     def __len__(self) -> int:
         return self.potential.size
@@ -65,6 +85,7 @@ def solutions(
 
     Triangles of that sheet tell, for any pose, all rods that reach it.  From a lattice of poses
     each choice of one rod for each clamp is followed by Newton's method if its first step is short.
+    Where loads may exceed alpha = 20, straight rods with loops are drawn at random for a start.
 
     Parameters
     ----------
@@ -72,7 +93,8 @@ def solutions(
     inputs : of the motors [rad] or along the guides [m], (k,)
     load : dead force [N] on the platform at its origin, and moment [N m] if it is no pin, (p,)
     modes : largest mode of each rod, or of all
-    most_load : largest alpha = L sqrt(R/EI); where none is given what `search_bound` proves, or 20
+    most_load : largest alpha = L sqrt(R/EI) of any rod, within [1, 340]; where none is given the
+        bound that `search_boxes` proves, or 20 if there is none
     poses : least number of poses of the lattice
 
     Returns
@@ -90,13 +112,21 @@ def solutions(
     rod with m0 = 0 is found; platforms are never mirrored, since pins belong to a pose.  A rod
     that is exactly straight, or without any load, is a boundary of the chart and is not found.
 
-    Completeness is tested, not proven.  For rods on a pin that cannot be stretched the loads are
-    bounded by proof, for a platform they are capped: Table 8 has 5 equilibria of modes (1, 1, 1) up
-    to alpha = 20, all stable, and two more up to 26.  Up to there counts are the same for lattices
-    of 1500, 2000, 6000 and 10,000 poses and for a mesh of 0.05 L instead of 0.08 L, and of 20,000
-    random starts without lattice or mesh none finds another: 34 for Table 7 and modes up to 3, 10
-    for Table 8 and 56 for the program's 3PFR and modes up to 2.  With 500 poses one of the 34 and
-    two of the 56 are missed.
+    Loads are bounded by proof wherever stretched rods cannot hold the platform tight against each
+    other; `bound` says where, and `bounded` whether the search went so far.  For Table 8 it is
+    alpha = 52 for modes to 1 and 104 for modes to 2, for the program's 3PFR 18 and 36.
+
+    Completeness below the bound is tested, not proven.  Up to alpha = 20 counts are the same for
+    lattices of 1500, 2000, 6000 and 10,000 poses and for a mesh of 0.05 L instead of 0.08 L, and of
+    20,000 random starts without lattice or mesh none finds another: 34 for Table 7 and modes up to
+    3 (all there are up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up to
+    2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond, starts are drawn at
+    random (`search_tight`), which finds 57 more and one more; of 200,000 starts each of the 57 is
+    found by 2500 or more.
+
+    `State.energy`, `State.shape` and `closure` integrate from the clamp, and an error grows by up
+    to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential and
+    stability are of the closed form, and have their digits.
 
     Source: Pérez Gámiz 2018, eqs 103-105 and 113-115 and text lines 1149-1161, searches a grid of
     (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  Departs
@@ -110,17 +140,24 @@ def solutions(
     >>> found = solutions(pair, inputs=np.radians([40.0, 60.0]), load=[0.3, -0.1])
     >>> found.state.pose.round(3).tolist()
     [[0.622, -0.242], [0.293, -0.341], [-0.081, -0.246]]
+    >>> found.bounded, round(found.up_to)
+    (True, 9)
     """
     given = state(a, inputs=inputs, load=load)
     upto = checked(given, modes, most_load, poses)
-    cap = largest(given, upto) if most_load is None else most_load
-    found = [solve(given, *start) for start in starts(given, upto, cap, poses)]
+    bound = proven(given, upto)
+    cap = bound if np.isfinite(bound) else LATTICE
+    cap = cap if most_load is None else min(most_load, bound)
+    batches = list(starts(given, upto, min(cap, LATTICE), poses))
+    if cap > LATTICE:
+        batches.append(drawn(given, upto, OVERLAP, cap))
+    found = [solve(given, *start) for start in batches]
     chart, pose = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
     pose[2] = (pose[2] + np.pi) % TURN - np.pi
     sheet = rods(chart[:, 0], chart[:, 1])
     within = (sheet.waves < np.array(upto)[:, None]) & (chart[:, 0] <= cap)
     kept = distinct(given, chart, pose, np.flatnonzero(within.all(axis=0)))
-    return described(given, chart[..., kept], pose[:, kept])
+    return described(given, chart[..., kept], pose[:, kept], cap, bound)
 
 
 def checked(s: State, modes: int | Sequence[int], most_load: float | None,
@@ -131,8 +168,8 @@ def checked(s: State, modes: int | Sequence[int], most_load: float | None,
     if not (np.all(upto >= 1) and np.all(upto == np.rint(upto))):
         raise ValueError(f"modes must be 1, 2 .. for all or for each of {s.assembly.rods} rods, "
                          f"got {modes!r}")
-    if most_load is not None and not 1.0 <= most_load <= 40.0:
-        raise ValueError(f"most_load must lie within [1, 40], got {most_load}")
+    if most_load is not None and not 1.0 <= most_load <= FURTHEST:
+        raise ValueError(f"most_load must lie within [1, {FURTHEST:g}], got {most_load}")
     if not 1 <= poses <= 1_000_000:
         raise ValueError(f"poses must lie within [1, 1000000], got {poses}")
     if s.assembly.prolongation.any():
@@ -157,7 +194,7 @@ def distinct(s: State, chart: Array, pose: Array, which: NDArray[np.intp]) -> ND
     return which[apart]
 
 
-def described(s: State, chart: Array, pose: Array) -> Solutions:
+def described(s: State, chart: Array, pose: Array, up_to: float, bound: float) -> Solutions:
     """Equilibria in the document's terms."""
     a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
     force = turned(s, found)[1].T
@@ -171,4 +208,5 @@ def described(s: State, chart: Array, pose: Array) -> Solutions:
     k = np.copysign(np.tanh(chart[:, 1]), found.moment)
     return Solutions(states[order], (np.floor(found.waves).astype(int) + 1).T[order],
                      psi.T[order], relative(psi, k).T[order], potential[order],
-                     negative(s, chart, pose)[order])
+                     negative(s, chart, pose)[order],
+                     chart[:, 0].T[order], (1.0 / np.cosh(chart[:, 1])).T[order], up_to, bound)
