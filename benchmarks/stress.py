@@ -9,6 +9,7 @@ call goes on where another was interrupted.
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
+from textwrap import fill
 
 from matplotlib import rc_context
 
@@ -17,7 +18,7 @@ from proofmass.case import load_case
 from proofmass.report.figures import save
 from proofmass.report.stress_sheet import NEAR, stress_sheet
 from proofmass.report.style import RC
-from proofmass.study.boundary import Boundary
+from proofmass.study.boundary import Boundary, Limit
 from proofmass.study.extremes import extremes
 from proofmass.study.proven import probes
 from proofmass.study.run import pool
@@ -31,12 +32,34 @@ CASES = ("fourbar", "slider_crank", "double_rocker", "change_point", "fivebar", 
 HEAD = """# Where it breaks
 
 `python -m benchmarks.stress` made this; `proofmass stress` and `proofmass stress CASE` do the same
-for the first table and for any case. Each knob is turned until a run is lost, and each boundary
+for the first table and for any case. Each knob is turned until a run is lost, and each boundary is
 bisected to 1 %. A run is lost when the engine says so, when it is not finite, when a loop comes
 open by a tenth of the mechanism, or when a position or a holding moment is off by a tenth of its
-range: of the latter three the engine says nothing.
+range. *In silence* means that the engine itself says nothing of it. The kinds of limits are:
 
-Where no truth is there in 60 s the way ends with *no reference*. The knobs of cases:
+{limits}
+
+Where nothing is known beyond, the last value that held is given. It depends on the machine where
+time ran out: a run has 60 s.
+
+The time step that is asked for is the one that is taken. Whole steps lead from sample to sample, as
+many as fit between two samples of the case, and the end of the run is moved to the nearest sample;
+a drive at constant speed that makes no whole turns, or one by a law, ends at the last sample before
+its end. Faster drives and longer runs are stepped in the same way, down to four steps for the whole
+run. The other knobs leave the samples as the sidecar has them, where the step is the longest whole
+part of a sample up to the one that the model asks for. The step that the engine took is a column of
+`stress.csv`.
+
+`tests/test_stress_bare.py` confirms 39 of these boundaries within 2 %, by scripts in `tests/bare/`
+that import an engine and NumPy and nothing of proofmass: time steps of the pendulum and of
+four-bars, gravity, springs, drive speed, energy, and small models.
+
+What is said of pymunk holds of Chipmunk as proofmass sets it: pins that close in one step; as many
+iterations as the poses need, up to 3000; a link on the ground that is nearly a point mass as a body
+of twice its mass at half its distance, which swings in the same way. So the pendulum takes steps of
+up to 0.0547 s; built as a point mass, of up to 0.0475 s.
+
+The knobs of cases:
 
 - *Length to spare where bars come in line*: the last link of the last loop is shortened until the
   mechanism only just makes its way, by its reference. There bars come in line and two assembly
@@ -51,7 +74,8 @@ Where no truth is there in 60 s the way ends with *no reference*. The knobs of c
 - *All lengths*: gravity goes with them, masses and times stay. By dimensional analysis errors are
   those of the mechanism's own size; where they are ten times as large the run is lost. MuJoCo
   compiles what is less than 1e-6 m from its body's origin as the origin (`kFrameEps`), and refuses
-  inertias up to 1e-15 kg m² (`mjMINVAL`): that is the theory, for both engines read its model.
+  inertias up to 1e-15 kg m² (`mjMINVAL`): that is the theory for MuJoCo. It compiles the model for
+  pymunk as well, of which nothing is known below.
 - *Steps*: the same motion on and on, to and fro where it does not close; *until the energy is off*:
   of the free motion, whatever its reference.
 """
@@ -92,10 +116,16 @@ def main(argv: Sequence[str] | None = None) -> None:
         with rc_context(RC):
             save(stress_sheet(known), docs / "stress")
         (docs / "stress.svg").unlink()
-        lines = [HEAD, *beside(known)]
+        lines = [HEAD.format(limits=kinds()), *beside(known)]
         for name, (_, skipped) in cases.items():
             lines += of_case(name, [one for one in turned if one.what == name], skipped)
         (docs / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def kinds() -> str:
+    """What the kinds of limits are, as a list."""
+    return "\n".join(fill(f"- *{kind}*: {kind.sentence}.", 99, subsequent_indent="  ")
+                     for kind in Limit)
 
 
 def beside(known: Sequence[Boundary]) -> Iterator[str]:
@@ -103,10 +133,10 @@ def beside(known: Sequence[Boundary]) -> Iterator[str]:
     furthest = max(known, key=lambda one: abs(one.ratio - 1) if one.ratio == one.ratio else 9e9)
     yield KNOWN.format(near=sum(abs(one.ratio - 1) <= NEAR for one in known), all=len(known),
                        within=NEAR, furthest=number(furthest.ratio, 4))
-    yield "| model | solver | knob | measured | theory | ratio | law |"
-    yield "|---|---|---|---|---|---|---|"
+    yield "| model | solver | knob | measured | kind | theory | ratio | law |"
+    yield "|---|---|---|---|---|---|---|---|"
     for one in known:
-        yield (f"| {one.what} | {one.setting} | {one.knob} | {reached(one)} | "
+        yield (f"| {one.what} | {one.setting} | {one.knob} | {reached(one)} | {one.limit} | "
                f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |")
 
 

@@ -91,5 +91,5 @@ def cells(one: Boundary) -> dict[str, str]:
             "unit": unit, "start": number(one.start),
             "measured": number(one.measured, 4) if one.found else none,
             "theory": number(one.theory, 4), "ratio": number(one.ratio, 4), "law": one.law,
-            "failure": one.failure, "silent": "in silence" if one.silent else "",
+            "failure": one.why, "silent": "in silence" if one.silent else "",
             "limit": "" if one.limit == Limit.HOLDS else str(one.limit)}

@@ -172,8 +172,12 @@ class Boundary(Turned):
         """
         if self.limit == Limit.HOLDS:
             return ""
-        kind = f"{self.limit}, in silence" if self.silent else str(self.limit)
-        return f"{kind}: {self.failure}"
+        return f"{self.limit}{', in silence' if self.silent else ''}: {self.why}"
+
+    @property
+    def why(self) -> str:
+        """What went wrong, without the word for the kind of limit."""
+        return self.failure.removeprefix(f"{self.limit}: ")
 
 
 @dataclass(frozen=True)
