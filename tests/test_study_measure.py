@@ -18,6 +18,7 @@ from proofmass.study import core, measure
 from proofmass.study import truth as truths
 from proofmass.study.core import own_core, pinned
 from proofmass.study.measure import Task, not_finite, observe, shares
+from proofmass.study.run import row
 from proofmass.study.setting import Setting
 from proofmass.study.truth import truth
 from sim.protocol import Array, Curves, Diverged, Unsupported
@@ -130,6 +131,17 @@ def test_steps_and_seconds_are_those_of_the_engine():
     assert 0 < found.seconds < 60
     again = observe(Task(PENDULUM, "duration", EULER.but(timestep=0.01)), True, None)
     assert (again.steps, again.errors, again.complete) == (1000, {}, True)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
+    """Whole steps lead from sample to sample: 18 in the 17.45 ms of this case, not 17.45."""
+    task = Task(FOURBAR, "duration", Setting(engine, {"timestep": 1e-3}))
+    found = observe(task, False, None)
+    assert found.step == pytest.approx(2 * np.pi / 360 / 18, rel=1e-12)
+    assert row(task, [found], timed=False).step == found.step
+    swept = observe(Task(FOURBAR, "sweep", Setting(engine)), False, None)
+    assert np.isnan(swept.step)
 
 
 @pytest.mark.parametrize(("error", "outcome"), [
