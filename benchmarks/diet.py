@@ -1,4 +1,4 @@
-"""What scenes need: the diet of all own models, and of a fat one.
+"""What scenes need: the diet of all own models, without their options, and of a fat one.
 
     python -m benchmarks.diet [folder] [--quick]
 
@@ -17,9 +17,9 @@ from proofmass.report.diet_sheet import LOOKS, diet_sheet
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.study.core import machine
-from proofmass.study.diet import Search
+from proofmass.study.diet import ROUNDS, Search
 from proofmass.study.diet_command import finish
-from proofmass.study.diet_table import WHOLE, Entry, read_entries
+from proofmass.study.diet_table import SAID, WHOLE, Entry, read_entries
 from proofmass.study.diet_words import ranked, sentences
 from proofmass.study.kept import Kept
 from proofmass.study.run import pool
@@ -28,13 +28,26 @@ from proofmass.wording import number
 
 FAT = ROOT / "docs" / "fourbar_fat.xml"
 SECONDS = 5.0  # that a model without a sidecar is followed
-ROUNDS = 5  # in which steps are timed
 HEAD = """# What scenes need
 
 `python -m benchmarks.diet` made this; `proofmass diet MODEL.xml` does it for any MJCF. Each feature
 is taken out by itself, and every run is done again: those of the sidecars in MuJoCo, where a
 channel may move by a tenth of what its error leaves of its tolerance, or else the motion from the
-key, where it may move by rounding. What is harmless goes, all of it together.
+key, where it may move by rounding. What is harmless goes, all of it together. `--watch NAME`, with
+a joint, body, site or sensor, says what alone matters; without it and without a sidecar all sensors
+are watched, or all that moves, and bodies that do not act on each other are named in groups.
+
+Then options of the engine are made cheaper, one after the other: solver tolerance, iterations, time
+step, integrator, friction cone, solver and Jacobian. These change every run, so what is measured is
+held against what is true. With a sidecar that is its reference, whose error may grow by a tenth of
+what it leaves of its tolerance. Without one it is the fine solution of the same model, with 8 times
+shorter steps, of which a channel may be off by 1.1 times what it is with the options as they are;
+`--error SHARE` allows so much of its range, `--keep-options` leaves all options alone.
+
+Times are of pairs of runs, with and without, in an order drawn by lot. What is saved is the median
+of their ratios, and the interval in brackets holds it with a probability of 99 % (sign test, if the
+noise of one pair does not depend on that of others). Where 0 is within there is no measurable
+change. `tests/diet_bare.py` holds what was written against the model as it was in bare MuJoCo.
 
 ## A fat model
 
@@ -48,7 +61,8 @@ for the eye; cross: matters. The last row is all that goes, at once.*
 """
 OWN = """## proofmass's own models
 
-{clean} of {all} have nothing left to remove. Drawn geoms could go, for no run needs them, and stay
+Of {all} models {clean} have no feature left to remove; their options were left alone, which
+[`trade` and `choose`](accuracy.md) are for. Drawn geoms could go, for no run needs them, and stay
 for the eye; what they cost together is the time and the memory of the table, on {machine}.
 Steps of a sweep or a rest are its poses.
 """
@@ -61,9 +75,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "diet")
     given = parser.parse_args(argv)
     files = sorted(ROOT.glob("models/pendulum.xml" if given.quick else "models/*.xml"))
-    rounds = 1 if given.quick else ROUNDS
+    rounds = 1 if given.quick else ROUNDS  # pairs of runs
     with folders(given.quick, given.folder) as (folder, docs):
-        own = {file.stem: searched(file, folder, rounds) for file in files}
+        own = {file.stem: searched(file, folder, rounds, tune=False) for file in files}
         fat = own[files[0].stem] if given.quick else searched(FAT, folder, rounds)
         write_diet(folder, folder)
         with rc_context(RC):
@@ -77,13 +91,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         (docs / "diet.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def searched(model: Path, folder: Path, rounds: int) -> list[Entry]:
-    """The diet of a model, its table and its slim model in the folder."""
+def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[Entry]:
+    """The diet of a model, with its options or without; table and slim model in the folder."""
     print(model.stem, flush=True)
     file = folder / model.name
     scene = scene_of(model, SECONDS)
     with pool() as workers:
-        found = Search(scene, rounds=rounds, workers=workers, kept=Kept(folder / "runs")).run()
+        found = Search(scene, rounds=rounds, tune=tune, workers=workers,
+                       kept=Kept(folder / "runs")).run()
     finish(scene, found, file)
     return read_entries(file.with_suffix(".csv"))
 
@@ -96,7 +111,7 @@ def named(entries: Sequence[Entry], outcome: str) -> list[str]:
 def row(name: str, entries: Sequence[Entry]) -> str:
     """A model's row of the table: features by outcome, and the cost of what is only drawn."""
     gone, drawn, matters = (named(entries, o) for o in ("harmless", "drawn", "matters"))
-    single = len(entries) - 1
+    single = sum(e.kind not in (WHOLE, SAID) for e in entries)
     needed = single - len(gone) - len(drawn) - len(matters)
     costs = next((e.costs for e in entries if e.outcome == "drawn"), entries[-1].costs)
     cells = [number(1e3 * c.seconds, 2) for c in costs] + [number(c.size / 1024) for c in costs]

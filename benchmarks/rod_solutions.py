@@ -46,8 +46,8 @@ program (code lines 8812-8945). Modes count inflections, the pinned tip included
 
 ## Our search
 
-| direct problem | modes to | equilibria | stable | of modes 1 | known before | searched to alpha | \
-proven bound |
+| direct problem | modes to | equilibria | stable | of modes 1 | known before | searched to alpha \
+| proven bound |
 |---|---|---|---|---|---|---|---|
 """
 

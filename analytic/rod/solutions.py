@@ -125,8 +125,8 @@ def solutions(
     found by 2500 or more.
 
     `State.energy`, `State.shape` and `closure` integrate from the clamp, and an error grows by up
-    to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential and
-    stability are of the closed form, and have their digits.
+    to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential
+    and stability are of the closed form, and have their digits.
 
     Source: Pérez Gámiz 2018, eqs 103-105 and 113-115 and text lines 1149-1161, searches a grid of
     (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  Departs

@@ -37,6 +37,7 @@ from proofmass.study.trial import Cost, Pace, attempt, paced
 from sim.protocol import BadModel, Curves, Run
 
 SLOWER = 20.0  # times as long as the model as it is takes: given up
+NOT_CHEAPER = 3.0  # times as long, of an option that is to be cheaper
 LEAST = 30.0  # s, to give up
 ROUNDS = 15  # pairs of runs, of which the interval of the median is that from the 3rd to the 13th
 SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
@@ -214,24 +215,25 @@ class Search:
     def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
         """Outcome, changes and message of a draft's models in the runs of the scene."""
         optional = set() if draft.watch else draft.probes
-        return self.judged(models, draft, lambda watch: watch.run,
+        return self.judged(models, draft, SLOWER, lambda watch: watch.run,
                            lambda watch, curves: moved(watch, curves, optional))
 
     def held(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
         """The same of errors; of changes where there is nothing to hold a run against."""
         optional = set() if draft.watch else draft.probes
-        return self.judged(models, draft, lambda watch: watch.bound.run if watch.bound else
-                           watch.run, lambda watch, curves: strayed(watch, curves)
-                           if watch.bound else moved(watch, curves, optional))
+        return self.judged(models, draft, NOT_CHEAPER, lambda watch: watch.bound.run
+                           if watch.bound else watch.run, lambda watch, curves: strayed(
+                               watch, curves) if watch.bound else moved(watch, curves, optional))
 
-    def judged(self, models: list[mujoco.MjModel], draft: Draft, run_of: Callable[[Watch], Run],
+    def judged(self, models: list[mujoco.MjModel], draft: Draft, slower: float,
+               run_of: Callable[[Watch], Run],
                shares_of: Callable[[Watch, Curves], dict[str, float]]) -> tuple[str, Moved, str]:
         """Outcome, shares of what is allowed, and message of a draft's models in some runs."""
         shares: Moved = {}
         try:
             for watch, model in zip(self.scene.watches, models, strict=True):
                 curves = self.worked(isolated, attempt, model, rodded(run_of(watch), draft),
-                                     timeout=max(LEAST, SLOWER * watch.before.seconds))
+                                     timeout=max(LEAST, slower * watch.before.seconds))
                 shares[watch.name] = shares_of(watch, curves)
         except BadModel as error:
             return "needed", shares, str(error)

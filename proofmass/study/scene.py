@@ -430,8 +430,9 @@ def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | No
         f"Options are held against the fine solution of the same model, with steps of "
         f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
         f"first {number(float(run.x[n - 1]))} s: no channel may be off it by more than 1.1 times "
-        f"what it is with the options as they are, by {ROUNDING:g} of its size"
-        + (f", or by {number(free)} of its range." if free else "; --error SHARE allows more."))
+        f"what it is off with the options as they are, {number(ROUNDING)} of its size"
+        + (f" or {number(free)} of its range, whichever is most." if free else
+           ", whichever is more; --error SHARE allows more."))
 
 
 def scale(curves: Curves, name: str) -> float:
