@@ -388,9 +388,10 @@ def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | No
     """A free motion with what other options of the engine are held against, and that in words.
 
     The truth is the fine solution of the same model: steps that are 8 times shorter, constraints
-    solved by Newton's method to 1e-14.  It is followed until the model as it is has left it by a
-    tenth of a channel's largest value, which further on says nothing any more.  A channel may be
-    off it by a tenth more than as it is, by rounding, or by a share `error` of its range.
+    solved by Newton's method to 1e-14.  Where the model as it is leaves it by a tenth of a
+    channel's largest value nothing can be told from there on, and options are held to what features
+    are held to.  A channel may be off it by a tenth more than as it is, by rounding, or by a share
+    `error` of its range.
     """
     model = draft.compiled()
     step, x = model.opt.timestep, watch.run.x
@@ -411,25 +412,24 @@ def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | No
     sizes = {name: scale(watch.before, name) for name in own}
     off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
     lost = np.max(list(off.values()), axis=0) > LOST
-    n = int(np.argmax(lost)) if lost.any() else run.x.size
-    if n < min(FEWEST, run.x.size):
-        name = max(off, key=lambda name: float(off[name][n]))
+    if lost.any():
+        k = int(np.argmax(lost))
+        name = max(off, key=lambda name: float(off[name][k]))
         return watch, (f"{no}to hold them against: {name} is off it by a tenth of its size after "
-                       f"{number(float(run.x[n]))} s.")
+                       f"{number(float(run.x[k]))} s; --seconds ends the run before that.")
     allowed, free = dict[str, float](), error or 0.0
-    ranges = {name: max(float(np.ptp(c[:n])) for other, c in fine.items()
+    ranges = {name: max(float(np.ptp(c)) for other, c in fine.items()
                         if other.partition("[")[0] == name.partition("[")[0]) for name in own}
     for name, size in sizes.items():
-        most = max((1 + WORSE) * float(off[name][:n].max()), ROUNDING, free * ranges[name] / size)
-        if float(np.abs(coarse[name] - fine[name])[:n].max()) / size > most / 2:
+        most = max((1 + WORSE) * float(off[name].max()), ROUNDING, free * ranges[name] / size)
+        if float(np.abs(coarse[name] - fine[name]).max()) / size > most / 2:
             return watch, (f"{no}to hold them against: {name} still changes between steps of "
                            f"{number(step / FINER[0])} s and {number(step / FINER[1])} s.")
         allowed[name] = most * size
-    bound = Bound(replace(run, x=run.x[:n]), allowed, {k: c[:n] for k, c in fine.items()})
-    return replace(watch, bound=bound), (
+    return replace(watch, bound=Bound(run, allowed, fine)), (
         f"Options are held against the fine solution of the same model, with steps of "
         f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
-        f"first {number(float(run.x[n - 1]))} s: no channel may be off it by more than 1.1 times "
+        f"first {number(float(run.x[-1]))} s: no channel may be off it by more than 1.1 times "
         f"what it is off with the options as they are, {number(ROUNDING)} of its size"
         + (f" or {number(free)} of its range, whichever is most." if free else
            ", whichever is more; --error SHARE allows more."))
