@@ -1,6 +1,11 @@
 """A run of MuJoCo in time as a Python program that needs nothing but MuJoCo and NumPy."""
 
+import base64
+import json
+import re
+import zlib
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -23,11 +28,19 @@ IMPOSED = (Imposed("flywheel"),
 disturb, with the torque that moves it; by a position servo, of the natural frequency gain / step
 and critically damped; or by an equality that holds the joint at its target, of the time constant
 step / gain."""
+MORE = "act", "mocap_pos", "mocap_quat"
+"""What a key may set beside positions, rates and controls."""
 OPTIONS = ("timestep", "integrator", "solver", "iterations", "tolerance")
 KEYWORDS = {name.lower(): name for name in
             ("Euler", "RK4", "implicit", "implicitfast", "discrete", "PGS", "CG", "Newton")}
 STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
 FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
+CARRIED = 1_000_000
+"""Bytes of meshes and the like that a program holds; if there are more it reads them by path."""
+WIDE = 100
+"""Columns of a program; only what cannot be broken is wider."""
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder",
+             "muscle", "adhesion", "dcmotor", "plugin")
 
 
 def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
@@ -64,7 +77,7 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
         raise Unsupported("a program for a model with rods: MuJoCo writes their links with six "
                           "digits")
     model, data = load(path, run)
-    ctrl = data.ctrl.copy()
+    ctrl, fresh = data.ctrl.copy(), mujoco.MjData(model)
     count, step = run.steps(model.opt.timestep)
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
@@ -72,6 +85,7 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     start(linkage, run, times)
     wheels = (model.dof_armature - resting)[linkage.dofs]
     root = expanded(path)
+    files = carried(root)
     apply_settings(root, model, step)
     values: dict[str, Any] = {}
     if run.drives:
@@ -81,18 +95,20 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="unicode")
     return TEMPLATES.get_template("mujoco.py.jinja").render(
-        head=escaped(head), model=escaped(text),
+        head=escaped(head), model=escaped(model_text(root)), files=files,
         step=repr(step), per=count, samples=run.x.size, first=repr(float(run.x[0])),
         target=target(drive.kind, moves, by_stage) if run.drives else "",
-        motion=motion.strip() if run.drives else "", joints=list(linkage.joints),
+        motion=motion.strip() if run.drives else "", joints=json.dumps(list(linkage.joints),
+                                                                   ensure_ascii=False),
         drive=drive.kind if run.drives else "", steady=not moves,
         middle=by_stage,
         parts={name.rpartition(".")[2] for name in recorder.sensors},
         qpos=listed(data.qpos), qvel=listed(data.qvel), ctrl=ctrl.tolist(),
-        curves={name: curve_of(recorder, name) for name in recorder.sensors}, **values)
+        more={name: listed(getattr(data, name).ravel()) for name in MORE
+              if (getattr(data, name) != getattr(fresh, name)).any()},
+        curves={json.dumps(name, ensure_ascii=False): curve_of(recorder, name)
+                for name in recorder.sensors}, **values)
 
 
 def target(kind: str, moves: bool, by_stage: bool) -> str:
@@ -141,6 +157,32 @@ def expanded(path: Path) -> Element:
     return root
 
 
+def carried(root: Element) -> dict[str, list[str]]:
+    """Take the files of an expanded model into its program: lines of base64 by name, packed.
+
+    None where they are too large, or of kinds that refer to others.
+    """
+    readers = [element for element in root.iter() if element.get("file") is not None]
+    paths = {str(element.get("file")): Path(str(element.get("file"))) for element in readers}
+    if not paths or any(element.tag not in FOLDERS for element in readers) or sum(
+            path.stat().st_size for path in paths.values()) > CARRIED:
+        return {}
+    for compiler in root.iter("compiler"):
+        for key in [key for key in compiler.attrib if key.endswith("dir")]:
+            del compiler.attrib[key]
+    found, names = dict[str, list[str]](), dict[str, str]()
+    for file, path in paths.items():
+        name = path.name if path.name not in found else f"{len(found)}_{path.name}"
+        packed = base64.b64encode(zlib.compress(path.read_bytes(), 9)).decode()
+        found[name], names[file] = wrap(packed, WIDE - 8), name
+    for element in readers:
+        file = str(element.get("file"))
+        if element.get("name") is None:
+            element.set("name", Path(file).stem)
+        element.set("file", names[file])
+    return {json.dumps(name, ensure_ascii=False): lines for name, lines in found.items()}
+
+
 def include(parent: Element, folder: Path) -> None:
     """Put the elements of included files in the place of what includes them, in place."""
     for place, child in reversed(list(enumerate(parent))):
@@ -150,6 +192,33 @@ def include(parent: Element, folder: Path) -> None:
             parent[place:place + 1] = list(there)
         else:
             include(child, folder)
+
+
+def model_text(root: Element) -> str:
+    """The text of a model, an element a line; long ones are broken between their attributes."""
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode").replace(" />", "/>")
+    return "\n".join(broken for line in text.splitlines() for broken in broken_line(line))
+
+
+def broken_line(line: str) -> list[str]:
+    """A line of MJCF broken between attributes where it is too long.
+
+    >>> broken_line(f'  <joint name="{"a" * 40}" armature="{"1" * 40}"/>')[1]
+    '         armature="1111111111111111111111111111111111111111"/>'
+    """
+    if len(line) <= WIDE:
+        return [line]
+    indent = len(line) - len(line.lstrip())
+    head, *parts = re.split(r'(?<=") (?=[^\s"=]+=")', line)
+    first = line.index(" ", indent) + 1 if " " in line[indent:] else indent
+    lines = [head]
+    for part in parts:
+        if len(lines[-1]) + 1 + len(part) <= WIDE:
+            lines[-1] += " " + part
+        else:
+            lines.append(" " * first + part)
+    return lines
 
 
 def spelled(value: object) -> str:
@@ -189,27 +258,36 @@ def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: I
         for joint, armature in zip(joints, linkage.model.dof_armature[linkage.dofs], strict=True):
             joint.set("armature", spelled(float(armature)))
             # what resists an ideal drive does not change its motion
-            joint.set("damping", "0")
+            joint.set("damping", "0 0 0")  # those of velocity, its square and its cube
             joint.set("frictionloss", "0")
         return {"flywheels": wheels.tolist()}
     if drive.kind == "servo":
         rate = drive.gain / step  # natural frequency [rad/s]
         place = section(root, "actuator")
         for name, inertia in zip(linkage.joints, wheels / FLYWHEEL, strict=True):
-            ElementTree.SubElement(place, "position", {
-                "name": f"drive of {name}", "joint": name, "kp": spelled(float(inertia * rate**2)),
-                "kv": spelled(float(2.0 * inertia * rate))})
+            place.append(servo(root, name, float(inertia * rate**2), float(2.0 * inertia * rate)))
         return {"lead": [2.0 / rate] * len(joints)}
     if drive.kind == "equality":
         constant = step / drive.gain
         place = section(root, "equality")
         for name in linkage.joints:
             ElementTree.SubElement(place, "joint", {
-                "name": f"drive of {name}", "joint1": name, "solref": spelled((constant, 1.0)),
-                "solimp": spelled(STIFFEST)})
+                "name": f"drive of {name}", "joint1": name, "active": "true",
+                "solref": spelled((constant, 1.0)), "solimp": spelled(STIFFEST)})
         return {"lead": repr(2.0 * constant * STIFFEST[1])}
     raise ValueError(f"a drive by {drive.kind!r}; known: "
                      f"{', '.join(dict.fromkeys(one.kind for one in IMPOSED))}")
+
+
+def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
+    """A position servo; with all that the model's default classes could make otherwise."""
+    names = {"name": f"drive of {joint}", "joint": joint}
+    if not any(root.find(f".//default/{tag}") is not None for tag in ACTUATORS):
+        return Element("position", {**names, "kp": spelled(kp), "kv": spelled(kv)})
+    return Element("general", {
+        **names, "gear": "1 0 0 0 0 0", "ctrllimited": "false", "forcelimited": "false",
+        "actlimited": "false", "dyntype": "none", "gaintype": "fixed", "biastype": "affine",
+        "gainprm": spelled((kp, 0, 0)), "biasprm": spelled((0, -kp, -kv))})
 
 
 def section(root: Element, tag: str) -> Element:
@@ -226,8 +304,9 @@ def joint_element(root: Element, name: str) -> Element:
     Unsupported
         The file has none, as where a body is replicated or attached.
     """
-    for joint in root.iterfind(f".//worldbody//joint[@name='{name}']"):
-        return joint
+    for joint in root.iterfind(".//worldbody//joint"):
+        if joint.get("name") == name:
+            return joint
     raise Unsupported(f"a program whose drive moves joint {name!r}, which is no element of the "
                       f"file")
 

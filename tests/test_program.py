@@ -21,7 +21,7 @@ from proofmass.study.program import Ran, imposed, program, read_curves, run_prog
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store
 from sim.mujoco_program import IMPOSED, expanded, write_program
-from sim.protocol import Imposed, Run, Unsupported
+from sim.protocol import Drive, Imposed, Run, Unsupported
 
 MODELS = Path(__file__).parent.parent / "models"
 COARSE = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.032, 1.0),
@@ -292,3 +292,117 @@ def released(t: np.ndarray, start: float) -> np.ndarray:
 
     cranks = solve_ivp(rates, (0.0, t[-1]), [start, 0.0], t_eval=t, rtol=1e-10, atol=1e-12).y[0]
     return np.array([pose(a)[8] for a in cranks])
+
+
+ODD = """
+<mujoco model='an "odd" é'>
+  <compiler meshdir="shapes"/>
+  <option timestep="1.234e-3" integrator="RK4" gravity="0 -9.81 0">
+    <flag contact="disable"GRAVITY/>
+  </option>
+  <default>
+    <joint damping="0.3 0.1 0.2" armature="0.05" frictionloss="0.01"/>
+    <position gear="3" ctrlrange="-1 1" dampratio="1"/>
+    <equality active="false" solref="0.005 1" solimp="0.9999 0.9999 0.001"/>
+    <default class="sprung"><joint stiffness="3 1" springref="20"/></default>
+  </default>
+  <asset><mesh file="m.stl"/></asset>
+  <worldbody>
+    <body name="crank">
+      <joint name="cr'an&quot;k é"/>
+      <inertial pos="0.5 0 0" mass="1" diaginertia="0.001 0.0833 0.0833"/>
+      <body name="coupler" pos="1 0 0">
+        <joint name="coupler" class="sprung" range="-160 160"/>
+        <geom type="mesh" mesh="m" mass="2"/>
+        <site name="coupler_end" pos="2 0 0"/>
+      </body>
+    </body>
+    <include file="rocker.xml"/>
+  </worldbody>
+  <equality>
+    <connect name="pin" active="true" site1="coupler_end" site2="rocker_end"/>
+  </equality>
+  <actuator>
+    <motor name="motor" joint="cr'an&quot;k é"/>
+    <motor name="load" joint="rocker" gear="2"/>
+    <general name="slow" joint="rocker" dyntype="integrator" gainprm="1" biastype="none"/>
+  </actuator>
+  <sensor>
+    <jointpos name='ro"ck\\, é' joint="rocker"/>
+    <framelinacc name="acc" objtype="site" objname="rocker_end"/>
+  </sensor>
+  <keyframe>
+    <key name="start" qpos="0 1.3502630658740633 2.2459278597319283" ctrl="0 4 0.5" act="3"/>
+  </keyframe>
+</mujoco>"""
+ROCKER = """
+<mujocoinclude>
+  <body name="rocker" pos="3 0 0">
+    <joint name="rocker"/>
+    <inertial pos="1.25 0 0" mass="2.5" diaginertia="0.001 1.3 1.3"/>
+    <site name="rocker_end" pos="2.5 0 0"/>
+  </body>
+</mujocoinclude>"""
+
+
+def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
+    """A model with classes, a mesh, an include, loads with a state, and names to be quoted."""
+    (folder / "shapes").mkdir()
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
+    faces = [np.append(np.zeros(3, "<f4"), corners[[*face]]).astype("<f4").tobytes() + b"\0\0"
+             for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    (folder / "shapes" / "m.stl").write_bytes(bytes(80) + b"\4\0\0\0" + b"".join(faces))
+    (folder / "rocker.xml").write_text(ROCKER)
+    (folder / "odd.xml").write_text(ODD.replace("GRAVITY", gravity), encoding="utf-8")
+    drives = (Drive("cr'an\"k é", Steady(0.0, rate, x_is_time=True)),) if rate else ()
+    return folder / "odd.xml", Run("duration", np.linspace(0.0, 0.5, 21),
+                                   ('ro"ck\\, é', "acc.y"), drives=drives)
+
+
+@pytest.mark.parametrize(("gravity", "rate"), [("", 1.0), (' gravity="disable"', 1.0), ("", 0.0)])
+def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
+        gravity: str, rate: float, tmp_path: Path) -> None:
+    """Bit by bit; and it needs none of the model's files."""
+    model, run = odd(tmp_path, gravity, rate)
+    motion = motion_source([each.law for each in run.drives], run.x)
+    text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
+    wanted = simulate("mujoco", model, run)
+    for file in (model, tmp_path / "rocker.xml", tmp_path / "shapes" / "m.stl"):
+        file.unlink()
+    assert str(tmp_path) not in text
+    found = bare(text, tmp_path)
+    for name, curve in wanted.channels.items():
+        assert found[name].tolist() == curve.tolist()
+    assert run_channels(tmp_path / "out.csv", run) == list(run.channels)
+
+
+def run_channels(file: Path, run: Run) -> list[str]:
+    """Names that proofmass finds in a file of curves."""
+    return list(read_curves(file, replace(run, drives=())).channels)
+
+
+@pytest.mark.parametrize("drive", [Imposed("servo", 0.5), Imposed("equality", 0.25)])
+def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_path: Path) -> None:
+    """Neither a gear nor a range of actuators, nor equalities that are not active: each of them
+    leaves the crank 0.1 rad behind or more."""
+    model, run = odd(tmp_path)
+    motion = motion_source([each.law for each in run.drives], run.x)
+    found = bare(write_program(model, run, motion, "", drive), tmp_path)
+    wanted = simulate("mujoco", model, run).channels['ro"ck\\, é']
+    assert np.ptp(wanted) > 0.1
+    assert found['ro"ck\\, é'] == pytest.approx(wanted, abs=1e-3)
+
+
+def test_long_lines_of_a_model_are_broken(tmp_path: Path) -> None:
+    model, run = odd(tmp_path)
+    text = write_program(model, replace(run, drives=()), "", "")
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_large_files_of_a_model_are_named_by_their_place(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, run = odd(tmp_path, rate=0.0)
+    monkeypatch.setattr("sim.mujoco_program.CARRIED", 100)
+    text = write_program(model, run, "", "")
+    assert str(tmp_path / "shapes" / "m.stl") in text
+    assert bare(text, tmp_path)["t"].size == run.x.size

@@ -5,6 +5,7 @@ recorded.  Its error is that of its own run, in an interpreter that knows nothin
 the motion that was asked for.
 """
 
+import csv
 import json
 import re
 import subprocess
@@ -123,8 +124,8 @@ def run_program(case: Case, setting: Setting, text: str, timeout: float, core: i
 
 def read_curves(file: Path, run: Run) -> Curves:
     """The curves that a program wrote, at the state that its drives were asked to have."""
-    with file.open(encoding="utf-8") as stream:
-        names = stream.readline().strip().split(",")
+    with file.open(encoding="utf-8", newline="") as stream:
+        names = next(csv.reader(stream))
         rows = np.loadtxt(stream, delimiter=",", ndmin=2)
     if not np.allclose(rows[:, 0], run.x, rtol=0.0, atol=1e-9 * np.ptp(run.x)):
         raise ValueError("the program sampled at other times than it was asked to")
