@@ -7,9 +7,13 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.study import finer
-from proofmass.study.finer import promising, refined
-from proofmass.study.run import pool
+from proofmass.study.axes import lines
+from proofmass.study.finer import Limits, known, placed, promises, promising, refined
+from proofmass.study.measure import Task
+from proofmass.study.run import pool, run
+from proofmass.study.setting import Setting
 from proofmass.study.store import Store
+from tests.study_tasks import tasks
 from tests.trade_rows import line, verdict
 
 CASE = load_case(Path(__file__).parent.parent / "models" / "fourbar.toml")
@@ -57,10 +61,10 @@ def test_only_what_promises_to_be_cheaper_is_run():
     good = [replace(row, errors={"position": NEEDED / 2}) for row in coarse("good", seconds=1e-4)]
     found = promising(CASE, "duration", dear + cheap, [], "position", NEEDED)
     assert {task.line for _, task in found} == {"dear", "cheap"}
-    for price, lines in ((1e9, {"dear", "cheap"}), (1e-9, set())):
+    for price, names in ((1e9, {"dear", "cheap"}), (1e-9, set())):
         priced = [replace(row, seconds=price) for row in good]
         found = promising(CASE, "duration", dear + cheap + priced, [], "position", NEEDED)
-        assert {task.line for _, task in found} == lines
+        assert {task.line for _, task in found} == names
     assert not promising(CASE, "duration", coarse(seconds=1.0), [], "position", NEEDED), "too long"
 
 
@@ -81,3 +85,63 @@ def test_steps_are_corrected_until_they_are_good_enough(monkeypatch, tmp_path):
         assert 1 < len(asked) <= finer.ROUNDS * finer.FEW
         assert refined(CASE, "duration", coarse(), [], "position", 1.0, Store(tmp_path),
                        workers) == coarse()
+
+
+def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
+    """An earlier correction of a step may be 2 % from it: rounding of errors would be an order."""
+    rows = coarse()
+    near = replace(rows[-1], value=0.98e-3, errors={"position": 0.99e-6})
+    plain, with_near = (promises(each, [], "position", NEEDED)[0] for each in (rows, [*rows, near]))
+    assert with_near.falls == pytest.approx(plain.falls, abs=0.1)
+    assert with_near.row is near
+
+
+def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
+    """Settings that somebody measured before, on their lines; none of another model."""
+    store, own = Store(tmp_path), tasks(models)[0].case
+    asked = [Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
+             Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"})]
+    rows = run([Task(own, "duration", setting, "choose") for setting in asked], store, repeats=1)
+    found = sorted(known(own, "duration", [], store), key=lambda row: row.value)
+    assert [row.line for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
+    assert [row.value for row in found] == [4e-4, 1e-3]
+    assert [(row.errors, row.key, row.repeats) for row in found] == [
+        (row.errors, row.key, row.repeats) for row in rows]
+    assert [row.key for row in known(own, "duration", rows[:1], store)] == [rows[1].key]
+    file = models / "pendulum.xml"
+    file.write_text(file.read_text().replace('mass="1"', 'mass="1.5"'))
+    assert list(known(tasks(models)[0].case, "duration", [], store)) == []
+
+
+def test_a_setting_finds_its_line_with_what_goes_with_its_step():
+    there = lines(CASE, "duration")
+    hard = next(one for one in there if one.name == "MuJoCo RK4, solref 8 steps")
+    knobs = dict(hard.settings[0].knobs, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
+    assert placed(Setting("mujoco", knobs), there) == (hard.name, "timestep", 1.7e-5)
+    knobs["solref"] = (9 * 1.7e-5, 1.0)
+    assert placed(Setting("mujoco", knobs), there)[0].startswith("MuJoCo, integrator RK4")
+
+
+def test_a_budget_ends_the_search_and_says_so(monkeypatch, tmp_path):
+    asked = []
+
+    def run(tasks, *_, timeout, **__):
+        asked.append((len(tasks), timeout))
+        return [replace(coarse()[0], value=t.value, line=t.line, outcome="timed out", errors={})
+                for t in tasks]
+
+    monkeypatch.setattr(finer, "run", run)
+    with pool(1) as workers:
+        none = Limits(longest=7.0, budget=1e-9)
+        assert refined(CASE, "duration", coarse(), [], "position", NEEDED, Store(tmp_path), workers,
+                       limits=none) == coarse()
+        assert (none.short, none.settings, asked) == (True, 0, [])
+        enough = Limits(longest=7.0, budget=100.0)
+        refined(CASE, "duration", coarse(), [], "position", NEEDED, Store(tmp_path), workers,
+                limits=enough)
+        assert (enough.short, enough.settings, asked) == (False, 1, [(1, 7.0)])
+        # 31 times as fine a step, 20 s a run: --longest decides, and nothing else
+        for longest, runs in ((15.0, 1), (25.0, 2)):
+            refined(CASE, "duration", coarse(seconds=1e-4), [], "position", NEEDED, Store(tmp_path),
+                    workers, limits=Limits(longest, 1e9))
+            assert len(asked) == runs
