@@ -350,6 +350,8 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
 @pytest.mark.parametrize(("asked", "right"), [
     ("pendulum.toml --error 0", "between 0 and 1, such as 1e-5"),
     ("pendulum.toml --error nan", "between 0 and 1, such as 1e-5"),
+    ("pendulum.toml --error 1e-5 --budget -1", "--budget -1: give a number of seconds above 0"),
+    ("pendulum.toml --error 1e-5 --longest nan", "--longest nan: give a number of seconds above"),
     ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
     ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
     ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
@@ -377,6 +379,7 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     found = CliRunner().invoke(app, [*asked, "--error", "1e-17"])
     assert found.exit_code == 1
     assert "no measured setting has position within 1e-17" in found.stderr
+    assert "of --budget 300 s, --longest 30 s a run" in found.stderr
     assert not found.stdout
 
 

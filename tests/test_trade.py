@@ -19,6 +19,7 @@ from proofmass.study.row import Row
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store
 from proofmass.study.table import read_table
+from proofmass.study.words import ended, reached, worsened
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -120,6 +121,56 @@ def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
     risen = tracked([1e-2, 1e-3, 7.0, 9.0])  # finer steps that are far off again are not coarse
     assert [error for _, error in risen.points("rate")] == [1e-2, 1e-3, 7.0, 9.0]
     assert level(risen.points("rate")) == 1e-3
+
+
+def placed(errors, seconds=0.5, **kinds):
+    """A track whose rows know their steps; `errors` of positions."""
+    track = tracked([])
+    track.rows = [Row("trade", "", "duration", "mujoco", "x", "timestep", size,
+                      {"timestep": size}, {"position": e, **{k: v[n] for k, v in kinds.items()}},
+                      seconds=seconds) for n, (size, e) in enumerate(
+                          zip(track.line.sizes, errors, strict=False))]
+    return track
+
+
+@pytest.mark.parametrize(("errors", "expected", "words"), [
+    # 8e-3 / 1e-4 is 80 of first order: 25 ms / 80, and 80 times 0.5 s
+    ((3.2e-2, 1.6e-2, 8e-3), 1.0, "order 1 down to 8e-3 at timestep 25 ms; 1e-4 would need a step "
+     "of about 3.1e-4 s and about 40 s a run, if that order holds"),
+    ((0.09, 0.045), 1.0, "not yet asymptotic: order 1 down to 0.045 at timestep 50 ms, of the last "
+     "refinement alone; 1e-4 would need a step of about 1.1e-4 s and about 225 s a run, if that "
+     "order holds"),
+    ((0.09, 0.056), 1.0, "not yet asymptotic: 0.056 at timestep 50 ms, and no order is seen"),
+    ((0.58, 0.5, 0.36), 1.0, "not yet asymptotic: 0.36 at timestep 25 ms, and no order is seen"),
+    ((0.81, 0.8, 0.81), 1.0, "not yet asymptotic: 0.81 at timestep 25 ms, and no order is seen"),
+    ((1e-4, 2.5e-5, 6.25e-6), 2.0, "order 2 down to 6.3e-6 at timestep 25 ms"),
+    ((1e-4, 5e-5, 4.8e-5), 2.0, "no error floor is shown: 4.8e-5 at timestep 25 ms, why"),
+    ((1e-4,), 2.0, "")])
+def test_how_far_a_line_came_is_told_without_a_number_where_no_order_is_seen(
+        errors, expected, words):
+    assert reached(placed(errors), "position", expected, "why", "") == words
+
+
+def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
+    track = placed([1e-3] * 3, acceleration=[0.13] * 3)
+    assert reached(track, "acceleration", 1.0, "", "it ends") == (
+        "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends")
+    far = placed([0.5] * 3, acceleration=[0.13] * 3)
+    assert reached(far, "acceleration", 1.0, "", "").startswith("not yet asymptotic")
+
+
+def test_a_finer_step_that_is_worse_is_told_with_both():
+    track = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
+    assert worsened(track, "position") == (
+        "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms")
+    assert worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
+
+
+def test_what_ended_a_line_is_told():
+    assert ended(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
+        "the line ends there, at a run of more than 2 s")
+    assert ended(placed([1e-3, 1e-4]), 2.0) == ""
+    assert ended(tracked([1e-2], outcomes=["timed out"]), 2.0) == "timestep 0 ms: timed out"
 
 
 def test_a_slope_that_changes_is_no_order():
@@ -262,6 +313,7 @@ def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, mon
     assert first.exit_code == 0, first.output
     assert "MuJoCo RK4" in first.output
     assert "s for 1e-06" in first.output
+    assert "a run is given up after 30 s (--longest)" in first.output
     files = {file: file.stat().st_mtime_ns for file in (tmp_path / "runs").glob("*.json")}
     before = (tmp_path / "trade.csv").read_text()
     assert command(MODELS / "pendulum.toml", "-o", tmp_path).exit_code == 0
@@ -273,6 +325,7 @@ def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, mon
     (["nothing.toml"], "no such file"),
     ([MODELS / "pendulum.toml", "--run", "sweep"], "no such run"),
     ([MODELS / "pendulum.toml", "--run", "motion"], "--run"),
+    ([MODELS / "pendulum.toml", "--longest", "0"], "--longest 0: give a number of seconds above 0"),
 ])
 def test_bad_input_is_one_line(args, words, tmp_path):
     answer = command(*args, "-o", tmp_path)

@@ -24,7 +24,7 @@ from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.study.axes import WORK, Line, leading, lines
 from proofmass.study.disturbed import ROUNDED, Motion, motions_of, rounding, within
-from proofmass.study.floor import ROUNDING, UNKNOWN, Probe, halvings, judge, probes
+from proofmass.study.floor import ROUNDING, UNKNOWN, Probe, factor, halvings, judge, probes
 from proofmass.study.line import Track, clear, flat, halved, least, observed
 from proofmass.study.measure import Task
 from proofmass.study.orders import expected, nearest, off
@@ -250,7 +250,10 @@ def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: Moved,
     why = cause = evidence = ""
     floor = NAN
     if (k := lane.floors().get(kind)) is not None:
-        why = "halving the step changes it"
+        half = finer[n, k][0].errors.get(kind, NAN) if finer[n, k][0].outcome == "ran" else NAN
+        what = "halving the step" if lane.run == "duration" else "twice as many segments"
+        why = (f"{what} {factor(rows[k].errors[kind] / half)}" if half > 0
+               else f"{what}: {finer[n, k][0].outcome}")
         if left(lane, k, kind, finer[n, k]):
             cause, evidence = judge(rows[k].errors[kind], moved[n, k], kind, at_floor=True)
             why = "nothing that was moved moves it"
@@ -270,7 +273,7 @@ def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: Moved,
     return Verdict(
         lane.case.name, lane.run, lane.line.engine, lane.line.name, kind, *lane.orders(kind),
         floor if known else NAN, cause if known else "", evidence if known else "", remark,
-        "" if known else reached(lane.track, kind, why, last),
+        "" if known else reached(lane.track, kind, lane.orders(kind)[1], why, last),
         "" if cause == ROUNDING else worsened(lane.track, kind),
         motion.words if motion else "", motion.horizon if motion else NAN)
 

@@ -2,7 +2,8 @@
 
 from math import isfinite
 
-from proofmass.study.line import ASYMPTOTIC, Track, observed, still_falls, worse
+from proofmass.study.line import ASYMPTOTIC, Track, observed, still, still_falls, worse
+from proofmass.study.orders import WITHIN
 from proofmass.study.row import Row
 from proofmass.study.verdict import Verdict
 from proofmass.wording import number, spoken
@@ -64,13 +65,15 @@ def needs(error: float, wanted: float, falls: float, row: Row) -> str:
             f"about {number(row.seconds * times, 2)} s a run")
 
 
-def reached(track: Track, kind: str, why: str, ended: str) -> str:
+def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> str:
     """How far a line came that shows no error floor, and what it would need for `ASKED`.
 
     Parameters
     ----------
     track, kind
         The line and its rows, and the kind of error.
+    expected : float
+        The order that theory expects: one refinement alone shows an order where it is that.
     why : str
         Why an error that no longer falls is no floor.
     ended : str
@@ -84,11 +87,15 @@ def reached(track: Track, kind: str, why: str, ended: str) -> str:
     place = f"{number(error, 2)} at {turned(row)}"
     falls = still_falls(track.points(kind))
     begun = "" if error < ASYMPTOTIC else "not yet asymptotic: "
-    if not falls > 0:
-        words = [f"{begun}{place}, and no order is seen{f': {why}' * bool(why)}"
-                 if begun else f"no error floor is shown: {place}, {why or 'still bending'}"]
+    alone = observed(track.points(kind)) != falls
+    if not falls > 0 or (alone and not abs(falls - expected) <= WITHIN):
+        why = why or "its last refinements change it, by no order"
+        words = [f"no error floor is shown: {place}, {why}"]
+        if begun:
+            words = [f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC)} only"
+                     if track.settled(kind) and still(track.points(kind))
+                     else f"{begun}{place}, and no order is seen"]
     else:
-        alone = observed(track.points(kind)) != falls
         words = [f"{begun}order {number(falls, 2)} down to {place}"
                  + ", of the last refinement alone" * alone]
         if error > ASKED and row.axis == "timestep" and row.seconds > 0:
