@@ -130,6 +130,12 @@ def test_channels_of_a_sidecar_can_be_watched(models, edit):
         scene_of(file, 1.0, (), 1e-3)
 
 
+@pytest.mark.parametrize("error", ["nan", "inf"])
+def test_an_error_is_a_number(tmp_path, error):
+    with pytest.raises(InputError, match=rf"--error: {error} is no share of a range"):
+        scene_of(far(tmp_path), 0.3, (), float(error))
+
+
 def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
     """Each TOML is read in a worker: a pipe is no file, and what takes too long is left out."""
     file = far(tmp_path)

@@ -175,6 +175,9 @@ def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: flo
         The model or a sidecar cannot be used, the model as it is does not run, or a name that is
         watched is not there.
     """
+    if error is not None and not 0 <= error < np.inf:
+        raise InputError(file, "--error", f"{error:g} is no share of a range; give a number such "
+                         "as 1e-4")
     cases = list(sidecars(file)) if file.is_file() else []
     if not cases:
         compile_elsewhere(file)
