@@ -43,8 +43,8 @@ held against what is true. With a sidecar that is its reference, whose error may
 what it leaves of its tolerance. Without one it is the fine solution of the same model, with 8 times
 shorter steps, of which a channel may be off by 1.1 times what it is with the options as they are;
 `--error SHARE` allows so much of its range, `--keep-options` leaves all options alone. Where the
-model leaves its fine solution by a tenth before the run ends, as after an impact, an option may move
-a channel by no more than a feature may.
+model leaves its fine solution by a tenth before the run ends, as after an impact, an option may
+move a channel by no more than a feature may.
 
 Times are of pairs of runs, with and without, in an order drawn by lot. What is saved is the median
 of their ratios, and the interval in brackets holds it with a probability of 99 % (sign test, if the
