@@ -75,11 +75,16 @@ def solve(found, i, degree):
     fit = [np.linalg.lstsq(parts[0], angle, rcond=None)[0] for angle in angles]
     x = np.concatenate([*fit, s.pose, s.force.ravel()])
     given = clamp, theta, a.arm, a.stiffness[0], s.load, parts
+    best = np.inf, x, np.empty(0)
     for _ in range(STEPS):
         residual, matrix = system(x, *given)
-        if np.abs(residual).max() < CLOSED:
+        size = float(np.abs(residual).max())
+        if size < best[0]:
+            best = size, x, matrix
+        if size < CLOSED:
             break
         x = x - np.linalg.solve(matrix, residual)
+    size, x, matrix = best
     closed = 2 * a.rods
     down = int((np.linalg.eigvalsh(matrix) < 0.0).sum()) - closed
-    return (x[-closed - 3: -closed], x[-closed:].reshape(-1, 2), np.abs(residual).max(), down)
+    return x[-closed - 3: -closed], x[-closed:].reshape(-1, 2), size, down

@@ -121,8 +121,8 @@ def solutions(
     20,000 random starts without lattice or mesh none finds another: 34 for Table 7 and modes up to
     3 (all there are up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up to
     2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond, starts are drawn at
-    random (`search_tight`), which finds 57 more and one more; of 200,000 starts each of the 57 is
-    found by 2500 or more.
+    random (`search_tight`), which finds 57 more and one more; ten times as many starts from another
+    seed find the same.
 
     `State.energy`, `State.shape` and `closure` integrate from the clamp, and an error grows by up
     to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential
