@@ -15,7 +15,7 @@ from sim import mujoco_settled
 from sim.mujoco_model import load
 from sim.mujoco_settled import settled
 from sim.mujoco_sweep import sweep
-from sim.protocol import BadModel, Curves, Diverged, Drive, Run
+from sim.protocol import BadModel, Curves, Drive, NotSolved, Run
 from sim.with_mujoco import simulate
 
 ALPHA = Drive("pendulum", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
@@ -194,5 +194,6 @@ def test_the_setting_chooses_and_has_no_rates(file):
 
 def test_an_engine_that_does_not_come_to_rest_is_said_to(file, monkeypatch):
     monkeypatch.setattr(mujoco_settled, "MOST", 200)
-    with pytest.raises(Diverged, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"):
+    with pytest.raises(
+            NotSolved, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"):
         in_time(file(**LINEAR), to([0.0, 10.0]))

@@ -11,7 +11,7 @@ import pytest
 
 from proofmass.design.template import write_case
 from sim import pymunk_held
-from sim.protocol import Diverged, Drive, Run
+from sim.protocol import Drive, NotSolved, Run
 from sim.with_pymunk import simulate
 
 # Lines 2119 and 2169 of the thesis's text: preloads that are never released
@@ -58,7 +58,7 @@ def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
 def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
     """Iterations are needed by the ten thousands where a joint comes to its stop."""
     monkeypatch.setattr(pymunk_held, "PATIENT", 2000)
-    with pytest.raises(Diverged, match="a step is not solved after 2000 iterations"):
+    with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
         light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
 
 

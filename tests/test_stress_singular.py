@@ -8,9 +8,9 @@ import pytest
 from analytic.rod_snap import marks
 from proofmass.reference import compiled
 from proofmass.study import closing, energy, rescaled, singular, stiffness, theory
-from proofmass.study.boundary import bisect
+from proofmass.study.boundary import Failure, Limit, bisect
 from proofmass.study.extremes import extremes
-from proofmass.study.measure import Task
+from proofmass.study.measure import Found, Task
 from proofmass.study.reread import reread
 from proofmass.study.setting import Setting
 from proofmass.study.stand import tried
@@ -84,6 +84,16 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
         failure = singular.sparing(soft, links, length, 5e-4).failure
         assert failure
         assert failure.silent
+
+
+def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(stand, monkeypatch):
+    """We did not find the pose; the drive's own way ends at a limit position, which is none."""
+    held, answer = stand("fourbar", kind="sweep"), Found(outcome="stopped", message="no pose")
+    monkeypatch.setattr("proofmass.study.stand.tried", lambda *_: answer)
+    held = replace(held, case=reread(held.case))
+    assert singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
+        "stopped: no pose", Limit.OURS)
+    assert held.tried(held.case).failure == Failure("stopped: no pose", Limit.UNSTABLE)
 
 
 def test_the_reference_snaps_at_its_fold(stand):
