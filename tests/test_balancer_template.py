@@ -10,10 +10,13 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.check import check
+from proofmass.compare import GOOD
 from proofmass.design.template import write_case
+from proofmass.errors import InputError
 from proofmass.validate import validate
 from tests.balancer_cases import DESIGNS, MODELS
 from tests.balancer_table import parameters, rows
+from tests.verdicts import verdicts
 
 OTHER, FREE, PRELOADED, CONTACT, QUADRATIC, FOUR = (
     parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747"))
@@ -116,6 +119,14 @@ def write(folder: Path, chain: dict, solver: str) -> Path:
                       solvers=[solver])
 
 
+def turned(file: Path) -> bool:
+    """Whether a channel is not as the reference has it, or the model is refused for its pose."""
+    try:
+        return any(c.outcome not in GOOD for c in verdicts(file))
+    except InputError:
+        return True
+
+
 @SOLVER
 @pytest.mark.parametrize("what", WRONG)
 def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
@@ -123,7 +134,7 @@ def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
     file = write(tmp_path, truth, solver)
     validate(load_case(file))  # else it is bad input that turns the verdict
     shutil.copy(write(tmp_path / "wrong", truth | change, solver).with_suffix(".xml"), tmp_path)
-    assert check([file]).exit_code != 0
+    assert turned(file)
 
 
 @SOLVER
@@ -135,7 +146,7 @@ def test_a_wrong_model_turns_the_verdict(what, solver, tmp_path):
     model = file.with_suffix(".xml")
     assert old in model.read_text()
     model.write_text(model.read_text().replace(old, new))
-    assert check([file]).exit_code != 0
+    assert turned(file)
 
 
 def test_the_other_elbow_is_called_by_its_name(tmp_path):

@@ -100,7 +100,7 @@ def test_sidecars_are_pytest_items(models, pytester):
 
 def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
-    result = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::mujoco",
+    result = pytester.runpytest_inprocess(f"{models / 'pendulum.toml'}::mujoco",
                                            "-p", "no:cacheprovider")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*duration angle: differs*allowed*"])
@@ -109,7 +109,7 @@ def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
 
 def test_bad_input_is_a_line_in_pytest(models, edit, pytester):
     edit("pendulum.toml", "length = 1.0", "lenght = 1.0")
-    result = pytester.runpytest_subprocess(str(models / "pendulum.toml"), "-p", "no:cacheprovider")
+    result = pytester.runpytest_inprocess(str(models / "pendulum.toml"), "-p", "no:cacheprovider")
     result.assert_outcomes(failed=4)
     result.stdout.fnmatch_lines(["*pendulum.toml: parameters.lenght*known: length*"])
 
@@ -158,7 +158,7 @@ def test_a_case_that_says_so_and_has_tolerances_is_bad_input(models, edit):
 
 def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester):
     edit("pendulum.toml", CUT_OFF, "")
-    result = pytester.runpytest_subprocess(f"{models / 'pendulum.toml'}::mujoco",
+    result = pytester.runpytest_inprocess(f"{models / 'pendulum.toml'}::mujoco",
                                            "-p", "no:cacheprovider")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*nothing of this case was checked*unchecked = true*"])

@@ -191,6 +191,11 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
     edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
     asking = subprocess.Popen([sys.executable, "-m", "proofmass", "check", models / "fourbar.toml"],
                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    time.sleep(6.0)  # by then it runs, for the two minutes that its runs may take
+    threads, late = Path(f"/proc/{asking.pid}/task"), time.monotonic() + 20.0
+    while not any(file.read_text() for file in threads.glob("*/children")):
+        if time.monotonic() > late:  # also where there is no /proc
+            break
+        time.sleep(0.1)
+    time.sleep(3.0)  # by then its worker compiles, for the two minutes that its runs may take
     asking.send_signal(signal.SIGINT)
     assert asking.wait(60.0) == 130

@@ -93,7 +93,8 @@ def test_scaled_mechanisms_have_scaled_curves(stand, name, kind, engine, factor)
     """
     held = stand(name, engine, kind)
     run = held.case.run[kind]
-    few = held.case.model_copy(update={"run": {kind: run.model_copy(update={"n": 11})}})
+    brief = {"n": 11, "until": run.until and run.until / 4}
+    few = held.case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
     assert resized(replace(held, case=few), 0.0, factor).failure is None
 
 
