@@ -9,18 +9,24 @@ to be cheaper than what is good enough already.  What is cheapest is then timed 
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import ceil, inf, isfinite, log
 
 from proofmass.case import Case
+from proofmass.errors import InputError
 from proofmass.reference import compiled, grid
+from proofmass.solve import plan
 from proofmass.study.axes import HARD, INTEGRATORS, as_given, leading
+from proofmass.study.bounded import bounded
 from proofmass.study.finer import Limits, scaled
 from proofmass.study.measure import Task
 from proofmass.study.row import Row
 from proofmass.study.run import run
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store
+from proofmass.study.truth import truth
+from sim.protocol import Curves
 
 Progress = Callable[[str, int, int], None]
 SAFE = 0.8  # of the error that is needed: orders change a little
@@ -33,6 +39,7 @@ PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, t
 HOPELESS = 3  # steps in turn with which a family does not run at all
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
+PATIENCE = 5.0  # times what a reference took: each worker evaluates it once, beside others
 
 
 @dataclass
@@ -201,7 +208,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     engine : str, optional
         The only one to search.
     limits : Limits, optional
-        What it may take; gets what it took.
+        What it may take, of a run without what its reference takes; gets what it took.
     repeats : int
         Timed runs of what is cheapest.
 
@@ -212,6 +219,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     """
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
     longest = limits.longest
+    timeout = longest + PATIENCE * bounded(case, "duration", reference_seconds, case)
     while tasks := [task for family in found for task in following(case, family, found, of, needed,
                                                                    longest)]:
         limits.spent = time.monotonic() - began
@@ -219,7 +227,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
             limits.short = True
             break
         limits.settings += len(tasks)
-        rows = run([task for _, task in tasks], store, workers, repeats=0, timeout=longest,
+        rows = run([task for _, task in tasks], store, workers, repeats=0, timeout=timeout,
                    progress=progress)
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
@@ -230,10 +238,19 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
               if row.outcome == "ran" and row not in timed]
     tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
                    row.value) for row in timed]
-    again = run(tasks_, store, workers, repeats=repeats, timeout=longest, progress=progress)
+    again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
     limits.spent = time.monotonic() - began
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
+
+
+def reference_seconds(case: Case) -> float:
+    """Wall time of the reference of a duration [s], in the worker that evaluates it."""
+    asked = plan(case, "duration", case.run["duration"].solvers[0])
+    began = time.perf_counter()
+    with suppress(InputError):  # the runs tell
+        truth(case, Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None))
+    return time.perf_counter() - began
 
 
 def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: float

@@ -1,0 +1,181 @@
+"""Are the programs that `proofmass choose` writes as accurate as it says, and is nothing cheaper?
+
+    python -m benchmarks.choose [folder] [--quick]
+
+Writes docs/choose.md.  Runs are kept in the folder (reports/choose), so that a call goes on where
+another was interrupted.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from benchmarks import ROOT, command, folders
+from benchmarks.rivals import Duel, duel
+from examples import truths
+from proofmass.case import Case, load_case
+from proofmass.study.choose import MARGIN, Choice
+from proofmass.study.choose_command import choose_with_drive, head
+from proofmass.study.program import drive_words, imposed, program
+from proofmass.study.run import pool
+from proofmass.study.search import search
+from proofmass.study.setting import Setting
+from proofmass.study.store import Store
+from proofmass.study.verify import verify
+from proofmass.study.words import told
+from proofmass.wording import number
+from sim.protocol import Imposed
+
+RIVALS = 200  # random settings beside each chosen one
+LONGEST = 30.0  # s
+HEAD = """# Programs that choose writes
+
+`python -m benchmarks.choose` made this. Each line is a setting that `proofmass choose CASE --error
+ASKED --solver ENGINE --drive DRIVE -o run.py` found. *Printed* is the error that it prints, *bare*
+that of the CSV file that the program writes with `python -I`, in which there is no proofmass, held
+against [formulas of each mechanism and scipy's DOP853](../examples/truths.py) that share no code
+with it; both are shares of the range. *Ratio* is bare over printed, *seconds* the wall time of the
+program's steps.
+
+| case | engine | drive | asked | printed | bare | ratio | seconds | setting |
+|---|---|---|---|---|---|---|---|---|"""
+BESIDE = """
+## Is anything cheaper?
+
+Beside the chosen setting {count} random ones of the same engine and drive: half of them drawn from
+all integrators, steps, `solref`, `solimp`, solvers, iterations and tolerances of MuJoCo, or steps,
+iterations and `error_bias` of pymunk; half with one to three of these knobs other than the chosen
+ones. *As good* are those whose program is no more off than the chosen one's. They are timed in turn
+with it, and the least of {rounds} counts; *cheapest* is the least of these times over that of the
+chosen setting.
+
+| case | engine | drive | error | settings | ran in time | as good | cheapest | its setting |
+|---|---|---|---|---|---|---|---|---|"""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of `choose`; `truth` is a name of `examples.truths`."""
+
+    path: str
+    truth: str
+    engine: str
+    drive: str
+    of: str
+    error: float
+    rivals: bool = False
+
+
+ASKED = (
+    Asked("models/fourbar.toml", "fourbar", "mujoco", "flywheel", "position", 1e-5, True),
+    Asked("models/fourbar.toml", "fourbar", "mujoco", "servo", "position", 1e-4),
+    Asked("models/fourbar.toml", "fourbar", "pymunk", "gear", "position", 1e-5, True),
+    Asked("models/fourbar_released.toml", "fourbar_released", "mujoco", "", "position", 1e-5,
+          True),
+    Asked("models/fourbar_released.toml", "fourbar_released", "pymunk", "", "position", 1e-3, True),
+    Asked("models/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-6, True),
+    Asked("models/pendulum.toml", "pendulum", "pymunk", "", "position", 1e-4, True),
+    Asked("models/slider_crank.toml", "slider_crank", "mujoco", "equality", "position", 1e-3),
+    Asked("models/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
+    Asked("models/inverted_slider_crank_classic.toml", "swinging_block", "mujoco", "flywheel",
+          "acceleration", 1e-2),
+    Asked("examples/models/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
+          1e-6),
+    Asked("examples/models/double_pendulum.toml", "double_pendulum", "pymunk", "", "position",
+          1e-3),
+    Asked("examples/models/jansen.toml", "jansen", "mujoco", "flywheel", "position", 1e-5, True),
+    Asked("examples/models/jansen.toml", "jansen", "pymunk", "gear", "position", 1e-4, True),
+    Asked("examples/models/quick_return.toml", "quick_return", "mujoco", "flywheel", "rate", 1e-3),
+    Asked("examples/models/quick_return.toml", "quick_return", "pymunk", "gear", "position", 1e-4),
+    Asked("examples/models/spring_slider.toml", "spring_slider", "mujoco", "", "position", 1e-5,
+          True),
+    Asked("examples/models/spring_slider.toml", "spring_slider", "pymunk", "", "position", 1e-3,
+          True),
+    Asked("examples/models/fivebar_swing.toml", "fivebar_swing", "mujoco", "flywheel", "position",
+          1e-5),
+    Asked("examples/models/fivebar_swing.toml", "fivebar_swing", "pymunk", "gear", "acceleration",
+          1e-4))
+QUICK = (Asked("models/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-4, True),)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "choose")
+    given = parser.parse_args(argv)
+    with folders(given.quick, given.folder) as (folder, docs):
+        store, lines, beside = Store(folder / "runs"), [HEAD], list[str]()
+        count, rounds = (4, 1) if given.quick else (RIVALS, 7)
+        for asked in QUICK if given.quick else ASKED:
+            case = load_case(ROOT / asked.path)
+            began = time.perf_counter()
+            choice = chosen(case, asked, store)
+            used, drive = choice.check.used, choice.check.drive or imposed(case, asked.engine)[0]
+            off = bare(program(case, used, drive, head(choice, case)), asked, folder)
+            lines.append(line(case, asked, choice, drive, off))
+            print(lines[-1], f"({time.perf_counter() - began:.0f} s)", flush=True)
+            if asked.rivals:
+                found = duel(case, asked.truth, asked.of, used, drive, count, 1, rounds)
+                beside.append(rival_line(case, asked, drive, found))
+                print(beside[-1], flush=True)
+        lines += [BESIDE.format(count=count, rounds=rounds), *beside]
+        (docs / "choose.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def chosen(case: Case, asked: Asked, store: Store) -> Choice:
+    """What `proofmass choose` chooses."""
+    with pool() as workers:
+        rows = search(case, asked.of, asked.error / MARGIN, store, workers, asked.engine,
+                      longest=LONGEST)
+    check = partial(verify, store=store, longest=LONGEST, drive=asked.drive)
+    return choose_with_drive(case, "duration", rows, asked.error, asked.of, asked.engine, [],
+                             check, store, LONGEST)
+
+
+def bare(text: str, asked: Asked, folder: Path) -> float:
+    """The error of a program in a bare interpreter, against a truth without proofmass."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "run.py").write_text(text, encoding="utf-8")
+    subprocess.run([sys.executable, "-I", "run.py"], cwd=folder, check=True, capture_output=True)
+    return truths.errors(asked.truth, str(folder / "curves.csv"))[asked.of]
+
+
+def line(case: Case, asked: Asked, choice: Choice, drive: Imposed, off: float) -> str:
+    """A setting in the table."""
+    ran, fresh = choice.check.ran, choice.check.fresh
+    assert ran
+    return (f"| {case.name} | {asked.engine} | {moved(case, drive)} | {asked.of} "
+            f"{number(asked.error)} | {number(fresh, 2)} | {number(off, 2)} | {off / fresh:.3f} | "
+            f"{number(ran.seconds, 2)} | {told(choice.row)} |")
+
+
+def moved(case: Case, drive: Imposed) -> str:
+    """How a case is driven, in a table."""
+    return drive_words(drive) if case.drive else "free"
+
+
+def rival_line(case: Case, asked: Asked, drive: Imposed, found: Duel) -> str:
+    """The random settings beside one, in the table."""
+    best = found.best
+    ratio, setting = (number(best.ratio, 2), knobs(best.setting)) if best else ("none", "")
+    return (f"| {case.name} | {asked.engine} | {moved(case, drive)} | {number(found.error, 2)} | "
+            f"{found.tried} | {found.ran} | {found.good} | {ratio} | {setting} |")
+
+
+def knobs(setting: Setting) -> str:
+    """A setting in words."""
+    return ", ".join(f"{name} {shown(value)}" for name, value in setting.knobs.items())
+
+
+def shown(value: object) -> str:
+    """A knob in words."""
+    if isinstance(value, tuple):
+        return " ".join(map(shown, value))
+    return number(value, 4) if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()
