@@ -471,6 +471,10 @@ def test_what_the_defaults_would_cost() -> None:
         "the engine's defaults never get there: the error floor is 3.2e-3, softness",
         pytest.approx(nan, nan_ok=True))
     assert of(coarse, fine, floors=(floor_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
+    near, nearer = plain(5.6e-5 * 4, 2e-3), plain(5.6e-5, 1e-3)  # 5e-5 is needed
+    for floor, never in ((5.1e-5, True), (4.9e-5, False)):
+        said = of(near, nearer, floors=(floor_of("plain", floor),))[0]
+        assert ("never get there" in said) is never
     assert beside([fine], fine, "position", 1e-4, ()) == (
         "these are the engine's defaults, refined", 1.0)
 

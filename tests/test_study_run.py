@@ -12,15 +12,18 @@ from pathlib import Path
 
 import pytest
 
+from proofmass.case import load_case
 from proofmass.errors import InputError
+from proofmass.study import measure, truth
 from proofmass.study import run as runs
 from proofmass.study.measure import Found, shares
 from proofmass.study.row import NAN, Row
-from proofmass.study.run import pool, row, run
+from proofmass.study.run import pool, reference_of, row, run
+from proofmass.study.setting import Setting
 from proofmass.study.store import Store
 from proofmass.study.table import read_table
 from sim.protocol import Curves
-from tests.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
+from tests.study_tasks import MODELS, own_locks, tasks  # noqa: F401, a fixture of all tests
 
 STUDY = """
 import sys
@@ -125,6 +128,30 @@ def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
         curves = Curves(kept["x"], {name.removeprefix("channel."): values
                                     for name, values in kept.items() if name != "x"})
         assert shares(task.case, "duration", curves) == one.errors
+
+
+def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch):
+    """It is evaluated once, into a file; workers that come later read it."""
+    limits = []
+
+    def isolated(function, *args, timeout, **_):
+        limits.append((function.__name__, timeout))
+        return function(*args)
+
+    monkeypatch.setattr(measure, "isolated", isolated)
+    plain = [measure.measure(task, False, 9.0).errors for task in FEW]
+    limits.clear()
+    rows = run(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
+    assert [row.errors for row in rows] == plain
+    assert limits == [("write_truth", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
+    file, = tmp_path.glob("*.truth.npz")
+    monkeypatch.setattr(truth, "known", {})
+    monkeypatch.setattr(truth, "reference_for", None)
+    third = tasks()[2]
+    assert run([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
+    assert reference_of(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
+    driven = replace(third, case=load_case(MODELS / "fourbar.toml"))
+    assert reference_of(driven, Store(tmp_path)) is None
 
 
 def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):

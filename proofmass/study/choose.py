@@ -177,7 +177,7 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
                 f"error, {cost(good[0])}"), ratio
     row = min(plain, key=lambda row: row.errors[of])
     own = [verdict for verdict in verdicts if verdict.line == row.line]
-    if floor := floor_at(row, of, own):
+    if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
         return f"the engine's defaults never get there: {floored(floor)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
     before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
