@@ -72,14 +72,15 @@ def partial_setting(name: str) -> Callable[[float], Setting]:
 
 
 @pytest.mark.parametrize("needed", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_the_cheapest_is_found_within_a_tenth(needed: float, fourbar: Case, monkeypatch) -> None:
+def test_the_cheapest_is_found_within_a_tenth(needed: float, fourbar: Case, monkeypatch,
+                                               tmp_path) -> None:
     """Steps are as close as 1.25, and 0.8 of the error is aimed at: 0.8^(1/4) to 0.8 of a step.
 
     Of the two families the quick one of first order is cheaper for large errors.
     """
     world = World(monkeypatch, first=(1.0, 0.5, 0.0, 1e-6), fourth=(4.0, 100.0, 0.0, 5e-6),
                   second=(2.0, 50.0, 0.0, 2e-6))
-    rows = search(fourbar, "position", needed, Store.__new__(Store))
+    rows = search(fourbar, "position", needed, Store(tmp_path))
     good = min(row.seconds for row in rows if row.errors["position"] <= needed)
     assert good <= 1.25 * world.best(needed)
     assert len(world.asked) < 40
@@ -91,11 +92,11 @@ def test_the_cheapest_is_found_within_a_tenth(needed: float, fourbar: Case, monk
     assert all(round(SAMPLE / value) % 2 == 1 for _, value in steps)
 
 
-def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch) -> None:
+def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path) -> None:
     """A dear family ends with its first step, one that is lost after three."""
     world = World(monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3),
                   lost=(0, 0, 0, 0))
-    search(fourbar, "position", 1e-6, Store.__new__(Store))
+    search(fourbar, "position", 1e-6, Store(tmp_path))
     counts = {name: sum(line == name and not repeats for line, _, repeats in world.asked)
               for name in world.families}
     assert counts["dear"] == 1
@@ -103,38 +104,38 @@ def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch) -> None:
     assert counts["good"] >= 1
 
 
-def test_a_floor_ends_a_family(fourbar: Case, monkeypatch) -> None:
+def test_a_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
     world = World(monkeypatch, floor=(2.0, 50.0, 1e-4, 1e-6))
-    rows = search(fourbar, "position", 1e-6, Store.__new__(Store))
+    rows = search(fourbar, "position", 1e-6, Store(tmp_path))
     assert len(world.asked) < module.RUNS
     assert min(row.errors["position"] for row in rows) < 2e-4
 
 
-def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch) -> None:
+def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_path) -> None:
     """Up to `PLAIN` times the cheapest, where another family would end."""
     world = World(monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), plain=(1.0, 0.01, 0.0, 1e-6, True),
                   other=(1.0, 0.01, 0.0, 1e-6))
-    search(fourbar, "position", 1e-6, Store.__new__(Store))
+    search(fourbar, "position", 1e-6, Store(tmp_path))
     finest = {name: min(value for line, value, _ in world.asked if line == name)
               for name in ("plain", "other")}
     assert finest["plain"] < finest["other"]
 
 
-def test_no_run_is_longer_than_is_allowed(fourbar: Case, monkeypatch) -> None:
+def test_no_run_is_longer_than_is_allowed(fourbar: Case, monkeypatch, tmp_path) -> None:
     world = World(monkeypatch, slow=(1.0, 1.0, 0.0, 1e-3))
-    search(fourbar, "position", 1e-6, Store.__new__(Store), limits=Limits(longest=10.0))
+    search(fourbar, "position", 1e-6, Store(tmp_path), limits=Limits(longest=10.0))
     assert all(1e-3 * 6.28 / value <= 10.0 for _, value, _ in world.asked)
 
 
-def test_a_budget_ends_the_search(fourbar: Case, monkeypatch) -> None:
+def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
     """And the limits say so."""
     world = World(monkeypatch, good=(1.0, 1.0, 0.0, 1e-6))
     limits = Limits(budget=1e-9)
-    search(fourbar, "position", 1e-6, Store.__new__(Store), limits=limits)
+    search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
     assert limits.short
     assert "which left some out" in limits.words
     asked, world.asked = len(world.asked), []
-    search(fourbar, "position", 1e-6, Store.__new__(Store), limits=Limits())
+    search(fourbar, "position", 1e-6, Store(tmp_path), limits=Limits())
     assert len(world.asked) > asked
 
 

@@ -24,7 +24,7 @@ from proofmass.study.measure import Task
 from proofmass.study.row import Row
 from proofmass.study.run import run
 from proofmass.study.setting import Setting
-from proofmass.study.store import Store
+from proofmass.study.store import Store, key_of, once
 from proofmass.study.truth import truth
 from sim.protocol import Curves
 
@@ -219,7 +219,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     """
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
     longest = limits.longest
-    timeout = longest + PATIENCE * bounded(case, "duration", reference_seconds, case)
+    timeout = longest + PATIENCE * kept_reference_seconds(case, store)
     while tasks := [task for family in found for task in following(case, family, found, of, needed,
                                                                    longest)]:
         limits.spent = time.monotonic() - began
@@ -242,6 +242,13 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     limits.spent = time.monotonic() - began
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
+
+
+def kept_reference_seconds(case: Case, store: Store) -> float:
+    """`reference_seconds`, measured once for a store."""
+    engine = case.run["duration"].solvers[0].partition(":")[0]
+    file = store.folder / f"{key_of(Task(case, 'duration', Setting(engine)))}.reference.json"
+    return float(once(file, lambda: bounded(case, "duration", reference_seconds, case)))
 
 
 def reference_seconds(case: Case) -> float:

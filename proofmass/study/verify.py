@@ -17,12 +17,12 @@ from proofmass.reference import compiled, evaluate, module_of
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.study.bounded import limited
-from proofmass.study.measure import shares
+from proofmass.study.measure import Task, shares
 from proofmass.study.program import Ran, drive_words, imposed, tried
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.snippet import EQUALITY, OPTION, SPACE, pasted, snippet
-from proofmass.study.store import Store
+from proofmass.study.store import Store, key_of, once
 from proofmass.wording import number
 from sim.mjcf import read_tree
 from sim.protocol import Array, BadModel, Curves, Imposed, Run, Unsupported
@@ -121,7 +121,7 @@ def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Stor
     compare : bool
         Whether the other ways are tried as well, if the first is good enough.
     """
-    setting, note, shifted = Setting(row.engine, row.knobs), "", NAN
+    setting = Setting(row.engine, row.knobs)
     check = Check(NAN, NAN, "", setting)
     try:
         if kind == "duration":
@@ -129,17 +129,39 @@ def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Stor
         else:
             error, used = limited(case, kind, again, case, kind, setting, row.steps, of)
             check = Check(error, NAN, "", used)
-        if check.fresh <= wanted:
-            shifted = limited(case, kind, elsewhere, case, kind, check.used, of)
     except Unsupported as error:
-        note = str(error)
+        check = replace(check, note=str(error))
     except LOST:
         pass
-    check = replace(check, shifted=shifted, note=note, again=check.fresh <= wanted)
+    if check.fresh <= wanted:
+        shifted, note = shifted_once(case, kind, check.used, of, store)
+        check = replace(check, shifted=shifted, note=note)
+    else:
+        check = replace(check, again=False)
     if compare and check.drive and check.holds(wanted) and not drive:
         others = other_drives(case, check, of, store, longest)
         check = replace(check, others=tuple(others))
     return check
+
+
+def shifted_once(case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
+                 ) -> tuple[float, str]:
+    """The error from a shifted start, or why there is none; from the store if it is there."""
+    def make() -> tuple[float | None, str]:
+        try:
+            error = float(limited(case, kind, elsewhere, case, kind, setting, of))
+            return (error if error == error else None), ""
+        except Unsupported as error:
+            return None, str(error)
+        except LOST:
+            return None, ""
+
+    if store is None:
+        found, note = make()
+    else:
+        key = key_of(Task(case, kind, setting))
+        found, note = once(store.folder / f"{key}.{of}.shifted.json", make)
+    return (NAN if found is None else found), note
 
 
 def as_program(case: Case, setting: Setting, row: Row, of: str, store: Store | None,
