@@ -27,9 +27,9 @@ from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.study.choose import MARGIN, Cannot, Choice, choose
 from proofmass.study.command import measured, turnable
-from proofmass.study.finer import refined
 from proofmass.study.row import Row
 from proofmass.study.run import pool
+from proofmass.study.search import search
 from proofmass.study.store import Store
 from proofmass.study.trade import Trade, chosen, trade, write_study
 from proofmass.study.verdict import Verdict
@@ -109,13 +109,11 @@ def time_of(case: Case) -> float:
 
 def refined_rows(cases: Sequence[Case], study: Trade, folder: Path, errors: Sequence[float]
                  ) -> dict[str, list[Row]]:
-    """Settings of each case, with the finer steps that `choose` asks for."""
+    """Settings of each case, with those that `choose` searches."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     with pool() as workers:
         for case, engine, wanted in product(cases, ENGINES, errors):
-            verdicts = [v for v in study.verdicts if v.case == case.name]
-            found[case.name] = refined(case, chosen(case, None), found[case.name], verdicts,
-                                       "position", wanted / MARGIN, Store(folder / "runs"),
+            found[case.name] += search(case, "position", wanted / MARGIN, Store(folder / "runs"),
                                        workers, engine)
     return found
 

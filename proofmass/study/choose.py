@@ -8,7 +8,7 @@ from textwrap import fill, indent
 
 from proofmass.case import Case
 from proofmass.strict import Kind
-from proofmass.study.finer import ROUNDS, Limits, promises
+from proofmass.study.finer import Limits, promises
 from proofmass.study.line import FALLS, order
 from proofmass.study.row import NAN, Row
 from proofmass.study.snippet import snippet
@@ -143,7 +143,7 @@ def would_need(rows: Iterable[Row], of: str, wanted: float, verdicts: Iterable[V
     if limits.short:
         return (f"{said}; of --budget {number(limits.budget)} s, {number(limits.spent, 2)} s are "
                 f"spent")
-    return f"{said}; {limits.settings} finer steps were measured, in {ROUNDS} rounds at most"
+    return f"{said}; {limits.settings} settings were measured"
 
 
 def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:

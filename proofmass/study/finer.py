@@ -1,44 +1,35 @@
-"""Finer steps than a study took, where none is good enough or a cheaper setting is in sight.
+"""Finer steps than were measured: what they promise, what the store knows of them, their limits.
 
 The errors of a line that is at no error floor fall on with the order of its last two steps.  That
-tells which step is good enough, and what it will cost; what promises to be cheaper than all that is
-good enough is measured.  What the store knows of the case already is used first.
+tells which step would be good enough, and what it would cost.
 """
 
-import time
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
-from math import ceil, inf, isclose
+from math import inf, isclose
 
 from proofmass.case import Case
-from proofmass.reference import grid
 from proofmass.strict import Kind
 from proofmass.study.axes import Line, at_step, leading, lines
 from proofmass.study.line import FALLS, order
 from proofmass.study.measure import Task
 from proofmass.study.row import NAN, Row
 from proofmass.study.run import row as row_of
-from proofmass.study.run import run
 from proofmass.study.setting import Knob, Setting
 from proofmass.study.store import Store, key_of, versions
 from proofmass.study.verdict import Verdict
 from proofmass.wording import number, spoken
 
 SAFE = 0.8  # of the error that is needed: orders change a little
-CHEAPER = 0.8  # of the cheapest that is good enough: else it is not worth a run
 LONGEST = 30.0  # s, of a run
-BUDGET = 300.0  # s, of all finer steps together
-PATIENCE = 2.0  # s, of a run that is repeated, as in `proofmass.study.run.run`
-ROUNDS = 4  # in which steps are corrected
-FEW = 2  # lines in a round
+BUDGET = 300.0  # s, of a whole search
 APART = 1.4  # times a step that the one before it must be, for an order to be told from both
 
 
 @dataclass
 class Limits:
-    """How much time finer steps may take, and how much they took.
+    """How much time a search may take, and how much it took.
 
     Attributes
     ----------
@@ -82,74 +73,6 @@ class Promise:
     step: float
     seconds: float
     falls: float
-
-
-def refined(case: Case, kind: Kind, rows: Iterable[Row], verdicts: Iterable[Verdict], of: str,
-            needed: float, store: Store, workers: Executor, engine: str = "", *,
-            repeats: int = 5, limits: Limits | None = None) -> list[Row]:
-    """Measured settings, with finer ones where these are needed or promise to be cheaper.
-
-    Parameters
-    ----------
-    case, kind
-        What is run; only durations have steps.
-    rows, verdicts : iterable of Row, of Verdict
-        Of a study of that run.
-    of, needed : str, float
-        Kind of error, and the largest measured one that is good enough [share of range].
-    store, workers
-        See `proofmass.study.run.run`.
-    engine : str, optional
-        The only one that matters.
-    repeats : int
-        Timed runs of each setting.
-    limits : Limits, optional
-        What it may take; gets what it took.
-    """
-    found, told = list(rows), list(verdicts)
-    limits = limits or Limits()
-    more = list(known(case, kind, found, store))
-    limits.known = len(more)
-    found += more
-    for _ in range(ROUNDS):
-        own = [row for row in found if row.engine == (engine or row.engine)]
-        asked = promising(case, kind, own, told, of, needed, limits.longest)
-        left = limits.budget - limits.spent
-        tasks = []
-        for cost, task in asked:
-            whole = cost * (1 + repeats * (cost <= PATIENCE))
-            if whole <= left:
-                tasks.append(task)
-                left -= whole
-        limits.short = len(tasks) < len(asked)
-        if not tasks:
-            break
-        began = time.monotonic()
-        found += run(tasks, store, workers, repeats=repeats, patience=PATIENCE,
-                     timeout=limits.longest)
-        limits.spent += time.monotonic() - began
-        limits.settings += len(tasks)
-    return found
-
-
-def promising(case: Case, kind: Kind, rows: Sequence[Row], verdicts: Sequence[Verdict], of: str,
-              needed: float, longest: float = LONGEST) -> list[tuple[float, Task]]:
-    """The next steps to try, those of the cheapest lines, after what each should cost [s]."""
-    if kind != "duration":
-        return []
-    limit = min((row.seconds for row in rows if row.outcome == "ran" and row.seconds > 0
-                 and row.errors.get(of, inf) <= needed), default=longest / CHEAPER)
-    tried = {(row.line, row.value) for row in rows}
-    times = grid(case, kind)
-    sample = float(times[1] - times[0])
-    asked = []
-    for each in promises(rows, verdicts, of, needed):
-        step = sample / (ceil(sample / each.step) // 2 * 2 + 1)  # odd, see `axes.timesteps`
-        cost = each.seconds * each.step / step
-        if cost < min(CHEAPER * limit, longest) and (each.row.line, step) not in tried:
-            asked.append((cost, Task(case, kind, scaled(each.row, step), each.row.study,
-                                     each.row.line, each.row.axis, step)))
-    return sorted(asked, key=lambda each: each[0])[:FEW]
 
 
 def promises(rows: Iterable[Row], verdicts: Iterable[Verdict], of: str, needed: float
