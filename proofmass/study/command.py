@@ -30,7 +30,7 @@ Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
 Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
 
 
-Longest = Annotated[float, typer.Option(help="Wall time [s] after which a run is given up.",
+Longest = Annotated[float, typer.Option(help="Wall time after which a run is given up.",
                                         metavar="SECONDS")]
 
 

@@ -311,5 +311,15 @@ def write_study(study: Trade, folder: Path) -> None:
 
 
 def read_verdicts(file: Path) -> list[Verdict]:
-    """The verdicts that `write_study` wrote."""
-    return [Verdict(**one) for one in json.loads(file.read_text(encoding="utf-8"))]
+    """The verdicts that `write_study` wrote.
+
+    Raises
+    ------
+    InputError
+        Another version did, or something else.
+    """
+    try:
+        return [Verdict(**one) for one in json.loads(file.read_text(encoding="utf-8"))]
+    except (TypeError, ValueError):
+        raise InputError(file, "", "not the verdicts that this version writes; run proofmass trade "
+                         "with that folder again, which keeps its runs") from None
