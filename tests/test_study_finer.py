@@ -72,6 +72,7 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
     assert [(row.errors, row.key, row.repeats) for row in found] == [
         (row.errors, row.key, row.repeats) for row in rows]
     assert [row.key for row in known(own, "duration", rows[:1], store)] == [rows[1].key]
+    assert list(known(own, "duration", [], store, "pymunk")) == []
     file = models / "pendulum.xml"
     file.write_text(file.read_text().replace('mass="1"', 'mass="1.5"'))
     assert list(known(tasks(models)[0].case, "duration", [], store)) == []

@@ -75,8 +75,7 @@ def choose_command(
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
                 rows = search(case, of.value, error / MARGIN, runs, workers, solver,
                               limits=limits, progress=advance)
-            more = [row for row in known(case, kind, rows, runs) if row.engine in (
-                solver or row.engine)]
+            more = list(known(case, kind, rows, runs, solver))
             limits.known, rows = len(more), rows + more
             errors.print(limits.words, markup=False, highlight=False)
         else:

@@ -105,13 +105,15 @@ def scaled(row: Row, step: float) -> Setting:
     return at_step(Setting(row.engine, dict(row.knobs, timestep=row.value)), step)
 
 
-def known(case: Case, kind: Kind, rows: Iterable[Row], store: Store) -> Iterator[Row]:
-    """Settings that the store has of a case beside those of a study, whoever asked for them.
+def known(case: Case, kind: Kind, rows: Iterable[Row], store: Store, only: str = ""
+          ) -> Iterator[Row]:
+    """Settings that the store has of a case beside those of a study, whoever asked for them; of one
+    engine `only`, if that is given.
 
     The key of each is found anew, so that its model, sidecar, sources and versions are these.
     """
     there = {row.key for row in rows}
-    own = lines(case, kind)
+    own = [line for line in lines(case, kind) if line.engine == (only or line.engine)]
     for key, record in store.records(case.name, kind):
         engine, knobs = str(record.get("engine")), record.get("knobs")
         if key in there or engine not in {line.engine for line in own} or (
