@@ -30,6 +30,7 @@ from proofmass.study.choose import (
     printed,
     words,
 )
+from proofmass.study.choose_command import solver_for
 from proofmass.study.finer import Limits
 from proofmass.study.row import Row
 from proofmass.study.search import search
@@ -354,6 +355,13 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
     ("pendulum.toml --error 1e-5 --longest nan", "--longest nan: give a number of seconds above"),
     ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
     ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
+    ("pendulum.toml --error 1e-5 --drive servo", "no drive moves in time; leave it out"),
+    ("fourbar.toml --error 1e-5 --drive rope", "servo, equality; pymunk has gear, motor"),
+    ("fourbar.toml --error 1e-5 --drive gear --solver mujoco", "mujoco has flywheel, servo,"),
+    ("pendulum.toml --error 1e-5 -o run.txt", "the name of a Python program, such as run.py"),
+    ("pendulum.toml --error 1e-5 -o nowhere/run.py", "there is no folder nowhere"),
+    ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time"),
+    ("fourbar.toml --error 1e-5 --run sweep -o run.py", "the sweep of fourbar has no time"),
     ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
 def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
     words = asked.split()
@@ -363,6 +371,23 @@ def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
     assert right in found.stderr
     assert found.stderr.count("\n") == 1
     assert not found.stdout
+
+
+def test_a_drive_names_its_engine(fourbar: Case) -> None:
+    """Where only one of the case's engines can move drives so."""
+    assert solver_for(fourbar, "duration", "gear", "") == "pymunk"
+    assert solver_for(fourbar, "duration", "servo", "") == "mujoco"
+    assert solver_for(fourbar, "duration", "servo", "mujoco") == "mujoco"
+    assert solver_for(fourbar, "duration", "", "") == ""
+
+
+def test_settings_are_ordered_by_the_time_that_is_theirs() -> None:
+    """A run that waited half of its time for its processor is no dearer than one that did not."""
+    waited, other = line("waited")[0], line("other")[0]
+    rows = [replace(other, seconds=0.08, shared=0.0), replace(waited, seconds=0.1, shared=0.5)]
+    assert [row.line for row in enough(rows, "position", 1.0)] == ["waited", "other"]
+    assert replace(waited, seconds=0.1, shared=nan).own == 0.1
+    assert replace(waited, seconds=0.1, shared=1.0).own == 0.1
 
 
 @pytest.mark.slow

@@ -6,10 +6,8 @@ from math import inf, nan
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from proofmass.case import Case, load_case
-from proofmass.cli import app
 from proofmass.study import search as module
 from proofmass.study.finer import Limits
 from proofmass.study.measure import Task
@@ -167,21 +165,3 @@ def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -
     assert told == ["its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good "
                     "enough", "its drive moved by an equality of gain 0.5 instead: lost"]
     assert "enough" not in replace(check, others=tuple(found)).other_drives("position", 1e-3)[0]
-
-
-@pytest.mark.parametrize(("asked", "right"), [
-    ("fourbar.toml --error 1e-2 --solver mujoco --drive rope",
-     "--drive rope: mujoco has flywheel, servo, equality"),
-    ("fourbar.toml --error 1e-2 --drive rope",
-     "pymunk has gear, motor"),
-    ("pendulum.toml --error 1e-2 --drive servo", "nothing is driven in the duration of pendulum"),
-    ("fourbar.toml --error 1e-2 -o run.xml", "give the name of a Python program, such as run.py"),
-    ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time")])
-def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
-    words = asked.split()
-    found = CliRunner().invoke(app, ["choose", str(MODELS / words[0]), *words[1:], "--store",
-                                     str(tmp_path)])
-    assert found.exit_code == 2
-    assert right in found.stderr
-    assert found.stderr.count("\n") == 1
-    assert not found.stdout

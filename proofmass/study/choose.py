@@ -104,7 +104,7 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
 def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
     """Settings that meet an error with margin, cheapest first."""
     return sorted((row for row in rows if row.outcome == "ran" and row.seconds > 0
-                   and MARGIN * row.reached(of) <= wanted), key=lambda row: row.seconds)
+                   and MARGIN * row.reached(of) <= wanted), key=lambda row: row.own)
 
 
 def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict],

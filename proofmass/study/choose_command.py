@@ -63,7 +63,7 @@ def choose_command(
         case, = named([path])
         kind = chosen(case, cast(Kind | None, run and run.value))
         asked(case, kind, error, solver)
-        solver = with_drive(case, kind, solver, drive)
+        solver = solver_for(case, kind, drive, solver)
         writable(case, kind, output)
         limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
         if not turnable(case, kind):
@@ -144,6 +144,32 @@ def writable(case: Case, kind: Kind, output: Path | None) -> None:
                          f"{case.name} has no time; without -o the setting is printed")
     if output.suffix != ".py":
         raise ValueError(f"-o {output}: give the name of a Python program, such as run.py")
+    if output.is_dir():
+        raise ValueError(f"-o {output}: a folder; give the name of a Python program in it")
+    if not output.parent.is_dir():
+        raise ValueError(f"-o {output}: there is no folder {output.parent}")
+
+
+def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
+    """The engine that moves drives in such a way; the one that was asked for, if all do.
+
+    Raises
+    ------
+    ValueError
+        No engine does; or there is nothing to drive.
+    """
+    if not drive:
+        return solver
+    if kind != "duration" or not case.drive:
+        raise ValueError(f"--drive {drive}: in the {kind} of {case.name} no drive moves in time; "
+                         f"leave it out")
+    names = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
+    ways = {name: dict.fromkeys(one.kind for one in imposed(case, name))
+            for name in ([solver] if solver else names)}
+    if fit := [name for name, kinds in ways.items() if drive in kinds]:
+        return fit[0] if len(fit) == 1 else solver
+    known = "; ".join(f"{name} has {', '.join(kinds)}" for name, kinds in ways.items())
+    raise ValueError(f"--drive {drive}: {known}")
 
 
 ROUNDS = 4
@@ -158,22 +184,6 @@ def asked(case: Case, kind: Kind, error: float, solver: str) -> None:
     known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
     if solver and solver not in known:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")
-
-
-def with_drive(case: Case, kind: Kind, solver: str, drive: str) -> str:
-    """The engine to choose from, if only one has such a drive; ValueError if none has."""
-    if not drive:
-        return solver
-    if kind != "duration" or not case.drive:
-        raise ValueError(f"--drive {drive}: nothing is driven in the {kind} of {case.name}")
-    names = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
-    kinds = {name: list(dict.fromkeys(one.kind for one in imposed(case, name))) for name in names
-             if name in (solver or name)}
-    able = [name for name in kinds if drive in kinds[name]]
-    if not able:
-        known = "; ".join(f"{name} has {', '.join(own)}" for name, own in kinds.items())
-        raise ValueError(f"--drive {drive}: {known}")
-    return able[0] if len(able) == 1 else solver
 
 
 def there(rows: list[Row], of: str) -> None:
