@@ -19,7 +19,8 @@ from benchmarks.rivals import Duel, duel
 from examples import truths
 from proofmass.case import Case, load_case
 from proofmass.study.choose import MARGIN, Choice
-from proofmass.study.choose_command import choose_with_drive, head
+from proofmass.study.choose_command import choose_with_drive, head, slack_for
+from proofmass.study.finer import Limits
 from proofmass.study.program import drive_words, imposed, program
 from proofmass.study.run import pool
 from proofmass.study.search import search
@@ -129,10 +130,10 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
     """What `proofmass choose` chooses."""
     with pool() as workers:
         rows = search(case, asked.of, asked.error / MARGIN, store, workers, asked.engine,
-                      longest=LONGEST)
+                      limits=Limits(LONGEST), slack=slack_for(case, asked.drive))
     check = partial(verify, store=store, longest=LONGEST, drive=asked.drive)
     return choose_with_drive(case, "duration", rows, asked.error, asked.of, asked.engine, [],
-                             check, store, LONGEST)
+                             check, store, Limits(LONGEST))
 
 
 def bare(text: str, asked: Asked, folder: Path) -> float:

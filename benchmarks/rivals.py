@@ -16,6 +16,8 @@ from pathlib import Path
 from time import process_time
 from types import FrameType, SimpleNamespace
 
+import mujoco
+
 from examples import truths
 from proofmass.case import Case
 from proofmass.reference import grid
@@ -158,6 +160,8 @@ def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]
                 space["main"](file)  # type: ignore[operator]
         except (SystemExit, Late, ValueError, ArithmeticError):
             return inf, inf
+        finally:
+            mujoco.set_mjcb_control(None)  # of a servo, in a program that did not come to its end
         found = PRINTED.search(said.getvalue())
         assert found
         error = truths.errors(name, file)[of]

@@ -153,18 +153,18 @@ def motion_source(laws: Sequence[object], x: Array) -> str:
     formulas = [formula(law) for law in laws]
     if all(formulas):
         parts = [", ".join(one[k] for one in formulas if one) for k in range(3)]
-        return FORMULA.format(*parts)
+        return FORMULA.format(*parts, one=ONE if any("* one" in part for part in parts) else "")
     times = table_times(laws, x)
     rows = np.array([np.broadcast_arrays(*law(times)) for law in laws])  # type: ignore[operator]
     return TABLE.format(times=lines_of(times), rows=",\n".join(
         f"    [{', '.join(lines_of(part) for part in drive)}]" for drive in rows))
 
 
+ONE = "    one = np.ones_like(t)\n"
 FORMULA = '''\
 def motion(t):
     """Values, rates and accelerations (drives, n) of the drives at times (n,) [s]."""
-    one = np.ones_like(t)
-    return (
+{one}    return (
         np.array([{}]),
         np.array([{}]),
         np.array([{}]))'''

@@ -21,7 +21,7 @@ from proofmass.study.program import imposed, program
 from proofmass.study.row import Row
 from proofmass.study.run import pool
 from proofmass.study.run import run as run_tasks
-from proofmass.study.search import finer_for_drives, search
+from proofmass.study.search import SLACK, YIELDING, finer_for_drives, search
 from proofmass.study.store import Store, versions
 from proofmass.study.trade import chosen
 from proofmass.study.verdict import Verdict
@@ -74,7 +74,7 @@ def choose_command(
                 motion, = motions_of([case], [kind], runs, workers, longest)
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
                 rows = search(case, of.value, error / MARGIN, runs, workers, solver,
-                              limits=limits, progress=advance)
+                              limits=limits, slack=slack_for(case, drive), progress=advance)
             more = list(known(case, kind, rows, runs, solver))
             limits.known, rows = len(more), rows + more
             errors.print(limits.words, markup=False, highlight=False)
@@ -96,7 +96,8 @@ def choose_command(
         if found.ran is None:
             raise InputError(path, "", f"no program can be written: {found.reason}")
         drive_of = found.drive or imposed(case, choice.row.engine)[0]
-        write_whole(output, program(case, found.used, drive_of, head(choice, case)))
+        write_whole(output, program(case, found.used, drive_of, head(choice, case,
+                                                                            output.name)))
         print(output)
         errors.print("\n".join(words(choice, case)), markup=False)
 
@@ -127,12 +128,12 @@ def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of:
     raise AssertionError("the last round returns or raises")
 
 
-def head(choice: Choice, case: Case) -> str:
+def head(choice: Choice, case: Case, name: str = "run.py") -> str:
     """What a program says of itself."""
     lines = [fill(line, 92) for line in words(choice, case)]
     return (f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
             f"{choice.row.engine} {versions(choice.row.engine)[choice.row.engine]}.  It writes the "
-            f"curves of all channels, in SI units:\n\n    python run.py [curves.csv]")
+            f"curves of all channels, in SI units:\n\n    python {name} [curves.csv]")
 
 
 def writable(case: Case, kind: Kind, output: Path | None) -> None:
@@ -170,6 +171,13 @@ def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
         return fit[0] if len(fit) == 1 else solver
     known = "; ".join(f"{name} has {', '.join(kinds)}" for name, kinds in ways.items())
     raise ValueError(f"--drive {drive}: {known}")
+
+
+def slack_for(case: Case, drive: str) -> float:
+    """How far the search follows settings that are not the cheapest with an ideal drive."""
+    names = dict.fromkeys(name.partition(":")[0] for name in case.run["duration"].solvers)
+    yields = any(one.kind == drive and one.gain for name in names for one in imposed(case, name))
+    return YIELDING if yields else SLACK
 
 
 ROUNDS = 4

@@ -34,7 +34,9 @@ CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is c
 FARTHEST = 30.0  # ratio of two steps in turn, at most
 LOST = 0.1  # error from which on there is no order yet
 FALLS = 0.5  # order below which an error does not fall
-SLACK = 1.5  # times the cheapest: what single runs cannot tell apart is timed in rounds
+SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
+YIELDING = 40.0
+"""Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
 PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
 HOPELESS = 3  # steps in turn with which a family does not run at all
 BEST = 3  # settings that are refined at once for the sake of their drives
@@ -194,8 +196,8 @@ def of_pymunk(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
 
 
 def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,
-           engine: str = "", *, limits: Limits | None = None, repeats: int = 5,
-           progress: Progress = lambda *_: None) -> list[Row]:
+           engine: str = "", *, limits: Limits | None = None, slack: float = SLACK,
+           repeats: int = 5, progress: Progress = lambda *_: None) -> list[Row]:
     """Measure settings of a duration until the cheapest that is good enough is known.
 
     Parameters
@@ -209,6 +211,8 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
         The only one to search.
     limits : Limits, optional
         What it may take, of a run without what its reference takes; gets what it took.
+    slack : float
+        How far families are followed: their predicted time over that of the cheapest.
     repeats : int
         Timed runs of what is cheapest.
 
@@ -221,7 +225,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     longest = limits.longest
     timeout = longest + PATIENCE * kept_reference_seconds(case, store)
     while tasks := [task for family in found for task in following(case, family, found, of, needed,
-                                                                   longest)]:
+                                                                   longest, slack)]:
         limits.spent = time.monotonic() - began
         if limits.spent > limits.budget:
             limits.short = True
@@ -290,11 +294,11 @@ def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: flo
 
 
 def following(case: Case, family: Family, every: Iterable[Family], of: str, needed: float,
-              longest: float) -> Iterator[tuple[Family, Task]]:
+              longest: float, slack: float) -> Iterator[tuple[Family, Task]]:
     """The next run of a family, if there is one."""
     best = cheapest([row for one in every for row in one.rows if one.engine == family.engine
                      or not family.plain], of, needed)
-    limit = min(longest, (PLAIN if family.plain else SLACK) * best)
+    limit = min(longest, (PLAIN if family.plain else slack) * best)
     if (step := family.next(of, needed, limit)) is not None:
         yield family, Task(case, "duration", family.at(step), "choose", family.name, "timestep",
                            step)
