@@ -91,3 +91,7 @@ def address() -> Iterator[str]:
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
                                   dashboard_address=":0") as cluster:  # any port that is free
         yield cluster.scheduler_address
+
+
+collect_ignore = ["data"]
+"""Sidecars there are for tests, and no cases of their own."""

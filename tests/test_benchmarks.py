@@ -17,7 +17,12 @@ def docs():
     return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
 
 
-@pytest.mark.parametrize("name", TEXTS)
+LONG = "design_balancer", "rod_settling", "rod_solutions"
+"""Which take many seconds even then."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG
+                                  else name for name in TEXTS])
 def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path):
     if 'if __name__ == "__main__":' not in TEXTS[name]:  # what a benchmark is made of
         others = [text for other, text in TEXTS.items() if other != name]

@@ -95,6 +95,7 @@ def test_bounds_that_exclude_every_design_are_refused():
         Search(Synthesis(behind, np.sin), TINY)
 
 
+@pytest.mark.slow
 def test_ten_seconds_beat_row_1766():
     task = Synthesis(Variant("sine", free_angle=True), np.sin)
     found = task.figures(Search(task, Effort(((64, 8), (16, 20)))).run()[None])

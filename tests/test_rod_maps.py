@@ -131,6 +131,7 @@ def test_labels_of_singularities_are_those_of_the_text():
     assert np.nanmin(chart.panels[1].field.values) > 0.0  # up to the first direct singularity
 
 
+@pytest.mark.slow
 def test_unloaded_sheet_is_its_mirror_image():
     row = DATA["symmetric"]["recomputed"][1]
     first, moment = np.array(row["force1"]), row["moment1"]

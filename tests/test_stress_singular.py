@@ -58,7 +58,8 @@ def test_an_arm_is_what_nothing_else_holds_or_drives(stand):
         assert not closing.last_arm(stand(name).case), name
 
 
-@pytest.mark.parametrize("name", ["fourbar", "fivebar"])
+@pytest.mark.parametrize("name", [
+    "fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
 def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
     """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
     held = stand(name)
@@ -147,7 +148,8 @@ def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
     assert failure.message.startswith("position off by")
 
 
-@pytest.mark.parametrize(("swing", "holds", "breaks"), [(0.05, 0.98, 1.03), (0.5, 1.03, 2.0)])
+@pytest.mark.parametrize(("swing", "holds", "breaks"), [
+    (0.05, 0.98, 1.03), pytest.param(0.5, 1.03, 2.0, marks=pytest.mark.slow)])
 def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, breaks):
     """Its bodies go straight ahead in a step, which is off by the square of its angle, (dt w A)^2.
 
