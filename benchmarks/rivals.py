@@ -98,7 +98,7 @@ def duel(case: Case, name: str, of: str, chosen: Setting, drive: Imposed, count:
     for kept in (FINALISTS, 1):  # the least of many times is too low: the first are timed anew
         codes = [own, *(rival for _, _, rival, _ in good)]
         least = [inf] * len(codes)
-        for _ in range(rounds if good else 0):
+        for _ in range((rounds if kept > 1 else 3 * rounds) if good else 0):
             for k, one in enumerate(codes):
                 least[k] = min(least[k], ran(one, name, of, inf)[1])
         order = sorted(range(len(good)), key=lambda k: least[k + 1])[:kept]

@@ -390,6 +390,15 @@ def test_settings_are_ordered_by_the_time_that_is_theirs() -> None:
     assert replace(waited, seconds=0.1, shared=1.0).own == 0.1
 
 
+def test_fewer_iterations_come_first() -> None:
+    """Though the clock says otherwise by a little; not before what is cheaper by its step."""
+    one = line("a")[0]
+    rows = [replace(one, line=name, seconds=seconds, knobs={"timestep": step, "iterations": count})
+            for name, seconds, step, count in (("many", 0.10, 1e-3, 10), ("few", 0.11, 1e-3, 3),
+                                               ("coarse", 0.05, 2e-3, 30))]
+    assert [row.line for row in enough(rows, "position", 1.0)] == ["coarse", "few", "many"]
+
+
 @pytest.mark.slow
 def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     """RK4 falls with h^4: it is the cheapest by far; rounding keeps it from 1e-17."""

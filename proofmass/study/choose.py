@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from textwrap import fill, indent
 
 from proofmass.case import Case
@@ -102,9 +102,24 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
 
 
 def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
-    """Settings that meet an error with margin, cheapest first."""
-    return sorted((row for row in rows if row.outcome == "ran" and row.seconds > 0
-                   and MARGIN * row.reached(of) <= wanted), key=lambda row: row.own)
+    """Settings that meet an error with margin, cheapest first.
+
+    Where only iterations differ, fewer come first: they are never dearer, whatever the clock says.
+    """
+    good = [row for row in rows if row.outcome == "ran" and row.seconds > 0
+            and MARGIN * row.reached(of) <= wanted]
+    least = dict[str, float]()
+    for row in good:
+        least[apart_from_iterations(row)] = min(row.own,
+                                                least.get(apart_from_iterations(row), inf))
+    return sorted(good, key=lambda row: (least[apart_from_iterations(row)],
+                                         float(str(row.knobs.get("iterations", 0))), row.own))
+
+
+def apart_from_iterations(row: Row) -> str:
+    """What rows have in common that differ in a number of iterations only."""
+    said = {name: value for name, value in row.knobs.items() if name != "iterations"}
+    return repr((row.engine, "iterations" in row.knobs, sorted(said.items())))
 
 
 def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
