@@ -1,9 +1,9 @@
 """fourbar_released, duration: position within 1e-3 of its range.
 
-pymunk, no bias, 3 iterations, timestep 2 ms: 3.1e-4 off in 5.5e-3 s, 1001 steps
-as a program that runs by itself: 3.1e-4 off in 3e-3 s; 3.1e-4 from a shifted start
-the engine's defaults are 0.018 off at best, 0.011 s at timestep 0.526 ms; of order 0.98
-they would take 0.43 s, 78 times as long
+pymunk, no bias, 3 iterations, timestep 2 ms: 3.1e-4 off in 6.7e-3 s, 1001 steps
+as a program that runs by itself: 3.1e-4 off in 2.8e-3 s; 3.1e-4 from a shifted start
+the engine's defaults are 0.018 off at best, 0.013 s at timestep 0.526 ms; of order 0.98
+they would take 0.52 s, 77 times as long
 
 Made by proofmass choose with pymunk 7.3.1.  It writes the curves of all channels, in SI units:
 
