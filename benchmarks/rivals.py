@@ -13,8 +13,7 @@ from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from math import ceil, inf
 from pathlib import Path
-from time import process_time
-from types import FrameType, SimpleNamespace
+from types import FrameType
 
 import mujoco
 
@@ -62,10 +61,6 @@ class Duel:
     ran: int
     good: int
     best: Rival | None
-
-
-CLOCK = SimpleNamespace(perf_counter=process_time)
-"""Time of this process, in the place of `time` in programs: others use the machine as well."""
 
 
 class Late(BaseException):
@@ -156,7 +151,6 @@ def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]
         try:
             with redirect_stdout(said), alarm(longest + SPARE):
                 exec(code, space)  # type: ignore[arg-type]
-                space["time"] = CLOCK
                 space["main"](file)  # type: ignore[operator]
         except (SystemExit, Late, ValueError, ArithmeticError):
             return inf, inf

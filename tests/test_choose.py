@@ -381,15 +381,6 @@ def test_a_drive_names_its_engine(fourbar: Case) -> None:
     assert solver_for(fourbar, "duration", "", "") == ""
 
 
-def test_settings_are_ordered_by_the_time_that_is_theirs() -> None:
-    """A run that waited half of its time for its processor is no dearer than one that did not."""
-    waited, other = line("waited")[0], line("other")[0]
-    rows = [replace(other, seconds=0.08, shared=0.0), replace(waited, seconds=0.1, shared=0.5)]
-    assert [row.line for row in enough(rows, "position", 1.0)] == ["waited", "other"]
-    assert replace(waited, seconds=0.1, shared=nan).own == 0.1
-    assert replace(waited, seconds=0.1, shared=1.0).own == 0.1
-
-
 def test_fewer_iterations_come_first() -> None:
     """Though the clock says otherwise by a little; not before what is cheaper by its step."""
     one = line("a")[0]

@@ -110,10 +110,10 @@ def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
             and MARGIN * row.reached(of) <= wanted]
     least = dict[str, float]()
     for row in good:
-        least[apart_from_iterations(row)] = min(row.own,
+        least[apart_from_iterations(row)] = min(row.seconds,
                                                 least.get(apart_from_iterations(row), inf))
     return sorted(good, key=lambda row: (least[apart_from_iterations(row)],
-                                         float(str(row.knobs.get("iterations", 0))), row.own))
+                                         float(str(row.knobs.get("iterations", 0))), row.seconds))
 
 
 def apart_from_iterations(row: Row) -> str:

@@ -78,11 +78,6 @@ class Row:
     asked: dict[str, float] = field(default_factory=dict)
     step: float = NAN
 
-    @property
-    def own(self) -> float:
-        """Wall time less what its processor gave to others [s]."""
-        return self.seconds * (1.0 - self.shared) if self.shared < 1.0 else self.seconds
-
     def reached(self, kind: str) -> float:
         """Error of a kind that somebody gets who asks for the motion; NaN if there is none."""
         return (self.asked or self.errors).get(kind, NAN)

@@ -88,8 +88,8 @@ class Family:
         step = self.step(step)
         if any(abs(row.value - step) < 1e-9 * step for row in rows):
             return None
-        ran = [row for row in rows if isfinite(row.own)]
-        cost = ran[-1].own * ran[-1].value / step if ran else 0.0
+        ran = [row for row in rows if isfinite(row.seconds)]
+        cost = ran[-1].seconds * ran[-1].value / step if ran else 0.0
         return step if cost <= limit else None
 
     def finer(self, rows: list[Row], of: str, needed: float) -> float | None:
@@ -237,7 +237,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
             family.rows.append(row)
     rows = [row for family in found for row in family.rows]
     cheap = cheapest(rows, of, needed)
-    timed = [row for row in rows if error(row, of) <= needed and row.own <= SLACK * cheap]
+    timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
     timed += [row for family in found if family.plain for row in family.rows
               if row.outcome == "ran" and row not in timed]
     tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
@@ -288,7 +288,7 @@ def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: flo
         if wanted < off < LOST:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
             step = sample / (ceil(sample / finer) // 2 * 2 + 1)
-            asked.append((row.own * row.value / step, Task(
+            asked.append((row.seconds * row.value / step, Task(
                 case, "duration", scaled(row, step), row.study, row.line, row.axis, step)))
     return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
 
@@ -305,6 +305,6 @@ def following(case: Case, family: Family, every: Iterable[Family], of: str, need
 
 
 def cheapest(rows: Iterable[Row], of: str, needed: float) -> float:
-    """Time of the cheapest row that is good enough [s]; infinite if none is."""
-    return min((row.own for row in rows if error(row, of) <= needed and row.own > 0),
+    """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
+    return min((row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0),
                default=inf)
