@@ -82,8 +82,9 @@ class Worker:
             self.process.kill()
 
         timer = threading.Timer(min(timeout, threading.TIMEOUT_MAX), give_up)
-        timer.start()
+        timer.daemon = True  # Ctrl-C may come before it can be cancelled
         try:
+            timer.start()
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
             to.write(pickle.dumps((function, args, timeout, memory, os.getcwd())))
             to.flush()

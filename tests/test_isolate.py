@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -199,3 +200,18 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
     time.sleep(3.0)  # by then its worker compiles, for the two minutes that its runs may take
     asking.send_signal(signal.SIGINT)
     assert asking.wait(60.0) == 130
+
+
+def test_an_interrupt_leaves_no_clock_that_the_process_would_wait_for(monkeypatch):
+    """Ctrl-C right after the clock of a call was started: the process ended when it ran out."""
+    begin = threading.Timer.start
+
+    def interrupted(timer):
+        begin(timer)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(threading.Timer, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        isolated(abs, -1, timeout=600.0)
+    clocks = [t for t in threading.enumerate() if isinstance(t, threading.Timer)]
+    assert all(clock.daemon or clock.finished.is_set() for clock in clocks)
