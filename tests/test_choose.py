@@ -228,6 +228,7 @@ def stiff(models: Path, edit: Callable[..., Path]) -> Path:
                 '[[tolerance]]\nof_range = 1e-3\nwhy = "other steps are lost"\n')
 
 
+@pytest.mark.slow
 def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
     """Where most other steps are lost."""
     folder = stiff.parent / "trade"
@@ -301,7 +302,8 @@ def test_a_free_motion_starts_later_on_the_same_motion() -> None:
     assert rate == pytest.approx(truth["rate"], abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["fourbar", "pendulum", "fourbar_released"])
+@pytest.mark.parametrize("name", [
+    "fourbar", "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)])
 def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     case = load_case(MODELS / f"{name}.toml")
     case = case.model_copy(update={"run": {"duration": case.run["duration"].model_copy(

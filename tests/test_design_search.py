@@ -143,6 +143,7 @@ def test_nondominated_by_its_definition():
     assert (np.diff(aims[kept, 0]) > 0).all()
 
 
+@pytest.mark.slow
 def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
     monkeypatch.setattr("proofmass.design.pareto.SHORT", TINY)
     best = Search(REGULAR, TINY).run()

@@ -80,7 +80,7 @@ def test_a_sample_on_the_change_point_is_singular():
         solve(np.array([0.0, np.pi, 4.0]), model=four_bar(1, 2, 2, 3), joints=("crank",))
 
 
-@settings(RELAXED, max_examples=25)
+@settings(RELAXED, max_examples=12)
 @given(four_bars(clear=0.0, turn=6.0))
 def test_success_is_on_the_branch_and_failure_at_a_limit(linkage):
     """Over a turn that may have limits: what is kept is the closed form; what is not has none."""

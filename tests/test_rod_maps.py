@@ -93,6 +93,7 @@ def test_rim_of_a_sheet_is_an_inverse_singularity():
     assert np.all(np.abs(ends.pose[:, 0] + 1j * ends.pose[:, 1] - CLAMPS[:, None]) <= 1.0 + 1e-9)
 
 
+@pytest.mark.slow
 def test_top_of_the_rim_is_the_reach_of_straight_rods():
     """A pin that pulls: above, the sheet ends where one rod is straight."""
     ends, ways = rim(natural())
@@ -182,6 +183,7 @@ def platform():
     return constant_orientation(side=0.5, **turns, stiffness=EI, nodes=7)
 
 
+@pytest.mark.slow
 def test_platform_without_load_is_stiffest_at_the_centre():
     """Three alike: a third of a turn changes nothing, so the stiffness is level there."""
     field = platform().panels[1].field

@@ -135,6 +135,7 @@ def test_motors_that_differ_in_the_seventh_digit_have_equilibria_of_their_own():
     assert slope == pytest.approx(one["pin_vx"], abs=2e-3)  # Newton's 1e-10 twice, over the step
 
 
+@pytest.mark.slow
 def test_the_way_there_does_not_matter():
     """More samples, there and back, other units: the same equilibria."""
     turn = np.linspace(0.0, 1.0, 3)

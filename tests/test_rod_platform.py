@@ -128,6 +128,7 @@ def test_annex_configuration():
 
 
 @pytest.mark.parametrize("row", DATA["pfr3"]["recomputed"], ids=["rigid ends", "none"])
+@pytest.mark.slow
 def test_start_pose_of_the_program(row):
     """Its slides turn the unloaded platform to 60 degrees; each force is across its guide."""
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]

@@ -77,6 +77,7 @@ def test_engines_snap_where_their_chain_does(engine, settings, atol):
     np.testing.assert_allclose(found["energy"], energy, atol=atol)
 
 
+@pytest.mark.slow
 def test_shapes_converge_on_both_sides_of_a_snap():
     """Errors of direction, moment and energy go with the square of the links, in pymunk."""
     degrees = [80.0, 20.0, -30.0, -70.0, -20.0, 30.0]

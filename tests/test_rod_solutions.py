@@ -87,6 +87,7 @@ def test_platform_of_table_8_has_three_more_that_are_stable():
     assert np.all(largest[2:] > 12.0)
 
 
+@pytest.mark.slow
 def test_mirrored_platforms_are_other_platforms():
     """Closure by distances alone has six roots: three of the platform, three of its mirror image.
     """

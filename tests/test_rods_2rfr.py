@@ -134,6 +134,7 @@ def fold(n: int) -> float:
     return turn
 
 
+@pytest.mark.slow
 def test_the_fold_of_chains_is_of_second_order():
     """Towards that of the rods, which a continuation finds and a recomputation gives to 5e-6."""
     exact = turned(-0.5).inputs[0] - BEGIN[0]

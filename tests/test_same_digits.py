@@ -74,6 +74,7 @@ def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
 
 
 @ON_TWO
+@pytest.mark.slow
 def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of_threads(tmp_path):
     """A reference of 400 equations, which workers and this process find in another folder."""
     (tmp_path / "solved.py").write_text(REFERENCE)

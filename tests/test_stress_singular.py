@@ -26,6 +26,7 @@ def test_grashof_knows_the_shortest_rocker(stand):
     assert closing.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
 
 
+@pytest.mark.slow
 def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
     """They come in line, one on the other, where the crank pins are nearest."""
     held = stand("fivebar")
