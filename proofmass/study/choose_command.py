@@ -121,8 +121,8 @@ def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of:
                 tasks = finer_for_drives(case, tried, error) if case.drive else []
                 if last or not tasks:
                     raise
-            known = [row for row, _ in tried]
-            rows = [row for row in rows if row not in known]
+            refused = [row for row, _ in tried]
+            rows = [row for row in rows if row not in refused]
             rows += run_tasks(tasks, store, timeout=limits.longest)
             tried.clear()
     raise AssertionError("the last round returns or raises")

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import ceil, inf, isfinite, log
+from math import ceil, inf, isfinite
 
 from proofmass.case import Case
 from proofmass.errors import InputError
@@ -19,7 +19,9 @@ from proofmass.reference import compiled, grid
 from proofmass.solve import plan
 from proofmass.study.axes import HARD, INTEGRATORS, as_given, leading
 from proofmass.study.bounded import bounded
-from proofmass.study.finer import Limits, scaled
+from proofmass.study.finer import SAFE, Limits, scaled
+from proofmass.study.line import COARSE, FALLS
+from proofmass.study.line import order as order_of
 from proofmass.study.measure import Task
 from proofmass.study.row import Row
 from proofmass.study.run import run
@@ -29,11 +31,8 @@ from proofmass.study.truth import truth
 from sim.protocol import Curves
 
 Progress = Callable[[str, int, int], None]
-SAFE = 0.8  # of the error that is needed: orders change a little
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
-LOST = 0.1  # error from which on there is no order yet
-FALLS = 0.5  # order below which an error does not fall
 SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
 YIELDING = 40.0
 """Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
@@ -61,8 +60,8 @@ class Family:
     rows: list[Row] = field(default_factory=list)
 
     def step(self, wanted: float) -> float:
-        """The longest step up to the wanted one of which an odd number leads to the next sample."""
-        return self.sample / (ceil(self.sample / wanted - 1e-9) // 2 * 2 + 1)
+        """`odd_step` of its samples."""
+        return odd_step(self.sample, wanted)
 
     def next(self, of: str, needed: float, limit: float) -> float | None:
         """The step to try next; None if no other promises to be good enough for less [s]."""
@@ -95,9 +94,9 @@ class Family:
     def finer(self, rows: list[Row], of: str, needed: float) -> float | None:
         """The step that the order of the last errors says is good enough."""
         last = rows[-1]
-        if not error(last, of) < LOST:
+        if not error(last, of) < COARSE:
             return last.value / 3.0
-        if len(rows) < 2 or not error(rows[-2], of) < LOST:
+        if len(rows) < 2 or not error(rows[-2], of) < COARSE:
             return last.value / 2.0
         falls = order(rows[-2], last, of)
         if falls < FALLS:  # once more, then it is at a floor
@@ -107,12 +106,21 @@ class Family:
                    last.value / FARTHEST)
 
 
+def odd_step(sample: float, wanted: float) -> float:
+    """The longest step up to the wanted one of which an odd number leads to the next sample.
+
+    >>> odd_step(1.0, 0.3), odd_step(1.0, 0.2)
+    (0.2, 0.2)
+    """
+    return sample / (ceil(sample / wanted - 1e-9) // 2 * 2 + 1)
+
+
 def between(coarse: Row, fine: Row, of: str, needed: float) -> float | None:
     """A step between one that is good enough and one that is not; None if these are close."""
     if coarse.value < CLOSE * fine.value:
         return None
     middle = (coarse.value * fine.value) ** 0.5
-    if not error(coarse, of) < LOST:
+    if not error(coarse, of) < COARSE:
         return middle
     falls = order(coarse, fine, of)
     if falls < FALLS:
@@ -129,10 +137,7 @@ def error(row: Row, of: str) -> float:
 
 def order(coarse: Row, fine: Row, of: str) -> float:
     """The order of convergence that two rows show; minus infinity where the finer one is lost."""
-    if not isfinite(error(fine, of)):
-        return -inf
-    ratio = error(coarse, of) / max(error(fine, of), 1e-300)
-    return log(ratio) / log(coarse.value / fine.value) if ratio > 0 else -inf
+    return order_of((coarse.value, error(coarse, of)), (fine.value, max(error(fine, of), 1e-300)))
 
 
 def families(case: Case, engine: str = "") -> Iterator[Family]:
@@ -285,9 +290,9 @@ def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: flo
     asked = []
     sample = float(grid(case, "duration")[1] - grid(case, "duration")[0])
     for row, off in tried:
-        if wanted < off < LOST:
+        if wanted < off < COARSE:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
-            step = sample / (ceil(sample / finer) // 2 * 2 + 1)
+            step = odd_step(sample, finer)
             asked.append((row.seconds * row.value / step, Task(
                 case, "duration", scaled(row, step), row.study, row.line, row.axis, step)))
     return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]

@@ -7,14 +7,13 @@ from xml.etree import ElementTree
 from proofmass.study.setting import Knob, Setting
 from sim.mjcf import read_tree
 from sim.mujoco_model import ENGINE_DEFAULTS
+from sim.mujoco_program import spelled
 from sim.pymunk_steps import SURE
 
 OPTION = ("timestep", "integrator", "solver", "iterations", "tolerance")
 EQUALITY = ("solref", "solimp")
 SPACE = ("timestep", "iterations", "error_bias")
 OWN = {"class", *EQUALITY}
-KEYWORDS = {name.lower(): name for name in
-            ("Euler", "RK4", "implicit", "implicitfast", "discrete", "PGS", "CG", "Newton")}
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
@@ -78,19 +77,6 @@ def sidecar(knobs: Mapping[str, Knob], but: Iterable[str]) -> Iterator[str]:
 def attributes(knobs: Mapping[str, object], names: tuple[str, ...]) -> str:
     """Those of the knobs that are attributes of an element."""
     return " ".join(f'{name}="{spelled(knobs[name])}"' for name in names if name in knobs)
-
-
-def spelled(value: object) -> str:
-    """A value as MJCF has it, with all its digits.
-
-    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100)
-    ('0.02 1', '0.3333333333333333', 'Euler', '100')
-    """
-    if isinstance(value, (tuple, list)):
-        return " ".join(map(spelled, value))
-    if isinstance(value, str):
-        return KEYWORDS.get(value.lower(), value)
-    return str(value).removesuffix(".0")
 
 
 def python(knobs: Mapping[str, Knob], steps: int) -> Iterator[str]:
