@@ -12,13 +12,13 @@ from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from sim.mjcf import read_tree
 from sim.mujoco_linkage import Linkage
 from sim.mujoco_model import NAMED, Recorder, is_acceleration, load
 from sim.mujoco_reading import withhold_drives
 from sim.mujoco_steps import FLYWHEEL, start
+from sim.program_text import TEMPLATES, escaped
 from sim.protocol import Array, BadModel, Imposed, Run, Unsupported
 
 IMPOSED = (Imposed("flywheel"),
@@ -96,7 +96,7 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     return TEMPLATES.get_template("mujoco.py.jinja").render(
-        head=escaped(head), model=escaped(model_text(root)), files=files,
+        head=escaped(head.strip()), model=escaped(model_text(root).strip()), files=files,
         step=repr(step), per=count, samples=run.x.size, first=repr(float(run.x[0])),
         target=target(drive.kind, moves, by_stage) if run.drives else "",
         motion=motion.strip() if run.drives else "", joints=json.dumps(list(linkage.joints),
@@ -116,19 +116,6 @@ def target(kind: str, moves: bool, by_stage: bool) -> str:
     return {"flywheel": "data.qfrc_applied[dofs]" if moves else "",
             "servo": "" if by_stage else "data.ctrl[-len(DRIVES):]",
             "equality": "model.eq_data[holds, 0]"}[kind]
-
-
-TEMPLATES = Environment(loader=PackageLoader("sim", "programs"), undefined=StrictUndefined,
-                        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-
-
-def escaped(text: str) -> str:
-    """Text as it stands between three double quotes.
-
-    >>> escaped('a \\\\ b')
-    'a \\\\\\\\ b'
-    """
-    return text.strip().replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
 
 
 def listed(values: Array) -> str:

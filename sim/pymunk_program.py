@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pymunk
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from sim.program_text import TEMPLATES, escaped
 from sim.protocol import BadSetting, Imposed, Run, Unsupported
 from sim.pymunk_drive import HingeDrive, Motor, SlideDrive, add_drives
 from sim.pymunk_duration import LOST
@@ -126,17 +126,6 @@ def free_name(name: str, taken: set[str]) -> str:
     return tried
 
 
-def escaped(text: str) -> str:
-    r"""Text that may stand in a docstring or a comment; lines remain lines in the first only.
-
-    >>> print(escaped('C:\\new, \"\"\"\0'))
-    C:\\new, \"\"\"\x00
-    """
-    text = text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
-                   for c in text)
-
-
 def spoken(name: str) -> str:
     """A name in a comment."""
     return escaped(repr(name)[1:-1]).replace("\\\\", "\\").replace("\n", " ")
@@ -188,6 +177,9 @@ def comment(text: str, indent: int = 0) -> str:
                 subsequent_indent=" " * indent + "# ", break_long_words=False)
 
 
+TEMPLATES.filters["comment"] = comment
+
+
 def less(text: str, number: float) -> str:
     """A term less a number.
 
@@ -217,10 +209,7 @@ def _rendered(links: Links, run: Run, settings: dict[str, Any], motion: str, hea
                                "acceleration") if re.search(rf"\b{word}\(", written)}
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
     needs |= {"ahead"} if drive == "motor" else set()
-    env = Environment(loader=PackageLoader("sim", "programs"), undefined=StrictUndefined,
-                      trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    env.filters["comment"] = comment
-    return env.get_template("pymunk.py.jinja").render(
+    return TEMPLATES.get_template("pymunk.py.jinja").render(
         docstring=f'"""{escaped(head).strip()}\n"""\n' if head.strip() else "",
         motion=motion.strip("\n"),
         dt=digits(dt), iterations=settings["iterations"],

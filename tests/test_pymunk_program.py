@@ -21,7 +21,7 @@ from scipy.special import ellipj, ellipk
 from proofmass import reference
 from proofmass.case import Case, load_case
 from proofmass.drive import Swing, motion_source
-from sim import pymunk_program
+from sim import program_text, pymunk_program
 from sim.protocol import Array, BadSetting, Curves, Diverged, Drive, Imposed, Run, Unsupported
 from sim.pymunk_program import IMPOSED, write_program
 from sim.with_pymunk import simulate
@@ -349,7 +349,8 @@ def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
 
 
 def test_the_examples_in_the_writer_hold():
-    assert doctest.testmod(pymunk_program) == (0, 4)
+    assert [doctest.testmod(module) for module in (pymunk_program, program_text)] == [
+        (0, 3), (0, 1)]
 
 
 @pytest.mark.parametrize(("change", "drive", "error", "named"), [
