@@ -109,6 +109,33 @@ def test_one_long_stride_keeps_the_branch():
     assert found["pin.y"][1] == pytest.approx(truth["pin_y"], abs=1e-14)
 
 
+@pytest.mark.parametrize("off", [1e-9, 1e-3])
+def test_a_motion_beside_a_followed_one_takes_no_steps(off, monkeypatch):
+    """It is the closed form all the same, along two turns with a wobble."""
+    x = np.linspace(0.0, 4 * np.pi, 361)
+    beside = x + off * np.sin(7 * x)
+    follower = branch(four_bar(1, 2, 2.5, 3, mode=-1))
+    follower.follow(x[:, None])
+    monkeypatch.setattr(Branch, "step", lambda *_: pytest.fail("a step"))
+    q, failure = follower.follow(beside[:, None])
+    truth = fourbar.solve(beside, crank=1, coupler=2, rocker=2.5, ground=3, mode=-1)
+    assert failure is None
+    assert (q[:, 0] == beside).all()
+    assert np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"])).max() < 1e-13
+
+
+def test_a_motion_that_leaves_what_is_proven_is_followed_anew():
+    """As many samples, one of them half a turn ahead: all poses are the closed form's."""
+    x = np.linspace(0.0, 4 * np.pi, 361)
+    other = x.copy()
+    other[180] += np.pi
+    follower = branch(four_bar(1, 2, 2.5, 3))
+    follower.follow(x[:, None])
+    q, _ = follower.follow(other[:, None])
+    truth = fourbar.solve(other, crank=1, coupler=2, rocker=2.5, ground=3)
+    assert np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"])).max() < 1e-13
+
+
 def test_lengths_that_cannot_close():
     model = four_bar(1, 2, 2.5, 3)
     model.body("rocker").pos[0] = 50.0

@@ -121,7 +121,7 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
 def _swept(mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int],
            values: bytes) -> tuple[Array, Drives]:
     """Closed poses over the drives' values; kept, since a report asks for them again."""
-    branch = Branch(mechanism, joints)
+    branch = _branch(mechanism, joints)
     q, failure = branch.follow(np.frombuffer(values).reshape(shape).T)
     if failure is not None:
         raise failure
@@ -134,4 +134,5 @@ def _free(mechanism: Mechanism, times: tuple[float, ...]) -> tuple[Array, Array,
     return free_motion(mechanism, np.array(times))
 
 
+_branch = lru_cache(maxsize=8)(Branch)
 _read = lru_cache(maxsize=32)(read)

@@ -90,7 +90,8 @@ class Branch:
                                f"joint(s): {', '.join(names)}")
         self.bound = lipschitz(m, q)
         self.scale = m.scale[self.d.driven]
-        self.knot = self.last = self.at(q)
+        self.followed: list[Knot] = []
+        self.first = self.knot = self.last = self.at(q)
         if not self.knot.radius > UNSURE:
             raise SingularHere(f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
                                f"chooses no branch: start elsewhere")
@@ -104,7 +105,23 @@ class Branch:
             Closed poses, k = n unless the branch ends before.
         failure : Failure or None
             Why it ended.
+
+        Notes
+        -----
+        Inputs that differ from those of the call before by less than its proven steps, such as what
+        an engine's drive really did, take no steps of their own: each pose is found from the knot
+        that its forerunner was found from, within the radius that is proven there.
         """
+        if len(self.followed) == len(inputs) > 0:
+            at, tangent, proven = (np.array([getattr(knot, name) for knot in self.followed])
+                                   for name in ("q", "tangent", "radius"))
+            ahead = (inputs - at[:, self.d.driven]) / self.scale
+            move = np.einsum("njd,nd->nj", tangent, ahead)
+            if (np.linalg.norm(move, axis=1) <= proven).all():
+                guess = at + move * self.m.scale
+                guess[:, self.d.driven] = inputs
+                return self.close(guess, proven), None
+        self.followed, self.knot, self.last = [], self.first, self.first
         guess, proven = np.empty((len(inputs), len(self.m.joints))), np.empty(len(inputs))
         done, failure, leap_at, room = 0, None, CREEP, 16
         while done < len(inputs):
@@ -115,18 +132,23 @@ class Branch:
             if count:
                 guess[done:done + count] = self.predict(window[:count])
                 proven[done:done + count] = self.knot.radius
+                self.followed += [self.knot] * count
                 done += count
             try:
                 leap_at = self.advance(window[count - 1] if count else inputs[done], leap_at)
             except Failure as error:
                 failure = error
                 break
-        q = newton(self.m, guess[:done], self.d) if done else guess[:0]
-        moved = np.linalg.norm((q - guess[:done]) / self.m.scale, axis=1)
-        if not (moved <= NEAR * proven[:done]).all():
-            bad = int(np.argmax(moved > NEAR * proven[:done]))
-            raise Mirrored(f"mirrored at {self.spoken(inputs[bad])}")
-        return q, failure
+        return self.close(guess[:done], proven[:done]), failure
+
+    def close(self, guess: Array, proven: Array) -> Array:
+        """Close poses (n, joints) that tangents predict, each within its proven radius (n,)."""
+        q = newton(self.m, guess, self.d) if len(guess) else guess
+        moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
+        if not (moved <= NEAR * proven).all():
+            bad = int(np.argmax(moved > NEAR * proven))
+            raise Mirrored(f"mirrored at {self.spoken(guess[bad, self.d.driven])}")
+        return q
 
     def at(self, q: Array) -> Knot:
         """What is known at a closed pose (joints,)."""

@@ -24,7 +24,7 @@ from proofmass.study.line import COARSE, FALLS
 from proofmass.study.line import order as order_of
 from proofmass.study.measure import Task
 from proofmass.study.row import Row
-from proofmass.study.run import run
+from proofmass.study.run import reference_of, run
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store, key_of, once
 from proofmass.study.truth import truth
@@ -254,9 +254,11 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
 
 
 def kept_reference_seconds(case: Case, store: Store) -> float:
-    """`reference_seconds`, measured once for a store."""
-    engine = case.run["duration"].solvers[0].partition(":")[0]
-    file = store.folder / f"{key_of(Task(case, 'duration', Setting(engine)))}.reference.json"
+    """`reference_seconds`, measured once for a store; 0 where a file keeps the reference."""
+    task = Task(case, "duration", Setting(case.run["duration"].solvers[0].partition(":")[0]))
+    if reference_of(task, store):
+        return 0.0
+    file = store.folder / f"{key_of(task)}.reference.json"
     return float(once(file, lambda: bounded(case, "duration", reference_seconds, case)))
 
 
