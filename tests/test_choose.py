@@ -566,6 +566,9 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     once = replace(found, check=replace(found.check, note="a rest -- has one"), refused=())
     assert words(once, fourbar)[2] == (
         "run again with the lines below 2.2e-5; from a shifted start: a rest -- has one")
+    chaotic = replace(once, motion="chaotic: errors are judged up to 15 s")
+    assert words(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"
+    assert "\n  chaotic: errors are judged up to 15 s\n" in printed(chaotic, fourbar)
     text = printed(once, fourbar)
     assert text.startswith("<!--\n  fourbar, duration: position within 1.3e-4 of its range\n")
     assert "a rest - has one\n" in text  # two dashes would end the comment

@@ -45,6 +45,9 @@ class Choice:
         NaN where they never do.
     refused : tuple of str
         Cheaper settings that did not hold.
+    motion : str
+        That a free motion is chaotic or sensitive to its start, and until when errors are judged;
+        nothing of other motions.
     """
 
     row: Row
@@ -54,6 +57,7 @@ class Choice:
     beside: str
     ratio: float
     refused: tuple[str, ...] = ()
+    motion: str = ""
 
 
 Verify = Callable[[Case, Kind, Row, str, float], Check]
@@ -229,7 +233,7 @@ def words(choice: Choice, case: Case) -> list[str]:
             f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, "
             f"{row.steps} steps",
             check.words, *check.other_drives(choice.of, choice.wanted), choice.beside,
-            *choice.refused]
+            *choice.refused, *filter(None, [choice.motion])]
 
 
 def printed(choice: Choice, case: Case) -> str:

@@ -1,5 +1,6 @@
 """``proofmass choose``: the cheapest setting that is as good as is asked for, to paste."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from textwrap import fill
@@ -65,7 +66,7 @@ def choose_command(
         asked(case, kind, error, solver)
         solver = solver_for(case, kind, drive, solver)
         writable(case, kind, output)
-        limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
+        limits, told = Limits(seconds("--longest", longest), seconds("--budget", budget)), ""
         if not turnable(case, kind):
             raise typer.Exit(1)
         runs, verdicts = Store(store / "runs"), list[Verdict]()
@@ -73,6 +74,7 @@ def choose_command(
             with pool(jobs, dask) as workers, counting(letters=40) as advance:
                 motion, = motions_of([case], [kind], runs, workers, longest)
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
+                told = motion.words if motion else ""
                 rows = search(case, of.value, error / MARGIN, runs, workers, solver,
                               limits=limits, slack=slack_for(case, drive), progress=advance)
             more = list(known(case, kind, rows, runs, solver))
@@ -86,8 +88,10 @@ def choose_command(
         try:
             choice = choose_with_drive(case, kind, rows, error, of.value, solver, verdicts, check,
                                        runs, limits)
+            choice = replace(choice, motion=told)
         except Cannot as why:
-            errors.print(f"{case.name}: {why}", markup=False)
+            errors.print(f"{case.name}: {'; '.join(filter(None, (str(why), told)))}",
+                         markup=False)
             raise typer.Exit(1) from None
         if output is None:
             print(printed(choice, case))
