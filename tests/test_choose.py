@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from analytic import pendulum
 from proofmass.case import Case, load_case
 from proofmass.cli import app
+from proofmass.isolate import TimedOut
 from proofmass.reference import compiled
 from proofmass.solve import plan
 from proofmass.study.axes import lines
@@ -519,14 +520,14 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     used = Setting("mujoco", {"segments": 20})
     module = sys.modules[fresh.__module__]
     found = {"again": (1.0, used), "elsewhere": 2.0}
-    monkeypatch.setattr(module, "limited", lambda case, kind, function, *told: found[
-        function.__name__])
+    monkeypatch.setattr(module, "limited", lambda case, kind, function, *told, least=0.0: (
+        found[function.__name__]))
     assert verify(fourbar, "rest", at(), "rate", 3.0) == Check(1.0, 2.0, "", used)
     poor = verify(fourbar, "rest", at(), "rate", 0.5)
     assert (poor.fresh, poor.again, poor.words) == (1.0, False, "run again with the lines below 1")
 
     def fails(error):
-        def call(case, kind, function, *told):
+        def call(case, kind, function, *told, least=0.0):
             if function.__name__ == "again":
                 return 1.0, used
             raise error
@@ -539,10 +540,12 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     assert check.holds(1.0)
     assert not check.holds(0.9)
     assert Check(1.0, 2.0, "", used).holds(2.0)
-    monkeypatch.setattr(module, "limited", fails(Diverged()))
-    check = verify(fourbar, "rest", at(), "rate", 1.0)
-    assert (check.fresh, check.note) == (1.0, "")
-    assert not check.holds(9.0)
+    for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
+        monkeypatch.setattr(module, "limited", fails(why))
+        check = verify(fourbar, "rest", at(), "rate", 1.0)
+        assert (check.fresh, check.note, check.lost) == (1.0, "", str(why))
+        assert check.words.endswith(f"from a shifted start: {why}")
+        assert not check.holds(9.0)
 
 
 def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:

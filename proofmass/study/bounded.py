@@ -9,10 +9,10 @@ from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.strict import Kind
 
 
-def limited(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
-    """`isolated`, within the limits of one of a case's runs."""
+def limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float = 0.0) -> Any:
+    """`isolated`, within the limits of one of a case's runs, with at least so much time [s]."""
     limits = case.run[kind]
-    return isolated(function, *args, timeout=limits.timeout, memory=limits.memory)
+    return isolated(function, *args, timeout=max(limits.timeout, least), memory=limits.memory)
 
 
 def bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:

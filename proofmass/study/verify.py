@@ -12,12 +12,13 @@ import numpy as np
 from analytic import planar
 from proofmass.case import Case
 from proofmass.check import FAILURES
+from proofmass.isolate import TimedOut
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, module_of
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.study.bounded import limited
-from proofmass.study.measure import Task, shares
+from proofmass.study.measure import REFERENCE, Task, shares
 from proofmass.study.program import Ran, drive_words, imposed, tried
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Knob, Setting
@@ -42,6 +43,8 @@ class Check:
         Errors of the two runs [share of range]; NaN for what is lost.
     note : str
         Why there is no shifted start.
+    lost : str
+        Why the run from the shifted start gave nothing.
     used : Setting
         As used, with what the engine chose by itself.
     ran : Ran or None
@@ -65,6 +68,7 @@ class Check:
     others: tuple[tuple[Imposed, Ran], ...] = ()
     reason: str = ""
     again: bool = True
+    lost: str = ""
 
     def holds(self, wanted: float) -> bool:
         """Whether both are as good as is asked for."""
@@ -84,6 +88,8 @@ class Check:
                      f"{number(self.ran.seconds, 2)} s")
         if self.note:
             return f"{first}; from a shifted start: {self.note}"
+        if self.lost:
+            return f"{first}; from a shifted start: {self.lost}"
         if not self.again:
             return first
         return f"{first}; {number(self.shifted, 2)} from a shifted start"
@@ -134,8 +140,8 @@ def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Stor
     except LOST:
         pass
     if check.fresh <= wanted:
-        shifted, note = shifted_once(case, kind, check.used, of, store)
-        check = replace(check, shifted=shifted, note=note)
+        shifted, note, lost = shifted_once(case, kind, check.used, of, store)
+        check = replace(check, shifted=shifted, note=note, lost=lost)
     else:
         check = replace(check, again=False)
     if compare and check.drive and check.holds(wanted) and not drive:
@@ -145,23 +151,34 @@ def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Stor
 
 
 def shifted_once(case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
-                 ) -> tuple[float, str]:
-    """The error from a shifted start, or why there is none; from the store if it is there."""
-    def make() -> tuple[float | None, str]:
-        try:
-            error = float(limited(case, kind, elsewhere, case, kind, setting, of))
-            return (error if error == error else None), ""
-        except Unsupported as error:
-            return None, str(error)
-        except LOST:
-            return None, ""
+                 ) -> tuple[float, str, str]:
+    """The error from a shifted start, why there is no such start, and why its run gave nothing.
 
-    if store is None:
-        found, note = make()
-    else:
-        key = key_of(Task(case, kind, setting))
-        found, note = once(store.folder / f"{key}.{of}.shifted.json", make)
-    return (NAN if found is None else found), note
+    From the store if it is there.  What took too long is not kept, since another call may have
+    more time.
+    """
+    least = REFERENCE if kind == "duration" and not case.drive else 0.0
+
+    def make() -> tuple[float | None, str, str]:
+        try:
+            error = float(limited(case, kind, elsewhere, case, kind, setting, of, least=least))
+            return (error, "", "") if error == error else (None, "", "not finite")
+        except Unsupported as error:
+            return None, str(error), ""
+        except TimedOut:
+            raise
+        except LOST as error:
+            return None, "", str(error)
+
+    try:
+        if store is None:
+            found, note, lost = make()
+        else:
+            key = key_of(Task(case, kind, setting))
+            found, note, lost = once(store.folder / f"{key}.{of}.shifted.json", make)
+    except TimedOut as error:
+        return NAN, "", str(error)
+    return (NAN if found is None else found), note, lost
 
 
 def as_program(case: Case, setting: Setting, row: Row, of: str, store: Store | None,
