@@ -14,8 +14,9 @@ import mujoco
 import numpy as np
 
 from sim.mjcf import leave_out_disabled
-from sim.mujoco_model import Recorder, configure, load, refuse_dry_friction, stepped_with
+from sim.mujoco_model import Recorder, load, refuse_dry_friction
 from sim.mujoco_reading import withhold
+from sim.mujoco_settings import configure, stepped_with
 from sim.mujoco_still import until_still
 from sim.plane import Plane, find_plane
 from sim.protocol import BadModel, Curves, Run, Unsupported

@@ -2,102 +2,16 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
 
 import mujoco
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
 
 from sim.mjcf import compile_model, leave_out_disabled
+from sim.mujoco_settings import configure
 from sim.plane import find_plane
-from sim.protocol import (
-    Array,
-    BadModel,
-    Count,
-    EngineSettings,
-    Number,
-    Numbers,
-    Run,
-    Switch,
-    Unsupported,
-)
+from sim.protocol import Array, BadModel, Run, Unsupported
 
 S = mujoco.mjtSensor
-ENGINE_DEFAULTS = {
-    "timestep": 0.002,
-    "integrator": "Euler",
-    "solref": (0.02, 1.0),
-    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
-}
-NAMED = {"integrator": mujoco.mjtIntegrator, "solver": mujoco.mjtSolver, "cone": mujoco.mjtCone}
-FLAGS = {"refsafe": mujoco.mjtDisableBit.mjDSBL_REFSAFE,
-         "warmstart": mujoco.mjtDisableBit.mjDSBL_WARMSTART}
-"""Bits of ``disableflags``, by the settings that clear them when true and set them when false."""
-UNSAID = {"cone": mujoco.mjtCone.mjCONE_PYRAMIDAL, "impratio": 1.0, "noslip_iterations": 0}
-"""Options that are told of a run only where they are not MuJoCo's own."""
-
-
-class MujocoSettings(EngineSettings):
-    """What can be set in MuJoCo.
-
-    `timestep` [s], `integrator`, `solver`, `iterations`, `tolerance` replace the option of that
-    name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
-    spelled as in MJCF; ``defaults = True`` first puts back the values that MuJoCo has when the
-    model says nothing; `settled` chooses the kind of a sweep, `flex` that of a rest.
-
-    `cone`, `impratio` and `noslip_iterations` are the options of that name and act on contacts and
-    dry friction.  ``refsafe = False`` lets a `solref` be shorter than two time steps, and
-    ``warmstart = False`` starts the solver of each step anew; both are flags of MJCF.
-    """
-
-    timestep: Number = Field(0.002, gt=0)
-    integrator: str = "Euler"
-    solver: str = "Newton"
-    iterations: Count = 100
-    tolerance: Number = Field(1e-8, ge=0)
-    cone: str = "pyramidal"
-    impratio: Number = Field(1.0, gt=0)
-    noslip_iterations: Annotated[int, Field(strict=True, ge=0, lt=2**31)] = 0
-    refsafe: Switch = True
-    warmstart: Switch = True
-    solref: Numbers = (0.02, 1.0)
-    solimp: Numbers = (0.9, 0.95, 0.001, 0.5, 2.0)
-    settled: Switch = False
-    flex: Switch = False
-    defaults: Switch = False
-
-    @field_validator("integrator", "solver", "cone")
-    @classmethod
-    def _named(cls, value: str, info: ValidationInfo) -> str:
-        names = named_values(str(info.field_name))
-        if value.lower() not in names:
-            raise ValueError(f"known: {', '.join(names)}")
-        return value.lower()
-
-    @field_validator("solref")
-    @classmethod
-    def _reference(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if not (1 <= len(value) <= 2 and (min(value) > 0 or (len(value) == 2 and max(value) <= 0))):
-            raise ValueError("give a time constant [s] and a damping ratio, both positive, or "
-                             "stiffness and damping, both negative")
-        return value
-
-    @field_validator("solimp")
-    @classmethod
-    def _impedance(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        most = (1.0, 1.0, np.inf, 1.0, np.inf)
-        least = (0.0, 0.0, 0.0, 0.0, 1.0)
-        if not 1 <= len(value) <= 5 or any(
-                not low <= v <= high for low, v, high in zip(least, value, most, strict=False)):
-            raise ValueError("give up to five numbers: dmin and dmax in [0, 1], width >= 0, "
-                             "midpoint in [0, 1], power >= 1")
-        return value
-
-
-def named_values(option: str) -> dict[str, int]:
-    """The values of an option that has words for them, by their words in small letters."""
-    return {name.partition("_")[2].lower(): value
-            for name, value in NAMED[option].__members__.items()}
 
 
 def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -143,47 +57,6 @@ def key_of(model: mujoco.MjModel, run: Run) -> int:
     if run.kind == "passive":
         return max(0, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, run.start))
     return named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
-
-
-def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
-    """Write engine settings into a compiled model, in place; see `MujocoSettings`."""
-    given = MujocoSettings.read(settings).model_dump(exclude_unset=True)
-    merged = {**(ENGINE_DEFAULTS if given.get("defaults") else {}), **given}
-    for key in merged.keys() - {"defaults", "settled", "flex"}:
-        value = merged[key]
-        if key in NAMED:
-            setattr(model.opt, key, named_values(key)[str(value).lower()])
-        elif key in ("solref", "solimp"):
-            row = np.asarray(value, dtype=float)
-            getattr(model, f"eq_{key}")[:, : row.size] = row
-        elif key in FLAGS:
-            bit = int(FLAGS[key])
-            flags = int(model.opt.disableflags)
-            model.opt.disableflags = flags & ~bit if value else flags | bit
-        else:
-            setattr(model.opt, key, value)
-
-
-def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
-    """What MuJoCo steps a model with: its options, and the softness of its active equalities.
-
-    A sweep that closes its loops by Newton's method uses none of them.
-    """
-    option = model.opt
-    said: dict[str, object] = {
-        "timestep": option.timestep,
-        **{key: kinds(getattr(option, key)).name.partition("_")[2]
-           for key, kinds in NAMED.items() if key not in UNSAID},
-        "iterations": option.iterations, "tolerance": option.tolerance}
-    for key, own in UNSAID.items():
-        if (value := getattr(option, key)) != own:
-            said[key] = NAMED[key](value).name.partition("_")[2] if key in NAMED else value
-    said |= {key: False for key, bit in FLAGS.items() if option.disableflags & int(bit)}
-    for key in ("solref", "solimp"):
-        rows = np.unique(getattr(model, f"eq_{key}")[model.eq_active0.astype(bool)], axis=0)
-        if len(rows):
-            said[key] = tuple(rows[0].tolist()) if len(rows) == 1 else "several"
-    return said
 
 
 def may_touch(model: mujoco.MjModel) -> bool:

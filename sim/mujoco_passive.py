@@ -9,7 +9,7 @@ import time
 import mujoco
 import numpy as np
 
-from sim.mujoco_model import stepped_with
+from sim.mujoco_settings import stepped_with
 from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
 

@@ -15,8 +15,9 @@ import numpy as np
 
 from sim.mjcf import read_tree
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import NAMED, Recorder, is_acceleration, load
+from sim.mujoco_model import Recorder, is_acceleration, load
 from sim.mujoco_reading import withhold_drives
+from sim.mujoco_settings import SOFTNESS, options_of, section, spelled, write_options
 from sim.mujoco_steps import FLYWHEEL, start
 from sim.program_text import TEMPLATES, escaped
 from sim.protocol import Array, BadModel, Imposed, Run, Unsupported
@@ -30,9 +31,6 @@ and critically damped; or by an equality that holds the joint at its target, of 
 step / gain."""
 MORE = "act", "mocap_pos", "mocap_quat"
 """What a key may set beside positions, rates and controls."""
-OPTIONS = ("timestep", "integrator", "solver", "iterations", "tolerance")
-KEYWORDS = {name.lower(): name for name in
-            ("Euler", "RK4", "implicit", "implicitfast", "discrete", "PGS", "CG", "Newton")}
 STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
 FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
 CARRIED = 1_000_000
@@ -208,33 +206,18 @@ def broken_line(line: str) -> list[str]:
     return lines
 
 
-def spelled(value: object) -> str:
-    """A value as MJCF has it, with all its digits.
-
-    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100)
-    ('0.02 1', '0.3333333333333333', 'Euler', '100')
-    """
-    if isinstance(value, (tuple, list)):
-        return " ".join(map(spelled, value))
-    if isinstance(value, str):
-        return KEYWORDS.get(value.lower(), value)
-    return str(value).removesuffix(".0")
-
-
 def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
     """Write the options and the softness of equalities of a compiled model into its elements."""
-    said: dict[str, object] = {"timestep": step}
-    for key in OPTIONS[1:]:
-        value = getattr(model.opt, key)
-        said[key] = NAMED[key](value).name[6:] if key in NAMED else value
-    section(root, "option").attrib.update({key: spelled(value) for key, value in said.items()})
+    written = {key for path in ("option", "option/flag") for element in root.iterfind(path)
+               for key in element.attrib}
+    write_options(root, {**options_of(model, written), "timestep": step})
     loops = root.findall("./equality/*")
     if len(loops) != model.neq:
         raise Unsupported(f"a program for a model with {model.neq} equalities, of which "
                           f"{len(loops)} are elements of its file")
     for i, loop in enumerate(loops):
-        loop.set("solref", spelled(model.eq_solref[i].tolist()))
-        loop.set("solimp", spelled(model.eq_solimp[i].tolist()))
+        for key in SOFTNESS:
+            loop.set(key, spelled(getattr(model, f"eq_{key}")[i].tolist()))
 
 
 def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
@@ -275,12 +258,6 @@ def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
         **names, "gear": "1 0 0 0 0 0", "ctrllimited": "false", "forcelimited": "false",
         "actlimited": "false", "dyntype": "none", "gaintype": "fixed", "biastype": "affine",
         "gainprm": spelled((kp, 0, 0)), "biasprm": spelled((0, -kp, -kv))})
-
-
-def section(root: Element, tag: str) -> Element:
-    """The last section of that name of a model, made if there is none."""
-    found = root.findall(tag)
-    return found[-1] if found else ElementTree.SubElement(root, tag)
 
 
 def joint_element(root: Element, name: str) -> Element:

@@ -21,9 +21,10 @@ import scipy.linalg
 
 from sim.mujoco_balance import DEPENDENT
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, refuse_dry_friction, stepped_with
+from sim.mujoco_model import Recorder, refuse_dry_friction
 from sim.mujoco_reading import drive_moments, withhold
 from sim.mujoco_rest import Resting
+from sim.mujoco_settings import stepped_with
 from sim.mujoco_still import until_still
 from sim.protocol import Array, Curves, Run
 

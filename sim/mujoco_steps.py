@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, stepped_with
+from sim.mujoco_model import Recorder
 from sim.mujoco_reading import withhold_drives
+from sim.mujoco_settings import stepped_with
 from sim.mujoco_still import lost
 from sim.protocol import Array, Curves, Diverged, Run
 

@@ -7,10 +7,11 @@ import mujoco
 
 from sim import mujoco_flex
 from sim.mjcf import refusal
-from sim.mujoco_model import MujocoSettings, load, loop_gap
+from sim.mujoco_model import load, loop_gap
 from sim.mujoco_passive import passive
 from sim.mujoco_program import IMPOSED as IMPOSED
 from sim.mujoco_program import write_program as write_program
+from sim.mujoco_settings import MujocoSettings
 from sim.mujoco_shape import rest
 from sim.mujoco_steps import duration
 from sim.mujoco_sweep import sweep
@@ -32,7 +33,7 @@ def simulate(model: Path, run: Run) -> Curves:
     model : Path
         The MJCF file.
     run : Run
-        What to do; see `sim.protocol.Run`.  Settings: `sim.mujoco_model.MujocoSettings`;
+        What to do; see `sim.protocol.Run`.  Settings: `sim.mujoco_settings.MujocoSettings`;
         ``settled`` in a sweep, see `sim.mujoco_settled`; ``flex`` in a rest, see
         `sim.mujoco_flex`.
 

@@ -40,7 +40,7 @@ from proofmass.study.snippet import pasted, snippet
 from proofmass.study.store import Store
 from proofmass.study.verdict import Verdict
 from proofmass.study.verify import PART, Check, fresh, shifted, state_at, verify
-from sim.mujoco_model import configure
+from sim.mujoco_settings import configure
 from sim.protocol import Diverged, Unsupported
 from tests.trade_rows import line, study, verdict
 

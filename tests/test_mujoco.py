@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -105,18 +104,6 @@ def test_a_sweep_uses_no_settings_of_the_stepping_engine():
     assert one.settings == two.settings == {}
     for name, curve in one.channels.items():  # moments: rounding of closed loops over solref^2
         np.testing.assert_allclose(curve, two.channels[name], rtol=0, atol=1e-10, err_msg=name)
-
-
-def test_default_settings_are_the_engine_s_own():
-    silent = mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><body name="a"><joint/><geom size="1"/></body><body name="b"><joint/>'
-        '<geom size="1"/></body></worldbody><equality><connect body1="a" body2="b" anchor="0 0 0"/>'
-        "</equality></mujoco>")
-    from sim.mujoco_model import ENGINE_DEFAULTS as ours
-    assert silent.opt.timestep == ours["timestep"]
-    assert mujoco.mjtIntegrator(silent.opt.integrator).name[6:] == ours["integrator"].upper()
-    np.testing.assert_array_equal(silent.eq_solref[0], ours["solref"])
-    np.testing.assert_array_equal(silent.eq_solimp[0], ours["solimp"])
 
 
 def sweep_of(xml: str, tmp_path: Path, channels=("moment",), n: int = 5):

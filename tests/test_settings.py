@@ -7,7 +7,8 @@ import pytest
 from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.study.axes import lines
-from sim.mujoco_model import MujocoSettings, configure, may_touch, rubs, stepped_with
+from sim.mujoco_model import may_touch, rubs
+from sim.mujoco_settings import MujocoSettings, configure, stepped_with
 from sim.protocol import BadSetting
 from sim.with_mujoco import check_settings as mujoco_settings
 from sim.with_pymunk import check_settings as pymunk_settings

@@ -16,7 +16,7 @@ from proofmass.study.verdict import Verdict
 from proofmass.study.verify import Check, verify
 from proofmass.study.words import cost, floored, off, told
 from proofmass.wording import number
-from sim.mujoco_model import ENGINE_DEFAULTS
+from sim.mujoco_settings import ENGINE_DEFAULTS
 
 MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
 ALIKE = 1.5  # an error so near to the floor of another line is taken to be at the same one

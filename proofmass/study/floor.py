@@ -20,7 +20,7 @@ from proofmass.study.reread import READS, movable, reread
 from proofmass.study.rescaled import thinned
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Setting
-from sim.mujoco_model import ENGINE_DEFAULTS
+from sim.mujoco_settings import ENGINE_DEFAULTS
 from sim.pymunk_duration import MOST
 from sim.with_pymunk import CHIPMUNK_BIAS
 

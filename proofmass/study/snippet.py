@@ -6,14 +6,11 @@ from xml.etree import ElementTree
 
 from proofmass.study.setting import Knob, Setting
 from sim.mjcf import read_tree
-from sim.mujoco_model import ENGINE_DEFAULTS
-from sim.mujoco_program import spelled
+from sim.mujoco_settings import ENGINE_DEFAULTS, PLACES, SOFTNESS, spelled, write_options
 from sim.pymunk_steps import SURE
 
-OPTION = ("timestep", "integrator", "solver", "iterations", "tolerance")
-EQUALITY = ("solref", "solimp")
 SPACE = ("timestep", "iterations", "error_bias")
-OWN = {"class", *EQUALITY}
+OWN = {"class", *SOFTNESS}
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
@@ -37,6 +34,10 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     --------
     >>> print(snippet(Setting("mujoco", {"timestep": 1e-3, "integrator": "rk4"}), 5000))
     <option timestep="0.001" integrator="RK4"/>
+    >>> print(snippet(Setting("mujoco", {"cone": "elliptic", "refsafe": False}), 5000))
+    <option cone="elliptic">
+      <flag refsafe="disable"/>
+    </option>
     >>> print(snippet(Setting("mujoco", {"solref": (0.008, 1.0)}), 5000))
     <default>
       <equality solref="0.008 1"/>
@@ -45,17 +46,21 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     if setting.engine == "pymunk":
         own = list(python(setting.knobs, steps)) if set(setting.knobs) >= set(SPACE) else []
         return "\n".join([*own, *(f"# {line}" for line in sidecar(setting.knobs, SPACE))])
-    left = (f"<!-- {line} -->" for line in sidecar(setting.knobs, (*OPTION, *EQUALITY)))
+    left = (f"<!-- {line} -->" for line in sidecar(setting.knobs, PLACES))
     return "\n".join([*mjcf(setting.knobs, model), *left])
 
 
 def mjcf(knobs: Mapping[str, Knob], model: Path | None) -> Iterator[str]:
     """Elements that MuJoCo merges with those before them."""
     every = {**(ENGINE_DEFAULTS if knobs.get("defaults") else {}), **knobs}
-    if option := attributes(every, OPTION):
-        yield f"<option {option}/>"
+    root = ElementTree.Element("mujoco")
+    write_options(root, {key: every[key] for key in PLACES if key in every})
+    for option in root:
+        ElementTree.indent(option)
+        yield ElementTree.tostring(option, encoding="unicode").replace(" />", "/>")
     loops = equalities(model) if model else [ElementTree.Element("connect")]
-    if loops and (equality := attributes(every, EQUALITY)):
+    equality = " ".join(f'{key}="{spelled(every[key])}"' for key in SOFTNESS if key in every)
+    if loops and equality:
         yield from ("<default>", f"  <equality {equality}/>", "</default>")
         for loop in loops:
             if OWN & set(loop.attrib):
@@ -72,11 +77,6 @@ def sidecar(knobs: Mapping[str, Knob], but: Iterable[str]) -> Iterator[str]:
     for key in sorted(set(knobs) - {*but, "defaults"}):
         place = "every rod" if key == "segments" else "settings"
         yield f"{place} of the sidecar: {key} = {knobs[key]!r}"
-
-
-def attributes(knobs: Mapping[str, object], names: tuple[str, ...]) -> str:
-    """Those of the knobs that are attributes of an element."""
-    return " ".join(f'{name}="{spelled(knobs[name])}"' for name in names if name in knobs)
 
 
 def python(knobs: Mapping[str, Knob], steps: int) -> Iterator[str]:

@@ -22,10 +22,11 @@ from proofmass.study.measure import REFERENCE, Task, shares
 from proofmass.study.program import Ran, drive_words, imposed, tried
 from proofmass.study.row import NAN, Row
 from proofmass.study.setting import Knob, Setting
-from proofmass.study.snippet import EQUALITY, OPTION, SPACE, pasted, snippet
+from proofmass.study.snippet import SPACE, pasted, snippet
 from proofmass.study.store import Store, key_of, once
 from proofmass.wording import number
 from sim.mjcf import read_tree
+from sim.mujoco_settings import PLACES
 from sim.protocol import Array, BadModel, Curves, Imposed, Run, Unsupported
 
 LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
@@ -261,7 +262,7 @@ def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves,
     """A run anew, in MuJoCo with the snippet pasted; and the setting as it was used."""
     case, run = setting.applied(case, kind)
     if setting.engine == "mujoco":
-        said = {*OPTION, *EQUALITY, "defaults"}
+        said = {*PLACES, "defaults"}
         run = replace(run, settings={k: v for k, v in run.settings.items() if k not in said})
         text = pasted(case.model_path, snippet(setting, steps, case.model_path))
         curves = ran_text(text, case, run)
