@@ -244,17 +244,20 @@ def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
 KNOBS = [{"timestep": 1e-3 / 3, "integrator": "EULER", "solver": "cg", "iterations": 7,
           "tolerance": 0.0},
          {"solref": (0.02 / 3, 1.0), "solimp": (0.9999, 0.9999, 0.001)},
+         {"solref": (0.03,)}, {"solimp": (0.99, 0.999)},
          {"integrator": "discrete"}, {"defaults": True}, {"defaults": True, "timestep": 1e-5}]
 
 
 @pytest.mark.parametrize("knobs", KNOBS)
-@pytest.mark.parametrize("own", ["", ' solref="0.5 1"', ' class="soft"'])
+@pytest.mark.parametrize("own", ["", ' solref="0.5 2"', ' class="soft"',
+                                 ' class="soft" solref="0.5 2" solimp="0.8 0.9 0.002 0.4 3"'])
 def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) -> None:
     """The compiled options are, to the last bit, what `configure` writes."""
     file = tmp_path / "fourbar.xml"
     text = (MODELS / "fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
-    file.write_text(text.replace("<worldbody>", '<default><default class="soft"><equality '
-                                 'solref="0.3 1"/></default></default><worldbody>', 1))
+    soft = ('<default><default class="soft"><equality solref="0.3 3" solimp="0.7 0.8 0.003"/>'
+            '</default></default><worldbody>')
+    file.write_text(text.replace("<worldbody>", soft, 1))
     lines = snippet(Setting("mujoco", knobs), 0, file)
     merged = mujoco.MjModel.from_xml_string(pasted(file, lines))
     wanted = mujoco.MjModel.from_xml_path(str(file))
@@ -263,10 +266,11 @@ def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) 
         wanted.opt.solver = mujoco.mjtSolver.mjSOL_CG
     for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian"):
         assert getattr(merged.opt, name) == getattr(wanted.opt, name), name
-    if {"solref", "defaults"} & set(knobs):
-        assert np.array_equal(merged.eq_solref, wanted.eq_solref)
-        assert np.array_equal(merged.eq_solimp, wanted.eq_solimp)
-        assert ("without class" in lines) == bool(own)
+    assert np.array_equal(merged.eq_solref, wanted.eq_solref)
+    assert np.array_equal(merged.eq_solimp, wanted.eq_solimp)
+    wins = "class" in own or {"solref", "defaults"} & set(knobs)
+    softens = {"solref", "solimp", "defaults"} & set(knobs)
+    assert ("in itself" in lines) == bool(own and wins and softens)
 
 
 def test_lines_for_pymunk_step_a_space() -> None:

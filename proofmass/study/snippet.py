@@ -10,7 +10,6 @@ from sim.mujoco_settings import ENGINE_DEFAULTS, PLACES, SOFTNESS, spelled, writ
 from sim.pymunk_steps import SURE
 
 SPACE = ("timestep", "iterations", "error_bias")
-OWN = {"class", *SOFTNESS}
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
@@ -23,7 +22,8 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     steps : int
         Time steps of the run.
     model : path, optional
-        The MJCF that it is for: elements whose own attributes would win are named.
+        The MJCF that it is for: equalities whose own attributes, or whose class, would win are
+        named, with what to write into them.
 
     Returns
     -------
@@ -59,12 +59,30 @@ def mjcf(knobs: Mapping[str, Knob], model: Path | None) -> Iterator[str]:
         ElementTree.indent(option)
         yield ElementTree.tostring(option, encoding="unicode").replace(" />", "/>")
     loops = equalities(model) if model else [ElementTree.Element("connect")]
-    equality = " ".join(f'{key}="{spelled(every[key])}"' for key in SOFTNESS if key in every)
-    if loops and equality:
-        yield from ("<default>", f"  <equality {equality}/>", "</default>")
+    softness = {key: spelled(every[key]) for key in SOFTNESS if key in every}
+    if loops and softness:
+        yield from ("<default>", f"  <equality {attributes(softness)}/>", "</default>")
         for loop in loops:
-            if OWN & set(loop.attrib):
-                yield f"<!-- {loop.tag} {loop.get('name')}: without {', '.join(sorted(OWN))} -->"
+            if own := in_itself(loop, softness):
+                yield f"<!-- {loop.tag} {loop.get('name')}: with {attributes(own)} in itself -->"
+
+
+def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[str, str]:
+    """What an equality itself must say, since what it or its class says would win.
+
+    Numbers of its own after those that are given remain.
+    """
+    found = {}
+    for key, value in softness.items():
+        if {"class", key} & loop.attrib.keys():
+            given = value.split()
+            found[key] = " ".join([*given, *loop.get(key, "").split()[len(given):]])
+    return found
+
+
+def attributes(said: Mapping[str, str]) -> str:
+    """Attributes of an element."""
+    return " ".join(f'{key}="{value}"' for key, value in said.items())
 
 
 def equalities(model: Path) -> list[ElementTree.Element]:
@@ -93,10 +111,10 @@ def python(knobs: Mapping[str, Knob], steps: int) -> Iterator[str]:
 
 
 def pasted(model: Path, lines: str) -> str:
-    """The text of an MJCF with a snippet in it, and with what the snippet says to leave out."""
-    root = read_tree(model)
-    for element in root.iterfind("./equality/*"):
-        for key in OWN & set(element.attrib):
-            del element.attrib[key]
-    root.extend(ElementTree.fromstring(f"<all>{lines}</all>"))
+    """The text of an MJCF with a snippet in it, and in its equalities what the snippet says."""
+    root, added = read_tree(model), ElementTree.fromstring(f"<all>{lines}</all>")
+    for softness in added.iterfind("./default/equality"):
+        for loop in root.iterfind("./equality/*"):
+            loop.attrib.update(in_itself(loop, softness.attrib))
+    root.extend(added)
     return ElementTree.tostring(root, encoding="unicode")
