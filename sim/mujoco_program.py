@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.mjcf import read_tree
 from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import Recorder, is_acceleration, load
+from sim.mujoco_model import Recorder, is_acceleration, joint_of, load
 from sim.mujoco_reading import withhold_drives
 from sim.mujoco_settings import SOFTNESS, options_of, section, spelled, write_options
 from sim.mujoco_steps import FLYWHEEL, start
@@ -232,6 +232,7 @@ def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: I
             joint.set("frictionloss", "0")
         return {"flywheels": wheels.tolist()}
     if drive.kind == "servo":
+        refuse_other_servos(linkage)
         rate = drive.gain / step  # natural frequency [rad/s]
         place = section(root, "actuator")
         for name, inertia in zip(linkage.joints, wheels / FLYWHEEL, strict=True):
@@ -247,6 +248,24 @@ def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: I
         return {"lead": repr(2.0 * constant * STIFFEST[1])}
     raise ValueError(f"a drive by {drive.kind!r}; known: "
                      f"{', '.join(dict.fromkeys(one.kind for one in IMPOSED))}")
+
+
+def refuse_other_servos(linkage: Linkage) -> None:
+    """Raise `Unsupported` for an actuator that pushes a driven joint though its control is zero.
+
+    A servo yields to it, and a flywheel or an equality does not.  A motor, which stands for the
+    drive, does not push.
+    """
+    model, data = linkage.model, linkage.data
+    for a in range(model.nactuator):
+        joint, first = joint_of(model, a), model.actuator_actadr[a]
+        if joint < 0 or model.jnt_dofadr[joint] not in linkage.dofs:
+            continue
+        state = data.act[first:first + model.actuator_actnum[a]] if first >= 0 else np.zeros(0)
+        if (model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE
+                or model.actuator_plugin[a] >= 0 or state.any()):
+            raise Unsupported(f"a servo on joint {model.joint(joint).name!r}, which the model's "
+                              f"actuator {model.actuator(a).name!r} pushes as well")
 
 
 def servo(root: Element, joint: str, kp: float, kv: float) -> Element:

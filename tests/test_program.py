@@ -237,6 +237,38 @@ def test_what_no_program_can_be_written_for_is_named() -> None:
         write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
 
 
+PID = ('<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>'
+       '</instance></plugin></extension>')
+HELD = '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" biastype="none"/>'
+
+
+@pytest.mark.parametrize(("hand", "key", "refused"), [
+    ('<position name="hand" joint="crank" kp="100"/>', "", True),
+    ('<velocity name="hand" joint="crank" kv="100"/>', "", True),
+    ('<plugin name="hand" joint="crank" plugin="mujoco.pid" instance="pid"/>', "", True),
+    (HELD, ' act="3"', True), (HELD, "", False),
+    ('<motor name="hand" joint="crank" damping="1"/>', ' ctrl="0 5"', False),
+    ('<position name="hand" joint="rocker" kp="100"/>', "", False)])
+def test_a_servo_beside_another_of_the_model_is_refused(hand: str, key: str, refused: bool,
+                                                        edit) -> None:
+    """A position actuator of 100 N m/rad puts the rocker off by 4e-4 of its range where a servo
+    drives at 1 ms, and by 1e-6 with a flywheel, an equality, or in the product's own run."""
+    edit("fourbar.xml", '<motor name="motor" joint="crank"/>',
+         f'<motor name="motor" joint="crank"/>{hand}')
+    edit("fourbar.xml", '<key name="start"', f'<key name="start"{key}')
+    model = edit("fourbar.xml", "<worldbody>", (PID if "pid" in hand else "") + "<worldbody>")
+    _, run = Setting("mujoco", COARSE).applied(short("fourbar"), "duration")
+    simulate("mujoco", model, run)
+    for drive in (Imposed("flywheel"), Imposed("equality", 0.25)):
+        assert "MODEL" in write_program(model, run, "", "", drive)
+    if not refused:
+        assert "MODEL" in write_program(model, run, "", "", Imposed("servo", 0.5))
+        return
+    said = "a servo on joint 'crank', which the model's actuator 'hand' pushes as well"
+    with pytest.raises(Unsupported, match=said):
+        write_program(model, run, "", "", Imposed("servo", 0.5))
+
+
 def test_free_motions_have_one_program() -> None:
     assert imposed(load_case(MODELS / "pendulum.toml"), "mujoco") == IMPOSED[:1]
     assert imposed(load_case(MODELS / "fourbar.toml"), "mujoco") == IMPOSED
