@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 
+import pymunk
 import pytest
 
 from proofmass.case import Case, load_case
@@ -13,7 +14,7 @@ from proofmass.study.finer import Limits
 from proofmass.study.measure import Task
 from proofmass.study.program import Ran
 from proofmass.study.row import Row
-from proofmass.study.search import Family, finer_for_drives, search
+from proofmass.study.search import Family, families, finer_for_drives, left_after, search
 from proofmass.study.setting import Setting
 from proofmass.study.store import Store
 from proofmass.study.verify import Check, other_drives
@@ -165,3 +166,26 @@ def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -
     assert told == ["its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good "
                     "enough", "its drive moved by an equality of gain 0.5 instead: lost"]
     assert "enough" not in replace(check, others=tuple(found)).other_drives("position", 1e-3)[0]
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-4])
+@pytest.mark.parametrize("share", [0.003, 0.03])
+def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
+    """By Chipmunk itself: a free body whose pin is open by a tenth of a metre."""
+    space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
+    body.position = 1.0, 0.0
+    pin = pymunk.PivotJoint(space.static_body, body, (0.9, 0.0), (0.0, 0.0))
+    pin.error_bias = left_after(share, step)
+    space.add(body, pin)
+    space.step(step)
+    assert -body.velocity.x * step / 0.1 == pytest.approx(share, rel=1e-11)  # 1 / step roundings
+
+
+def test_few_iterations_come_with_a_bias(fourbar):
+    """Each step of such a family has the same share, whatever the step is."""
+    found = [one for one in families(fourbar, "pymunk") if one.name == "pymunk, bias 0.01 a step, "
+             "3 iterations"]
+    assert len(found) == 1
+    for step in (1e-2, 1e-3):
+        bias = found[0].at(step).knobs["error_bias"]
+        assert bias ** step == pytest.approx(0.99, rel=1e-12)
