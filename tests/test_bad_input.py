@@ -1,5 +1,6 @@
 """Bad input: one or two lines that name file and key and what would be right; exit code 2."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -151,8 +152,13 @@ CURVES = {
 
 
 def messages(models: Path, name: str) -> list[str]:
-    """Errors of a check of one case and of a good one beside it, which must still run."""
+    """Errors of a check of one case and of a good one beside it, which must still run.
+
+    Its runs have few samples: what is wrong is no matter of their number.
+    """
     case = Path(name).stem if name.endswith(".toml") else "fourbar"
+    sidecar = models / f"{case}.toml"
+    sidecar.write_text(re.sub(r"(?m)^n = \d{3}\b", "n = 37", sidecar.read_text()))
     good = models / "pendulum.toml"
     if case != "pendulum":
         good.write_text(good.read_text().replace("until = 10.0", "until = 0.5")
