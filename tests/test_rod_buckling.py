@@ -1,5 +1,7 @@
 """Buckling: charts against closed forms and shooting; columns of links in both engines."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from tests.rod_models import ENGINES, model, pull, rest
 from tests.verdicts import verdicts
 
 EULER = np.pi**2 / 4.0
+columns, leaning = cache(buckling), cache(imperfect)
 EACH = pytest.mark.parametrize("engine", ENGINES)
 
 
@@ -48,7 +51,7 @@ def test_the_forks_count_is_that_of_all_equilibria(load):
     """A search over the tip's angle finds what the chart's lines cross at that load."""
     found = equilibria(force_x=-load * EULER)
     crossed, stable = 0, 0
-    for line in buckling().panels[0].lines:
+    for line in columns().panels[0].lines:
         y = line.y[np.isfinite(line.y)] - load
         hits = int((y[1:] * y[:-1] < 0.0).sum()) if line.label != "straight" else 0
         crossed, stable = crossed + hits, stable + hits * line.stable
@@ -81,7 +84,7 @@ def test_a_dead_load_loses_a_pinned_mode_at_its_largest(mode):
 
 def test_a_leaning_load_has_no_critical_one():
     """Deflections are those of `solve`; the other side begins in a fold above Euler's load."""
-    line, island, other = (line for line in imperfect(share=0.05).lines if "across" in line.label)
+    line, island, other = (line for line in leaning(share=0.05).lines if "across" in line.label)
     for ratio in (0.3, 0.9, 1.0, 1.4):
         force = {"force_x": -ratio * EULER, "force_y": 0.05 * ratio * EULER}
         truth = solve(1.0, **force)["y"]
@@ -96,7 +99,7 @@ def test_a_leaning_load_has_no_critical_one():
 
 def test_length_and_stiffness_only_scale():
     """Deflections go with L; the load is told over Euler's."""
-    for chart in (buckling, imperfect):
+    for chart in (columns, leaning):
         for one, two in zip(chart().lines, chart(length=3.0, stiffness=5.0).lines, strict=True):
             np.testing.assert_array_equal(two.x, 3.0 * one.x)
             np.testing.assert_array_equal(two.y, one.y)

@@ -6,19 +6,21 @@ kept in `tests/data/fuzz` by `python -m tests.fuzz.hunt`.  Those that say `open`
 repaired yet: a finding with their signature fails no test.  Whoever repairs one writes `false`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from proofmass.check import check
+from proofmass.check import Result, check
 from tests.fuzz import oracle
-from tests.fuzz.cases import EDITS, small, started, write
+from tests.fuzz.cases import EDITS, Files, small, started, write
 from tests.fuzz.hunt import KEPT, by_command_line, kept, made, numbered
 from tests.fuzz.judge import Judge, patience
 from tests.fuzz.mutators import MUTATORS, Mutation, mutated
 
 QUICK, BLOCK, BLOCKS = 40, 500, 20
+Good = tuple[Path, Files, Result]
 STORED = sorted(KEPT.glob("*.json"))
 OPEN = {table["signature"] for _, _, table in map(kept, STORED) if table["open"]}
 
@@ -85,18 +87,28 @@ ANOTHER = [  # what the oracle must see if the verdict does not
 ]
 
 
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory, engine: None) -> Callable[[str], Good]:
+    """The folder, the files and the result of a small case, which the oracle agrees to."""
+    @cache
+    def of(name: str) -> Good:
+        folder, files = tmp_path_factory.mktemp(name), dict(small(name))
+        write(files, folder)
+        result = check([folder / f"{name}.toml"], jobs=1)
+        assert oracle.judge(folder, name, files, result) == ([], "")
+        return folder, files, result
+
+    return of
+
+
 @pytest.mark.parametrize(("name", "old", "new", "signature"), ANOTHER)
-def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signature, tmp_path,
-                                                        engine):
+def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signature, good):
     """The good result of the case is held against files that say something else."""
-    files = dict(small(name))
-    write(files, tmp_path)
-    result = check([tmp_path / f"{name}.toml"], jobs=1)
-    assert oracle.judge(tmp_path, name, files, result) == ([], "")
+    folder, files, result = good(name)
     changed = {k: v.replace(old, new) for k, v in files.items()}
     assert changed != files
-    write(changed, tmp_path)
-    assert signature in oracle.judge(tmp_path, name, files, result)[0]
+    write(changed, folder)
+    assert signature in oracle.judge(folder, name, files, result)[0]
 
 
 def test_another_quantity_that_is_the_same_curve_is_no_false_agreement(judge):
