@@ -92,12 +92,19 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
 
     Rods of 50 segments have 100 coordinates in MuJoCo; those of 20 have 120 in pymunk.
     """
-    models = [f"models/{name}.toml" for name in ("rfr2_natural", "pendulum")]
-    fine = tmp_path / "fine.toml"
-    fine.write_text((ROOT / models[0]).read_text().replace("segments = 20", "segments = 50")
-                    .replace('solvers = ["mujoco", "pymunk"]', 'solvers = ["mujoco"]'))
-    fine.with_suffix(".xml").write_text((ROOT / "models/rfr2_natural.xml").read_text())
-    models.append(str(fine))
+    pair, swing = ((ROOT / f"models/{name}.toml").read_text()
+                   for name in ("rfr2_natural", "pendulum"))
+    both = 'solvers = ["mujoco", "pymunk"]'
+    texts = {"coarse": pair.replace(both, 'solvers = ["pymunk"]'),
+             "fine": pair.replace(both, 'solvers = ["mujoco"]')
+             .replace("segments = 20", "segments = 50"),
+             "swing": swing.replace("until = 10.0", "until = 1.0")}
+    for name, text in texts.items():
+        assert text not in (pair, swing)
+        model = "pendulum" if name == "swing" else "rfr2_natural"
+        (tmp_path / f"{name}.toml").write_text(text)
+        (tmp_path / f"{name}.xml").write_text((ROOT / f"models/{model}.xml").read_text())
+    models = [str(tmp_path / f"{name}.toml") for name in texts]
     found = []
     for threads, jobs, order in ((1, 1, 1), (2, 2, -1)):
         rows = json.loads(printed(threads, "-m", "proofmass", "check", "--json", "--jobs",
@@ -105,5 +112,5 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
         found.append({(row["case"], row["run"], row["solver"], row["channel"]):
                       {name: value for name, value in row.items() if name != "seconds"}
                       for row in rows})
-    assert {case for case, *_ in found[0]} == {"rfr2_natural", "pendulum", "fine"}
+    assert {case for case, *_ in found[0]} == {"coarse", "fine", "swing"}
     assert found[1] == found[0]
