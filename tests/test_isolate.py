@@ -114,26 +114,33 @@ def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
     assert found.stdout == "3\n"
 
 
+@pytest.fixture
+def pendulum(edit):
+    """A good case beside, of half a second."""
+    edit("pendulum.toml", "until = 10.0", "until = 0.5")
+    return edit("pendulum.toml", "n = 1001", "n = 51")
+
+
 def outcomes(result, name):
     return {c.outcome for c in result.comparisons if c.case == name}
 
 
-def test_a_model_that_is_too_large_costs_itself_only(models, edit, keep_solver):
+def test_a_model_that_is_too_large_costs_itself_only(models, edit, keep_solver, pendulum):
     edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
     keep_solver("fourbar.toml", "mujoco")
     edit("fourbar.toml", r"(?m)^(solvers = .*)", r"\1\ntimeout = 2")
     began = time.monotonic()
-    result = check([models / "fourbar.toml", models / "pendulum.toml"])
+    result = check([models / "fourbar.toml", pendulum])
     assert outcomes(result, "fourbar") == {"timed out"}
     assert "agrees" in outcomes(result, "pendulum")
     assert result.exit_code == 1
     assert time.monotonic() - began < 120  # it took longer than ten minutes without a limit
 
 
-def test_a_reference_that_takes_too_long_costs_itself_only(models, edit):
+def test_a_reference_that_takes_too_long_costs_itself_only(models, edit, pendulum):
     edit("rod_pinned.toml", r"(?m)^pin_x = .*", "pin_x = -0.8")
     edit("rod_pinned.toml", r"(?m)^solvers = .*", 'solvers = ["mujoco"]\ntimeout = 2')
-    result = check([models / "rod_pinned.toml", models / "pendulum.toml"])
+    result = check([models / "rod_pinned.toml", pendulum])
     assert outcomes(result, "rod_pinned") == {"timed out"}
     assert any("timeout in [run.rest] allows more" in c.message for c in result.comparisons)
     assert "agrees" in outcomes(result, "pendulum")
@@ -141,6 +148,7 @@ def test_a_reference_that_takes_too_long_costs_itself_only(models, edit):
 
 def test_more_samples_than_memory_cost_themselves_only(models, edit, keep_solver):
     keep_solver("pendulum.toml", "mujoco")
+    keep_solver("slider_crank.toml", "mujoco")
     edit("pendulum.toml", "n = 1001", "n = 100000000\nmemory = 1.0")
     result = check([models / "pendulum.toml", models / "slider_crank.toml"])
     assert outcomes(result, "pendulum") == {"out of memory"}
@@ -169,10 +177,11 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
 @pytest.mark.parametrize("deep", [  # the reader of TOML takes a minute for the second one
     pytest.param("x = " + "[" * 100_000, id="arrays"),
     pytest.param("a" + ".a" * 50_000 + " = 1", id="tables")])
-def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(models, deep, monkeypatch):
+def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(models, deep, monkeypatch,
+                                                                 pendulum):
     monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING", 5.0)
     (models / "deep.toml").write_text(deep)
-    result = check([models / "deep.toml", models / "pendulum.toml"])
+    result = check([models / "deep.toml", pendulum])
     assert [e.file.name for e in result.errors] == ["deep.toml"]
     assert "agrees" in outcomes(result, "pendulum")
 
