@@ -114,9 +114,17 @@ SOLVER = pytest.mark.parametrize("solver", [
 
 
 def write(folder: Path, chain: dict, solver: str) -> Path:
-    """A case of a balancer that says ``mode = 1``."""
-    return write_case(folder, "case", title="t", source="s", parameters={"mode": 1} | chain,
-                      solvers=[solver])
+    """A case of a balancer that says ``mode = 1``, at few places."""
+    return fewer(write_case(folder, "case", title="t", source="s", parameters={"mode": 1} | chain,
+                            solvers=[solver]))
+
+
+def fewer(file: Path) -> Path:
+    """A tenth of the places, each of which rests by itself."""
+    text, hits = re.subn(r"(?m)^n = 181\b", "n = 19", file.read_text())
+    assert hits == 1
+    file.write_text(text)
+    return file
 
 
 def turned(file: Path) -> bool:
@@ -174,7 +182,7 @@ def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
     _, data = at_start(file.with_suffix(".xml"))
     assert data.qfrc_actuator.tolist() == [0.0, 0.0, -0.369, 0.0]
     assert "energy" not in load_case(file).channels  # nothing stores what it gives
-    assert check([file]).exit_code == 0
+    assert check([fewer(file)]).exit_code == 0
 
 
 def test_words_with_quotes_are_kept_and_others_stand_beside(tmp_path):
