@@ -56,7 +56,7 @@ def workspace(
     --------
     >>> chart = workspace(distance=0.6, theta1=np.pi / 3, theta2=2 * np.pi / 3, force_x=0.0,
     ...     force_y=0.0, pin_x=0.0, pin_y=0.9, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0,
-    ...     nodes=9)
+    ...     nodes=5)
     >>> [panel.field.unit for panel in chart.panels]
     ['rad²/m²', 'N/m']
     """

@@ -26,7 +26,7 @@ def task_of(row):
     return Synthesis(variant_of(row), TARGETS[row["target"]])
 
 
-def random(variant, count=40, seed=0):
+def random(variant, count=20, seed=0):
     task = Synthesis(variant, TARGETS[variant.target])
     low, high = task.low, task.high
     return task, low + (high - low) * np.random.default_rng(seed).random((count, low.size))

@@ -182,7 +182,7 @@ def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
 def test_a_program_that_does_not_end_is_ended() -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = written(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
-    assert run_program(case, setting, text, 3.0) == Ran(failure="no end after 3 s")
+    assert run_program(case, setting, text, 1.0) == Ran(failure="no end after 1 s")
 
 
 def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:
