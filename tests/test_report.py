@@ -270,6 +270,7 @@ def test_a_path_is_its_two_channels() -> None:
 
 
 def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
+    fourbar = fourbar.model_copy(update={"channels": {"rocker": fourbar.channels["rocker"]}})
     result = result_of(fourbar, sweep=0.0)
     whole = result.curves[fourbar.name, "sweep", "mujoco"]
     short = replace(whole, x=whole.x[:20], stopped="the loop stays open",
