@@ -41,7 +41,7 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture
 def models(tmp_path: Path) -> Path:
     """A copy of `models/` that a test may change."""
-    return Path(shutil.copytree(MODELS, tmp_path / "models"))
+    return Path(shutil.copytree(MODELS, tmp_path / "models", copy_function=shutil.copyfile))
 
 
 @pytest.fixture
