@@ -17,7 +17,7 @@ def docs():
     return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
 
 
-LONG = "accuracy", "design_balancer", "diet", "rod_settling", "rod_solutions"
+LONG = "accuracy", "choose", "design_balancer", "diet", "rod_settling", "rod_solutions", "stress"
 """Which take many seconds even then."""
 
 

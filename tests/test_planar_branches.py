@@ -54,7 +54,8 @@ def test_it_stops_at_the_limit_position():
             solve(inputs.T, model=four_bar(2, 2, 2.5, 3), joints=("crank",))
 
 
-@pytest.mark.parametrize("samples", [360, 359, 1000, 47])
+@pytest.mark.parametrize("samples", [
+    360, 47, *(pytest.param(samples, marks=pytest.mark.slow) for samples in (359, 1000))])
 @pytest.mark.parametrize("mode", [1, -1])
 def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
     """(1, 2, 2, 3) is flat at pi; the closed form continues it by cos(angle / 2)."""

@@ -63,7 +63,8 @@ def test_a_fold_ends_the_branch():
 TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
 
 
-@pytest.mark.parametrize("name", TURNS)
+@pytest.mark.parametrize("name", [
+    "S3", *(pytest.param(name, marks=pytest.mark.slow) for name in ("S1", "S4"))])
 def test_turns_of_the_motors_join_the_equilibria_of_table_7(name):
     """The clamps come back, the rods are wound otherwise: S1 and S2 are printed there."""
     *turns, other = TURNS[name]

@@ -14,7 +14,7 @@ PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
 QUICK = ["spring on a hinge, ζ = 0.3, Euler, dt ω", "spring on a hinge, ζ = 1, implicitfast, dt ω",
          "spring on a hinge, ζ = 0, RK4, dt ω", "spring on a hinge, ζ = 0.3, discrete, dt ω",
          "spring on a hinge, ζ = 1, explicit damping, Euler, dt ω",
-         "spring on a hinge, ζ = 0.1, pymunk, dt ω", "velocity servo, Euler, dt kv/I",
+         "velocity servo, Euler, dt kv/I",
          "loop with refsafe off, Euler, dt/solref", "hung pendulum, Euler, gravity dt²/L",
          "column of 4 segments, at rest, load L²/EI",
          "four-bar 2, 2, 2.5, 3 to its limit position, sweep, crank"]
