@@ -29,6 +29,8 @@ IMPOSED = (Imposed("flywheel"),
 disturb, with the torque that moves it; by a position servo, of the natural frequency gain / step
 and critically damped; or by an equality that holds the joint at its target, of the time constant
 step / gain."""
+DISABLING = {"servo": ("actuation",), "equality": ("equality", "constraint")}
+"""Flags of a model that switch such a drive off."""
 MORE = "act", "mocap_pos", "mocap_quat"
 """What a key may set beside positions, rates and controls."""
 STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
@@ -224,6 +226,7 @@ def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: I
            ) -> dict[str, Any]:
     """Write into the elements of a model what moves its driven joints; numbers of the program."""
     joints = [joint_element(root, name) for name in linkage.joints]
+    refuse_disabled(linkage.model, drive)
     if drive.kind == "flywheel":
         for joint, armature in zip(joints, linkage.model.dof_armature[linkage.dofs], strict=True):
             joint.set("armature", spelled(float(armature)))
@@ -248,6 +251,16 @@ def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: I
         return {"lead": repr(2.0 * constant * STIFFEST[1])}
     raise ValueError(f"a drive by {drive.kind!r}; known: "
                      f"{', '.join(dict.fromkeys(one.kind for one in IMPOSED))}")
+
+
+def refuse_disabled(model: mujoco.MjModel, drive: Imposed) -> None:
+    """Raise `Unsupported` for a drive that the model's options switch off."""
+    for name in DISABLING.get(drive.kind, ()):
+        if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")):
+            raise Unsupported(f'the drive, {drive.kind}, is off: the model has <flag {name}='
+                              f'"disable"/>')
+    if drive.kind == "servo" and model.opt.disableactuator & 1:
+        raise Unsupported("the drive, servo, is off: the model disables the actuators of group 0")
 
 
 def refuse_other_servos(linkage: Linkage) -> None:

@@ -269,6 +269,25 @@ def test_a_servo_beside_another_of_the_model_is_refused(hand: str, key: str, ref
         write_program(model, run, "", "", Imposed("servo", 0.5))
 
 
+@pytest.mark.parametrize(("options", "kind", "said"), [
+    ('<flag actuation="disable"/>', "servo", 'servo, is off: the model has <flag actuation="dis'),
+    ('<flag equality="disable"/>', "equality", 'equality, is off: the model has <flag equality="'),
+    ('<flag constraint="disable"/>', "equality", "has <flag constraint="),
+    ('', "servo", "servo, is off: the model disables the actuators of group 0")])
+def test_a_drive_that_the_model_disables_is_refused(options: str, kind: str, said: str,
+                                                    tmp_path) -> None:
+    model = tmp_path / "arm.xml"
+    group = "" if options else 'actuatorgroupdisable="0"'
+    model.write_text(f'''<mujoco><option {group}>{options}</option><worldbody><body>
+      <joint name="arm"/><geom size=".1" pos="1 0 0"/></body></worldbody>
+      <keyframe><key name="start"/></keyframe></mujoco>''')
+    times = np.linspace(0.0, 1.0, 11)
+    run = Run("duration", times, (), (Drive("arm", lambda x: (x, 1.0 + 0.0 * x, 0.0 * x)),))
+    assert "MODEL" in write_program(model, run, "", "", Imposed("flywheel"))
+    with pytest.raises(Unsupported, match=said):
+        write_program(model, run, "", "", Imposed(kind, 0.5))
+
+
 def test_free_motions_have_one_program() -> None:
     assert imposed(load_case(MODELS / "pendulum.toml"), "mujoco") == IMPOSED[:1]
     assert imposed(load_case(MODELS / "fourbar.toml"), "mujoco") == IMPOSED
