@@ -187,7 +187,7 @@ def test_an_engine_with_another_length_differs_from_the_general_solver(name, mod
     case = load_case(models / f"{name}.toml")
     kind, run = next(iter(case.run.items()))
     brief = run.model_copy(update={"until": 0.1 * run.until}) if run.until else run
-    case = case.model_copy(update={"run": {kind: brief}})
+    case = case.model_copy(update={"run": {**case.run, kind: brief}})
     good = MODELS / case.model
     lengthen(case.model_path, [PLANAR[name]], 1e-4)
     curves = solve(case, kind, "mujoco")
