@@ -25,15 +25,15 @@ from proofmass.case import Case, load_case
 from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.study.choose import MARGIN, Cannot, Choice, choose
-from proofmass.study.command import measured, turnable
-from proofmass.study.row import Row
-from proofmass.study.run import pool
-from proofmass.study.search import search
-from proofmass.study.store import Store
-from proofmass.study.trade import Trade, chosen, trade, write_study
-from proofmass.study.verdict import Verdict
-from proofmass.study.words import brief
+from proofmass.studies.command import measured, turnable
+from proofmass.studies.row import Row
+from proofmass.studies.run import pool
+from proofmass.studies.store import Store
+from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
+from proofmass.studies.trade.search import search
+from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.words import brief
 from proofmass.wording import number, spoken
 
 ENGINES = ("mujoco", "pymunk")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from proofmass.report.stress_page import THEORY, subject
 from proofmass.report.stress_sheet import NEAR
-from proofmass.study.boundary import Boundary, Limit
-from proofmass.study.stress import read_boundaries
+from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, spoken
 
 FAR = """

@@ -7,9 +7,9 @@ from statistics import median
 
 from benchmarks.accuracy_places import orders_of_places
 from proofmass.case import Case
-from proofmass.study.orders import WITHIN, off
-from proofmass.study.trade import Trade
-from proofmass.study.verdict import Verdict
+from proofmass.studies.trade.orders import WITHIN, off
+from proofmass.studies.trade.trade import Trade
+from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number
 
 ORDERS = """
@@ -17,8 +17,9 @@ ORDERS = """
 
 A line turns one knob, usually the step, from coarse to fine; its order is how its error falls
 before an error floor, where two refinements in turn show the same. Of {lines} lines that show an
-order, {near} are within {within} of the one that theory expects (`proofmass/study/orders.py`).
-{mute} more show none: they come to a floor, or to an end, in fewer refinements, or still bend.
+order, {near} are within {within} of the one that theory expects
+(`proofmass/studies/trade/orders.py`). {mute} more show none: they come to a floor, or to an end, in
+fewer refinements, or still bend.
 """
 ODD = """
 The others, and what their error follows where they end: one cause after the other was moved there.

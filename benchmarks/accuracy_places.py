@@ -11,13 +11,13 @@ from math import log
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.study.axes import lines
-from proofmass.study.line import Track, clear
-from proofmass.study.measure import deviations, simulate
-from proofmass.study.row import Row
-from proofmass.study.setting import Setting
-from proofmass.study.verdict import Verdict
-from sim.protocol import Array
+from proofmass.sim.protocol import Array
+from proofmass.studies.measure import deviations, simulate
+from proofmass.studies.row import Row
+from proofmass.studies.setting import Setting
+from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.line import Track, clear
+from proofmass.studies.trade.verdict import Verdict
 
 COUNTS = 0.01
 """Share of the largest error from which on a place counts: elsewhere it may be rounding."""

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from proofmass.report.style import KNOWN
-from proofmass.study.choose import default
-from proofmass.study.row import Row
-from sim.protocol import Array
+from proofmass.sim.protocol import Array
+from proofmass.studies.row import Row
+from proofmass.studies.trade.choose import default
 
 ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for
 NAMES = {"mujoco": "MuJoCo, cheapest of all settings", "mujoco:default": "MuJoCo, defaults refined",

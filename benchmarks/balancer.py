@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from analytic.balancer import along, balancer, follow, grid, grid4, solve
-from analytic.balancer.measures import precision_points
-from analytic.domain import Array
 from benchmarks import command
 from benchmarks.timing import SPELL, Row, measure
-from tests.balancer_table import parameters, rows
+from proofmass.analytic.balancer import along, balancer, follow, solve
+from proofmass.analytic.balancer.measures import precision_points
+from proofmass.analytic.domain import Array
+from tests.analytic.balancer.balancer_table import parameters, rows
+from tests.independent.balancer import grid, grid4
 
 BATCH = 1000
 LINES = {"3 segments": ("1766", 90), "3 segments, preload": ("1745", 90),

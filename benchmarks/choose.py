@@ -18,18 +18,18 @@ from benchmarks import ROOT, command, folders
 from benchmarks.rivals import Duel, duel
 from examples import truths
 from proofmass.case import Case, load_case
-from proofmass.study.choose import MARGIN, Choice
-from proofmass.study.choose_command import choose_with_drive, head, slack_for
-from proofmass.study.finer import Limits
-from proofmass.study.program import drive_words, imposed, program
-from proofmass.study.run import pool
-from proofmass.study.search import search
-from proofmass.study.setting import Setting
-from proofmass.study.store import Store
-from proofmass.study.verify import verify
-from proofmass.study.words import told
+from proofmass.sim.protocol import Imposed
+from proofmass.studies.run import pool
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.trade.choose import MARGIN, Choice
+from proofmass.studies.trade.choose_command import choose_with_drive, head, slack_for
+from proofmass.studies.trade.finer import Limits
+from proofmass.studies.trade.program import drive_words, imposed, program
+from proofmass.studies.trade.search import search
+from proofmass.studies.trade.verify import verify
+from proofmass.studies.trade.words import told
 from proofmass.wording import number
-from sim.protocol import Imposed
 
 RIVALS = 200  # random settings beside each chosen one
 LONGEST = 30.0  # s

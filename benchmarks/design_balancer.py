@@ -25,14 +25,14 @@ from typing import Any
 
 import numpy as np
 
-from analytic.balancer import solve
-from analytic.balancer.measures import precision_points, rmse, work_reduction
-from analytic.balancer.synthesis import POINTS, Synthesis
-from analytic.balancer.targets import TARGETS
-from analytic.balancer.variants import Variant, left_out
-from analytic.domain import Array
 from benchmarks import ROOT, command, folders
 from benchmarks.design_table import HELD, Row, draw, missed, page, summary, table
+from proofmass.analytic.balancer import solve
+from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
+from proofmass.analytic.balancer.synthesis import POINTS, Synthesis
+from proofmass.analytic.balancer.targets import TARGETS
+from proofmass.analytic.balancer.variants import Variant, left_out
+from proofmass.analytic.domain import Array
 from proofmass.design.command import times
 from proofmass.design.search import Effort, Search
 

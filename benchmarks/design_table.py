@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from analytic.balancer import solve
-from analytic.balancer.measures import precision_points
-from analytic.balancer.targets import TARGETS
+from proofmass.analytic.balancer import solve
+from proofmass.analytic.balancer.measures import precision_points
+from proofmass.analytic.balancer.targets import TARGETS
 from proofmass.report.style import RC
 
 Row = dict[str, Any]

@@ -16,14 +16,14 @@ from proofmass.report.diet_page import write_diet
 from proofmass.report.diet_sheet import LOOKS, diet_sheet
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.study.core import machine
-from proofmass.study.diet import ROUNDS, Search
-from proofmass.study.diet_command import finish
-from proofmass.study.diet_table import SAID, WHOLE, Entry, read_entries
-from proofmass.study.diet_words import ranked, sentences
-from proofmass.study.kept import Kept
-from proofmass.study.run import pool
-from proofmass.study.scene import scene_of
+from proofmass.studies.core import machine
+from proofmass.studies.diet.diet import ROUNDS, Search
+from proofmass.studies.diet.diet_command import finish
+from proofmass.studies.diet.diet_table import SAID, WHOLE, Entry, read_entries
+from proofmass.studies.diet.diet_words import ranked, sentences
+from proofmass.studies.diet.kept import Kept
+from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.run import pool
 from proofmass.wording import number
 
 FAT = ROOT / "docs" / "fourbar_fat.xml"
@@ -49,7 +49,8 @@ move a channel by no more than a feature may.
 Times are of pairs of runs, with and without, in an order drawn by lot. What is saved is the median
 of their ratios, and the interval in brackets holds it with a probability of 99 % (sign test, if the
 noise of one pair does not depend on that of others). Where 0 is within there is no measurable
-change. `tests/diet_bare.py` holds what was written against the model as it was in bare MuJoCo.
+change. `tests/studies/diet/diet_bare.py` holds what was written against the model as it was in bare
+MuJoCo.
 
 ## A fat model
 

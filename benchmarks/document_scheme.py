@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.newton_raphson import Solution, newton_raphson
 from benchmarks import command
+from tests.independent.newton_raphson import Solution, newton_raphson
 
 Array = NDArray[np.float64]
 Row = Callable[[Array, Array], tuple[float, Array, float]]  # q, rates: value, gradient, bias

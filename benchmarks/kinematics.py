@@ -18,16 +18,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import fivebar_inverse, fourbar, slider_crank, threeprr_inverse
-from analytic.planar.branch import Branch
-from analytic.planar.closure import rates
-from analytic.planar.read import read
 from benchmarks import ROOT, command, document_scheme, fourbar_newton
 from benchmarks.timing import SPELL, Row, measure
+from proofmass.analytic.linkages import fivebar_inverse, fourbar, slider_crank, threeprr_inverse
+from proofmass.analytic.planar.branch import Branch
+from proofmass.analytic.planar.closure import rates
+from proofmass.analytic.planar.read import read
 from proofmass.case import Case, load_case
 from proofmass.reference import call, compiled, module_of
+from proofmass.sim.protocol import Run
 from proofmass.solve import plan, simulate
-from sim.protocol import Run
 
 Array = NDArray[np.float64]
 MODELS = ROOT / "models"

@@ -20,10 +20,10 @@ import mujoco
 from examples import truths
 from proofmass.case import Case
 from proofmass.reference import grid
-from proofmass.study.axes import INTEGRATORS
-from proofmass.study.program import PRINTED, imposed, written
-from proofmass.study.setting import Knob, Setting
-from sim.protocol import Imposed
+from proofmass.sim.protocol import Imposed
+from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.trade.axes import INTEGRATORS
+from proofmass.studies.trade.program import PRINTED, imposed, written
 
 MORE_STEPS = 8.0  # than the chosen setting has, at most: none of them is cheaper
 PATIENCE = 2.0  # times the chosen setting's wall time, after which a rival is no rival

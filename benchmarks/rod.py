@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
 
-from analytic.domain import Array
-from analytic.rod import equilibria, integrate, modulus, pinned, shape, solve, tip
-from analytic.rod.integrals import legendre
 from benchmarks import command
 from benchmarks.timing import SPELL, Row, measure
+from proofmass.analytic.domain import Array
+from proofmass.analytic.rods import equilibria, integrate, modulus, pinned, shape, solve, tip
+from proofmass.analytic.rods.integrals import legendre
 
 COUNT = 100_000
 BATCH = 1000

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.domain import TURN, Array
-from analytic.rod import tip
-from analytic.rod.search_newton import solve
-from analytic.rod.search_sheet import Complex, rods
-from analytic.rod.state import State, clamps
+from proofmass.analytic.domain import TURN, Array
+from proofmass.analytic.rods import tip
+from proofmass.analytic.rods.search_newton import solve
+from proofmass.analytic.rods.search_sheet import Complex, rods
+from proofmass.analytic.rods.state import State, clamps
 
 CAP = 20.0  # alpha of the equilibria that are counted
 RISE = np.log(0.0966498)  # B of its spacing of k_rel with the end slope 0.25

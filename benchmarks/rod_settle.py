@@ -8,20 +8,20 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from analytic.domain import Array
-from analytic.rod.assembly import Assembly
-from analytic.rod.chain_assembly import Standing, settle
-from analytic.rod.solutions import Solutions, solutions
-from analytic.rod.state import clamps
-from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import loop_gap
-from sim.mujoco_still import lost
-from sim.protocol import Diverged, Rod
-from sim.pymunk_compiled import read_links
-from sim.pymunk_shape import shape
-from sim.pymunk_space import build
-from sim.rod_chain import Chain, chain
-from sim.rods import compile_with_rods
+from proofmass.analytic.domain import Array
+from proofmass.analytic.rods.assembly import Assembly
+from proofmass.analytic.rods.solutions import Solutions, solutions
+from proofmass.analytic.rods.state import clamps
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import loop_gap
+from proofmass.sim.mujoco.still import lost
+from proofmass.sim.protocol import Diverged, Rod
+from proofmass.sim.pymunk.compiled import read_links
+from proofmass.sim.pymunk.shape import shape
+from proofmass.sim.pymunk.space import build
+from proofmass.sim.rod_chain import Chain, chain
+from proofmass.sim.rods import compile_with_rods
+from tests.independent.rods.chain_assembly import Standing, settle
 
 MODEL = """<mujoco><compiler angle="radian"/>
   <option gravity="0 0 0" timestep="1e-3" integrator="implicitfast" tolerance="1e-12"

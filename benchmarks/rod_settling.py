@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from analytic.rod.assembly import assembly, triangle
 from benchmarks import ROOT, command, folders
 from benchmarks.rod_settle import ENGINES, Scene, scene
-from sim.protocol import Diverged
+from proofmass.analytic.rods.assembly import assembly, triangle
+from proofmass.sim.protocol import Diverged
 
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
 CORNERS, GUIDES = triangle(np.sqrt(3.0)), np.radians([0.0, 120.0, -120.0])
@@ -155,13 +155,13 @@ HEAD = """# Where engines settle
 
 `python -m benchmarks.rod_settling` made this. The mechanisms of J. Pérez Gámiz, Resolución del
 problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG, UPV/EHU Bilbao
-2018: all equilibria that `analytic.rod.solutions` finds with loads up to R = 400 EI/L^2, the lowest
-first, and how many of the random starts of an engine end in each. Larger loads take loops tighter
-than these chains can be bent; two rods have none, three have more (`rod_solutions.md`). A start
-turns every rod by up to a full turn in an arc, bends each joint by 0.25 rad more (standard
-deviation), and closes the loops with the least change. The engine then steps, with damping, until
-nothing moves. Nudged: begun in the chain's own equilibrium with links turned by 1e-3 rad (standard
-deviation), twice.
+2018: all equilibria that `proofmass.analytic.rods.solutions` finds with loads up to R = 400 EI/L^2,
+the lowest first, and how many of the random starts of an engine end in each. Larger loads take
+loops tighter than these chains can be bent; two rods have none, three have more
+(`rod_solutions.md`). A start turns every rod by up to a full turn in an arc, bends each joint by
+0.25 rad more (standard deviation), and closes the loops with the least change. The engine then
+steps, with damping, until nothing moves. Nudged: begun in the chain's own equilibrium with links
+turned by 1e-3 rad (standard deviation), twice.
 
 In every table what begins beside a stable equilibrium stays, and nothing ends in an unstable one.
 Which of the stable ones a shape comes to depends on damping and inertia, which are made up:

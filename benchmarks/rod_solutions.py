@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analytic.rod.assembly import assembly, triangle
-from analytic.rod.solutions import solutions
-from analytic.rod.state import State, state
 from benchmarks import command
 from benchmarks.rod_grid import Grid, three, two
+from proofmass.analytic.rods.assembly import assembly, triangle
+from proofmass.analytic.rods.solutions import solutions
+from proofmass.analytic.rods.state import State, state
 
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
 CORNERS, GUIDES = triangle(np.sqrt(3.0)), np.radians([0.0, 120.0, -120.0])
@@ -61,22 +61,22 @@ of Table 8 with a rod in a loop. Loads are searched for up to the bound of the n
 alpha = L sqrt(R/EI) is the largest of the loads R on the rods of an equilibrium. With so many
 inflections at most it cannot grow without end: rods would become straight, and straight rods would
 have to hold the platform tight against each other, which these mechanisms do not allow
-(`analytic/rod/search_boxes.py`). The bound is proven for every pose at once, but for rounding, and
-is up to a tenth larger than the inequality needs. Cells beyond the bound are empty.
+(`proofmass/analytic/rods/search_boxes.py`). The bound is proven for every pose at once, but for
+rounding, and is up to a tenth larger than the inequality needs. Cells beyond the bound are empty.
 
 | equilibria, stable ones | {heads} | bound |
 |---|{lines}---|
 """
 
 GRIDS = """
-Completeness below the bound is tested, not proven (`tests/test_rod_solutions.py`,
-`tests/test_rod_solutions_bound.py`). Up to alpha = 20 counts are the same for lattices of 1500 to
-10,000 poses and for meshes of 0.05 and 0.08 of a length, and 20,000 random starts find no other.
-Beyond, starts are straight rods with loops, drawn at random: each equilibrium is arrived at many
-times, and ten times as many starts from another seed find no other. Poses and loads beyond 20 are
-confirmed by polynomials along the rods, without the closed form of an elastica; so is stability,
-but for modes to 2 beyond alpha = 40, where a rod's loops can slide along it for less than rounding.
-The stable ones have modes 1.
+Completeness below the bound is tested, not proven (`tests/analytic/rods/test_rod_solutions.py`,
+`tests/analytic/rods/test_rod_solutions_bound.py`). Up to alpha = 20 counts are the same for
+lattices of 1500 to 10,000 poses and for meshes of 0.05 and 0.08 of a length, and 20,000 random
+starts find no other. Beyond, starts are straight rods with loops, drawn at random: each equilibrium
+is arrived at many times, and ten times as many starts from another seed find no other. Poses and
+loads beyond 20 are confirmed by polynomials along the rods, without the closed form of an elastica;
+so is stability, but for modes to 2 beyond alpha = 40, where a rod's loops can slide along it for
+less than rounding. The stable ones have modes 1.
 
 ## The document's grids
 

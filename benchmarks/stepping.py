@@ -17,12 +17,12 @@ import numpy as np
 
 from benchmarks import ROOT, command
 from proofmass.case import load_case
+from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import load
+from proofmass.sim.mujoco.steps import start
+from proofmass.sim.protocol import Run
 from proofmass.solve import plan
-from sim.mujoco_linkage import Linkage
-from sim.mujoco_model import load
-from sim.mujoco_steps import start
-from sim.protocol import Run
-from sim.with_mujoco import simulate
 
 REPEATS = 15
 

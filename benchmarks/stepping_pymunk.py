@@ -11,10 +11,10 @@ import numpy as np
 from pymunk import batch
 
 from benchmarks import ROOT, command
-from sim.protocol import Drive, Run
-from sim.pymunk_compiled import read_links
-from sim.pymunk_drive import aim
-from sim.pymunk_steps import SURE, prepared, step_through
+from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.pymunk.compiled import read_links
+from proofmass.sim.pymunk.drive import aim
+from proofmass.sim.pymunk.steps import SURE, prepared, step_through
 
 MODEL = ROOT / "models" / "fourbar.xml"
 SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}

@@ -18,13 +18,13 @@ from proofmass.case import load_case
 from proofmass.report.figures import save
 from proofmass.report.stress_sheet import NEAR, stress_sheet
 from proofmass.report.style import RC
-from proofmass.study.boundary import Boundary, Limit
-from proofmass.study.extremes import extremes
-from proofmass.study.proven import probes
-from proofmass.study.run import pool
-from proofmass.study.store import Store
-from proofmass.study.stress import kept, stress, write_boundaries
-from proofmass.study.stress_command import reached
+from proofmass.studies.run import pool
+from proofmass.studies.store import Store
+from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.proven import probes
+from proofmass.studies.stress.stress import kept, stress, write_boundaries
+from proofmass.studies.stress.stress_command import reached
 from proofmass.wording import number
 
 CASES = ("fourbar", "slider_crank", "double_rocker", "change_point", "fivebar", "pendulum",
@@ -50,9 +50,9 @@ run. The other knobs leave the samples as the sidecar has them, where the step i
 part of a sample up to the one that the model asks for. The step that the engine took is a column of
 `stress.csv`.
 
-`tests/test_stress_bare.py` confirms 39 of these boundaries within 2 %, by scripts in `tests/bare/`
-that import an engine and NumPy and nothing of proofmass: time steps of the pendulum and of
-four-bars, gravity, springs, drive speed, energy, and small models.
+`tests/studies/stress/test_stress_bare.py` confirms 39 of these boundaries within 2 %, by scripts in
+`tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass: time steps of
+the pendulum and of four-bars, gravity, springs, drive speed, energy, and small models.
 
 What is said of pymunk holds of Chipmunk as proofmass sets it: pins that close in one step; as many
 iterations as the poses need, up to 3000; a link on the ground that is nearly a point mass as a body
@@ -66,7 +66,8 @@ The knobs of cases:
   modes meet: a change point of a four-bar, the couplers of a five-bar one on the other. Given is
   the share of that length that an engine needs beyond it to stay in its mode. *Where an arm is
   stretched*: the same for both links that the last loop holds together, in line end to end. An
-  open loop turns them by its gap over the root of that share (`tests/test_stress_singular.py`).
+  open loop turns them by its gap over the root of that share
+  (`tests/studies/stress/test_stress_singular.py`).
 - *Drive's way*: to a limit position, of the reference and of the engine. *Until a rod snaps*: until
   positions differ on the way back; of chains, beside the fold of the rod.
 - *Spring in a joint*: from one swing in the run to 1e12 times as stiff. Chipmunk's bodies go
@@ -82,9 +83,10 @@ The knobs of cases:
 KNOWN = """## Beside theory
 
 A spring and a damper on one coordinate have ω² = k/I and ζ = c/(2 I ω). With z = dt ω, a step of
-each integrator is a matrix (`proofmass/study/theory.py`); `tests/test_stress_theory.py` holds the
-engines' own steps to it, to 1e-12. The limit is where an eigenvalue leaves the unit circle. {near}
-of {all} boundaries are within {within:.0%} of theory, the furthest at a ratio of {furthest}.
+each integrator is a matrix (`proofmass/studies/stress/theory.py`);
+`tests/studies/stress/test_stress_theory.py` holds the engines' own steps to it, to 1e-12. The limit
+is where an eigenvalue leaves the unit circle. {near} of {all} boundaries are within {within:.0%} of
+theory, the furthest at a ratio of {furthest}.
 
 ![Boundaries as bars, theory as ticks, and the ratios](stress.png)
 

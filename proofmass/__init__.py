@@ -7,8 +7,8 @@ from proofmass.check import check
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
+from proofmass.sim.protocol import Curves
 from proofmass.solve import solve
-from sim.protocol import Curves
 
 try:
     __version__ = version("proofmass")

@@ -16,9 +16,9 @@ from proofmass.files import read_text
 from proofmass.refine import Refine
 from proofmass.rod import RodTable
 from proofmass.sidecar import Channel, DriveTable, RunTable, Tolerance
+from proofmass.sim.protocol import Rod
 from proofmass.strict import Kind, Strict
 from proofmass.view import Beside, ChartTable, View
-from sim.protocol import Rod
 
 TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to where an error is
 

@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable
 from functools import partial
 
-from analytic.chart import Chart
+from proofmass.analytic.chart import Chart
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded

@@ -16,10 +16,10 @@ from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated, stopping
 from proofmass.mobility import mobility
 from proofmass.reference import grid
 from proofmass.refined import Finer, Row, errors, refinements
+from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
-from sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 
 Task = tuple[Case, Kind, str] | Finer | Path
 Outcome = tuple[list[Comparison], Curves | None]

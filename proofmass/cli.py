@@ -10,10 +10,10 @@ from proofmass.check import Result, check, collect, read
 from proofmass.command import Jobs, answering, counting, errors
 from proofmass.design.command import app as design
 from proofmass.errors import InputError
-from proofmass.study.choose_command import choose_command
-from proofmass.study.command import trade_command
-from proofmass.study.diet_command import diet_command
-from proofmass.study.stress_command import stress_command
+from proofmass.studies.command import trade_command
+from proofmass.studies.diet.diet_command import diet_command
+from proofmass.studies.stress.stress_command import stress_command
+from proofmass.studies.trade.choose_command import choose_command
 from proofmass.terminal import as_json, case_table, console, failures, summary
 
 app = typer.Typer(help="Hold multibody simulators against mathematics.",

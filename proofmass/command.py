@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from proofmass.errors import InputError
-from sim.protocol import BadModel
+from proofmass.sim.protocol import BadModel
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C

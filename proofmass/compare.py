@@ -14,9 +14,9 @@ from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, modes, module_of
 from proofmass.seen import check_views
+from proofmass.sim.contents import joints, mass, size
+from proofmass.sim.protocol import Array, Curves
 from proofmass.units import powers, si_unit
-from sim.contents import joints, mass, size
-from sim.protocol import Array, Curves
 
 NAN = float("nan")
 OPEN = ("unchecked", "unsupported")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
-from sim.protocol import Array, Curves, Diverged, Run
+from proofmass.sim.protocol import Array, Curves, Diverged, Run
 
 State = tuple[Array, Array, Array]
 LAG = 0.05
@@ -133,7 +133,7 @@ def motion_source(laws: Sequence[object], x: Array) -> str:
     Parameters
     ----------
     laws : sequence of callable
-        See `sim.protocol.Drive`.
+        See `proofmass.sim.protocol.Drive`.
     x : ndarray (n,)
         Times of the samples [s].
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.protocol import Array
+from proofmass.sim.protocol import Array
 
 
 def nondominated(aims: Array) -> NDArray[np.intp]:

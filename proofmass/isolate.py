@@ -25,7 +25,7 @@ from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
-from sim.protocol import BROKEN
+from proofmass.sim.protocol import BROKEN
 
 try:
     import resource

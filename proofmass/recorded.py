@@ -19,8 +19,8 @@ import numpy as np
 
 from proofmass.errors import InputError
 from proofmass.files import read_bytes
+from proofmass.sim.protocol import Array
 from proofmass.units import si_unit
-from sim.protocol import Array
 
 
 @dataclass(frozen=True)

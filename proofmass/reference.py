@@ -2,23 +2,22 @@
 
 import importlib
 import inspect
-import pkgutil
 from functools import lru_cache
 from types import ModuleType
 
 import numpy as np
 from mujoco import MjModel
 
-import analytic
-from analytic.domain import NotCovered
+from proofmass.analytic import REFERENCES
+from proofmass.analytic.domain import NotCovered
 from proofmass.case import Case
 from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded, read_recorded
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import Array, BadModel, BadRod, Curves
 from proofmass.strict import Kind
 from proofmass.units import same_quantity
-from sim.mjcf import compile_model
-from sim.protocol import Array, BadModel, BadRod, Curves
 
 DriveLaw = InProportion | Law | Samples | Steady | Swing
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
@@ -31,14 +30,11 @@ def module_of(case: Case) -> ModuleType | Recorded:
     if case.reference.endswith(".csv"):
         file = case.file.parent / case.reference
         return read_once(file, file.stat().st_mtime_ns if file.is_file() else None)
-    names = [m.name for m in pkgutil.iter_modules(analytic.__path__)]
-    if case.reference in names:
-        module = importlib.import_module(f"analytic.{case.reference}")
-        if hasattr(module, "solve"):
-            return module
-    there = [n for n in names if hasattr(importlib.import_module(f"analytic.{n}"), "solve")]
+    if case.reference in REFERENCES:
+        return importlib.import_module(REFERENCES[case.reference])
     raise InputError(case.file, "reference", f"no closed form {case.reference!r}; "
-                     f"{suggest(case.reference, there)}; or name a recorded curve NAME.csv")
+                     f"{suggest(case.reference, sorted(REFERENCES))}; or name a recorded curve "
+                     f"NAME.csv")
 
 
 def grid(case: Case, kind: Kind) -> Array:
@@ -76,7 +72,7 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
         k_of_teller = case.drive.index(teller)
         function = getattr(truth, str(teller.law), None)
         if function is None:
-            raise InputError(case.file, case.drive_key(k_of_teller, "law"), f"analytic."
+            raise InputError(case.file, case.drive_key(k_of_teller, "law"), f"reference "
                              f"{case.reference} has no function {teller.law!r}")
         takes = list(inspect.signature(function).parameters.values())[1:]
         names = [p.name for p in takes]
@@ -166,7 +162,7 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     there = [k for k in known if k not in own]
     for name in parameters:
         if name not in there:
-            raise InputError(case.file, f"{key}.{name}", f"analytic.{case.reference} has no "
+            raise InputError(case.file, f"{key}.{name}", f"reference {case.reference} has no "
                              f"such parameter; {suggest(name, there, 'known')}")
     if state is None:
         args: tuple = (x,)

@@ -11,9 +11,9 @@ from proofmass.case import Case
 from proofmass.compare import Comparison, one, reference_for, verdict
 from proofmass.isolate import isolated
 from proofmass.refine import Refine
+from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit
-from sim.protocol import Curves
 
 Found = tuple[list[Comparison], Curves | None]
 """Of one run: its comparisons, and its curves if it was not lost."""

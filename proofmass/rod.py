@@ -4,8 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from proofmass.sim.protocol import Rod
 from proofmass.strict import Strict
-from sim.protocol import Rod
 
 MOST = 10**5
 """Segments of a rod: one matrix of the engines, a row and a column for each, is then 80 GB."""

@@ -8,8 +8,8 @@ from proofmass.case import Case
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded
 from proofmass.reference import channels, compiled, module_of, quantities
+from proofmass.sim.protocol import Array, Curves
 from proofmass.view import View
-from sim.protocol import Array, Curves
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def marks(case: Case, view: View) -> dict[str, float]:
     key = place(case, view, "marks")
     tell = getattr(module_of(case), view.marks, None)
     if not callable(tell):
-        raise InputError(case.file, key, f"analytic.{case.reference} has no function "
+        raise InputError(case.file, key, f"reference {case.reference} has no function "
                          f"{view.marks!r}")
     if case.leader is None or view.x != case.leader.joint:
         raise InputError(case.file, key, f"{view.marks}() tells places of the first drive, so x "

@@ -1,22 +1,21 @@
 """Run a case in a simulator: ``solve(case, kind, solver) -> Curves``."""
 
 import importlib
-import pkgutil
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-import sim
+from proofmass import sim
 from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.errors import InputError, suggest
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import compiled, grid, laws
+from proofmass.sim.contents import joints
+from proofmass.sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
 from proofmass.strict import Kind
-from sim.contents import joints
-from sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
@@ -24,14 +23,14 @@ BETWEEN = 20  # places between two samples of a duration where a law is looked a
 
 
 def engines() -> list[str]:
-    """The simulators there are: one for each ``sim/with_NAME.py``."""
-    names = [m.name for m in pkgutil.iter_modules(sim.__path__)]
-    return [n.removeprefix("with_") for n in names if n.startswith("with_")]
+    """The simulators there are: one for each folder ``sim/NAME`` with an ``engine.py``."""
+    return sorted(file.parent.name for folder in sim.__path__
+                  for file in Path(folder).glob("*/engine.py"))
 
 
 def engine_module(engine: str) -> ModuleType:
     """The module of a simulator."""
-    return importlib.import_module(f"sim.with_{engine}")
+    return importlib.import_module(f"proofmass.sim.{engine}.engine")
 
 
 def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
@@ -166,7 +165,7 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
 
 
 def simulate(engine: str, model: Path, run: Run) -> Curves:
-    """Call ``sim.with_ENGINE.simulate``; what it did not mean to raise is a crash of that run."""
+    """Call an engine's ``simulate``; what it did not mean to raise is a crash of that run."""
     try:
         return engine_module(engine).simulate(model, run)
     except (BadModel, Unsupported, Diverged, MemoryError):

@@ -12,10 +12,10 @@ from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.reference import compiled
 from proofmass.seen import check_views
+from proofmass.sim.contents import channel_unit, joints, keys, sensors
+from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan, settings_of
 from proofmass.units import same_quantity
-from sim.contents import channel_unit, joints, keys, sensors
-from sim.protocol import BadModel, Curves, Run
 
 FEW = 2
 """Samples at which the reference is asked for its quantities."""

@@ -55,7 +55,7 @@ class View(Strict):
 class ChartTable(Strict):
     """``[[chart]]``: a figure of the report that the reference's module computes.
 
-    `draw` is a function of it that returns an `analytic.chart.Chart`.  It gets the case's
+    `draw` is a function of it that returns an `proofmass.analytic.chart.Chart`.  It gets the case's
     parameters that it takes by name, and `parameters` in addition, or instead of them.
     """
 

@@ -11,10 +11,10 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.isolate import ALONE
-from proofmass.study import core
-from proofmass.study.setting import Setting
-from proofmass.study.stand import Stand
-from proofmass.study.store import Store
+from proofmass.studies import core
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.stress.stand import Stand
 
 pytest_plugins = ["pytester"]
 MODELS = Path(__file__).parent.parent / "models"

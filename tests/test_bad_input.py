@@ -84,7 +84,7 @@ DRIVES = {
                                '[[drive]]\\1\n[[drive]]\njoint = "theta1"',
                                ["drive", "'theta1' needs law = [value, rate, acceleration]"]),
     "no such law": ("fivebar_circle.toml", r'law = "circle"', 'law = "cirlce"',
-                    ["drive.0.law", "analytic.fivebar has no function 'cirlce'"]),
+                    ["drive.0.law", "reference fivebar has no function 'cirlce'"]),
     "a swing with a rate": ("triple_rocker.toml", r"period = 8.0", "period = 8.0\nrate = 1.0",
                             ["drive", "rate goes with from and to alone"]),
     "a drive too few": ("inverted_slider_crank_held.toml",

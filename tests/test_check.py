@@ -30,7 +30,7 @@ from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed
 from proofmass.refined import Finer, errors
-from sim.protocol import BadModel, Curves, Unsupported
+from proofmass.sim.protocol import BadModel, Curves, Unsupported
 
 CHECK = sys.modules[check.__module__]  # whose name in the package is that of the function
 

@@ -29,12 +29,12 @@ from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.recorded import read_recorded
 from proofmass.reference import compiled, evaluate, grid
 from proofmass.sidecar import Tolerance
+from proofmass.sim.contents import size
+from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from proofmass.terminal import worst
 from proofmass.units import si_unit
 from proofmass.view import View
-from sim.contents import size
-from sim.protocol import Curves
 
 MODELS = Path(__file__).parent.parent / "models"
 

@@ -26,8 +26,8 @@ from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import evaluate, grid, module_of
 from proofmass.report.tables import not_known, notice, unnoticed
+from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
-from sim.protocol import Curves
 
 MODELS = Path(__file__).parent.parent / "models"
 QUICK = ("fivebar", "rod_cantilever", "rod_buckled", "balancer_progressive_locked",

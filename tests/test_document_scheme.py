@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic import fourbar
-from analytic.newton_raphson import NotConverged
 from benchmarks import document_scheme as scheme
+from proofmass.analytic.linkages import fourbar
+from tests.independent.newton_raphson import NotConverged
 
 DATA = json.loads((Path(__file__).parent / "data" / "newton_raphson.json").read_text())["linkages"]
 NAMES = list(scheme.EXAMPLES)

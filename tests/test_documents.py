@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks import design_table
 from benchmarks.design_balancer import TABLE, exact
 from benchmarks.rod_solutions import PRINTED, TAIL
-from tests.balancer_table import rows
+from tests.analytic.balancer.balancer_table import rows
 
 ROOT = Path(__file__).parent.parent
 DESIGNS = json.loads(TABLE.read_text())

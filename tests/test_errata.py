@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic import balancer, grashof, hacksaw, hacksaw_newton
-from analytic.balancer.measures import precision_points, rmse
-from analytic.newton_raphson import NotConverged
 from benchmarks import document_scheme as scheme
-from tests.balancer_table import DATA
+from proofmass.analytic import balancer
+from proofmass.analytic.balancer.measures import precision_points, rmse
+from proofmass.analytic.linkages import grashof, hacksaw
+from tests.analytic.balancer.balancer_table import DATA
+from tests.independent import hacksaw_newton
+from tests.independent.newton_raphson import NotConverged
 
 ROOT = Path(__file__).parent.parent
 SAW = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
@@ -151,7 +153,8 @@ def test_every_test_that_the_register_names_exists():
     named = re.findall(r"`(\w+)::(\w+)`", (ROOT / "docs" / "errata.md").read_text())
     assert len(named) > 30
     for file, function in named:
-        tree = ast.parse((ROOT / "tests" / f"{file}.py").read_text())
+        found, = (ROOT / "tests").rglob(f"{file}.py")
+        tree = ast.parse(found.read_text())
         names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
         assert function in names, f"tests/{file}.py has no {function}"
 

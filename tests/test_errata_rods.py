@@ -9,10 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analytic.rod.closure import closure
-from analytic.rod.direct import direct
-from analytic.rod.state import State, state
-from tests.rod_assembly_cases import CORNERS, DATA, EI, NAMES, elliptic, pair, three, xy
+from proofmass.analytic.rods.closure import closure
+from proofmass.analytic.rods.direct import direct
+from proofmass.analytic.rods.state import State, state
+from tests.analytic.rods.rod_assembly_cases import (
+    CORNERS,
+    DATA,
+    EI,
+    NAMES,
+    elliptic,
+    pair,
+    three,
+    xy,
+)
 
 ROOT = Path(__file__).parent.parent
 

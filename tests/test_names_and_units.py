@@ -25,7 +25,7 @@ from proofmass.sidecar import Tolerance
 from proofmass.solve import plan, solve
 from proofmass.units import powers, same_quantity, si_unit
 from proofmass.validate import validate
-from tests.test_report import curves_of, result_of
+from tests.report.test_report import curves_of, result_of
 
 MODELS = Path(__file__).parent.parent / "models"
 MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'

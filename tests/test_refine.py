@@ -12,8 +12,8 @@ from proofmass.compare import Comparison
 from proofmass.reference import evaluate, grid
 from proofmass.refined import Study, errors, refinements
 from proofmass.report import write_report
-from sim.protocol import Array, Curves
-from tests.rod_models import ENGINES
+from proofmass.sim.protocol import Array, Curves
+from tests.sim.rod_models import ENGINES
 
 FILE = "rod_cantilever.toml"
 SEGMENTS = 5, 10, 20

@@ -8,24 +8,26 @@ from types import SimpleNamespace
 import mujoco
 import pytest
 
-from analytic import planar
 from proofmass import reference
+from proofmass.analytic import planar
 from proofmass.case import load_case
 from proofmass.check import Result, check
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
-from proofmass.study import closing, rescaled, scene
-from proofmass.study.command import named
-from proofmass.study.energy import energies
-from proofmass.study.measure import Task
-from proofmass.study.row import Row
-from proofmass.study.setting import Setting
-from proofmass.study.stand import Stand
-from proofmass.study.store import key_of
-from proofmass.study.verify import verify
-from proofmass.study.ways import farther, followed
+from proofmass.studies import rescaled
+from proofmass.studies.command import named
+from proofmass.studies.diet import scene
+from proofmass.studies.measure import Task
+from proofmass.studies.row import Row
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import key_of
+from proofmass.studies.stress import closing
+from proofmass.studies.stress.energy import energies
+from proofmass.studies.stress.stand import Stand
+from proofmass.studies.stress.ways import farther, followed
+from proofmass.studies.trade.verify import verify
 
 LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
 """A model that takes MuJoCo minutes."""

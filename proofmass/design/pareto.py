@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from analytic.balancer.synthesis import Synthesis
-from analytic.domain import Array
+from proofmass.analytic.balancer.synthesis import Synthesis
+from proofmass.analytic.domain import Array
 from proofmass.design.search import Effort, Search
 from proofmass.front import nondominated
 from proofmass.report.style import RC

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from analytic.balancer.synthesis import Synthesis
-from analytic.domain import Array
+from proofmass.analytic.balancer.synthesis import Synthesis
+from proofmass.analytic.domain import Array
 from proofmass.design.selection import Selection, select
 
 

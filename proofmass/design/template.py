@@ -10,8 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from analytic.balancer import Balancer, balancer
-from analytic.balancer.springs import preloaded
+from proofmass.analytic.balancer import Balancer, balancer
+from proofmass.analytic.balancer.springs import preloaded
 from proofmass.files import write_whole
 
 GRAVITY = 9.81  # [m/s2] gives the weight at the tip its mass; statics knows the weight alone
@@ -107,7 +107,7 @@ def write_case(folder: Path | str, name: str, *, title: str, source: str,
     title, source : str
         What the case is, and where its numbers come from.
     parameters : mapping
-        Of `analytic.balancer.solve`.
+        Of `proofmass.analytic.balancer.solve`.
     target, target_moment : str, float
         Wanted moment-angle characteristic, drawn beside the moment, and its scale [N m].
     solvers : sequence of str

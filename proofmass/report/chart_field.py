@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from analytic.chart import Chart, Field
+from proofmass.analytic.chart import Chart, Field
 from proofmass.report.data import readable
 from proofmass.report.view_sheet import INK
+from proofmass.sim.protocol import Array
 from proofmass.wording import pretty
-from sim.protocol import Array
 
 ZERO: dict[str, Any] = {"color": INK, "linewidth": 1.8}
 WITHIN = 0.96  # share of the values that the colours tell apart: they run into poles

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from analytic.chart import Chart, Line
+from proofmass.analytic.chart import Chart, Line
 from proofmass.report.chart_field import ZERO, contours, filled
 from proofmass.report.chart_line import PLAIN, drawn, dressed, tones
 from proofmass.report.data import readable
 from proofmass.report.style import Look
+from proofmass.sim.protocol import Array
 from proofmass.wording import pretty
-from sim.protocol import Array
 
 WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side
 SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: at most, at least, else

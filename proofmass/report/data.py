@@ -12,10 +12,10 @@ from proofmass.compare import Comparison, reference_for
 from proofmass.reference import compiled, grid, laws
 from proofmass.refined import Row
 from proofmass.report.words import KINDS, LOST
+from proofmass.sim.contents import joints
+from proofmass.sim.protocol import Array, Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit
-from sim.contents import joints
-from sim.protocol import Array, Curves
 
 
 @dataclass(frozen=True)

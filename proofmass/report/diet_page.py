@@ -14,8 +14,8 @@ from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
-from proofmass.study.diet_table import Entry, read_entries
-from proofmass.study.diet_words import ranked, saving, sentences
+from proofmass.studies.diet.diet_table import Entry, read_entries
+from proofmass.studies.diet.diet_words import ranked, saving, sentences
 from proofmass.wording import number
 
 CAPTION = ("What the model can be run without. Left: the channel that moves most, over what it may "

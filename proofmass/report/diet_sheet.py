@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from proofmass.report.style import KNOWN
-from proofmass.study.diet_table import NO_GAIN, WHOLE, Entry
+from proofmass.studies.diet.diet_table import NO_GAIN, WHOLE, Entry
 
 ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands above and below
 LEAST = -50.0  # % saved: a timing that was disturbed more does not stretch the axis

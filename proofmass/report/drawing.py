@@ -19,11 +19,11 @@ from proofmass.report.refine_sheet import refine_sheet
 from proofmass.report.style import RC, Look
 from proofmass.report.view_sheet import view_sheet
 from proofmass.report.views import Viewed
+from proofmass.sim.picture import Picture
+from proofmass.sim.picture_poses import picture
+from proofmass.sim.protocol import Array
 from proofmass.solve import plan
 from proofmass.view import ChartTable
-from sim.picture import Picture
-from sim.picture_poses import picture
-from sim.protocol import Array
 
 SECONDS = 300.0  # until the drawings of a case are given up
 SHEETS = ("overlay", "paths", "difference")

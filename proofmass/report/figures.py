@@ -16,8 +16,8 @@ from proofmass.files import write_whole
 from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin, ways
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
+from proofmass.sim.protocol import Array
 from proofmass.wording import number, pretty
-from sim.protocol import Array
 
 FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn
 DPI = 150

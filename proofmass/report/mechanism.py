@@ -14,9 +14,9 @@ from proofmass.reference import compiled
 from proofmass.report.data import drive_units
 from proofmass.report.labels import Label, place
 from proofmass.report.poses import clearest
+from proofmass.sim.picture import Picture
+from proofmass.sim.protocol import Array
 from proofmass.wording import number
-from sim.picture import Picture
-from sim.protocol import Array
 
 INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"
 WIDE, HIGH = 430.0, 300.0  # [pt] room for the drawing itself
@@ -65,7 +65,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     case : Case
         Names the drives.
     picture : Picture
-        From `sim.picture_poses.picture`.
+        From `proofmass.sim.picture_poses.picture`.
     tracks : mapping of str to ndarray (n, 2)
         Paths of measured points [m], by name.
     """

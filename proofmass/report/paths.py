@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from proofmass.report.data import Shown
 from proofmass.report.figures import every, legend
 from proofmass.report.style import REFERENCE, Look
-from sim.picture import Picture
-from sim.protocol import Array, Curves
+from proofmass.sim.picture import Picture
+from proofmass.sim.protocol import Array, Curves
 
 PANEL = 2.45  # [inch] side of a panel
 

@@ -16,8 +16,8 @@ from proofmass.report.stress_sheet import NEAR, stress_sheet
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC
 from proofmass.report.svg import inline
-from proofmass.study.boundary import Boundary, Limit
-from proofmass.study.stress import read_boundaries
+from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, pretty, spoken
 
 THEORY = "Small models whose limits theory knows"

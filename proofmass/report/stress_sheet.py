@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from proofmass.report.style import KNOWN
-from proofmass.study.boundary import Boundary
+from proofmass.studies.stress.boundary import Boundary
 from proofmass.wording import number, spoken
 
 INK = "#333333"

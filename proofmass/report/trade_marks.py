@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from proofmass.report.style import Look
-from proofmass.study.row import Row
-from proofmass.study.verdict import Verdict
+from proofmass.studies.row import Row
+from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number
 
 INK, PALE = "#333333", "#888888"

@@ -18,13 +18,13 @@ from proofmass.report.style import RC
 from proofmass.report.svg import inline
 from proofmass.report.trade_marks import letter, name_of
 from proofmass.report.trade_sheet import axis_of, dressed, good, trade_sheet, turn_sheet
-from proofmass.study.choose import MARGIN, beside, best, enough
-from proofmass.study.orders import off
-from proofmass.study.row import KINDS, Row
-from proofmass.study.table import read_table
-from proofmass.study.trade import read_verdicts
-from proofmass.study.verdict import Verdict
-from proofmass.study.words import brief, told
+from proofmass.studies.row import KINDS, Row
+from proofmass.studies.table import read_table
+from proofmass.studies.trade.choose import MARGIN, beside, best, enough
+from proofmass.studies.trade.orders import off
+from proofmass.studies.trade.trade import read_verdicts
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.words import brief, told
 from proofmass.wording import number, spoken
 
 ASKED = (1e-4, 1e-6)  # of the range: errors that the words speak of
@@ -42,7 +42,7 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
     Parameters
     ----------
     folder : path
-        Holds ``trade.csv`` and ``verdicts.json``; see `proofmass.study.trade.write_study`.
+        Holds ``trade.csv`` and ``verdicts.json``; see `proofmass.studies.trade.trade.write_study`.
     output : path
         Made when it is not there; gets copies of the tables.
     home : str

@@ -22,9 +22,9 @@ from proofmass.report.trade_marks import (
     triangles,
     work,
 )
-from proofmass.study.axes import SIZE
-from proofmass.study.row import KINDS, Row
-from proofmass.study.verdict import Verdict, front
+from proofmass.studies.row import KINDS, Row
+from proofmass.studies.trade.axes import SIZE
+from proofmass.studies.trade.verdict import Verdict, front
 
 HIGH, LEFT, GAP, RIGHT, BELOW, ABOVE = 2.4, 0.62, 0.25, 1.75, 0.42, 0.26  # [inch]
 LINE, ENTRY = 0.155, 2.9  # [inch] of the legend

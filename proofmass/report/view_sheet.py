@@ -16,8 +16,8 @@ from proofmass.report.data import readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.report.views import Viewed, spread, unit_of
+from proofmass.sim.protocol import Array
 from proofmass.wording import number, pretty
-from sim.protocol import Array
 
 INK = "#1b1f24"
 TARGET: dict[str, Any] = {"color": INK, "linewidth": 1.3, "linestyle": (0, (5, 3)), "zorder": 2.8}

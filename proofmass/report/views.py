@@ -7,9 +7,9 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.report.data import Shown, readable, ways
 from proofmass.seen import Seen, seen
+from proofmass.sim.protocol import Array
 from proofmass.view import View
 from proofmass.wording import listed, number, pretty
-from sim.protocol import Array
 
 
 @dataclass(frozen=True)

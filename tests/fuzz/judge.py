@@ -128,7 +128,7 @@ def patience(files: Files, name: str) -> tuple[float, bool]:
 def place_of(frames: list[tuple[str, str]]) -> str:
     """The innermost place of the product in a stack of (file, function), innermost last."""
     for file, function in reversed(frames):
-        for part in ("proofmass", "sim", "analytic"):
+        for part in ("proofmass",):
             if f"/{part}/" in file and "site-packages" not in file:
                 return f"{part}/{file.split(f'/{part}/')[-1]}:{function}"
     return frames[-1][1] if frames else "?"

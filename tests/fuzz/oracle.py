@@ -45,6 +45,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from proofmass.analytic import REFERENCES
+
 S, OFF = mujoco.mjtSensor, mujoco.mjtDisableBit
 Array = Any
 FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
@@ -80,7 +82,7 @@ def parameters(old: dict, new: dict, agrees: list) -> list[str]:
     """Parameters that differ by more than what the channels that agree would notice."""
     if old["reference"] != new["reference"] or "parameters" not in old:
         return []
-    solve = importlib.import_module(f"analytic.{new['reference']}").solve
+    solve = importlib.import_module(REFERENCES[new['reference']]).solve
     default = {k: p.default for k, p in inspect.signature(solve).parameters.items()}
     found = []
     for key, value in old["parameters"].items():
@@ -137,7 +139,7 @@ def alike(old: dict, curves: Any, one: str | float, two: str | float, allowed: f
     """Whether a closed form has one curve for two quantities, as for a slide along x."""
     if "parameters" not in old:
         return False
-    solve = importlib.import_module(f"analytic.{old['reference']}").solve
+    solve = importlib.import_module(REFERENCES[old['reference']]).solve
     state = [curves.x] if curves.drive is None else [part[0] for part in curves.drive]
     known = solve(*state, **old["parameters"])
     return one in known and two in known and not far(known[one], known[two], allowed)

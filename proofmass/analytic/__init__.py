@@ -1,0 +1,23 @@
+"""The references that the physics engines are compared with.
+
+The ``solve`` of a reference returns a dict of arrays, one entry per curve. SI units, radians;
+angles are counter-clockwise from +x (the pendulum's from straight down) and continuous along the
+sweep, which is the last axis. Modules beside them hold what belongs to a mechanism beside its
+motion: Grashof's classes, workspaces, all poses of a platform.
+
+Closed forms are formulas only, so what is left is rounding, and need no more than numpy and scipy.
+`planar` solves any planar linkage of an MJCF by iteration and integration.
+"""
+
+REFERENCES = {
+    **{name: f"proofmass.analytic.linkages.{name}" for name in (
+        "fivebar", "fourbar", "hacksaw", "inverted_slider_crank", "pendulum", "slider_crank",
+        "swinging_block", "threeprr")},
+    "planar": "proofmass.analytic.planar",
+    "balancer": "proofmass.analytic.balancer",
+    "rod": "proofmass.analytic.rods",
+    **{name: f"proofmass.analytic.rods.{name}" for name in (
+        "rod_pair", "rod_pair_driven", "rod_pinned", "rod_platform", "rod_platform_driven",
+        "rod_snap")},
+}
+"""Modules by the name that a sidecar gives as its ``reference``."""

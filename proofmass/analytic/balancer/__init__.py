@@ -1,0 +1,168 @@
+"""Torsion-spring balancer of an inverted pendulum: three or four segments, stops, preloads."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.balancer.design import Balancer, balancer
+from proofmass.analytic.balancer.follow import Trail, follow
+from proofmass.analytic.balancer.path import Path, along
+from proofmass.analytic.balancer.summary import facts, marks
+from proofmass.analytic.balancer.targets import TARGETS
+from proofmass.analytic.balancer.targets import target as target_of
+from proofmass.analytic.domain import Array
+
+MODES = (1, -1)
+MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
+
+__all__ = ["MODES", "Balancer", "Path", "Trail", "along", "balancer", "facts", "follow", "marks",
+           "solve"]
+
+
+def solve(
+    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
+    length1: float, length2: float, length3: float, length4: float | None = None,
+    stiffness1: float, stiffness2: float, stiffness3: float, stiffness4: float = 0.0,
+    quadratic1: float = 0.0, quadratic2: float = 0.0, quadratic3: float = 0.0,
+    quadratic4: float = 0.0, preload2: float = 0.0, preload3: float = 0.0, preload4: float = 0.0,
+    low2: float = -np.inf, low3: float = -np.inf, low4: float = -np.inf,
+    high2: float = np.inf, high3: float = np.inf, high4: float = np.inf,
+    pendulum: float = 1.0, rest_angle: float = 0.0, rest_angle2: float = 0.0,
+    weight: float = 0.0, mode: int = 1, target: str = "", target_moment: float = 1.0,
+) -> dict[str, Array]:
+    r"""Static equilibrium of a chain with torsion springs that balances a pendulum.
+
+    ::
+
+               tip        pendulum O-tip, r, leaning by alpha from the upright
+              / /|        chain O-P1-P2-tip, segments l1, l2, l3 (l4)
+          l3 / / |        torsion springs at O, P1, P2 (P3); none at the tip
+            / /  | r
+         P2 \/   |        all angles clockwise from the upright:
+          l2 \   |            point = l (sin theta, cos theta)
+              \  |        rest posture: alpha = 0, segment 1 at rest_angle
+            P1 \_| l1     mode +1: elbow up, theta_n > theta_(n-1); -1: elbow down
+                 O
+
+    Windings from rest are e1 = theta1 - theta10 and ei = (theta_i - theta_(i-1)) - (the same at
+    rest).  A spring gives M = k (e + e*) + A (e + e*)^2, wound up by e* to its preload.  Joints may
+    have stops, low <= e <= high; a preload needs the stop that holds it.  The chain rests where
+
+        V(alpha, theta) = sum V_i(e_i)
+
+    is stationary under the loop and the stops; that equilibrium is followed from the rest posture,
+    with stops left and met at their exact angles.  The moment that holds the pendulum is then
+
+        dV*/dalpha = M1,     less the weight's, weight r sin(alpha)
+
+    since turning everything about O winds spring 1 alone.
+
+    Parameters
+    ----------
+    angle : pendulum angle alpha [rad], (...)
+    rate, acceleration : its time derivatives; `rate` scales the quasi-static rates, `acceleration`
+        has no meaning in statics
+    length1, .. : segments [m]; length4 makes it a balancer of four segments
+    stiffness1, .. : k of the slack springs [N m/rad]
+    quadratic1, .. : A [N m/rad^2]
+    preload2, .. : moment [N m] of the spring at rest
+    low2, .., high2, .. : stops of the winding from rest [rad], low <= 0 <= high
+    pendulum : r [m]
+    rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
+    weight : force at the tip, down along the upright [N]
+    mode : +1 elbow up, -1 elbow down, of the last two segments at rest
+    target, target_moment : what the balancing moment is designed for: a name of
+        `proofmass.analytic.balancer.targets` and the moment m g r [N m] that it is multiplied by
+
+    Returns
+    -------
+    dict of (...) arrays: theta1.., winding1.. [rad], theta1_rate.., winding1_rate.. [rad/s],
+    node2_x, node2_y, .. [m] of the joints at the ends of segment 1 and on, y up,
+    moment1.. [N m] of the springs, balancing_moment = moment1, holding_moment [N m], energy1.. [J]
+    of the springs, weight_energy (zero at the height of O), energy of springs and weight,
+    force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
+    carries the same force, the segments having no weight).  With a target also target [N m],
+    residual = balancing_moment - target, and target_energy [J], the energy of what is balanced.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain; lengths that cannot reach the tip; a rest posture that is
+        unstable; a path that ends at a fold before `angle`, where the chain would jump.
+
+    Notes
+    -----
+    Newton's method to rounding at every angle: 1e-12 of the moments.  The path is physical: it may
+    straighten an arm and pass into the other elbow, and it does not visit the lower minima that
+    a search over all postures finds.  Source: S. van Nes, The use of a rigid linkage balancer with
+    torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074,
+    eq. 4-17.  The thesis takes the lowest energy on a grid of postures instead of following it
+    (`tests.independent.balancer.grid`) and lets a released joint of three segments pass back
+    through its stop.
+
+    Examples
+    --------
+    >>> pose = solve(np.radians([30.0, 60.0, 90.0]), length1=0.3394, length2=0.4573,
+    ...              length3=0.4752, stiffness1=1.2701, stiffness2=0.8473, stiffness3=4.1078,
+    ...              rest_angle=0.6641)
+    >>> pose["balancing_moment"].round(6).tolist()
+    [0.494344, 0.872421, 1.027206]
+    """
+    given = {k: v for k, v in locals().items()
+             if k not in ("angle", "rate", "acceleration", "target", "target_moment")
+             and not (length4 is None and k.endswith("4"))}
+    alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    chain = balancer(**given)
+    found = both_ways(chain, alpha.ravel())
+    values = quantities(chain, found, w.ravel(), weight * pendulum)
+    if target:
+        values |= aimed(target, target_moment, alpha.ravel(), values["balancing_moment"])
+    return {name: value.reshape(alpha.shape) for name, value in values.items()}
+
+
+def both_ways(chain: Balancer, alpha: Array) -> Path:
+    """The path at angles of either sign; ValueError where it does not get there."""
+    parts = []
+    for way in (alpha < 0, alpha >= 0):
+        if way.any():
+            last = alpha[way][np.abs(alpha[way]).argmax()]
+            trail = follow(chain, float(last + np.copysign(MARGIN, last)))
+            if trail.why[0] and np.abs(trail.reach[0]) < np.abs(last):
+                raise ValueError(f"{trail.why[0]}; angles up to {np.degrees(last):g} deg are asked "
+                                 f"for")
+            parts.append((way, along(chain, trail, alpha[way])))
+    if len(parts) == 1:
+        return parts[0][1]
+    (behind, back), (before, forth) = parts
+    merged = {}
+    for name in ("theta", "winding", "moment", "energy", "rate", "force", "side"):
+        merged[name] = np.empty((1, alpha.size, getattr(back, name).shape[-1]))
+        merged[name][:, behind], merged[name][:, before] = getattr(back, name), getattr(forth, name)
+    return Path(alpha, **merged)
+
+
+def aimed(name: str, scale: float, alpha: Array, moment: Array) -> dict[str, Array]:
+    """The design target, and what is left of it."""
+    wanted = scale * target_of(name, alpha)
+    return {"target": wanted, "residual": moment - wanted,
+            "target_energy": scale * TARGETS[name].height_energy(alpha)}
+
+
+def quantities(chain: Balancer, path: Path, rate: Array, scale: float) -> dict[str, Array]:
+    """The quantities of a path, by name."""
+    turn, s, c = path.rate[0], np.sin(path.alpha), np.cos(path.alpha)
+    across, along_it = path.force[0].T
+    found = {"balancing_moment": path.moment[0, :, 0],
+             "holding_moment": path.moment[0, :, 0] - scale * s,
+             "energy": path.energy[0].sum(axis=-1) + scale * c, "weight_energy": scale * c,
+             "force_x": across * c + along_it * s, "force_y": along_it * c - across * s}
+    winding_rate = np.diff(turn, axis=-1, prepend=0.0)
+    x = np.cumsum(chain.length * np.sin(path.theta[0]), axis=-1)
+    y = np.cumsum(chain.length * np.cos(path.theta[0]), axis=-1)
+    for i in range(1, chain.segments):
+        found |= {f"node{i + 1}_x": x[:, i - 1], f"node{i + 1}_y": y[:, i - 1]}
+    for i in range(chain.segments):
+        found |= {f"theta{i + 1}": path.theta[0, :, i], f"winding{i + 1}": path.winding[0, :, i],
+                  f"theta{i + 1}_rate": turn[:, i] * rate, f"moment{i + 1}": path.moment[0, :, i],
+                  f"winding{i + 1}_rate": winding_rate[:, i] * rate,
+                  f"energy{i + 1}": path.energy[0, :, i]}
+    return found

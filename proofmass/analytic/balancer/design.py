@@ -1,0 +1,178 @@
+"""A torsion-spring balancer, or a batch of them: lengths, springs, stops and rest posture."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.balancer.dyad import close
+from proofmass.analytic.balancer.springs import preloaded
+from proofmass.analytic.domain import Array, one_of
+
+NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
+REQUIRED = ("length", "stiffness")
+PLAIN = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
+OTHERS = {"pendulum": 1.0, "rest_angle": 0.0, "rest_angle2": 0.0, "weight": 0.0, "mode": 1}
+
+
+@dataclass(frozen=True)
+class Balancer:
+    """Balancers of n segments, B of them; every array leads with the batch.
+
+    Attributes
+    ----------
+    pendulum, weight : ndarray (B,)
+        Length r [m] and weight at the tip [N].
+    length, rest : ndarray (B, n)
+        Segments' lengths [m] and angles in the rest posture, clockwise from the upright [rad].
+    stiffness, quadratic, preload : ndarray (B, n)
+        Springs: ``M = preload + stiffness e + quadratic e^2`` for the winding e from rest.  The
+        stiffness [N m/rad] is that of the preloaded spring: a nonlinear one is already wound.
+    stored : ndarray (B, n)
+        Energy in each spring at rest [J].
+    low, high : ndarray (B, n)
+        Stops of each joint's winding [rad]; infinite where there are none.
+    stopped : tuple of int
+        Joints that have a stop in any of the batch, counted from 0.
+    """
+
+    pendulum: Array
+    weight: Array
+    length: Array
+    rest: Array
+    stiffness: Array
+    quadratic: Array
+    preload: Array
+    stored: Array
+    low: Array
+    high: Array
+    stopped: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    def __getitem__(self, which: Any) -> "Balancer":
+        """Some of the batch."""
+        arrays = {f.name: getattr(self, f.name)[which] for f in fields(self)[:-1]}
+        return Balancer(**arrays, stopped=self.stopped)
+
+    @property
+    def segments(self) -> int:
+        """How many segments n."""
+        return self.length.shape[1]
+
+    def moments(self, winding: Array) -> Array:
+        """Spring moments [N m] at windings (..., n); a batch leads, others may stand between."""
+        m, k, a = (self.wide(p, winding) for p in (self.preload, self.stiffness, self.quadratic))
+        return m + winding * (k + a * winding)
+
+    def slopes(self, winding: Array) -> Array:
+        """Stiffness dM/de [N m/rad] of the springs at windings (..., n)."""
+        k, a = (self.wide(p, winding) for p in (self.stiffness, self.quadratic))
+        return k + 2.0 * a * winding
+
+    def energies(self, winding: Array) -> Array:
+        """Energy [J] that each spring holds at windings (..., n), that of its preload included."""
+        m, k, a, v = (self.wide(p, winding)
+                      for p in (self.preload, self.stiffness, self.quadratic, self.stored))
+        return v + winding * (m + winding * (k / 2 + a * winding / 3))
+
+    def wide(self, values: Array, like: Array) -> Array:
+        """Values (B, n), or (B,), with axes of size 1 for what stands between batch and joint."""
+        between = like.ndim - 2
+        return values.reshape(len(values), *[1] * between, *values.shape[1:])
+
+
+def balancer(**parameters: ArrayLike) -> Balancer:
+    """Balancers from the flat parameters of a sidecar; each may be an array (B,), for a batch.
+
+    See `proofmass.analytic.balancer.solve` for their names and meaning.
+
+    Raises
+    ------
+    ValueError
+        A parameter unknown, missing or out of its domain; a preload without a stop that holds it,
+        or beyond what its spring can carry; lengths that cannot reach the tip.
+    """
+    found = balancers(**parameters)
+    check_reach(found)
+    check_preload(found)
+    return found
+
+
+def balancers(**parameters: ArrayLike) -> Balancer:
+    """As `balancer`, but with NaN in `rest` or `stiffness` of those of a batch that cannot be.
+
+    Lengths that cannot reach the tip and preloads that a spring cannot carry are no errors then.
+    """
+    n = 4 if "length4" in parameters else 3
+    known = [f"{name}{i}" for name in NUMBERED for i in range(1, n + 1)] + list(OTHERS)
+    if strange := [key for key in parameters if key not in known]:
+        raise ValueError(f"unknown parameter {strange[0]!r}; known: {', '.join(known)}")
+    if lacking := [k for k in known if k.rstrip("1234") in REQUIRED and k not in parameters]:
+        raise ValueError(f"{lacking[0]} is missing")
+    flat = {key: np.atleast_1d(np.asarray(value, float)) for key, value in parameters.items()}
+    one_of((1, -1), mode=float(flat.get("mode", np.ones(1))[0]))
+    size = max(v.size for v in flat.values())
+    table = {name: np.stack([np.broadcast_to(flat.get(f"{name}{i}", PLAIN.get(name, 0.0)), size)
+                             for i in range(1, n + 1)], axis=-1) for name in NUMBERED}
+    single = {k: np.broadcast_to(flat.get(k, v), size) for k, v in OTHERS.items()}
+    check(table, single)
+    rest = close(single["pendulum"], table["length"], np.stack(
+        [single["rest_angle"], single["rest_angle2"]][: n - 2], axis=-1), single["mode"])
+    stiff, _, stored = preloaded(table["stiffness"], table["quadratic"], table["preload"])
+    there = np.isfinite(table["low"]) | np.isfinite(table["high"])
+    return Balancer(single["pendulum"], single["weight"], table["length"], rest, stiff,
+                    table["quadratic"], table["preload"], stored, table["low"], table["high"],
+                    tuple(np.flatnonzero(there.any(axis=0)).tolist()))
+
+
+def first(bad: Array) -> tuple[int, int]:
+    """Which of the batch is at fault first, and in which joint (from 1)."""
+    at, joint = np.argwhere(bad)[0]
+    return int(at), int(joint) + 1
+
+
+def check(table: dict[str, Array], single: dict[str, Array]) -> None:
+    """ValueError for the first parameter that is out of its domain."""
+    whole = {**table, **{k: v[:, None] for k, v in single.items()}}
+    low, high, preload = table["low"], table["high"], table["preload"]
+    faults = [(name, np.isnan(v) if name in ("low", "high") else ~np.isfinite(v), "must be finite")
+              for name, v in whole.items()]
+    faults += [(name, whole[name] <= 0, "must be positive [m]") for name in ("length", "pendulum")]
+    faults += [
+        ("stiffness", (table["stiffness"] < 0) & (table["quadratic"] == 0),
+         "must not be negative [N m/rad]"),
+        ("low", low > 0, "must not be above 0, the rest posture [rad]"),
+        ("high", high < 0, "must not be below 0, the rest posture [rad]"),
+        ("high", ~(low < high), "must be above low [rad]"),
+        ("preload", (preload > 0) & (low != 0), "needs a stop that holds it at rest, low = 0"),
+        ("preload", (preload < 0) & (high != 0), "needs a stop that holds it at rest, high = 0"),
+    ]
+    for name, bad, wrong in faults:
+        if bad.any():
+            at, joint = first(bad)
+            number = f"{joint}" if name in table else ""
+            raise ValueError(f"{name}{number} {wrong}, got {whole[name][at, joint - 1]:g}")
+    for name in ("preload", "low", "high"):
+        if (table[name][:, 0] != PLAIN[name]).any():
+            raise ValueError(f"{name}1: joint 1 can have no stop; its winding is the moment")
+
+
+def check_reach(b: Balancer) -> None:
+    """ValueError for the first lengths that cannot reach the tip."""
+    if np.isnan(b.rest).any():
+        at, _ = first(np.isnan(b.rest))
+        lengths = ", ".join(f"{length:g}" for length in b.length[at])
+        raise ValueError(f"length: segments of {lengths} m cannot reach the tip of a pendulum of "
+                         f"{b.pendulum[at]:g} m from rest_angle = {b.rest[at, 0]:g} rad")
+
+
+def check_preload(b: Balancer) -> None:
+    """ValueError for the first preload that its spring never carries."""
+    if np.isnan(b.stiffness).any():
+        at, joint = first(np.isnan(b.stiffness))
+        raise ValueError(f"preload{joint} is more than its spring can carry, got "
+                         f"{b.preload[at, joint - 1]:g} N m; at most -stiffness{joint}^2/"
+                         f"(4 quadratic{joint})")

@@ -1,0 +1,122 @@
+"""Charts: what a closed form knows beside the curves of a run, as data that a report can draw.
+
+A reference's module may have functions that make one of its parameters: all equilibria of a
+mechanism, its workspace, its buckling loads.  A sidecar's ``[[chart]]`` names such a function; it
+takes parameters by name and says ``-> Chart``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from proofmass.analytic.domain import Array
+
+MOST = 12  # panels that a page has room for
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line through points, or the points alone; NaN breaks it.
+
+    Attributes
+    ----------
+    x, y : ndarray (n,)
+        SI units, radians.
+    label : str
+        What it is, for the legend; lines of one label are drawn alike.
+    stable : bool
+        Drawn bold; what is unstable thin and dashed.
+    points : bool
+        Markers instead of a line: filled, or hollow if unstable.
+    """
+
+    x: Array
+    y: Array
+    label: str = ""
+    stable: bool = True
+    points: bool = False
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.x) != 1 or np.shape(self.x) != np.shape(self.y):
+            raise ValueError(f"a line needs x (n,) and y (n,), got {np.shape(self.x)} and "
+                             f"{np.shape(self.y)}")
+
+
+@dataclass(frozen=True)
+class Field:
+    """Values over a grid, drawn as filled contours; NaN stays white.
+
+    Attributes
+    ----------
+    x, y : ndarray (m,), (n,)
+        The grid.
+    values : ndarray (m, n)
+        Those that pass through infinity are drawn as a singularity of zero unless NaN is between.
+    label, unit : str
+        What they are, for the colour bar.
+    signed : bool
+        Zero is a singularity: two colours that part there, and a line on it.
+    """
+
+    x: Array
+    y: Array
+    values: Array
+    label: str
+    unit: str
+    signed: bool = False
+
+    def __post_init__(self) -> None:
+        if np.shape(self.values) != np.shape(self.x) + np.shape(self.y):
+            raise ValueError(f"a field needs values (m, n) at x (m,) and y (n,), got "
+                             f"{np.shape(self.values)} at {np.shape(self.x)}, {np.shape(self.y)}")
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes: lines on a field, under a title of a few words."""
+
+    lines: tuple[Line, ...] = ()
+    field: Field | None = None
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Panels with the same axes.
+
+    Attributes
+    ----------
+    x, y : tuple of str
+        Name and SI unit of both axes, such as ("x", "m"); "rad" is drawn in degrees, "" not at all.
+    panels : tuple of Panel
+        One to twelve.
+    caption : str
+        What to see, in a sentence or two.
+    alike : bool
+        One scale across and up, as for shapes.
+
+    Examples
+    --------
+    >>> load = np.linspace(0.0, 2.0, 5)
+    >>> panel = Panel((Line(load**2, load),))
+    >>> len(Chart(("deflection", "m"), ("load", "N"), (panel,), "It hardens.").lines)
+    1
+    >>> Line(load, load[1:])
+    Traceback (most recent call last):
+    ValueError: a line needs x (n,) and y (n,), got (5,) and (4,)
+    """
+
+    x: tuple[str, str]
+    y: tuple[str, str]
+    panels: tuple[Panel, ...]
+    caption: str
+    alike: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.panels) <= MOST:
+            raise ValueError(f"a chart has 1 to {MOST} panels, got {len(self.panels)}")
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """Those of all panels."""
+        return tuple(line for panel in self.panels for line in panel.lines)

@@ -1,0 +1,1 @@
+"""Closed forms of linkages, one file each."""

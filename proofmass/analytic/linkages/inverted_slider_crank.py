@@ -1,0 +1,164 @@
+"""Inverted slider-crank with two inputs: a rod on a crank slides through the tip of a driven bar.
+
+The classic form, in which the slider turns on a fixed pivot, is in `swinging_block`.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.domain import finite, not_negative, one_of, positive, unwrapped
+from proofmass.analytic.linkages.slider_crank import _slack
+
+Array = NDArray[np.float64]
+Plane = NDArray[np.complex128]
+MODES = (1, -1)
+
+
+def solve(
+    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
+    crank: float, bar: float, rod: float, ground_x: float, ground_y: float = 0.0, mode: int = 1,
+    crank_mass: float = 0.0, bar_mass: float = 0.0, rod_mass: float = 0.0,
+    slider_mass: float = 0.0, gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Motion of an inverted slider-crank whose crank and bar motions are given.
+
+    ::
+
+               P --__   slide s
+              /      --[S]__            A = (0, 0) and B = (ground_x, ground_y) are fixed
+             / crank   /    --__ E      A-P crank at angle a1, driven
+            /         / bar             B-S bar at angle a2, driven
+           A         B                  P-E rod, through a slider pinned to the bar's tip S
+
+    In the complex plane P = crank e^(i a1) and S = B + bar e^(i a2). The rod's direction is u and
+    D = S - P lies along it. Turned back by u, the derivatives of D = s u fall apart into what
+    slides and what turns with the rod's rate w and acceleration dw::
+
+        u = mode D/|D|,   s = mode |D|,   E = P + rod u
+        D'/u = s' + i s w,   D''/u = (s'' - s w^2) + i (s dw + 2 s' w)
+
+    The moments that hold crank and bar still are gravity * sum(mass * dy/dangle) over the
+    mid-lengths of crank, bar and rod and over the slider.
+
+    Parameters
+    ----------
+    angle, rate, acceleration : angles of crank and bar [rad], first [rad/s] and second [rad/s^2]
+        time derivatives, (2, n) or (2,): the first axis is crank, bar. A scalar rate or
+        acceleration is that of both, one of shape (2,) is constant along the sweep.
+    crank, bar, rod : lengths [m]; bar = 0 leaves the slider on B
+    ground_x, ground_y : fixed pivot B of the bar [m]
+    mode : +1 the rod points from the crank pin to the slider, s > 0; -1 away from it, s < 0, and
+        the slider sits on the rod's extension behind the pin
+    crank_mass, bar_mass, rod_mass, slider_mass : uniform bars and slider [kg]
+    gravity : along -y [m/s^2]
+
+    Returns
+    -------
+    dict of (n,) or () arrays: slide [m] from P to S along the rod, rod_angle [rad], each with
+    _rate and _acceleration (rod_rate, rod_acceleration); end_x, end_y [m], end_vx, end_vy, end_ax,
+    end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
+    the nearer end of the rod, negative where it has left the rod (see `off_rod`); holding_moment
+    of the crank and holding_moment_bar [N m]. rod_angle starts in [-pi, pi] and is unwrapped,
+    which needs steps below pi between samples.
+
+    Raises
+    ------
+    ValueError
+        A length not positive (bar: negative), a mass negative, a value not finite, a mode unknown,
+        inputs that are not two, or a pose in which the crank pin meets the slider, so that the rod
+        has no direction: the message gives the first such angles.
+
+    Notes
+    -----
+    The slider may leave the rod: kinematics does not mind, the drawing does. Loop residual below
+    1e-14 of the lengths; rates lose digits like 1/s. Source: loop and example of B. Díaz Lozano,
+    TFG, Universidad de Almería 2019, text lines 3415-3758, solved there by Newton-Raphson. The
+    accelerations of E printed there (text line 3733) hold for no input: their right-hand side has a
+    product for a difference (text line 3704) and a wrong collinearity row (text line 3706); those
+    of P and S, labelled +1 rad/s^2, are those of -1 rad/s^2. The slider of its animation,
+    a2 = 2 a1, is off the rod for 41 % of the turn.
+
+    Examples
+    --------
+    >>> pose = solve([0.5, 0.8], [1.0, 2.0], crank=2.0, bar=1.0, rod=3.0, ground_x=2.0)
+    >>> [round(float(pose[name]), 8) for name in ("end_x", "end_y", "end_vx", "end_vy")]
+    [4.66110172, 0.21351053, -1.31819903, 0.35413793]
+    """
+    masses = {"crank_mass": crank_mass, "bar_mass": bar_mass, "rod_mass": rod_mass,
+              "slider_mass": slider_mass}
+    positive(crank=crank, rod=rod)
+    not_negative(**masses)
+    finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
+    one_of(MODES, mode=mode)
+    if bar < 0.0:
+        raise ValueError(f"bar must be zero or positive [m], got {bar}")
+    inputs = _inputs(angle, rate, acceleration)
+    (a1, a2), (w1, w2), (dw1, dw2) = (x.reshape(2, -1) for x in inputs)
+    pin, tip = _arm(crank, a1, w1, dw1), _arm(bar, a2, w2, dw2)
+    ground = complex(ground_x, ground_y)
+    slider = ground + tip[0], tip[1], tip[2]
+    apart = [b - a for a, b in zip(pin, slider, strict=True)]
+    u = mode * _direction(apart[0], _slack(crank, bar, abs(ground)), a1, a2)
+    s, (slip, slip2) = mode * np.abs(apart[0]), (d / u for d in apart[1:])
+    v, w = slip.real, slip.imag / s
+    rod_angle, dw = unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
+    end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
+    swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
+    curves = {
+        "slide": s, "slide_rate": v, "slide_acceleration": slip2.real + s * w**2,
+        "rod_angle": rod_angle, "rod_rate": w, "rod_acceleration": dw,
+        "slide_margin": np.minimum(s, rod - s),
+        "holding_moment": gravity * (
+            (0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
+        "holding_moment_bar": gravity * (
+            (0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
+    }
+    for name, point in (("end", end), ("slider", slider)):
+        for part, value in zip(("", "v", "a"), point, strict=True):
+            curves |= {f"{name}_{part}x": value.real, f"{name}_{part}y": value.imag}
+    return {name: curve.reshape(inputs[0].shape[1:]) for name, curve in curves.items()}
+
+
+def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:
+    r"""Intervals of x in which the slider has left the rod, (k, 2).
+
+    `x` (n,) rises, `slide_margin` (n,) is that of `solve`. The ends of an interval, zeros of the
+    margin, are interpolated linearly, with an error of step^2/8 times the ratio of the margin's
+    second derivative to its first; an interval shorter than a step can be missed.
+
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 100001)
+    >>> pose = solve([angle, 2.0 * angle], crank=2.0, bar=1.0, rod=3.0, ground_x=2.0)
+    >>> off_rod(angle, pose["slide_margin"]).round(6)
+    array([[1.855399, 4.427786]])
+    """
+    x, margin = np.asarray(x, float), np.asarray(slide_margin, float)
+    off = margin < 0.0
+    last = np.flatnonzero(off[1:] != off[:-1])
+    share = margin[last] / (margin[last] - margin[last + 1])
+    ends = x[last] + share * (x[last + 1] - x[last])
+    return np.concatenate([x[:1][off[:1]], ends, x[-1:][off[-1:]]]).reshape(-1, 2)
+
+
+def _inputs(*given: ArrayLike) -> tuple[Array, ...]:
+    """Angles, rates and accelerations in one shape (2, ...), aligned at their first axis."""
+    arrays = [np.asarray(value, float) for value in given]
+    if arrays[0].shape[:1] != (2,):
+        raise ValueError(f"angle must hold two inputs, crank and bar, got shape {arrays[0].shape}")
+    axes = max(array.ndim for array in arrays)
+    return np.broadcast_arrays(*(a.reshape(a.shape + (1,) * (axes - a.ndim)) for a in arrays))
+
+
+def _arm(length: float, angle: Array, rate: Array, acceleration: Array) -> tuple[Plane, ...]:
+    """Complex vector of a turning arm, its velocity and its acceleration."""
+    arm = length * np.exp(1j * angle)
+    return arm, 1j * rate * arm, (1j * acceleration - rate**2) * arm
+
+
+def _direction(apart: Plane, slack: float, a1: Array, a2: Array) -> Plane:
+    """Unit vector along D, or ValueError where D vanishes."""
+    distance = np.abs(apart)
+    if not distance.min(initial=np.inf) > slack:
+        bad = np.argmin(distance > slack)
+        raise ValueError(f"the crank pin meets the slider at crank angle {a1[bad]:.9g} rad and bar "
+                         f"angle {a2[bad]:.9g} rad: the rod has no direction")
+    return apart / distance

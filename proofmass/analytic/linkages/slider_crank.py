@@ -1,0 +1,204 @@
+"""Slider-crank on a straight guide of any inclination: motion, statics and dead points."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.domain import finite, not_negative, one_of, positive, unwrapped
+
+Array = NDArray[np.float64]
+MODES = (1, -1)
+
+
+def solve(
+    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
+    crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
+    guide_angle: float = 0.0, mode: int = 1, crank_mass: float = 0.0, coupler_mass: float = 0.0,
+    slider_mass: float = 0.0, slider_load: float = 0.0, gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Motion of a slider-crank whose crank motion is given.
+
+    ::
+
+                            _--   guide through G at guide_angle g
+                        _[S]      slide s = G-S along u = (cos g, sin g)
+          coupler  __--_--
+              __---  _--          A = (0, 0) fixed
+           P--     G-             A-P crank r, driven
+          /      _--              P-S coupler c
+         A
+
+    Seen from the guide, with the crank at f = angle - g, the axis A at a distance e (offset) to
+    its right and start = G . u, the coupler is the vector (q, -h)::
+
+        h = r sin(f) - e,   q = mode sqrt((c - h)(c + h)),   s = r cos(f) + q - start
+        c - h = (c + e - r) + 2 r sin^2(pi/4 - f/2),  c + h = (c - e - r) + 2 r cos^2(pi/4 - f/2)
+
+    The coupler turns by k1 = -r cos(f)/q for each radian of the crank, and with k2 = dk1/df::
+
+        ds/df = -r sin(f) + h k1,   d2s/df2 = -r cos(f) + h k2 - q k1^2
+
+    At a change point, coupler = crank + |offset|, the coupler comes to stand across the guide: a
+    bracket above is zero there, and its root is taken as sqrt(2 r) sin(pi/4 - f/2), or cos, which
+    changes its sign. So the motion runs smoothly on, as inertia would have it, with finite rates;
+    a branch of an offset linkage then closes after two turns. The moment that holds the crank
+    still is gravity * sum(mass * dy/dangle) over bars' mid-lengths and slider, less
+    slider_load * ds/dangle.
+
+    Parameters
+    ----------
+    angle, rate, acceleration : crank angle [rad], its first [rad/s] and second [rad/s^2] time
+        derivative, (...) broadcast together; the last axis is the sweep
+    crank, coupler : lengths between pins [m]
+    guide_x, guide_y : a point G of the guide [m], from which the slide is measured
+    guide_angle : direction of the guide [rad]
+    mode : +1 slider ahead of the crank pin along the guide (q > 0); -1 behind it. At a change
+        point: the sign of q where the crank points along the guide, f = 0.
+    crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
+    slider_load : force on the slider along the guide [N]
+    gravity : along -y [m/s^2]
+
+    Returns
+    -------
+    dict of (...) arrays: slide [m], slide_rate, slide_acceleration; slider_x, slider_y [m],
+    slider_vx, slider_vy, slider_ax, slider_ay; coupler_angle [rad] from P to S, coupler_rate,
+    coupler_acceleration; transmission_angle [rad] in [0, pi], between coupler and the guide's
+    normal, into which the rocker of a four-bar turns as it grows beyond all bounds: pi/2 is best;
+    holding_moment [N m]. coupler_angle starts in [-pi, pi] and is unwrapped along the last axis.
+
+    Raises
+    ------
+    ValueError
+        A length not positive, a mass negative, a value not finite, a mode unknown, or a coupler
+        too short: the message gives the first angle at which it misses the guide, and by how much.
+
+    Notes
+    -----
+    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler stands across
+    the guide (q = 0), change points excepted; next to it they lose digits like 1/q^2. Source: loop
+    and example of B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines 2983-3413, solved
+    there by Newton-Raphson. Its velocities (text line 3269) have the wrong sign, and the crank
+    angle was overwritten with zero before they were printed; its accelerations belong to
+    +1 rad/s^2 and not to the -1 printed beside them (text line 3337).
+
+    Examples
+    --------
+    >>> pose = solve(0.5, crank=1.0, coupler=2.0)
+    >>> [round(float(pose[name]), 8) for name in ("slide", "slide_rate", "slide_acceleration")]
+    [2.81927027, -0.696111, -1.18002816]
+    """
+    masses = {"crank_mass": crank_mass, "coupler_mass": coupler_mass, "slider_mass": slider_mass}
+    positive(crank=crank, coupler=coupler)
+    not_negative(**masses)
+    finite(slider_load=slider_load, gravity=gravity)
+    one_of(MODES, mode=mode)
+    start, offset = _guide(guide_x, guide_y, guide_angle)
+    slack = _slack(crank, coupler, start, offset)
+    inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
+    theta, w, dw = (np.atleast_1d(v) for v in inputs)
+    cos, sin = np.cos(guide_angle), np.sin(guide_angle)
+    along, across = crank * np.cos(theta - guide_angle), crank * np.sin(theta - guide_angle)
+    with np.errstate(divide="ignore", invalid="ignore"):  # across: inf or nan, as documented
+        q, k1, k2 = _couple(theta, guide_angle, crank, coupler, offset, mode, slack)
+        h = across - offset
+        s, s1, s2 = along + q - start, h * k1 - across, h * k2 - q * k1**2 - along
+        v, a = s1 * w, s1 * dw + s2 * w**2
+        ax, ay = q * cos + h * sin, q * sin - h * cos
+        lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
+        lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
+        curves = {
+            "slide": s, "slide_rate": v, "slide_acceleration": a,
+            "slider_x": guide_x + s * cos, "slider_y": guide_y + s * sin,
+            "slider_vx": v * cos, "slider_vy": v * sin, "slider_ax": a * cos, "slider_ay": a * sin,
+            "coupler_angle": unwrapped(np.arctan2(ay, ax)),
+            "coupler_rate": k1 * w, "coupler_acceleration": k1 * dw + k2 * w**2,
+            "transmission_angle": np.arctan2(np.abs(q), -h),
+            "holding_moment": gravity * lift - slider_load * s1,
+        }
+    return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
+
+
+def dead_points(
+    *, crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
+    guide_angle: float = 0.0, mode: int = 1,
+) -> tuple[Array, Array]:
+    r"""Crank angles [rad] and slides [m], each (2,), at which crank and coupler are in line.
+
+    First stretched out, then folded; the slider reverses there, and the slides lie one stroke
+    apart. With r = crank, c = coupler, e = offset and f the crank angle from the guide's
+    direction, mode +1 has::
+
+        stretched  f = asin(e/(c + r)),       slide = (c + r) sqrt(1 - e^2/(c + r)^2) - start
+        folded     f = pi + asin(e/(c - r)),  slide = (c - r) sqrt(1 - e^2/(c - r)^2) - start
+
+    and mode -1 has pi - f and the other sign of the roots. ValueError for bad lengths as in
+    `solve`, and where the folded linkage does not reach the guide, |c - r| < |e|, or leaves the
+    slider on the crank axis, c = r. Source: the triangle of A, S and the foot of A on the guide.
+
+    >>> angles, slides = dead_points(crank=1.0, coupler=2.0)
+    >>> [round(float(x), 6) for x in (*angles, *slides)]
+    [0.0, 3.141593, 3.0, 1.0]
+    """
+    positive(crank=crank, coupler=coupler)
+    one_of(MODES, mode=mode)
+    start, offset = _guide(guide_x, guide_y, guide_angle)
+    reach = np.array([coupler + crank, coupler - crank])
+    if reach[1] == 0.0 or abs(offset) > abs(reach[1]) + _slack(crank, coupler, start, offset):
+        raise ValueError(f"no folded dead point: the slider would be {abs(reach[1]):.6g} m from "
+                         f"the crank axis, the guide is {abs(offset):.6g} m from it")
+    sine = np.clip(offset / reach, -1.0, 1.0)
+    angle, run = np.array([0.0, np.pi]) + np.arcsin(sine), reach * np.sqrt(1.0 - sine**2)
+    return guide_angle + (angle if mode > 0 else np.pi - angle), mode * run - start
+
+
+def facts(*, crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
+          guide_angle: float = 0.0, mode: int = 1, **_: float) -> dict[str, str]:
+    """Stroke and dead points in words and degrees, for a report.
+
+    >>> facts(crank=1.0, coupler=2.0)["stroke"]
+    '2 m'
+    """
+    angles, slides = dead_points(crank=crank, coupler=coupler, guide_x=guide_x, guide_y=guide_y,
+                                 guide_angle=guide_angle, mode=mode)
+    first, second = np.degrees(angles)
+    return {"stroke": f"{abs(slides[0] - slides[1]):.6g} m",
+            "dead points": f"crank at {first:.2f}° and {second:.2f}°"}
+
+
+def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
+    """Place of the guide's point along the guide, and distance of the guide to the left of A."""
+    finite(guide_x=x, guide_y=y, guide_angle=angle)
+    return (float(x * np.cos(angle) + y * np.sin(angle)),
+            float(y * np.cos(angle) - x * np.sin(angle)))
+
+
+def _slack(*lengths: float) -> float:
+    """Rounding of a sum of lengths [m]."""
+    return 4.0 * float(np.finfo(float).eps) * sum(map(abs, lengths))
+
+
+def _couple(
+    theta: Array, guide_angle: float, crank: float, coupler: float, offset: float, mode: int,
+    slack: float,
+) -> tuple[Array, Array, Array]:
+    """Run q of the coupler along the guide, and slopes k1, k2 of its angle; or ValueError."""
+    half = np.pi / 4.0 - (theta - guide_angle) / 2.0
+    swings = np.sqrt(2.0 * crank) * np.sin(half), np.sqrt(2.0 * crank) * np.cos(half)
+    margins = coupler + offset - crank, coupler - offset - crank
+    gap = -np.minimum(*(m + x * x for m, x in zip(margins, swings, strict=True)))
+    if not gap.max(initial=0.0) <= slack:
+        bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
+        raise ValueError(f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
+                         f"the guide by {gap[bad]:.6g} m")
+    (one, k_one, b_one), (two, k_two, b_two) = (
+        _root(margin if abs(margin) > slack else 0.0, swing)
+        for margin, swing in zip(margins, swings, strict=True))
+    bend = 0.5 * (swings[1] * k_two * b_one - swings[0] * k_one * b_two)
+    return mode * one * two, -mode * k_one * k_two, mode * bend
+
+
+def _root(margin: float, swing: Array) -> tuple[Array, Array, Array]:
+    """Root R of margin + swing^2, swing/R and margin/R^3; at a change point R is the swing."""
+    if margin == 0.0:
+        return swing, np.ones_like(swing), np.zeros_like(swing)
+    root = np.sqrt(np.maximum(margin + swing * swing, 0.0))
+    return root, swing / root, margin / root**3

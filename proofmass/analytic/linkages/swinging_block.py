@@ -1,0 +1,93 @@
+"""Swinging-block linkage: the classic inverted slider-crank, its slider on a fixed pivot."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.linkages import inverted_slider_crank
+
+Array = NDArray[np.float64]
+MODES = inverted_slider_crank.MODES
+
+
+def solve(
+    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
+    crank: float, rod: float, pivot_x: float, pivot_y: float = 0.0, mode: int = 1,
+    crank_mass: float = 0.0, rod_mass: float = 0.0, gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Motion of a swinging-block linkage whose crank motion is given.
+
+    ::
+
+               P --__   slide s
+              /      --__
+             / crank     [S]__          A = (0, 0) and S = (pivot_x, pivot_y) are fixed
+            /                 --__ E    A-P crank, driven
+           A                            P-E rod, through a block that turns on S
+
+    It is the `inverted_slider_crank` with the bar left out and its pivot in S, where the equations
+    stand. As D = |A-S| and r = crank, the rod rocks about the line A-S by +-asin(r/D) while the
+    crank is inside the pivot, r < D; else it turns with the crank (Whitworth).
+
+    Parameters
+    ----------
+    angle, rate, acceleration : crank angle [rad], its first [rad/s] and second [rad/s^2] time
+        derivative, (n,) or scalars, broadcast together
+    crank, rod : lengths [m]
+    pivot_x, pivot_y : the block's pivot S [m]
+    mode : +1 the rod points from the crank pin to the block, -1 away from it
+    crank_mass, rod_mass : uniform bars [kg]
+    gravity : along -y [m/s^2]
+
+    Returns
+    -------
+    dict of (n,) or () arrays: slide, slide_rate, slide_acceleration, slide_margin; rod_angle,
+    rod_rate, rod_acceleration; end_x, end_y, end_vx, end_vy, end_ax, end_ay; holding_moment; as
+    in `inverted_slider_crank.solve`.
+
+    Raises
+    ------
+    ValueError
+        As there.
+
+    Notes
+    -----
+    Accuracy as there. Source: B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines
+    3415-3758, with the second input held; the thesis draws this linkage and solves the other.
+
+    Examples
+    --------
+    >>> pose = solve(np.pi / 2, crank=2.0, rod=3.0, pivot_x=2.0 + np.cos(0.8), pivot_y=np.sin(0.8))
+    >>> [round(float(pose[name]), 6) for name in ("slide", "end_x", "end_y")]
+    [2.986202, 2.709167, 0.71143]
+    """
+    inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
+    pose = inverted_slider_crank.solve(
+        *(np.stack([value, np.zeros_like(value)]) for value in inputs), crank=crank, bar=0.0,
+        rod=rod, ground_x=pivot_x, ground_y=pivot_y, mode=mode, crank_mass=crank_mass,
+        rod_mass=rod_mass, gravity=gravity)
+    return {name: curve for name, curve in pose.items()
+            if not name.startswith("slider") and name != "holding_moment_bar"}
+
+
+def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Array, Array]:
+    r"""Crank angles [rad] and rod angles [rad], each (2,), at which the rod of mode +1 turns back.
+
+    The rod stands square to the crank there. With D = |A-S|, direction d of A-S, r = crank::
+
+        crank = d +- acos(r/D),   rod = d -+ asin(r/D)
+
+    From the first to the second the crank passes the pivot's side, the quick stroke; the time
+    ratio of the two strokes at constant speed is pi/acos(r/D) - 1. ValueError for a bad length
+    and where the rod turns fully, r >= D. Source: the right-angled triangle A-P-S.
+
+    >>> (fast, slow), rods = extremes(crank=1.0, pivot_x=2.0)
+    >>> np.degrees([fast, slow, *rods]).round(6)
+    array([-60.,  60.,  30., -30.])
+    """
+    distance, direction = np.hypot(pivot_x, pivot_y), np.arctan2(pivot_y, pivot_x)
+    if not 0.0 < crank < distance:
+        raise ValueError(f"crank must be positive and shorter than the {distance:.6g} m to the "
+                         f"pivot for the rod to rock, got {crank}")
+    side = np.array([-1.0, 1.0])
+    return (direction + side * np.arccos(crank / distance),
+            direction - side * np.arcsin(crank / distance))

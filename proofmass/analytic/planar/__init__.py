@@ -1,0 +1,138 @@
+"""The general planar linkage: the reference of any planar MJCF that has no closed form.
+
+    sidecar:  reference = "planar"
+
+The quantities are the model's own sensors, by their channel names.  The geometry is read from the
+compiled model and moved by this package's own kinematics, so it holds the *engine* to account, not
+the drawing: a wrong length in the MJCF is wrong in both.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.planar.branch import Branch
+from proofmass.analytic.planar.closure import Drives, condition, rates
+from proofmass.analytic.planar.forces import holding
+from proofmass.analytic.planar.free import free_motion
+from proofmass.analytic.planar.mechanism import (
+    Array,
+    CannotAssemble,
+    Failure,
+    Mechanism,
+    Mirrored,
+    Overconstrained,
+    SingularHere,
+)
+from proofmass.analytic.planar.motion import move
+from proofmass.analytic.planar.quantities import quantities
+from proofmass.analytic.planar.read import read, refuse_contacts
+
+__all__ = ["Branch", "CannotAssemble", "Failure", "Mechanism", "Mirrored", "Overconstrained",
+           "SingularHere", "read", "solve"]
+
+
+def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *, model: Any,
+          start: str = "start", joints: tuple[str, ...] = ()) -> dict[str, Array]:
+    r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
+
+    ::
+
+            o-----o          each loop:   P_one(q) - P_two(q) = 0
+           /  \    \\         P = w z + t  in the complex plane, along a tree of joints
+          /    \    \\
+        --o-----o----o--
+
+    Driven joints are held at their values, the others follow by Newton's method along one branch
+    (`proofmass.analytic.planar.branch`); rates and accelerations are the solutions of the loop
+    equations differentiated once and twice, holding moments follow from virtual work.  Without
+    driven joints the motion is free and `value` is time (`proofmass.analytic.planar.free`).
+
+    Parameters
+    ----------
+    value, rate, acceleration : array_like (n,) or (drives, n)
+        Of the driven joints [rad or m, per s, per s2]; rising times [s] without any.
+    model : mujoco.MjModel
+        The compiled MJCF; its sensors are the quantities.
+    start : str
+        Key with the start pose, which chooses the branch.
+    joints : tuple of str
+        The driven joints.
+
+    Returns
+    -------
+    dict of str to ndarray (n,)
+        By channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; and of a
+        driven linkage ``condition``, by which rounding grows in a pose.
+
+    Raises
+    ------
+    CannotAssemble
+        The loops do not close at the start pose; says which, and by how much.
+    SingularHere
+        A limit position lies on the way, or the drives do not determine the pose.
+    Mirrored
+        The pose found is of another assembly mode; with the proven steps of this package it would
+        be a defect of it.
+    Overconstrained
+        A loop repeats what others hold.
+    ValueError
+        The model is not a planar linkage; says what in it is not.
+
+    Notes
+    -----
+    Domain: every pose that the start pose is connected with by regular poses or change points.
+    Accuracy: rounding times the condition of the pose, 1e-15 of the mechanism's size where the
+    transmission angle is good; free motions 1e-12 a second.
+
+    Examples
+    --------
+    >>> import mujoco
+    >>> model = mujoco.MjModel.from_xml_path("models/fourbar.xml")
+    >>> motion = solve([0.0, 0.5], model=model, joints=("crank",))
+    >>> [round(float(motion[name][0]), 8) for name in ("pin.x", "pin.y", "rocker_rate")]
+    [1.4375, 1.95156187, -0.5]
+    """
+    mechanism, reader = _read(model, start)
+    if joints:
+        values = np.atleast_2d(np.asarray(value, float))
+        q, d = _swept(mechanism, joints, values.shape, values.tobytes())
+        moving = (np.broadcast_to(np.asarray(x, float), values.shape).T
+                  for x in (rate, acceleration))
+        v, a = rates(mechanism, q, d, *moving)
+        moments = dict(zip(joints, holding(mechanism, q, d).T, strict=True))
+        own = {"condition": condition(mechanism, q, d)}
+    else:
+        refuse_contacts(model)
+        q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
+        moments, own = {}, {}
+    for k, joint in enumerate(mechanism.joints):
+        out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
+        if out.any():
+            raise ValueError(f"joint {joint.name!r} leaves its range {joint.range} at sample "
+                             f"{int(np.argmax(out))}; stops are not covered")
+    found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a), moments)
+    return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+@lru_cache(maxsize=32)
+def _swept(mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int],
+           values: bytes) -> tuple[Array, Drives]:
+    """Closed poses over the drives' values; kept, since a report asks for them again."""
+    branch = _branch(mechanism, joints)
+    q, failure = branch.follow(np.frombuffer(values).reshape(shape).T)
+    if failure is not None:
+        raise failure
+    return q, branch.d
+
+
+@lru_cache(maxsize=32)
+def _free(mechanism: Mechanism, times: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """A free motion, which every solver of a case is held to."""
+    return free_motion(mechanism, np.array(times))
+
+
+_branch = lru_cache(maxsize=8)(Branch)
+_read = lru_cache(maxsize=32)(read)

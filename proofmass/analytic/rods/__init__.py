@@ -1,0 +1,22 @@
+"""Inextensible planar rods (Kirchhoff's elastica): closed forms, shooting, chains, mechanisms.
+
+A rod of length L and bending stiffness EI is clamped at a point under an angle; with theta(s) its
+tangent's angle and n the constant force on its tip::
+
+    x' = cos(theta),  y' = sin(theta),  EI theta' = m,  m' = n_x sin(theta) - n_y cos(theta)
+
+`solve`, the reference of a model, is the clamped rod under dead loads of `cantilever`.
+"""
+
+from proofmass.analytic.rods.buckling import buckling, imperfect
+from proofmass.analytic.rods.cantilever import equilibria, solve
+from proofmass.analytic.rods.column import critical, elastica, ends_meet, self_buckling
+from proofmass.analytic.rods.elliptic import bounds, modulus, relative, shape, tip
+from proofmass.analytic.rods.parameters import of_load, of_shape
+from proofmass.analytic.rods.pinned import pinned
+from proofmass.analytic.rods.pseudo_rigid import pseudo_rigid
+from proofmass.analytic.rods.shooting import from_tip, integrate
+
+__all__ = ["bounds", "buckling", "critical", "elastica", "ends_meet", "equilibria", "from_tip",
+           "imperfect", "integrate", "modulus", "of_load", "of_shape", "pinned", "pseudo_rigid",
+           "relative", "self_buckling", "shape", "solve", "tip"]

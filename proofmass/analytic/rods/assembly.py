@@ -1,0 +1,193 @@
+"""Several clamped rods whose tips are pinned to one rigid platform: 2RFR, 3RFR, 3PFR."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.domain import Array
+from proofmass.analytic.rods.flow import Complex
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """k rods and a platform; without arms it is a pin, which has no orientation and no moment.
+
+    Attributes
+    ----------
+    clamp : ndarray (k,)
+        Where the clamps are, or their guides begin: O_i as x + iy [m].
+    angle : ndarray (k,)
+        Tangents at the clamps [rad]; what motors add to them if there are no guides.
+    length, stiffness : ndarray (k,)
+        L_i [m], EI_i [N m^2].
+    arm : ndarray (k,)
+        Attachments r_i in the platform's frame, x + iy [m].
+    prolongation : ndarray (k,)
+        Rigid straight end d_i of each rod [m], pinned at its far end.
+    guide : ndarray (k,) or None
+        Directions of the guides that the clamps slide along, of length 1; None: the clamps turn.
+    """
+
+    clamp: Complex
+    angle: Array
+    length: Array
+    stiffness: Array
+    arm: Complex
+    prolongation: Array
+    guide: Complex | None
+
+    @property
+    def rods(self) -> int:
+        """Their number k."""
+        return self.clamp.size
+
+    @property
+    def freedoms(self) -> int:
+        """Coordinates of the pose, p: x, y of a pin; x, y, phi of a platform."""
+        return 3 if self.arm.any() else 2
+
+    @property
+    def scale(self) -> tuple[float, float, float]:
+        """A length [m], a force [N] and a moment [N m] of this size of rods."""
+        length, stiffness = self.length.mean(), self.stiffness.mean()
+        return float(length), float(stiffness / length**2), float(stiffness / length)
+
+
+def assembly(
+    clamp: ArrayLike, *, length: ArrayLike = 1.0, stiffness: ArrayLike = 1.0,
+    arm: ArrayLike = (0.0, 0.0), angle: ArrayLike = 0.0, guide: ArrayLike | None = None,
+    prolongation: ArrayLike = 0.0,
+) -> Assembly:
+    r"""Clamped rods with their tips pinned to one rigid platform.
+
+    ::
+
+          theta_1                        rod i: clamp O_i, tangent theta_i, length L_i, EI_i
+        O1 |/_____                       B_i = P + Rot(phi) r_i: pin of rod i on the platform
+                  `.B1____
+                    \     |   phi        R (motors): inputs q_i add to the angles of the clamps
+                     \ P. |              P (guides): clamp i is at O_i + q_i g_i,
+        O2 |\_________\___/ B3                       g_i = (cos alpha_i, sin alpha_i)
+                     B2    \
+                            `--- O3      all r_i = 0: the tips share one pin P (2RFR)
+
+    Parameters
+    ----------
+    clamp : O_i [m], (k, 2), two rods or more
+    length, stiffness : L_i [m], EI_i [N m^2], (k,) or one for all
+    arm : r_i in the platform's frame [m], (k, 2)
+    angle : of the clamps when the inputs are zero [rad], (k,)
+    guide : alpha_i [rad], (k,), makes the inputs slide the clamps; None makes them turn
+    prolongation : rigid end of each rod [m], (k,)
+
+    Raises
+    ------
+    ValueError
+        A parameter of the wrong shape or sign, or clamps further apart than rods and platform
+        reach.
+
+    Notes
+    -----
+    Source: J. Pérez Gámiz, Resolución del problema de posición de mecanismos ultraflexibles planos
+    de cadena cerrada, TFG, UPV/EHU Bilbao 2018, text lines 880-1160.  The prolongation is in its
+    program only (lines 7091-7205).
+
+    Examples
+    --------
+    >>> assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=0.0522).freedoms
+    2
+    >>> assembly([[-3.0, 0.0], [0.3, 0.0]])
+    Traceback (most recent call last):
+    ValueError: clamps 1 and 2 are 3.3 m apart, and their rods reach 2 m
+    """
+    points = plane("clamp", clamp)
+    count = points.size
+    if count < 2:
+        raise ValueError(f"clamp must hold two points or more, (k, 2), got {count}")
+    lengths = each("length", length, count, above=0.0)
+    stiff = each("stiffness", stiffness, count, above=0.0)
+    rigid = each("prolongation", prolongation, count, least=0.0)
+    arms = plane("arm", arm)
+    if arms.size not in (1, count):
+        raise wrong_shape("arm", arm, count)
+    guides = None if guide is None else np.exp(1j * each("guide", guide, count))
+    a = Assembly(points, each("angle", angle, count), lengths, stiff,
+                 np.broadcast_to(arms, (count,)), rigid, guides)
+    if guides is None:
+        near_enough(a)
+    return a
+
+
+def plane(name: str, points: ArrayLike) -> Complex:
+    """Points (..., 2) as x + iy."""
+    given = np.atleast_2d(np.asarray(points, float))
+    if given.ndim != 2 or given.shape[1] != 2 or not np.isfinite(given).all():
+        raise ValueError(f"{name} must be finite points [m], (k, 2), got {points!r}")
+    return given @ np.array([1.0, 1.0j])
+
+
+def each(name: str, value: ArrayLike, count: int, *, above: float = -np.inf,
+         least: float = -np.inf) -> Array:
+    """One finite number for each rod, above or not below a bound."""
+    given = np.asarray(value, float)
+    if given.shape not in ((), (count,)):
+        raise wrong_shape(name, value, count)
+    if not (np.isfinite(given) & (given > above) & (given >= least)).all():
+        bound = " and above 0" if above == 0.0 else " and not below 0" if least == 0.0 else ""
+        raise ValueError(f"{name} must be finite{bound}, got {value!r}")
+    return np.broadcast_to(given, (count,))
+
+
+def wrong_shape(name: str, value: ArrayLike, count: int) -> ValueError:
+    """For a parameter that is neither one for all nor one for each rod."""
+    return ValueError(f"{name} must be one for all or one for each of {count} rods, got {value!r}")
+
+
+def near_enough(a: Assembly) -> None:
+    """ValueError for the first two clamps that rods and platform cannot bridge."""
+    reach = a.length + a.prolongation
+    for i in range(a.rods):
+        for j in range(i):
+            apart = abs(a.clamp[i] - a.clamp[j])
+            bridge = reach[i] + reach[j] + abs(a.arm[i] - a.arm[j])
+            if apart > bridge:
+                raise ValueError(f"clamps {j + 1} and {i + 1} are {apart:.6g} m apart, and their "
+                                 f"rods reach {bridge:.6g} m")
+
+
+def triangle(side: float) -> Array:
+    """Vertices r_i (3, 2) [m] of an equilateral platform about its centre, the first two below.
+
+    The angle of B1-B2 is then phi.
+
+    >>> triangle(1.0).round(6).tolist()
+    [[-0.5, -0.288675], [0.5, -0.288675], [0.0, 0.57735]]
+    """
+    if not 0.0 < side < np.inf:
+        raise ValueError(f"side must be positive and finite [m], got {side}")
+    turn = np.radians([-150.0, -30.0, 90.0])
+    return side / np.sqrt(3.0) * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+
+
+def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
+    """Whether pins (..., k, 2) [m] at the right distances belong to a mirror image of the platform.
+
+    The distances of three vertices do not tell a platform from its mirror image; the sign of the
+    area that the pins go round does.  Departs from Pérez Gámiz 2018, eqs 113-115, whose closure
+    accepts both.
+
+    >>> a = assembly([[-0.9, -0.5], [0.9, -0.5], [0.0, 1.0]], arm=triangle(0.2))
+    >>> mirrored(a, triangle(0.2) * [1, -1])
+    array(True)
+    """
+    points = np.asarray(pins, float) @ np.array([1.0, 1.0j])
+    if a.freedoms < 3 or points.shape[-1:] != (a.rods,):
+        raise ValueError(f"pins must be those of a platform with {a.rods} arms, (..., {a.rods}, 2)"
+                         f", got {np.shape(pins)}")
+    return np.asarray(area(points) * area(a.arm) < 0.0)
+
+
+def area(points: Complex) -> Array:
+    """Twice the area that points (..., k) go round counter-clockwise."""
+    return np.asarray((points.conj() * np.roll(points, -1, axis=-1)).imag.sum(axis=-1))

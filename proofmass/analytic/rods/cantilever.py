@@ -1,0 +1,220 @@
+"""Clamped rod with a free tip under dead loads: all equilibria, the stable one, its shape."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import romb
+
+from proofmass.analytic.domain import Array, finite, positive
+from proofmass.analytic.rods.elliptic import TURN, from_inflection, stiff
+from proofmass.analytic.rods.roots import roots
+from proofmass.analytic.rods.second_variation import stability
+from proofmass.analytic.rods.shooting import from_tip
+
+NODES = 129  # 2^7 + 1, for Romberg's rule
+STEPS = 64  # of order 8, at least
+
+
+@dataclass(frozen=True)
+class Load:
+    """A rod and what it carries; forces in the clamp's frame, x along its tangent."""
+
+    length: float
+    stiffness: float
+    force: complex  # [N]
+    moment: float  # [N m]
+    weight: complex  # [N/m]
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """What `from_tip` and `stability` ask for by name."""
+        return {"weight_x": self.weight.real, "weight_y": self.weight.imag,
+                "length": self.length, "stiffness": self.stiffness}
+
+    @property
+    def elliptic(self) -> bool:
+        """Whether the tip is an inflection and the load does not pull straight along the rod."""
+        return (self.moment == 0.0 and self.weight == 0.0
+                and abs(np.sin(0.5 * self.psi)) > 1e-100)
+
+    @property
+    def psi(self) -> float:
+        return float(np.angle(self.force) % TURN)
+
+    @property
+    def waves(self) -> float:
+        """L sqrt(R/EI)."""
+        return float(self.length * np.sqrt(abs(self.force) / self.stiffness))
+
+
+def solve(
+    s: ArrayLike, *, length: float = 1.0, stiffness: float = 1.0,
+    force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0,
+    weight_x: float = 0.0, weight_y: float = 0.0,
+    x0: float = 0.0, y0: float = 0.0, theta0: float = 0.0, branch: int = 1,
+) -> dict[str, Array]:
+    r"""Shape of a clamped rod under dead loads at arc lengths `s` from the clamp.
+
+    ::
+
+          \|  w, per length           EI theta' = m,   m(L) = M
+        | ___                         m' = N_x sin(theta) - N_y cos(theta)
+        |=   '--._  ) M               N = F + w (L - s)
+        |         '-o
+       (x0, y0)      \ F              all loads keep their directions
+
+    A force alone at the tip is solved in closed form, with k the modulus that is looked for::
+
+        k cd(L sqrt(R/EI), |k|) = cos(psi/2)
+
+    and everything else by shooting from the tip, whose angle is then the one unknown.
+
+    Parameters
+    ----------
+    s : [m], in [0, length]  (...)
+    length, stiffness : L [m], EI [N m^2]
+    force_x, force_y : F on the tip [N]
+    moment : M on the tip [N m]
+    weight_x, weight_y : w, dead load per length of rod [N/m]
+    x0, y0, theta0 : the clamp [m] and its tangent [rad]
+    branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`)
+
+    Returns
+    -------
+    dict of (...) arrays: x, y [m], theta [rad], unwrapped from the clamp's, m [N m], and force_x,
+    force_y [N] that the part beyond s puts on the part before.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, an s beyond the rod, a branch that there is not.
+
+    Notes
+    -----
+    Within 1e-13 L for a force alone, 1e-11 L otherwise, up to L sqrt(R/EI) of about 10.  In mirror
+    image equilibria the one to the left comes first.  Source: Pérez Gámiz 2018, eq. 30 and 33-46;
+    K. E. Bisshopp and D. C. Drucker, Q. Appl. Math. 3 (1945) 272-275 for psi = pi/2.
+
+    Examples
+    --------
+    >>> tip = solve(1.0, force_y=10.0)
+    >>> [round(float(tip[name]), 10) for name in ("x", "y", "theta")]
+    [0.4450044022, 0.8106090249, 1.4302855388]
+    """
+    load = _load(length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y),
+                 theta0)
+    arc = np.asarray(s, float)
+    if not np.all((arc >= 0.0) & (arc <= length)):
+        raise ValueError(f"s must lie within [0, {length}] [m]")
+    found = _tips(load)
+    if not 1 <= branch <= found["tip"].size:
+        raise ValueError(f"branch must be from 1 to {found['tip'].size}, got {branch}")
+    place, theta, m = (v[0].reshape(arc.shape) for v in _shape(
+        load, found["tip"][branch - 1:branch], arc.ravel()))
+    place = complex(x0, y0) + place * np.exp(1j * theta0)
+    beyond = complex(force_x, force_y) + complex(weight_x, weight_y) * (length - arc)
+    return {"x": place.real, "y": place.imag, "theta": theta + theta0, "m": m,
+            "force_x": beyond.real, "force_y": beyond.imag}
+
+
+def equilibria(
+    *, length: float = 1.0, stiffness: float = 1.0, force_x: float = 0.0, force_y: float = 0.0,
+    moment: float = 0.0, weight_x: float = 0.0, weight_y: float = 0.0, theta0: float = 0.0,
+) -> dict[str, Array]:
+    """All equilibria of the rod of `solve`, by rising potential energy.
+
+    Returns
+    -------
+    dict of (branches,) arrays: theta [rad] of the tip; x, y [m] of the tip from the clamp; m0
+    [N m]; energy of bending and potential [J], energy less the work of the loads from the straight
+    rod's clamp; unstable, the number of negative directions.
+
+    Notes
+    -----
+    A search over the tip's angle, |theta_L - theta_0| <= L (|M| + |F| L/2 + |w| L^2/6)/EI, on a
+    grid that is fine where rods under tension are; pairs of equilibria closer than about 1e-6 rad
+    (next to a fold) may be missed together.
+
+    >>> found = equilibria(force_x=-3.0)                 # a column beyond pi^2/4 = 2.467
+    >>> found["theta"].round(4).tolist(), found["unstable"].tolist()
+    ([1.2245, -1.2245, 0.0], [0, 0, 1])
+    """
+    load = _load(length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y),
+                 theta0)
+    found = _tips(load)
+    place = found.pop("place") * np.exp(1j * theta0)
+    state = stability(load.force.real, load.force.imag, found["theta"], moment, **load.keywords)
+    del found["tip"]
+    return {**found, "theta": found["theta"] + theta0, "x": place.real, "y": place.imag,
+            "unstable": state.free}
+
+
+def _load(length: float, stiffness: float, force: complex, moment: float, weight: complex,
+          theta0: float) -> Load:
+    positive(length=length)
+    stiff(stiffness)
+    finite(force_x=force.real, force_y=force.imag, moment=moment, weight_x=weight.real,
+           weight_y=weight.imag, theta0=theta0)
+    turn = np.exp(-1j * theta0)
+    return Load(length, stiffness, complex(force * turn), moment, complex(weight * turn))
+
+
+def _tips(load: Load) -> dict[str, Array]:
+    """The tips of all equilibria in the clamp's frame, by rising potential energy."""
+    tip = roots(lambda v: _clamp(load, v), _grid(load))
+    arc = np.linspace(0.0, load.length, NODES)
+    place, theta, m = _shape(load, tip, arc)
+    step = arc[1]
+    energy = romb(m**2, step) / (2.0 * load.stiffness)
+    work = (np.conj(load.force) * place[:, -1] + romb(np.conj(load.weight) * place, step)).real
+    found = {"tip": tip, "theta": theta[:, -1], "place": place[:, -1], "m0": m[:, 0],
+             "energy": energy, "potential": energy - work - load.moment * theta[:, -1]}
+    scale = load.stiffness / load.length
+    order = np.lexsort((-found["theta"], np.round(found["potential"] / scale, 9)))
+    return {name: value[order] for name, value in found.items()}
+
+
+def _grid(load: Load) -> Array:
+    """Values of the unknown that hold every equilibrium between them.
+
+    It is artanh k for a force alone, since K(k) grows with it evenly, or else the tip's angle.
+    """
+    if load.elliptic:
+        most = load.waves + 40.0 - np.log(np.sin(0.5 * load.psi))
+        return np.linspace(-most, most, 801 + int(10.0 * load.waves * most))
+    mean = (abs(load.moment) + abs(load.force) * load.length / 2.0
+            + abs(load.weight) * load.length**2 / 6.0)
+    reach = mean * load.length / load.stiffness
+    even = np.linspace(-reach - 0.01, reach + 0.013, 801 + int(40.0 * reach))
+    near = np.geomspace(1e-13, 1.0, 53)
+    aims = np.angle(load.force) + TURN * np.arange(-1, 2)[:, None]
+    return np.unique(np.concatenate([even, *(aims - near), *(aims + near)]))
+
+
+def _clamp(load: Load, unknown: Array) -> Array:
+    """Angle at the clamp, which has to be zero."""
+    return _shape(load, unknown, np.zeros(1))[1][:, 0]
+
+
+def _shape(load: Load, unknown: Array, arc: Array) -> tuple[Array, Array, Array]:
+    """Place (complex), angle and moment (unknowns, arcs) at arc lengths from the clamp."""
+    if not load.elliptic:
+        return _shot(load, unknown, arc)
+    k, other = np.tanh(unknown)[:, None], 1.0 / np.cosh(unknown)[:, None]
+    unit, psi = load.length / load.waves, np.asarray(load.psi)
+    x, y, theta, m = from_inflection(psi, k, other, (load.length - arc) / unit)
+    end_x, end_y, _, _ = from_inflection(psi, k, other, np.asarray(load.waves))
+    return unit * (end_x - x + 1j * (end_y - y)), theta, load.stiffness / unit * m
+
+
+def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
+    """The same by shooting from tips of given angle."""
+    back = load.length - arc
+    nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, STEPS + 1), back]))
+    rods = from_tip(load.force.real, load.force.imag, tip, load.moment, **load.keywords,
+                    nodes=nodes)
+    at = np.searchsorted(nodes, back)
+    place = rods.x + 1j * rods.y
+    return (place[-1] - place[at]).T, rods.theta[at].T, -rods.m[at].T

@@ -1,0 +1,139 @@
+"""Euler's columns: critical loads, the elastica beyond them, self-weight."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+from scipy.special import jv
+
+from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.rods.elliptic import stiff
+from proofmass.analytic.rods.integrals import legendre
+
+# Quarter waves in the column's length; clamped-pinned has z/(pi/2) of them, tan z = z.
+QUARTERS = {"clamped-free": 1.0, "pinned-pinned": 2.0, "clamped-clamped": 4.0}
+ENDS = ("clamped-free", "pinned-pinned", "clamped-pinned", "clamped-clamped")
+
+
+def critical(ends: str = "clamped-free", *, length: float = 1.0, stiffness: float = 1.0) -> float:
+    """Euler's load (z/L)^2 EI [N]: z = pi/2, pi, the root of tan z = z, 2 pi for the `ENDS`.
+
+    The ends keep to the line of the load, but for a free one.  ValueError for other ends.
+
+    >>> [round(critical(ends), 8) for ends in ENDS]
+    [2.4674011, 9.8696044, 20.19072856, 39.4784176]
+    """
+    positive(length=length)
+    stiff(stiffness)
+    if ends not in ENDS:
+        raise ValueError(f"ends must be one of {', '.join(ENDS)}, got {ends!r}")
+    if ends == "clamped-pinned":
+        z = brentq(lambda z: np.sin(z) - z * np.cos(z), 4.0, 4.7, xtol=1e-15, rtol=1e-15)
+    else:
+        z = 0.5 * np.pi * QUARTERS[ends]
+    return float((z / length) ** 2 * stiffness)
+
+
+def elastica(
+    load: ArrayLike, ends: str = "clamped-free", *, length: float = 1.0, stiffness: float = 1.0
+) -> dict[str, Array]:
+    r"""Shape of a buckled column by the load P over the critical one, in its first mode.
+
+    ::
+
+                 ,-'''-.            clamped-free: a quarter wave, span along the load
+        P --> o-'   rise '-o <-- P  pinned-pinned: two, clamped-clamped: four of them
+              |--- span ---|
+
+        K(k) = (pi/2) sqrt(P/P_cr),    k = sin(a/2),  a the angle at an inflection
+        span/L = 2 E/K - 1,    rise/L = 2 k/(n K),  n quarter waves (clamped-clamped: rise of two)
+
+    Parameters
+    ----------
+    load : P/P_cr, 1 or more (...)
+    ends : "clamped-free", "pinned-pinned" or "clamped-clamped"
+    length, stiffness : L [m], EI [N m^2]
+
+    Returns
+    -------
+    dict of (...) arrays: span [m] between the ends along the load, negative once they have passed
+    each other; rise [m] across it (of the free tip, or the middle); angle [rad] at the inflections;
+    k; energy [J].
+
+    Raises
+    ------
+    ValueError
+        A load below the critical one, where the column is straight; clamped-pinned, whose load has
+        a part across the line (`proofmass.analytic.rods.tip` with mode 2).
+
+    Notes
+    -----
+    Exact; next to P_cr k has half of the digits of P/P_cr - 1.  The ends of a pinned column meet at
+    2 E = K (`ends_meet`).  Of a free tip it is `proofmass.analytic.rods.tip` with psi = pi.
+    Source: A. E. H. Love, Mathematical Theory of Elasticity, 4th ed., sec. 263.
+
+    Examples
+    --------
+    >>> half = elastica(1.1517196)
+    >>> [round(float(half[name]), 5) for name in ("k", "span", "rise")]
+    [0.5, 0.74102, 0.59321]
+    """
+    if ends not in QUARTERS:
+        raise ValueError(f"ends must be one of {', '.join(QUARTERS)}, got {ends!r}")
+    ratio = np.asarray(load, float)
+    if not np.all((ratio >= 1.0) & (ratio < 1e4)):
+        raise ValueError("load must be from 1 to 1e4 critical loads")
+    scale = critical(ends, length=length, stiffness=stiffness)
+    k, other = _of_quarter(0.5 * np.pi * np.sqrt(ratio))
+    quarter, second = whole(other)
+    count = QUARTERS[ends]
+    arcs = 2.0 if ends == "clamped-clamped" else 1.0
+    span = 2.0 * second / quarter - 1.0
+    return {"span": length * span, "rise": length * arcs * 2.0 * k / (count * quarter),
+            "angle": 2.0 * np.arctan2(k, other), "k": k,
+            "energy": ratio * scale * length * (span + 2.0 * k * k - 1.0)}
+
+
+def ends_meet() -> tuple[float, float]:
+    """Modulus and P/P_cr at which the ends of a pinned column meet: 2 E(k) = K(k).
+
+    >>> [round(value, 10) for value in ends_meet()]
+    [0.9089085575, 2.1833790462]
+    """
+    def gap(other: float) -> float:
+        quarter, second = whole(np.array(other))
+        return float(2.0 * second - quarter)
+
+    other = brentq(gap, 0.1, 0.9, xtol=1e-15, rtol=1e-15)
+    quarter, _ = whole(np.array(other))
+    return float(np.sqrt((1.0 - other) * (1.0 + other))), float((2.0 * quarter / np.pi) ** 2)
+
+
+def self_buckling(*, length: float = 1.0, stiffness: float = 1.0) -> float:
+    """Weight per length [N/m] under which an upright clamped-free column gives way.
+
+    w L^3/EI = (9/4) j^2, j the first zero of the Bessel function J_(-1/3).  Source: A. G.
+    Greenhill, Proc. Cambridge Philos. Soc. 4 (1881) 65-73.
+
+    >>> round(self_buckling(), 9)
+    7.837347439
+    """
+    positive(length=length)
+    stiff(stiffness)
+    zero = brentq(lambda x: jv(-1.0 / 3.0, x), 1.5, 2.2, xtol=1e-15, rtol=1e-15)
+    return float(2.25 * zero**2 * stiffness / length**3)
+
+
+def whole(complement: Array) -> tuple[Array, Array]:
+    """The complete integrals K and E of a complement."""
+    ends = np.ones_like(complement)
+    return legendre(ends, 0.0 * ends, complement, complement)[2:]
+
+
+def _of_quarter(quarter: Array) -> tuple[Array, Array]:
+    """Modulus and complement with K(k) = quarter, by bisection on artanh k, which K grows with."""
+    low, high = np.zeros_like(quarter), quarter + 0.0
+    for _ in range(64):
+        middle = 0.5 * (low + high)
+        above = whole(1.0 / np.cosh(middle))[0] > quarter
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return np.tanh(low), 1.0 / np.cosh(low)

@@ -1,0 +1,160 @@
+"""Three clamped rods with their tips on one rigid platform (3RFR), at rest under a dead load."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
+from proofmass.analytic.rods.derivatives import derivatives
+from proofmass.analytic.rods.direct import direct
+from proofmass.analytic.rods.remember import shared
+from proofmass.analytic.rods.solutions import solutions
+from proofmass.analytic.rods.state import State
+
+MODES = tuple(range(1, 10))
+LARGEST = 20.0  # alpha = L sqrt(R/EI): States of more are not to be followed, e^alpha away
+STRIDE = 0.02  # of the length: by so much rigid ends grow from one equilibrium to the next
+Three = tuple[float, float, float]
+
+
+def solve(
+    s: ArrayLike, *, side: float, theta1: float, theta2: float, theta3: float, radius: float = 1.0,
+    force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0, mode: int = 1,
+    inflections: int = 1, length: float = 1.0, stiffness: float = 1.0, prolongation: float = 0.0,
+) -> dict[str, Array]:
+    r"""Shapes of the three rods at arc lengths `s` from their clamps.
+
+    ::
+
+                   O3
+                   |                 O1, O2, O3 at -150, -30 and 90 degrees on a circle about
+                    \                the origin, the clamps' tangents at theta1, theta2, theta3
+                    B3
+                 side/ \             B1 B2 B3 equilateral, centre P at (x, y),
+                   B1---B2           phi = angle of B1-B2
+                  /       `-._
+             O1 -'            `O2    n_1 + n_2 + n_3 = F,  sum (B_i - P) x n_i = M
+
+    Parameters
+    ----------
+    s : [m], in [0, length]  (...)
+    side : a, of the platform [m]
+    theta1, theta2, theta3 : tangents at the clamps [rad]
+    radius : of the circle of the clamps [m]
+    force_x, force_y : dead load F on the platform at P [N]
+    moment : dead load M on the platform [N m]
+    mode : 1 for the stable equilibrium of least potential, 2 for the next, ...
+    inflections : most that a rod may have, its pinned tip included
+    length, stiffness : L [m], EI [N m^2], of each rod
+    prolongation : rigid straight end of each rod [m], pinned at its far end
+
+    Returns
+    -------
+    dict of (...) arrays: x1, y1 [m], t1 [rad], m1 [N m] along the first rod, x2, ... along the
+    others; x, y [m], phi [rad] of the platform, hold1, hold2, hold3, the moments [N m] that hold
+    the clamps, and energy of bending [J], the same everywhere.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, clamps out of reach, or a mode that is not there: the message
+        tells which are.
+
+    Notes
+    -----
+    A mode instead of a first guess: nobody knows the forces of a mechanism that is yet to be built,
+    but what it does when it is let go is a stable equilibrium.  All of them are searched for, by
+    `proofmass.analytic.rods.solutions`, in about a second; problems that are equal in five digits
+    share the search, and each goes on from there by Newton's method.  Counted are those whose rods
+    carry R = 20^2 EI/L^2 at most, with looped rods among them; there are more beyond. Rigid ends
+    grow from nothing along the equilibrium that is counted without them.
+
+    Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.  Source: Pérez Gámiz 2018,
+    eqs 106-115 and Table 8, with 180 degrees for theta2, printed 0, and the side of 0.2 m, which is
+    not printed.  Its first solution is mode 2 here, its second mode 1; three more stable ones up
+    to that load, each with a looped rod, are not in it.
+
+    Examples
+    --------
+    >>> three = solve([0.0, 1.0], side=0.2, theta1=np.pi/4, theta2=np.pi, theta3=-np.pi/3,
+    ...               force_y=0.5, stiffness=0.0521860264)
+    >>> [round(float(three[name][0]), 6) for name in ("x", "y", "phi", "hold2")]
+    [0.006759, 0.011078, -1.394088, 0.075531]
+    """
+    arc = np.asarray(s, float)
+    found = standing(Problem(side, radius, length, stiffness, (theta1, theta2, theta3), None,
+                             (0.0, 0.0, 0.0), (force_x, force_y, moment), inflections),
+                     mode, prolongation)
+    known: dict[str, Array] = {}
+    for name, rods in zip("xytm", found.shape(arc.ravel() / length), strict=True):
+        known |= {f"{name}{k}": rod.reshape(arc.shape) for k, rod in enumerate(rods, 1)}
+    ends = dict(zip(("x", "y", "phi"), found.pose, strict=True))
+    ends |= {f"hold{k}": -moment for k, moment in enumerate(found.moment, 1)}
+    ends["energy"] = found.energy.sum()
+    return known | {name: np.full(arc.shape, value) for name, value in ends.items()}
+
+
+class Problem(NamedTuple):
+    """Three rods alike on an equilateral platform, their clamps or guides round a circle.
+
+    Without `guide` the inputs turn the clamps; angles [rad], load (F_x, F_y [N], M [N m]).
+    """
+
+    side: float
+    radius: float
+    length: float
+    stiffness: float
+    theta: Three
+    guide: Three | None
+    inputs: Three
+    load: Three
+    inflections: int
+
+    @property
+    def assembly(self) -> Assembly:
+        """Rods and platform."""
+        positive(radius=self.radius)
+        return assembly(triangle(np.sqrt(3.0) * self.radius), length=self.length,
+                        stiffness=self.stiffness, arm=triangle(self.side), angle=self.theta,
+                        guide=self.guide)
+
+
+def standing(problem: Problem, mode: int, prolongation: float = 0.0) -> State:
+    """The equilibrium of that mode, with rigid ends if there are any."""
+    there = stable(problem)
+    if mode not in range(1, 1 + len(there.vector)):
+        raise ValueError(f"mode {mode} is not there; there are: {spoken(there)}, with loads up to "
+                         f"R = {LARGEST:g}² EI/L²")
+    near = State(problem.assembly, there[int(mode) - 1].vector)
+    return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
+
+
+@shared
+def stable(problem: Problem) -> State:
+    """All stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
+    found = solutions(problem.assembly, inputs=problem.inputs, load=problem.load,
+                      modes=problem.inflections, most_load=LARGEST)
+    return found.state[found.negative == 0]
+
+
+def spoken(found: State) -> str:
+    """Modes by their poses."""
+    poses = (f"{k} at ({x:.3g}, {y:.3g}) m, {np.degrees(phi):.4g} degrees"
+             for k, (x, y, phi) in enumerate(found.pose, 1))
+    return "; ".join(poses) or "none"
+
+
+def with_ends(found: State, prolongation: float) -> State:
+    """The same equilibrium with rigid ends that grow from nothing."""
+    steps = int(np.ceil(prolongation / (STRIDE * found.assembly.length[0])))
+    sign = np.sign(derivatives(found).direct_determinant)
+    for rigid in np.linspace(0.0, prolongation, steps + 1)[1:]:
+        robot = replace(found.assembly, prolongation=np.full(3, rigid))
+        found = direct(State(robot, found.vector))
+        if sign * derivatives(found).direct_determinant < 0.0:
+            raise ValueError(f"prolongation must be less than {rigid:.3g} m, where this "
+                             f"equilibrium becomes unstable, got {prolongation}")
+    return found

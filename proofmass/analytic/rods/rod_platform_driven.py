@@ -1,0 +1,128 @@
+"""Three clamped rods on one rigid platform, driven by motors (3RFR) or along guides (3PFR)."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.domain import Array
+from proofmass.analytic.rods.closure import newton
+from proofmass.analytic.rods.continuation import follow
+from proofmass.analytic.rods.derivatives import derivatives
+from proofmass.analytic.rods.remember import shared
+from proofmass.analytic.rods.rod_platform import MODES, Problem, Three, standing
+from proofmass.analytic.rods.rod_platform_charts import constant_orientation
+from proofmass.analytic.rods.state import State, columns
+
+__all__ = ["MODES", "constant_orientation", "solve"]
+NAMES = ("x", "y", "phi", "x_rate", "y_rate", "phi_rate", "hold1", "hold2", "hold3", "energy")
+
+
+def solve(
+    inputs: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *, side: float,
+    theta1: float = 0.0, theta2: float = 0.0, theta3: float = 0.0, guide1: float | None = None,
+    guide2: float | None = None, guide3: float | None = None, radius: float = 1.0,
+    force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0, mode: int = 1,
+    inflections: int = 1, length: float = 1.0, stiffness: float = 1.0, prolongation: float = 0.0,
+) -> dict[str, Array]:
+    r"""Equilibria along a path of the inputs, each the continuation of the one before.
+
+    ::
+
+               q_1 -->
+        - - O1 - [=]------.            clamp i at O_i + q_i (cos guide_i, sin guide_i),
+                           `-._ B1     its tangent at theta_i; without guides q_i adds to theta_i
+                               `o
+                               / `.    O_i and the platform as in `rod_platform`
+                             `o----o
+
+    Parameters
+    ----------
+    inputs : q [m or rad], (3, ...); the last axis is the path
+    rate, acceleration : their time derivatives; there are no accelerations without masses
+    side, radius, prolongation, length : see `rod_platform.solve` [m]
+    theta1, theta2, theta3 : tangents at the clamps [rad]; without guides, those of inputs 0
+    stiffness : EI of each rod [N m^2]
+    force_x, force_y : dead load F on the platform at P [N]
+    moment : dead load M on the platform [N m]
+    mode, inflections : see `rod_platform.solve`; they choose the equilibrium of the first inputs
+    guide1, guide2, guide3 : directions of the guides [rad]; left out, the inputs turn the clamps
+
+    Returns
+    -------
+    dict of (...) arrays: x, y [m], phi [rad] of the platform, unwrapped, each with _rate; hold1,
+    hold2, hold3, what the drives hold [N or N m]; energy of bending [J].  NaN from where the
+    equilibrium folds or becomes unstable.
+
+    Raises
+    ------
+    ValueError
+        As `rod_platform.solve`, or some guides without the others.
+
+    Notes
+    -----
+    Within 1e-9 of the sizes EI/L^2, EI/L and L; rates by the exact Jacobian.  NaN as well where a
+    rod is so tight, alpha = L sqrt(R/EI) above 12 or so, that shooting along it loses all digits;
+    a path that pulls a rod straight takes minutes to get there.
+    Source: Pérez Gámiz 2018, eqs 106-112 and annex II.4 (lines 7091-8310), which follows paths of
+    inputs from tables that are not printed.  Departs from it in the derivative by the slide, which
+    there is right for guides along the clamps' tangents only, and behind folds, where it goes on
+    from the last point on whatever branch Newton's method meets.
+
+    Examples
+    --------
+    The start pose of annex II.4, without load and without its rigid ends: each force is across its
+    guide, so nothing holds the sliders.
+
+    >>> turns = 0.0, 2 * np.pi/3, -2 * np.pi/3
+    >>> start = solve(np.full((3, 1), -0.0782049), side=0.2 * np.sqrt(3), stiffness=0.0521860264,
+    ...     **{f"{key}{k}": turn for key in ("theta", "guide") for k, turn in enumerate(turns, 1)})
+    >>> round(float(start["phi"][0]) * 180 / np.pi, 4), abs(float(start["hold1"][0])) < 1e-8
+    (60.0, True)
+    """
+    q = np.asarray(inputs, float)
+    if q.shape[:1] != (3,):
+        raise ValueError(f"inputs must be those of three rods, (3, ...), got {q.shape}")
+    path = q.reshape(3, -1).T
+    problem = Problem(side, radius, length, stiffness, (theta1, theta2, theta3),
+                      guides(guide1, guide2, guide3), tuple(path[0].tolist()),
+                      (force_x, force_y, moment), inflections)
+    near = branch(problem, tuple(map(tuple, path.tolist())), mode, prolongation).vector
+    there = np.isfinite(near[:, 0])
+    robot = replace(problem.assembly, prolongation=np.full(3, prolongation))
+    states = State(robot, near[there]).replaced(inputs=path[there], load=problem.load)
+    found, _ = newton(states, columns(robot, "rods", "pose"))
+    speed = np.broadcast_to(np.asarray(rate, float), q.shape).reshape(3, -1).T
+    curves = {name: np.full(there.shape, np.nan) for name in NAMES}
+    for name, curve in zip(NAMES, described(found, speed[there]), strict=True):
+        curves[name][there] = curve
+    return {name: curve.reshape(q.shape[1:]) for name, curve in curves.items()}
+
+
+def guides(*angle: float | None) -> Three | None:
+    """Directions of all guides, or None where there are none."""
+    if all(a is None for a in angle):
+        return None
+    one, two, three = angle
+    if one is None or two is None or three is None:
+        raise ValueError(f"guide1, guide2, guide3 must be given together, got {angle}")
+    return one, two, three
+
+
+@shared
+def branch(problem: Problem, path: tuple[Three, ...], mode: int, prolongation: float) -> State:
+    """Equilibria (n,) along a path of inputs; NaN from the first that is not stable."""
+    trail = follow(standing(problem, mode, prolongation), inputs=path)
+    vector = trail.states.vector
+    vector[np.arange(len(path)) > trail.crossed.min(initial=np.inf) - 1.0] = np.nan
+    return State(trail.states.assembly, vector)
+
+
+def described(found: State, rate: Array) -> Array:
+    """Quantities (10, n) of equilibria (n,) whose inputs have rates (n, 3)."""
+    guide = found.assembly.guide
+    moved = (derivatives(found).direct @ rate[..., None])[..., 0]
+    held = found.moment
+    if guide is not None:
+        held = (found.force @ np.array([1.0, -1.0j]) * guide).real
+    return np.vstack([found.pose.T, moved.T, -held.T, found.energy.sum(axis=-1)])

@@ -1,0 +1,1 @@
+"""Simulators, one folder each: ``NAME/engine.py`` holds ``simulate(model, run) -> Curves``."""

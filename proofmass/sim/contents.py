@@ -1,0 +1,111 @@
+"""What a compiled MJCF offers by name, its channels' units, and how large and heavy it is."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.mujoco.model import gear_of_force, joint_of
+from proofmass.sim.protocol import BadModel, Rod
+
+KEPT = 64  # models whose sizes are remembered
+S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
+PARTS = {"x": "m", "y": "m", "z": "m", "angle": "rad", "moment": "N m"}
+"""Channels along a rod at rest, and their units."""
+UNITS = {
+    S.mjSENS_FRAMEPOS: "m", S.mjSENS_FRAMELINVEL: "m/s", S.mjSENS_FRAMELINACC: "m/s^2",
+    S.mjSENS_FRAMEANGVEL: "rad/s", S.mjSENS_FRAMEANGACC: "rad/s^2",
+    S.mjSENS_FRAMEXAXIS: "1", S.mjSENS_FRAMEYAXIS: "1", S.mjSENS_FRAMEZAXIS: "1",
+    S.mjSENS_ACCELEROMETER: "m/s^2", S.mjSENS_VELOCIMETER: "m/s", S.mjSENS_GYRO: "rad/s",
+    S.mjSENS_FORCE: "N", S.mjSENS_TORQUE: "N m",
+    S.mjSENS_SUBTREECOM: "m", S.mjSENS_SUBTREELINVEL: "m/s",
+    S.mjSENS_SUBTREEANGMOM: "kg m^2/s",
+    S.mjSENS_E_KINETIC: "J", S.mjSENS_E_POTENTIAL: "J", S.mjSENS_CLOCK: "s"}
+OF_JOINTS = {
+    S.mjSENS_JOINTPOS: "{}", S.mjSENS_JOINTLIMITPOS: "{}", S.mjSENS_JOINTVEL: "{}/s",
+    S.mjSENS_JOINTLIMITVEL: "{}/s", S.mjSENS_USER: "{}/s^2"}
+FORCES = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
+SCALARS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
+
+
+def joints(model: mujoco.MjModel) -> dict[str, str | None]:
+    """The joints by name and their units: rad of a hinge, m of a slide, None of another."""
+    kinds = (mujoco.mjtJoint(int(kind)) for kind in model.jnt_type)
+    return {model.joint(j).name: SCALARS.get(kind) for j, kind in enumerate(kinds)}
+
+
+def keys(model: mujoco.MjModel) -> list[str]:
+    """The names of the keyframes."""
+    return [model.key(k).name for k in range(model.nkey)]
+
+
+def sensors(model: mujoco.MjModel) -> list[str]:
+    """The names of the sensors."""
+    return [model.sensor(s).name for s in range(model.nsensor)]
+
+
+def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) -> str | None:
+    """The SI unit of a channel.
+
+    Returns
+    -------
+    str or None
+        None where MJCF leaves it open: a ``user`` sensor of something else than a joint, the force
+        of an actuator with a gear, which may be a length.
+
+    Raises
+    ------
+    BadModel
+        The sensor, or the rod, has no such part; the sensor's actuator has no gear.
+    KeyError
+        There is no such sensor and no such rod.
+    """
+    name, _, part = channel.partition(".")
+    if name in [rod.name for rod in rods]:
+        if part not in PARTS:
+            raise BadModel(f"a rod has {name}.x, .y, .z, .angle and .moment, along its length")
+        return PARTS[part]
+    s = sensors(model).index(name) if name in sensors(model) else -1
+    if s < 0:
+        raise KeyError(name)
+    kind = S(int(model.sensor_type[s]))
+    wide, directed = model.sensor_dim[s] > 1, kind == S.mjSENS_FRAMEXAXIS
+    if part not in (("x", "y", "z", *["angle"] * directed) if wide else ("",)):
+        right = f"{name}.x, .y or .z" + ", or .angle" * directed if wide else name
+        raise BadModel(f"the sensor has no such part; use {right}")
+    return "rad" if part == "angle" else UNITS.get(kind) or of_joint(model, s, kind)
+
+
+def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:
+    """The SI unit of sensor number s if it shows a joint or the actuator of a joint."""
+    joint, force = int(model.sensor_objid[s]), kind in FORCES
+    if kind == S.mjSENS_ACTUATORFRC:
+        force, actuator = True, joint
+        joint = joint_of(model, actuator)
+        if joint >= 0 and abs(gear_of_force(model, actuator)) != 1:
+            return None
+    elif not (force or kind in OF_JOINTS) or (
+            kind == S.mjSENS_USER and model.sensor_objtype[s] != OBJ.mjOBJ_JOINT):
+        return None
+    unit = SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) if joint >= 0 else None
+    if unit is None:
+        return None
+    return {"rad": "N m", "m": "N"}[unit] if force else OF_JOINTS[kind].format(unit)
+
+
+@lru_cache(KEPT)
+def size(model: mujoco.MjModel, key: str) -> float:
+    """Largest distance between two joints, sites or centres of mass in the pose of a key [m]."""
+    data = mujoco.MjData(model)
+    if key in keys(model):
+        mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
+    mujoco.mj_kinematics(model, data)
+    points = np.vstack([data.xanchor, data.site_xpos, data.xipos[1:]])
+    return float(np.linalg.norm(points[:, None] - points, axis=-1).max()) if len(points) else 0.0
+
+
+@lru_cache(KEPT)
+def mass(model: mujoco.MjModel) -> float:
+    """Mass of all that moves [kg]."""
+    return float(model.body_mass[model.body_weldid != 0].sum())

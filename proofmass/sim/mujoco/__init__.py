@@ -1,0 +1,1 @@
+"""MuJoCo: `engine` is all that the rest of the package asks for."""

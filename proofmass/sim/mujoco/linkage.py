@@ -1,0 +1,210 @@
+"""A MuJoCo model whose loops are kept closed while some of its joints are driven.
+
+The loops are closed by Newton's method on the engine's own constraint rows, with the driven joints
+held; rates follow from the null space, accelerations from the rows' time derivative:
+
+    J(q) v = 0,   v_drive = rate            J a = -J' v,   a_drive = acceleration
+"""
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.mujoco.model import anchor_bodies, anchors, loop_gap, pose_of
+from proofmass.sim.protocol import Array, BadModel, Unsupported
+
+EQ = mujoco.mjtEq
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+LIMITS = {"joint": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT),
+          "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)}
+SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
+TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its range
+NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
+CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
+UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
+STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
+
+
+class Linkage:
+    """The driven joints `dofs` of a model, and its loops.
+
+    Attributes
+    ----------
+    dofs, adr : ndarray (drives,) of int
+        Where the driven joints stand in ``qvel`` and in ``qpos``.
+    sizes : ndarray (nv,)
+        What moves are measured in: the extent of the model [m], or radians.
+    spans : ndarray (rows + drives,)
+        The same of the active equalities' rows, then of the drives.
+    shares : ndarray (rows + drives, nv)
+        Their quotients, that of the rows' Jacobian by one of lengths in extents.
+    lever : float
+        Largest move [extents or rad] for a gap of an extent, in the pose last closed.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]):
+        self.model, self.data, self.joints = model, data, joints
+        index = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in joints]
+        self.dofs, self.adr = model.jnt_dofadr[index], model.jnt_qposadr[index]
+        self.units = np.eye(model.nv)[self.dofs]
+        slides = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
+        self.sizes = np.where(slides, model.stat.extent, 1.0)
+        self.stride = STRIDE * self.sizes[self.dofs]
+        spans = list[float]()
+        for i in range(model.neq):
+            kind = EQ(model.eq_type[i])
+            if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
+                word = f"{kind.name[5:].lower()} {model.equality(i).name!r}"
+                raise Unsupported(f"equality <{word}> in a sweep; connect and joint are covered")
+            if data.eq_active[i]:
+                spans += [model.stat.extent] * 3 if kind == EQ.mjEQ_CONNECT else [
+                    self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]]]
+        self.spans = np.array([*spans, *self.sizes[self.dofs]])
+        self.shares = self.sizes / self.spans[:, None]
+
+    def rows(self) -> tuple[Array, Array]:
+        """Residual and Jacobian of the active equalities at the present pose."""
+        mujoco.mj_fwdPosition(self.model, self.data)
+        data, keep = self.data, self.data.efc_type == EQUALITY
+        if not mujoco.mj_isSparse(self.model):
+            return data.efc_pos[keep], data.efc_J.reshape(data.nefc, self.model.nv)[keep]
+        rows = np.zeros((data.nefc, self.model.nv))
+        mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr,
+                                data.efc_J_colind)
+        return data.efc_pos[keep], rows[keep]
+
+    def move(self, values: Array, tangent: Array | None = None) -> Array:
+        """Follow the branch to new values of the drives, in strides; returns the tangent there.
+
+        `tangent` is that of the present pose; without it the pose is closed first.  A stride that
+        ends in a singular pose, where the tangent is not sure, is taken with the next one.
+        """
+        if tangent is None:
+            tangent = self.place(self.data.qpos[self.adr])
+        far = values - self.data.qpos[self.adr]
+        strides = int(np.ceil((np.abs(far) / self.stride).max(initial=0.0)))
+        for part in np.arange(strides)[::-1]:
+            target, before = values - far * part / strides, self.data.qpos.copy()
+            ahead = tangent @ (target - self.data.qpos[self.adr])
+            mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
+            try:
+                there = self.place(target)
+                sure = self.lever < UNSURE
+            except (BadModel, Unsupported):
+                if not part:
+                    raise
+                sure = False
+            if part and not sure:
+                self.data.qpos[:] = before
+            else:
+                tangent = there
+        return tangent
+
+    def place(self, values: Array) -> Array:
+        """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
+        self.data.qpos[self.adr] = values
+        for _ in range(50):
+            residual, jacobian = self.rows()
+            move = -self.invert(jacobian)[:, : residual.size] @ residual
+            mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
+            self.data.qpos[self.adr] = values
+            if not np.abs(move / self.sizes).max(initial=0.0) > NEAR:
+                break
+        residual, jacobian = self.rows()
+        gaps = residual / self.spans[: residual.size]
+        if not np.abs(gaps).max(initial=0.0) < CLOSED:
+            open_by = loop_gap(self.model, self.data).max(initial=0.0)
+            raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
+                           f"the loop stays open by {open_by:.3g} m")
+        self.inverse = self.invert(jacobian)
+        return self.inverse[:, residual.size :]
+
+    def release(self) -> None:
+        """Close the loops with the least change of the joints, and make the rates fit them."""
+        for _ in range(50):
+            residual, jacobian = self.rows()
+            move = -np.linalg.lstsq(jacobian, residual, rcond=1e-10)[0]
+            mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
+            if np.abs(move).max(initial=0.0) < SETTLED:
+                break
+        jacobian = self.rows()[1]
+        rates = self.data.qvel
+        rates -= np.linalg.lstsq(jacobian, jacobian @ rates, rcond=1e-10)[0]
+
+    def check_limits(self) -> None:
+        """Raise `BadModel` if a joint or a tendon is beyond its range; needs the pose of `rows`.
+
+        The drives hold every joint, so nothing can give way there; the engine's own limits are
+        springs, whose forces would enter the holding moments.
+        """
+        for word, kind in LIMITS.items():
+            past = (self.data.efc_type == kind) & (self.data.efc_pos < -TOUCHES)
+            if past.any():
+                name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
+                raise BadModel(f"{word} {name!r} is beyond its range at "
+                               f"{self.spoken(self.data.qpos[self.adr])}")
+
+    def freedoms(self) -> int:
+        """Freedoms left at the present pose when the drives are held."""
+        rows = self.scaled(self.rows()[1])
+        if not len(rows):  # numpy up to 2.4.0 refuses the rank of an empty matrix
+            return int(self.model.nv)
+        return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
+
+    def scaled(self, jacobian: Array) -> Array:
+        """The loops' rows and, below them, the drives', with all lengths in extents."""
+        return np.vstack([jacobian, self.units]) * self.shares
+
+    def spoken(self, values: Array) -> str:
+        """The driven joints with their values."""
+        return ", ".join(f"{j} = {v:.6g}" for j, v in zip(self.joints, values, strict=True))
+
+    def invert(self, jacobian: Array) -> Array:
+        """Pseudo-inverse of the loops' rows and, below them, the drives' (nv, rows + drives).
+
+        Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
+        that are always zero, hence no plain inverse.
+        """
+        left, values, right = np.linalg.svd(self.scaled(jacobian), full_matrices=False)
+        rank = int((values > 1e-10 * values[0]).sum())
+        if rank < self.model.nv:
+            raise Unsupported(
+                f"{self.model.nv - rank} degree(s) of freedom left when "
+                f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
+                f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose")
+        inverse = (right.T / values) @ left.T
+        self.lever = float(np.abs(inverse).max())
+        return np.asarray(inverse * self.shares.T)
+
+    def acceleration(self, velocity: Array, values: Array) -> Array:
+        """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        drift = [-part for i in range(self.model.neq) if self.data.eq_active[i]
+                 for part in self.row_drift(i, velocity)]
+        return np.asarray(self.inverse @ [*drift, *values])
+
+    def row_drift(self, i: int, velocity: Array) -> Array:
+        """J' v of equality number i, in the engine's order of rows."""
+        if self.model.eq_type[i] == EQ.mjEQ_CONNECT:
+            p1, p2 = anchors(self.model, i, pose_of(self.data))
+            b1, b2 = anchor_bodies(self.model, i)
+            return (self.jacobian_rate(p1, b1) - self.jacobian_rate(p2, b2)) @ velocity
+        second = self.model.eq_obj2id[i]
+        if second < 0:
+            return np.zeros(1)
+        dof, adr = self.model.jnt_dofadr[second], self.model.jnt_qposadr[second]
+        poly = np.polynomial.Polynomial(self.model.eq_data[i, :5]).deriv(2)
+        return np.array([-poly(self.data.qpos[adr] - self.model.qpos0[adr]) * velocity[dof] ** 2])
+
+    def jacobian_rate(self, point: Array, body: int) -> Array:
+        """Time derivative of a point's translational Jacobian (3, nv)."""
+        rate = np.zeros((3, self.model.nv))
+        mujoco.mj_jacDot(self.model, self.data, rate, None, point, body)
+        return rate
+
+    def holding_moments(self, tangent: Array) -> Array:
+        """Moment (or force) that each drive must apply at rest, by virtual work (drives,)."""
+        self.data.qvel[:] = 0
+        self.data.qacc[:] = 0
+        mujoco.mj_inverse(self.model, self.data)
+        mujoco.mj_fwdActuation(self.model, self.data)
+        return np.asarray((self.data.qfrc_inverse - self.data.qfrc_actuator) @ tangent)

@@ -1,0 +1,255 @@
+"""Loading a MuJoCo model and reading its sensors; shared by both kinds of run."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.mjcf import compile_model, leave_out_disabled
+from proofmass.sim.mujoco.settings import configure
+from proofmass.sim.plane import find_plane
+from proofmass.sim.protocol import Array, BadModel, Run, Unsupported
+
+S = mujoco.mjtSensor
+
+
+def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Compile the model, apply the run's settings, and put it into the start pose.
+
+    Parameters
+    ----------
+    path : Path
+        The MJCF file.
+    run : Run
+        Names the start key, the driven joints and the settings.
+
+    Returns
+    -------
+    MjModel, MjData
+
+    Raises
+    ------
+    BadModel
+        When the file does not compile or lacks something the run names.
+    """
+    return begin(compile_model(path, run.rods), run)
+
+
+def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Apply the run's settings to a compiled model, in place, and put it into the start pose."""
+    driven = [named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
+    leave_out_disabled(model)
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, key_of(model, run))
+    for actuator in range(model.nactuator):
+        # its motor is the drive; what is left in ctrl are constant loads
+        if joint_of(model, actuator) in driven:
+            first = model.actuator_ctrladr[actuator]
+            data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
+    configure(model, run.settings)
+    return model, data
+
+
+def key_of(model: mujoco.MjModel, run: Run) -> int:
+    """Number of the key that a run starts from."""
+    if run.kind == "passive":
+        return max(0, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, run.start))
+    return named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
+
+
+def may_touch(model: mujoco.MjModel) -> bool:
+    """Whether contacts may arise: of geoms of two bodies, or of a pair that the model names."""
+    off = mujoco.mjtDisableBit
+    if model.opt.disableflags & int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
+        return False
+    touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
+    return bool(model.npair or np.unique(touchable).size > 1)
+
+
+def rubs(model: mujoco.MjModel) -> bool:
+    """Whether joints or tendons have dry friction."""
+    off = mujoco.mjtDisableBit
+    return not model.opt.disableflags & int(off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT) and (
+        bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any()))
+
+
+def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
+    """The id of a named element, or an error that lists the names there are."""
+    index = mujoco.mj_name2id(model, kind, name)
+    if index < 0:
+        count = {mujoco.mjtObj.mjOBJ_JOINT: model.njnt, mujoco.mjtObj.mjOBJ_KEY: model.nkey,
+                 mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor}[kind]
+        there = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
+        raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, there))}")
+    return index
+
+
+def joint_of(model: mujoco.MjModel, actuator: int) -> int:
+    """The joint that an actuator acts on, or -1."""
+    on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    found = int(model.actuator_trntype[actuator]) in on_joint
+    return int(model.actuator_trnid[actuator, 0]) if found else -1
+
+
+def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
+    """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
+    return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
+
+
+def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
+    """Gear of the actuator of a joint, by which its force is multiplied to act on the joint.
+
+    Raises
+    ------
+    BadModel
+        It is 0, so that the joint's moment is no force of the actuator.
+    """
+    if not (gear := float(gear_of(model, actuator)[0])):
+        raise BadModel(f"the gear of actuator {model.actuator(actuator).name!r} is 0 in the MJCF, "
+                       f"so that its force does not act on its joint; give another, such as 1")
+    return gear
+
+
+def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
+    """Raise `Unsupported` where joints or tendons have friction that a run at rest leaves out.
+
+    At rest it may be anything between its two bounds, so that no pose and no moment is determined.
+    """
+    for word, values, name in (("joint", model.dof_frictionloss, lambda d: model.joint(
+            model.dof_jntid[d]).name), ("tendon", model.tendon_frictionloss,
+                                        lambda t: model.tendon(t).name)):
+        if values.any():
+            first = name(int(np.flatnonzero(values)[0]))
+            raise Unsupported(f"frictionloss of {word} {first!r} in a {kind}: at rest dry friction "
+                              f"is not determined")
+
+
+def connects(model: mujoco.MjModel) -> list[int]:
+    """Numbers of the ``connect`` equalities that are active at the start."""
+    kind = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT
+    return np.flatnonzero(kind & model.eq_active0.astype(bool)).tolist()
+
+
+def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[Array, Array]:
+    """World position of the two points that ``connect`` number i holds together.
+
+    `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
+    """
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
+        return one, two
+    one, two = (
+        pose["xpos"][..., b, :] + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(
+            pose["xpos"][..., b, :].shape)
+        for b, p in ((model.eq_obj1id[i], model.eq_data[i, 0:3]),
+                     (model.eq_obj2id[i], model.eq_data[i, 3:6])))
+    return one, two
+
+
+def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
+    """Bodies that the two points of ``connect`` number i belong to."""
+    pair = model.eq_obj1id[i], model.eq_obj2id[i]
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
+    return int(pair[0]), int(pair[1])
+
+
+def pose_of(data: mujoco.MjData) -> dict[str, Array]:
+    """The present pose, as `anchors` wants it."""
+    return {"site_xpos": data.site_xpos, "xpos": data.xpos, "xmat": data.xmat}
+
+
+def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Distance between the two points of every active ``connect`` [m], shape (loops,).
+
+    Measured from the bodies' poses, not from the engine's own constraint residual.
+    """
+    pairs = [anchors(model, i, pose_of(data)) for i in connects(model)]
+    return np.array([float(np.linalg.norm(one - two)) for one, two in pairs])
+
+
+def is_acceleration(model: mujoco.MjModel, sensor: int) -> bool:
+    """Whether a sensor stands for the acceleration of a joint, for which MJCF has none."""
+    return bool(model.sensor_type[sensor] == S.mjSENS_USER
+                and model.sensor_objtype[sensor] == mujoco.mjtObj.mjOBJ_JOINT)
+
+
+class Recorder:
+    """Keeps what a run shows at its samples, as whole rows; curves are cut out at the end.
+
+    Two readings differ from ``sensordata``: a ``user`` sensor on a joint is the joint's
+    acceleration, see `is_acceleration`; and ``framelinacc`` is given as the
+    acceleration of the point, with the gravity that MuJoCo adds to it taken off.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, channels: tuple[str, ...],
+                 samples: int):
+        if channels and model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            raise Unsupported('<flag sensor="disable"/>: MuJoCo then leaves all channels at zero')
+        self.model = model
+        self.plane = find_plane(model, data) if any(".angle" in c for c in channels) else None
+        self.sensors = {c: self._resolve(c) for c in channels}
+        self.samples = samples
+        names = ["qpos", "qvel", "sensordata", "qacc"]
+        on_sites = [model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE for i in connects(model)]
+        names += ["site_xpos"] if any(on_sites) else []
+        names += ["xpos", "xmat"] if not all(on_sites) else []
+        views = {name: getattr(data, name) for name in names}
+        self.rows = {name: np.empty((samples, *view.shape)) for name, view in views.items()}
+        pairs = [(view, self.rows[name]) for name, view in views.items()]
+        self.state, self.shown = pairs[:2], pairs[2:]
+
+    def _resolve(self, channel: str) -> tuple[int, str]:
+        name, _, part = channel.partition(".")
+        index = named(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
+        wide = self.model.sensor_dim[index] > 1
+        if part not in (("x", "y", "z", "angle") if wide else ("",)):
+            right = f"{name}.x, .y or .z, or .angle for a framexaxis" if wide else name
+            raise BadModel(f"channel {channel!r}: no such part of sensor {name!r}; use {right}")
+        return index, part
+
+    def sample(self, k: int) -> None:
+        """Keep the state, and what the engine shows of it, as sample k."""
+        self.sample_state(k)
+        self.sample_shown(k)
+
+    def sample_state(self, k: int) -> None:
+        """Keep the state alone; what the engine shows of it comes with the next step."""
+        for view, rows in self.state:
+            rows[k] = view
+
+    def sample_shown(self, k: int) -> None:
+        """Keep sensors, accelerations and places of the state that the last step began with."""
+        for view, rows in self.shown:
+            rows[k] = view
+
+    def cut(self, samples: int) -> None:
+        """Forget all samples from that number on."""
+        self.samples = samples
+        self.rows = {name: rows[:samples] for name, rows in self.rows.items()}
+
+    def curves(self) -> dict[str, Array]:
+        """All channels over all samples."""
+        return {channel: self._curve(*place) for channel, place in self.sensors.items()}
+
+    def gaps(self) -> Array:
+        """Largest loop gap of each sample [m], from the bodies' poses."""
+        worst = np.zeros(self.samples)
+        for one, two in (anchors(self.model, i, self.rows) for i in connects(self.model)):
+            worst = np.maximum(worst, np.linalg.norm(one - two, axis=-1))
+        return worst
+
+    def _curve(self, index: int, part: str) -> Array:
+        kind, model = self.model.sensor_type[index], self.model
+        first = model.sensor_adr[index]
+        block = self.rows["sensordata"][:, first : first + model.sensor_dim[index]]
+        if is_acceleration(model, index):
+            return self.rows["qacc"][:, model.jnt_dofadr[model.sensor_objid[index]]]
+        if kind == S.mjSENS_FRAMELINACC:
+            block = block + model.opt.gravity
+        if part == "angle" and self.plane:
+            x, y = self.plane.flat(block).T
+            return np.unwrap(np.arctan2(y, x))
+        return block[:, "xyz".index(part) if part else 0]

@@ -1,0 +1,337 @@
+"""A run of MuJoCo in time as a Python program that needs nothing but MuJoCo and NumPy."""
+
+import base64
+import json
+import re
+import zlib
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.mjcf import read_tree
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import Recorder, is_acceleration, joint_of, load
+from proofmass.sim.mujoco.reading import withhold_drives
+from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
+from proofmass.sim.mujoco.steps import FLYWHEEL, start
+from proofmass.sim.program_text import TEMPLATES, escaped
+from proofmass.sim.protocol import Array, BadModel, Imposed, Run, Unsupported
+
+IMPOSED = (Imposed("flywheel"),
+           *(Imposed("servo", gain) for gain in (2.0, 1.0, 0.5, 0.2)),
+           *(Imposed("equality", gain) for gain in (0.5, 0.25, 0.1)))
+"""How a program may impose a motion: by a flywheel on the joint that nothing in the model can
+disturb, with the torque that moves it; by a position servo, of the natural frequency gain / step
+and critically damped; or by an equality that holds the joint at its target, of the time constant
+step / gain."""
+DISABLING = {"servo": ("actuation",), "equality": ("equality", "constraint")}
+"""Flags of a model that switch such a drive off."""
+MORE = "act", "mocap_pos", "mocap_quat"
+"""What a key may set beside positions, rates and controls."""
+STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
+FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
+CARRIED = 1_000_000
+"""Bytes of meshes and the like that a program holds; if there are more it reads them by path."""
+WIDE = 100
+"""Columns of a program; only what cannot be broken is wider."""
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder",
+             "muscle", "adhesion", "dcmotor", "plugin")
+
+
+def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
+                  ) -> str:
+    """Write a run in time as a program.
+
+    Parameters
+    ----------
+    path : Path
+        The MJCF file.
+    run : Run
+        A duration, with the settings that the program has.
+    motion : str
+        Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
+        drives at times (n,) [s]; empty for a free motion.
+    head : str
+        What the program says of itself.
+    drive : Imposed, optional
+        How it moves the driven joints, one of `IMPOSED`: with a servo kp is I (gain / step)^2 and
+        kv is 2 I gain / step, I being the inertia that the drive feels in the start pose.
+
+    Returns
+    -------
+    str
+        The program: ``python run.py [FILE]`` writes the curves as CSV.
+
+    Raises
+    ------
+    BadModel, Unsupported
+        See `proofmass.sim.mujoco.engine.simulate`; also for rods, and for joints that are not
+        written in the file as elements, as those of a replicated body.
+    """
+    if run.rods:
+        raise Unsupported("a program for a model with rods: MuJoCo writes their links with six "
+                          "digits")
+    model, data = load(path, run)
+    ctrl, fresh = data.ctrl.copy(), mujoco.MjData(model)
+    count, step = run.steps(model.opt.timestep)
+    times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
+    linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
+    resting = model.dof_armature.copy()
+    start(linkage, run, times)
+    wheels = (model.dof_armature - resting)[linkage.dofs]
+    root = expanded(path)
+    files = carried(root)
+    apply_settings(root, model, step)
+    values: dict[str, Any] = {}
+    if run.drives:
+        values = impose(root, linkage, wheels, step, drive)
+    recorder = Recorder(model, data, run.channels, 1)
+    withhold_drives(model, linkage, recorder)
+    rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
+    moves = bool(np.ptp(rate, axis=1).any())
+    by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    return TEMPLATES.get_template("mujoco.py.jinja").render(
+        head=escaped(head.strip()), model=escaped(model_text(root).strip()), files=files,
+        step=repr(step), per=count, samples=run.x.size, first=repr(float(run.x[0])),
+        target=target(drive.kind, moves, by_stage) if run.drives else "",
+        motion=motion.strip() if run.drives else "", joints=json.dumps(list(linkage.joints),
+                                                                   ensure_ascii=False),
+        drive=drive.kind if run.drives else "", steady=not moves,
+        middle=by_stage,
+        parts={name.rpartition(".")[2] for name in recorder.sensors},
+        qpos=listed(data.qpos), qvel=listed(data.qvel), ctrl=ctrl.tolist(),
+        more={name: listed(getattr(data, name).ravel()) for name in MORE
+              if (getattr(data, name) != getattr(fresh, name)).any()},
+        curves={json.dumps(name, ensure_ascii=False): curve_of(recorder, name)
+                for name in recorder.sensors}, **values)
+
+
+def target(kind: str, moves: bool, by_stage: bool) -> str:
+    """What a program sets before each step to move its drives; nothing where it need not."""
+    return {"flywheel": "data.qfrc_applied[dofs]" if moves else "",
+            "servo": "" if by_stage else "data.ctrl[-len(DRIVES):]",
+            "equality": "model.eq_data[holds, 0]"}[kind]
+
+
+def listed(values: Array) -> str:
+    """Numbers with all their digits, in lines that can be read."""
+    numbers = [repr(value) for value in values.tolist()]
+    if len(numbers) <= 4:
+        return f"[{', '.join(numbers)}]"
+    rows = [", ".join(numbers[k:k + 4]) for k in range(0, len(numbers), 4)]
+    return "[\n        " + ",\n        ".join(rows) + "]"
+
+
+def expanded(path: Path) -> Element:
+    """The elements of an MJCF with what it includes, without keys, and with whole names of files.
+    """
+    root = read_tree(path)
+    include(root, path.parent)
+    folders = {key: value for compiler in root.iter("compiler")
+               for key, value in compiler.attrib.items() if key.endswith("dir")}
+    for element in root.iter():
+        if (file := element.get("file")) is not None:
+            own = FOLDERS.get(element.tag, "assetdir")
+            folder = folders.get(own, folders.get("assetdir", ""))
+            element.set("file", str((path.parent / folder / file).resolve()))
+    for keyframe in root.findall("keyframe"):
+        root.remove(keyframe)
+    return root
+
+
+def carried(root: Element) -> dict[str, list[str]]:
+    """Take the files of an expanded model into its program: lines of base64 by name, packed.
+
+    None where they are too large, or of kinds that refer to others.
+    """
+    readers = [element for element in root.iter() if element.get("file") is not None]
+    paths = {str(element.get("file")): Path(str(element.get("file"))) for element in readers}
+    if not paths or any(element.tag not in FOLDERS for element in readers) or sum(
+            path.stat().st_size for path in paths.values()) > CARRIED:
+        return {}
+    for compiler in root.iter("compiler"):
+        for key in [key for key in compiler.attrib if key.endswith("dir")]:
+            del compiler.attrib[key]
+    found, names = dict[str, list[str]](), dict[str, str]()
+    for file, path in paths.items():
+        name = path.name if path.name not in found else f"{len(found)}_{path.name}"
+        packed = base64.b64encode(zlib.compress(path.read_bytes(), 9)).decode()
+        found[name], names[file] = wrap(packed, WIDE - 8), name
+    for element in readers:
+        file = str(element.get("file"))
+        if element.get("name") is None:
+            element.set("name", Path(file).stem)
+        element.set("file", names[file])
+    return {json.dumps(name, ensure_ascii=False): lines for name, lines in found.items()}
+
+
+def include(parent: Element, folder: Path) -> None:
+    """Put the elements of included files in the place of what includes them, in place."""
+    for place, child in reversed(list(enumerate(parent))):
+        if child.tag == "include":
+            there = read_tree(folder / child.get("file", ""))
+            include(there, folder)
+            parent[place:place + 1] = list(there)
+        else:
+            include(child, folder)
+
+
+def model_text(root: Element) -> str:
+    """The text of a model, an element a line; long ones are broken between their attributes."""
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode").replace(" />", "/>")
+    return "\n".join(broken for line in text.splitlines() for broken in broken_line(line))
+
+
+def broken_line(line: str) -> list[str]:
+    """A line of MJCF broken between attributes where it is too long.
+
+    >>> broken_line(f'  <joint name="{"a" * 40}" armature="{"1" * 40}"/>')[1]
+    '         armature="1111111111111111111111111111111111111111"/>'
+    """
+    if len(line) <= WIDE:
+        return [line]
+    indent = len(line) - len(line.lstrip())
+    head, *parts = re.split(r'(?<=") (?=[^\s"=]+=")', line)
+    first = line.index(" ", indent) + 1 if " " in line[indent:] else indent
+    lines = [head]
+    for part in parts:
+        if len(lines[-1]) + 1 + len(part) <= WIDE:
+            lines[-1] += " " + part
+        else:
+            lines.append(" " * first + part)
+    return lines
+
+
+def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
+    """Write the options and the softness of equalities of a compiled model into its elements."""
+    written = {key for path in ("option", "option/flag") for element in root.iterfind(path)
+               for key in element.attrib}
+    write_options(root, {**options_of(model, written), "timestep": step})
+    loops = root.findall("./equality/*")
+    if len(loops) != model.neq:
+        raise Unsupported(f"a program for a model with {model.neq} equalities, of which "
+                          f"{len(loops)} are elements of its file")
+    for i, loop in enumerate(loops):
+        for key in SOFTNESS:
+            loop.set(key, spelled(getattr(model, f"eq_{key}")[i].tolist()))
+
+
+def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
+           ) -> dict[str, Any]:
+    """Write into the elements of a model what moves its driven joints; numbers of the program."""
+    joints = [joint_element(root, name) for name in linkage.joints]
+    refuse_disabled(linkage.model, drive)
+    if drive.kind == "flywheel":
+        for joint, armature in zip(joints, linkage.model.dof_armature[linkage.dofs], strict=True):
+            joint.set("armature", spelled(float(armature)))
+            # what resists an ideal drive does not change its motion
+            joint.set("damping", "0 0 0")  # those of velocity, its square and its cube
+            joint.set("frictionloss", "0")
+        return {"flywheels": wheels.tolist()}
+    if drive.kind == "servo":
+        refuse_other_servos(linkage)
+        rate = drive.gain / step  # natural frequency [rad/s]
+        place = section(root, "actuator")
+        for name, inertia in zip(linkage.joints, wheels / FLYWHEEL, strict=True):
+            place.append(servo(root, name, float(inertia * rate**2), float(2.0 * inertia * rate)))
+        return {"lead": [2.0 / rate] * len(joints)}
+    if drive.kind == "equality":
+        constant = step / drive.gain
+        place = section(root, "equality")
+        for name in linkage.joints:
+            ElementTree.SubElement(place, "joint", {
+                "name": f"drive of {name}", "joint1": name, "active": "true",
+                "solref": spelled((constant, 1.0)), "solimp": spelled(STIFFEST)})
+        return {"lead": repr(2.0 * constant * STIFFEST[1])}
+    raise ValueError(f"a drive by {drive.kind!r}; known: "
+                     f"{', '.join(dict.fromkeys(one.kind for one in IMPOSED))}")
+
+
+def refuse_disabled(model: mujoco.MjModel, drive: Imposed) -> None:
+    """Raise `Unsupported` for a drive that the model's options switch off."""
+    for name in DISABLING.get(drive.kind, ()):
+        if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")):
+            raise Unsupported(f'the drive, {drive.kind}, is off: the model has <flag {name}='
+                              f'"disable"/>')
+    if drive.kind == "servo" and model.opt.disableactuator & 1:
+        raise Unsupported("the drive, servo, is off: the model disables the actuators of group 0")
+
+
+def refuse_other_servos(linkage: Linkage) -> None:
+    """Raise `Unsupported` for an actuator that pushes a driven joint though its control is zero.
+
+    A servo yields to it, and a flywheel or an equality does not.  A motor, which stands for the
+    drive, does not push.
+    """
+    model, data = linkage.model, linkage.data
+    for a in range(model.nactuator):
+        joint, first = joint_of(model, a), model.actuator_actadr[a]
+        if joint < 0 or model.jnt_dofadr[joint] not in linkage.dofs:
+            continue
+        state = data.act[first:first + model.actuator_actnum[a]] if first >= 0 else np.zeros(0)
+        if (model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE
+                or model.actuator_plugin[a] >= 0 or state.any()):
+            raise Unsupported(f"a servo on joint {model.joint(joint).name!r}, which the model's "
+                              f"actuator {model.actuator(a).name!r} pushes as well")
+
+
+def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
+    """A position servo; with all that the model's default classes could make otherwise."""
+    names = {"name": f"drive of {joint}", "joint": joint}
+    if not any(root.find(f".//default/{tag}") is not None for tag in ACTUATORS):
+        return Element("position", {**names, "kp": spelled(kp), "kv": spelled(kv)})
+    return Element("general", {
+        **names, "gear": "1 0 0 0 0 0", "ctrllimited": "false", "forcelimited": "false",
+        "actlimited": "false", "dyntype": "none", "gaintype": "fixed", "biastype": "affine",
+        "gainprm": spelled((kp, 0, 0)), "biasprm": spelled((0, -kp, -kv))})
+
+
+def joint_element(root: Element, name: str) -> Element:
+    """The element of a joint.
+
+    Raises
+    ------
+    Unsupported
+        The file has none, as where a body is replicated or attached.
+    """
+    for joint in root.iterfind(".//worldbody//joint"):
+        if joint.get("name") == name:
+            return joint
+    raise Unsupported(f"a program whose drive moves joint {name!r}, which is no element of the "
+                      f"file")
+
+
+def curve_of(recorder: Recorder, name: str) -> str:
+    """A line of Python that cuts a channel out of the recorded sensors and states."""
+    index, part = recorder.sensors[name]
+    model = recorder.model
+    first = int(model.sensor_adr[index])
+    if is_acceleration(model, index):
+        dof = int(model.jnt_dofadr[model.sensor_objid[index]])
+        return f"state[:, {model.nq + model.nv + dof}]"
+    gravity = np.zeros(3)
+    if model.sensor_type[index] == mujoco.mjtSensor.mjSENS_FRAMELINACC:
+        gravity = model.opt.gravity
+    if part == "angle":
+        plane = recorder.plane
+        if plane is None:
+            raise BadModel(f"channel {name!r}: no plane of motion")
+        x, y = (combined(axis, first) for axis in (plane.e1, plane.e2))
+        return f"angle({x}, {y})"
+    k = "xyz".index(part) if part else 0
+    off = float(gravity[k])
+    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""  # MuJoCo takes gravity off
+    return f"sensors[:, {first + k}]{more}"
+
+
+def combined(axis: Array, first: int) -> str:
+    """A component of recorded vectors along an axis, as Python."""
+    parts = [f"{'' if value == 1 else f'{value!r} * '}sensors[:, {first + k}]"
+             for k, value in enumerate(axis.tolist()) if value]
+    return " + ".join(parts)

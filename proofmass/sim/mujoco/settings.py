@@ -1,0 +1,206 @@
+"""What can be set in MuJoCo: where each setting stands, in a compiled model and in MJCF."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+
+from proofmass.sim.protocol import Count, EngineSettings, Number, Numbers, Switch
+
+OFF = mujoco.mjtDisableBit
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a setting stands.
+
+    Attributes
+    ----------
+    tag : str
+        The element of MJCF of which it is an attribute: ``option``, ``flag`` in an ``option``, or
+        each element of ``equality``.
+    kinds : enumeration of MuJoCo, optional
+        What there is, of an option that has words for its values.
+    bit : int
+        Of ``disableflags``: set where a flag is disabled.
+    quiet : bool
+        Whether it is told, and written, only where it is not MuJoCo's own.
+    """
+
+    tag: str
+    kinds: Any = None
+    bit: int = 0
+    quiet: bool = False
+
+
+PLACES = {
+    "timestep": Place("option"),
+    "integrator": Place("option", mujoco.mjtIntegrator),
+    "solver": Place("option", mujoco.mjtSolver),
+    "iterations": Place("option"),
+    "tolerance": Place("option"),
+    "cone": Place("option", mujoco.mjtCone, quiet=True),
+    "impratio": Place("option", quiet=True),
+    "noslip_iterations": Place("option", quiet=True),
+    "refsafe": Place("flag", bit=int(OFF.mjDSBL_REFSAFE), quiet=True),
+    "warmstart": Place("flag", bit=int(OFF.mjDSBL_WARMSTART), quiet=True),
+    "solref": Place("equality"),
+    "solimp": Place("equality"),
+}
+"""Of every setting for which MuJoCo itself has a word, which is its name here."""
+SOFTNESS = tuple(key for key, place in PLACES.items() if place.tag == "equality")
+CAPITALS = {name.lower(): name for name in ("Euler", "RK4", "PGS", "CG", "Newton")}
+"""Words of MJCF that are not in small letters."""
+
+
+class MujocoSettings(EngineSettings):
+    """What can be set in MuJoCo; where a field has a value here, it is MuJoCo's own.
+
+    `timestep` [s], `integrator`, `solver`, `iterations`, `tolerance` replace the option of that
+    name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
+    spelled as in MJCF; ``defaults = True`` first puts back the values that MuJoCo has when the
+    model says nothing; `settled` chooses the kind of a sweep, `flex` that of a rest.
+
+    `cone`, `impratio` and `noslip_iterations` are the options of that name and act on contacts and
+    dry friction.  ``refsafe = False`` lets a `solref` be shorter than two time steps, and
+    ``warmstart = False`` starts the solver of each step anew; both are flags of MJCF.
+    """
+
+    timestep: Number = Field(0.002, gt=0)
+    integrator: str = "Euler"
+    solver: str = "Newton"
+    iterations: Count = 100
+    tolerance: Number = Field(1e-8, ge=0)
+    cone: str = "pyramidal"
+    impratio: Number = Field(1.0, gt=0)
+    noslip_iterations: Annotated[int, Field(strict=True, ge=0, lt=2**31)] = 0
+    refsafe: Switch = True
+    warmstart: Switch = True
+    solref: Numbers = (0.02, 1.0)
+    solimp: Numbers = (0.9, 0.95, 0.001, 0.5, 2.0)
+    settled: Switch = False
+    flex: Switch = False
+    defaults: Switch = False
+
+    @field_validator("integrator", "solver", "cone")
+    @classmethod
+    def _named(cls, value: str, info: ValidationInfo) -> str:
+        names = named_values(str(info.field_name))
+        if value.lower() not in names:
+            raise ValueError(f"known: {', '.join(names)}")
+        return value.lower()
+
+    @field_validator("solref")
+    @classmethod
+    def _reference(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        if not (1 <= len(value) <= 2 and (min(value) > 0 or (len(value) == 2 and max(value) <= 0))):
+            raise ValueError("give a time constant [s] and a damping ratio, both positive, or "
+                             "stiffness and damping, both negative")
+        return value
+
+    @field_validator("solimp")
+    @classmethod
+    def _impedance(cls, value: tuple[float, ...]) -> tuple[float, ...]:
+        most = (1.0, 1.0, np.inf, 1.0, np.inf)
+        least = (0.0, 0.0, 0.0, 0.0, 1.0)
+        if not 1 <= len(value) <= 5 or any(
+                not low <= v <= high for low, v, high in zip(least, value, most, strict=False)):
+            raise ValueError("give up to five numbers: dmin and dmax in [0, 1], width >= 0, "
+                             "midpoint in [0, 1], power >= 1")
+        return value
+
+
+ENGINE_DEFAULTS = {key: MujocoSettings.model_fields[key].default
+                   for key in ("timestep", "integrator", "solref", "solimp")}
+"""What ``defaults = True`` puts back."""
+
+
+def named_values(option: str) -> dict[str, int]:
+    """The values of an option that has words for them, by their words in small letters."""
+    return {name.partition("_")[2].lower(): value
+            for name, value in PLACES[option].kinds.__members__.items()}
+
+
+def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
+    """Write engine settings into a compiled model, in place; see `MujocoSettings`."""
+    given = MujocoSettings.read(settings).model_dump(exclude_unset=True)
+    merged = {**(ENGINE_DEFAULTS if given.get("defaults") else {}), **given}
+    for key in merged.keys() & PLACES.keys():
+        place, value = PLACES[key], merged[key]
+        if place.tag == "equality":
+            row = np.asarray(value, dtype=float)
+            getattr(model, f"eq_{key}")[:, : row.size] = row
+        elif place.tag == "flag":
+            flags = int(model.opt.disableflags)
+            model.opt.disableflags = flags & ~place.bit if value else flags | place.bit
+        else:
+            setattr(model.opt, key, named_values(key)[value.lower()] if place.kinds else value)
+
+
+def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, object]:
+    """Options and flags of a compiled model; those of `also` even where quiet."""
+    said = dict[str, object]()
+    for key, place in PLACES.items():
+        if place.tag == "equality":
+            continue
+        value = (not model.opt.disableflags & place.bit if place.tag == "flag"
+                 else getattr(model.opt, key))
+        if place.kinds:
+            value = place.kinds(value).name.partition("_")[2]
+        own = spelled(value) == spelled(MujocoSettings.model_fields[key].default)
+        if key in also or not (place.quiet and own):
+            said[key] = value
+    return said
+
+
+def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
+    """What MuJoCo steps a model with: its options, and the softness of its active equalities.
+
+    A sweep that closes its loops by Newton's method uses none of them.
+    """
+    said = options_of(model)
+    for key in SOFTNESS:
+        rows = np.unique(getattr(model, f"eq_{key}")[model.eq_active0.astype(bool)], axis=0)
+        if len(rows):
+            said[key] = tuple(rows[0].tolist()) if len(rows) == 1 else "several"
+    return said
+
+
+def spelled(value: object) -> str:
+    """A value as MJCF has it, with all its digits.
+
+    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100), spelled(False)
+    ('0.02 1', '0.3333333333333333', 'Euler', '100', 'disable')
+    """
+    if isinstance(value, (tuple, list)):
+        return " ".join(map(spelled, value))
+    if isinstance(value, bool):
+        return "enable" if value else "disable"
+    if isinstance(value, str):
+        return CAPITALS.get(value.lower(), value.lower())
+    return str(value).removesuffix(".0")
+
+
+def write_options(root: Element, said: Mapping[str, object]) -> None:
+    """Write options and flags into the last ``option`` of a model, in place.
+
+    >>> root = Element("mujoco")
+    >>> write_options(root, {"cone": "elliptic", "refsafe": False})
+    >>> ElementTree.tostring(root, encoding="unicode")
+    '<mujoco><option cone="elliptic"><flag refsafe="disable" /></option></mujoco>'
+    """
+    for key, value in said.items():
+        if (tag := PLACES[key].tag) != "equality":
+            option = section(root, "option")
+            (option if tag == "option" else section(option, tag)).set(key, spelled(value))
+
+
+def section(parent: Element, tag: str) -> Element:
+    """The last section of that name of a model, or of a section; made if there is none."""
+    found = parent.findall(tag)
+    return found[-1] if found else ElementTree.SubElement(parent, tag)

@@ -1,0 +1,121 @@
+"""Sweep in which MuJoCo itself comes to rest at every sample: its steps, soft loops and limits.
+
+Neither inertia nor damping changes a rest, but both change the way to it, and inertia the softness:
+the stiffness of MuJoCo's constraints goes with the inertia behind them, so that a force F opens one
+by
+
+    (1 - d) F T^2 / m      (d, T: the constraint's solimp and time constant, m: inertia)
+
+Every joint therefore gets the armature with which its own stiffness swings PACE radians in a step,
+and the damping that is critical for the slowest freedom.  With solimp 0.9999 and a time constant of
+two to five steps a moment is then off by 1e-7 to 1e-6 of its size; MuJoCo's default solref and
+solimp of limits (`solreflimit`, `solimplimit`) let it be off by 1e-2.
+"""
+
+import copy
+import time
+
+import mujoco
+import numpy as np
+import scipy.linalg
+
+from proofmass.sim.mujoco.balance import DEPENDENT
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
+from proofmass.sim.mujoco.reading import drive_moments, withhold
+from proofmass.sim.mujoco.rest import Resting
+from proofmass.sim.mujoco.settings import stepped_with
+from proofmass.sim.mujoco.still import until_still
+from proofmass.sim.protocol import Array, Curves, Run
+
+VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
+PACE = 0.015  # [rad] phase in a step of a joint that swings on its own stiffness
+FAINT = 1e-3  # of the largest stiffness: joints with less swing slower
+FLYWHEEL = 1e12  # times the largest inertia: a drive drifts by rounding until rest
+GLIDE = 100  # steps in which the drives move by a STRIDE
+BLOCK = 50  # steps between two looks at the speed
+STILL = 1e-9  # [rad/s or m/s] the fastest joint at rest
+MOST = 400_000  # steps until a sample is given up
+
+
+def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+    """Hold the drives at each sample of ``run.x`` until nothing moves, and read every sensor.
+
+    Raises
+    ------
+    Unsupported
+        A joint or a tendon has dry friction.
+    Diverged
+        The engine reset itself, or does not come to rest.
+    """
+    refuse_dry_friction(model, run.kind)
+    linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+    weigh(linkage)
+    record = Recorder(model, data, run.channels, run.x.size)
+    missing = withhold(record, VELOCITY, NO_RATE)
+    value, rate, acceleration = run.motion(run.x)
+    moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
+    for k, values in enumerate(value.T):
+        steps += glide(linkage, values) + calm(linkage, values)
+        moments[k] = holding_moments(linkage)
+        record.sample(k)
+    seconds = time.perf_counter() - began
+    channels = record.curves() | drive_moments(model, linkage, record, moments)
+    return Curves(run.x, channels, missing, (value, rate, acceleration),
+                  float(record.gaps().max(initial=0.0)), seconds, steps,
+                  stepped_with(model), derivatives=0)
+
+
+def weigh(linkage: Linkage) -> None:
+    """Give the joints their armature and damping, and the drives their flywheels."""
+    model, data, dofs = linkage.model, linkage.data, linkage.dofs
+    rest = Resting(copy.copy(model), copy.copy(data), linkage.joints, linkage.freedoms())
+    rest.settle()
+    stiffness = rest.balance.stiffness
+    null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=DEPENDENT)
+    own = np.abs(np.diag(stiffness))
+    pace = PACE / model.opt.timestep
+    model.dof_armature += np.maximum(own, FAINT * own.max()) / pace**2
+    linkage.rows()
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    squares = scipy.linalg.eigvalsh(null.T @ stiffness @ null, null.T @ inertia @ null)
+    slowest = np.sqrt(np.abs(squares).min(initial=pace**2))
+    model.dof_damping += 2 * slowest * np.diag(inertia)
+    model.dof_armature[dofs] += FLYWHEEL * inertia.max()
+    model.dof_damping[dofs] = 0
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)  # this damping must act
+    pose = data.qpos.copy()
+    mujoco.mj_setConst(model, data)  # inertia changes how stiff the engine makes a constraint
+    data.qpos[:], data.qvel[:] = pose, 0
+
+
+def glide(linkage: Linkage, values: Array) -> int:
+    """Move the drives to their values at a constant speed; the number of steps."""
+    model, data = linkage.model, linkage.data
+    way = values - data.qpos[linkage.adr]
+    steps = int(np.ceil(GLIDE * (np.abs(way) / linkage.stride).max()))
+    if steps:
+        data.qvel[linkage.dofs] = way / (steps * model.opt.timestep)
+        mujoco.mj_step(model, data, steps)
+    return steps
+
+
+def calm(linkage: Linkage, values: Array) -> int:
+    """Step with the drives held until nothing moves; the number of steps."""
+    data = linkage.data
+
+    def hold() -> None:
+        data.qpos[linkage.adr], data.qvel[linkage.dofs] = values, 0
+
+    return until_still(linkage.model, data, STILL, block=BLOCK, most=MOST, hold=hold,
+                       where=f" at {linkage.spoken(values)}")
+
+
+def holding_moments(linkage: Linkage) -> Array:
+    """What must act on the driven joints at rest, besides the engine's own constraints."""
+    data = linkage.data
+    mujoco.mj_forward(linkage.model, data)
+    forces = data.qfrc_bias - data.qfrc_passive - data.qfrc_constraint - data.qfrc_actuator
+    return forces[linkage.dofs]

@@ -1,0 +1,144 @@
+"""Time stepping in MuJoCo, with ideal drives.
+
+A driven joint gets a flywheel so heavy that nothing in the model can disturb it, and in each
+step the torque that gives it the law's mean acceleration over that step.  What the joint really
+did is returned beside the curves, so that a comparison can be made at the actual drive state.
+"""
+
+import time
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import Recorder
+from proofmass.sim.mujoco.reading import withhold_drives
+from proofmass.sim.mujoco.settings import stepped_with
+from proofmass.sim.mujoco.still import lost
+from proofmass.sim.protocol import Array, Curves, Diverged, Run
+
+FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
+
+
+def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
+    """Close the loops at the drives' first values, give every joint its rate, fit the flywheels.
+
+    Without drives the loops are closed as near to the start pose as can be.
+
+    Returns
+    -------
+    torque : ndarray (steps, drives)
+        What to apply at the driven joints in each step: the law's mean acceleration over it.
+    instant : ndarray (steps + 1, drives)
+        The torque of the law's acceleration at each time, for reading a sample.
+    """
+    model, data = linkage.model, linkage.data
+    if not run.drives:
+        linkage.release()
+        return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
+    value, rate, acceleration = (part.T for part in run.motion(times))
+    tangent = linkage.move(value[0])
+    data.qvel[:] = tangent @ rate[0]
+    inertia = np.zeros((model.nv, model.nv))  # before the flywheels
+    mujoco.mj_fullM(model, data, inertia)
+    flywheel = FLYWHEEL * np.diag(tangent.T @ inertia @ tangent)
+    model.dof_armature[linkage.dofs] += flywheel
+    # what resists an ideal drive does not change its motion, and its moment is not read here
+    model.dof_damping[linkage.dofs] = model.dof_dampingpoly[linkage.dofs] = 0
+    model.dof_frictionloss[linkage.dofs] = 0
+    pose, speed = data.qpos.copy(), data.qvel.copy()
+    mujoco.mj_setConst(model, data)  # the flywheel changes how stiff the engine makes a constraint
+    data.qpos[:], data.qvel[:] = pose, speed
+    return flywheel * np.diff(rate, axis=0) / np.diff(times)[:, None], flywheel * acceleration
+
+
+def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+    """Step through ``run.x`` (time) and read every sensor at every sample.
+
+    The moments of drives are not delivered: what is applied here moves the flywheels.
+
+    What a step computes belongs to its beginning, one step before the state it leaves behind.  A
+    sample is therefore read after the first step that starts from it; only RK4, which leaves the
+    accelerations of its last stage, needs a forward pass of its own there.
+
+    Raises
+    ------
+    Diverged
+        The engine reset itself, a value is not finite, or a loop came open.
+    """
+    count, step = run.steps(model.opt.timestep)
+    model.opt.timestep = step
+    times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
+    linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+    torque, instant = start(linkage, run, times)
+    record = Recorder(model, data, run.channels, run.x.size)
+    missing = withhold_drives(model, linkage, record)
+    data.time = run.x[0]
+    began = time.perf_counter()
+    dofs = linkage.dofs
+    torque = torque.reshape(run.x.size - 1, count, dofs.size)
+    step_through(model, data, record, torque, instant[::count], dofs)
+    seconds = time.perf_counter() - began
+    gap = check(model, data, record, run.x)
+    state = None
+    if run.drives:
+        rows = record.rows
+        state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
+    return Curves(run.x, record.curves(), missing, drive=state, gap=gap, seconds=seconds,
+                  steps=times.size - 1, settings=stepped_with(model))
+
+
+def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, torque: Array,
+                 instant: Array, dofs: NDArray[np.int32]) -> None:
+    """Step over all samples; `torque` (intervals, steps, drives) has what each step applies.
+
+    A forward pass at a sample applies the `instant` torque, which is the law's own there; a step
+    applies its mean.
+    """
+    applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
+    ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    rest = torque.shape[1] - 1  # steps of an interval after its first, at once where they can be
+    steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=(1, 2)).tolist()
+    where: slice | NDArray[np.int32] = dofs
+    if dofs.size < 2:  # plain numbers are written three times as fast
+        where = slice(dofs[0], dofs[0] + 1) if dofs.size else slice(0, 0)
+        torque, instant = torque.sum(axis=-1).tolist(), instant.sum(axis=-1).tolist()
+    for k, forces in enumerate(torque):
+        if ahead:
+            applied[where] = instant[k]
+            forward(model, data)
+            record.sample(k)
+        else:
+            record.sample_state(k)
+        applied[where] = forces[0]
+        mj_step(model, data)
+        if not ahead:
+            record.sample_shown(k)
+        if rest and steady[k]:
+            applied[where] = forces[1]
+            mj_step(model, data, rest)
+        else:
+            for force in forces[1:]:
+                applied[where] = force
+                mj_step(model, data)
+    applied[where] = instant[-1]
+    forward(model, data)
+    record.sample(len(torque))
+
+
+def check(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, times: Array) -> float:
+    """Largest loop gap [m]; raises when the run was lost.
+
+    MuJoCo itself resets the state and carries on in silence, so its warnings are read.
+    """
+    gaps, pose = record.gaps(), record.rows["qpos"]
+    finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
+    when = f"t = {times[int(np.argmin(finite))]:.4g} s" if not finite.all() else "some time"
+    if warning := lost(data):
+        raise Diverged(f"{warning}; lost at {when}")
+    if not finite.all():
+        k = int(np.argmin(finite))
+        raise Diverged(f"not finite at {when}" if not np.isfinite(pose[k]).all()
+                       else f"a loop came open by {gaps[k]:.3g} m at {when}")
+    return float(gaps.max(initial=0.0))

@@ -1,0 +1,83 @@
+"""The plane that a planar MJCF mechanism moves in."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.protocol import Array, Unsupported
+
+PARALLEL = 1e-9
+"""Largest sine [-] of the angle at which two directions of an MJCF still count as parallel."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A right-handed basis whose first two vectors span the plane of motion.
+
+    Attributes
+    ----------
+    e1, e2, normal : ndarray (3,)
+        Unit vectors in world coordinates; ``e2 = normal x e1``.
+    """
+
+    e1: Array
+    e2: Array
+    normal: Array
+
+    def flat(self, vectors: Array) -> Array:
+        """Components in the plane: (..., 3) to (..., 2)."""
+        return vectors @ np.stack([self.e1, self.e2], axis=1)
+
+    def world(self, flat: Array, height: float = 0.0) -> Array:
+        """World vectors of components in the plane, `height` above it: (..., 2) to (..., 3)."""
+        return flat @ np.stack([self.e1, self.e2]) + height * self.normal
+
+
+def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> Plane:
+    """Find the plane in which all joints of a model move.
+
+    The normal is the axis of the first hinge; without a hinge it is normal to the slides.  The
+    first basis vector is the world's x axis (its y axis if x is the normal), projected.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    data : mujoco.MjData
+        With the kinematics of the start pose.
+
+    Returns
+    -------
+    Plane
+
+    Raises
+    ------
+    Unsupported
+        A joint leaves the plane; the message names it.
+    """
+    hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    axes = data.xaxis
+    normal = axes[hinges][0] if hinges.any() else _across(axes)
+    for joint, (hinge, axis) in enumerate(zip(hinges, axes, strict=True)):
+        off = np.linalg.norm(np.cross(normal, axis)) if hinge else abs(normal @ axis)
+        if off > PARALLEL:
+            kind = "hinge" if hinge else "slide"
+            raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves the plane "
+                              f"normal to {np.round(normal, 6).tolist()}")
+    x = np.array([1.0, 0.0, 0.0])
+    if np.linalg.norm(np.cross(normal, x)) < PARALLEL:
+        x = np.array([0.0, 1.0, 0.0])
+    e1 = x - (x @ normal) * normal
+    e1 /= np.linalg.norm(e1)
+    return Plane(e1, np.cross(normal, e1), normal.copy())
+
+
+def _across(slides: Array) -> Array:
+    """A unit vector normal to the slides: of two that differ, else near a world axis, z first."""
+    for other in slides[1:]:
+        normal = np.cross(slides[0], other)
+        if np.linalg.norm(normal) > PARALLEL:
+            return normal / np.linalg.norm(normal)
+    axis = np.eye(3)[min((2, 1, 0), key=lambda k: round(abs(slides[0][k]), 9))]
+    normal = axis - (axis @ slides[0]) * slides[0]
+    return normal / np.linalg.norm(normal)

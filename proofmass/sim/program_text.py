@@ -1,0 +1,18 @@
+"""What the writers of programs share: their templates, and text that may stand in a program."""
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+TEMPLATES = Environment(loader=PackageLoader("proofmass.sim", "programs"),
+                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+                        keep_trailing_newline=True)
+
+
+def escaped(text: str) -> str:
+    r"""Text that may stand in a docstring or a comment; lines remain lines in the first only.
+
+    >>> print(escaped('C:\\new, \"\"\"\0'))
+    C:\\new, \"\"\"\x00
+    """
+    text = text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
+                   for c in text)

@@ -1,0 +1,1 @@
+"""pymunk, Chipmunk in Python: `engine` is all that the rest of the package asks for."""

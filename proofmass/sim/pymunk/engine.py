@@ -1,0 +1,68 @@
+"""pymunk (Chipmunk): a planar MJCF rebuilt from its compiled numbers; MuJoCo only compiles it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from proofmass.sim.protocol import Curves, Run
+from proofmass.sim.pymunk.duration import duration
+from proofmass.sim.pymunk.model import CHIPMUNK_BIAS as CHIPMUNK_BIAS
+from proofmass.sim.pymunk.model import PymunkSettings, find_channels, read_model
+from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
+from proofmass.sim.pymunk.program import write_program as write_program
+from proofmass.sim.pymunk.shape import rest
+from proofmass.sim.pymunk.sweep import sweep
+
+
+def check_settings(settings: Mapping[str, object]) -> None:
+    """Raise `proofmass.sim.protocol.BadSetting` if pymunk cannot be set so."""
+    PymunkSettings.read(settings)
+
+
+def simulate(model: Path, run: Run) -> Curves:
+    """Run a planar mechanism in pymunk.
+
+    Parameters
+    ----------
+    model : Path
+        The MJCF file.
+    run : Run
+        What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
+        whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
+        100 in a duration and 500 in a sweep, and more where it needs them; ``error_bias``, the
+        share of a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and
+        0.9**60.
+
+    Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
+    joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
+    polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in a duration.
+
+    Loads are motors on sites, constant in the frame of a refsite on the ground.
+
+    In a sweep the coordinates that drives leave free follow them at rest, from the start key on,
+    and in a rest they come there with the drives held.  The pose is the engine's: one that its own
+    step from standstill gives no velocity.  How far to go along that velocity is chosen by a
+    stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
+
+    Second order in time, but for joint damping: Chipmunk's dampers are first order.
+
+    Returns
+    -------
+    Curves
+        The channels over ``run.x``, the actual drive state, the largest gap and the cost.  A sweep
+        stops where the loops cannot be closed any further, or a stop is in the way, and says so.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, lacks a named element, or its start pose is not assembled.
+    Unsupported
+        The model holds something that the rebuild does not cover; it is named.
+    Diverged
+        The run was lost.
+    """
+    links, settings = read_model(model, run)
+    wanted, missing = find_channels(links, run)
+    act = {"sweep": sweep, "rest": rest, "duration": duration}[run.kind]
+    curves = act(links, run, wanted, settings)
+    curves.missing.update(missing)
+    return curves

@@ -1,0 +1,162 @@
+"""Links in a plane: what `proofmass.sim.pymunk.space` and `proofmass.sim.pymunk.close` work on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from proofmass.sim.plane import Plane
+from proofmass.sim.protocol import Array
+
+HAIR = 1e-13
+"""How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
+stops hold a joint only beyond them, and let one fall in anew that they put back to the last digit.
+"""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Two links held together at a point, or (with an axis) along a line without turning.
+
+    ``on_a`` and ``on_b`` are seen from the links' centres in the start pose.
+    """
+
+    name: str
+    a: int
+    b: int
+    on_a: Array
+    on_b: Array
+    axis: Array | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """Holds as arrays, one row each; the axis of a hinge or a loop is zero."""
+
+    a: NDArray[np.intp]
+    b: NDArray[np.intp]
+    on_a: Array
+    on_b: Array
+    axis: Array
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which holds have an axis."""
+        return np.asarray(self.axis.any(axis=1))
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A hinge or slide: its hold, value in the start pose, sense about the normal, and its loads.
+
+    ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
+    that at ``rest``; ``load`` is a constant moment [N m] or force [N] on the second link against
+    the first.
+    """
+
+    name: str
+    hold: Hold
+    value: float
+    sign: float
+    rate: float
+    stiffness: tuple[float, float, float]
+    rest: float
+    damping: float
+    load: float
+    limits: tuple[float, float] | None
+
+    def spring_force(self, value: Array | float) -> Any:
+        """Moment [N m] or force [N] of the spring on the second link against the first."""
+        x, (k, a, b) = value - self.rest, self.stiffness
+        return -x * (k + x * (a + x * b))
+
+    def spring_energy(self, value: Array) -> Array:
+        """Energy [J] of the spring."""
+        x, (k, a, b) = value - self.rest, self.stiffness
+        return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A dead load: constant in the world, at a point of a link seen from its centre at the start.
+
+    ``force`` in the plane [N], ``moment`` about its normal [N m].
+    """
+
+    link: int
+    at: Array
+    force: Array
+    moment: float
+
+
+@dataclass(frozen=True)
+class Links:
+    """A planar mechanism in its start pose; the last link is the ground.
+
+    Attributes
+    ----------
+    centre : ndarray (links + 1, 2)
+        Centres of mass [m]; a pose is (links + 1, 3): centres [m] and turns since the start [rad].
+    mass, moment : ndarray (links,)
+        [kg], [kg m2] about the centre, along the normal.
+    driven : tuple of int
+        Ids of the joints with a prescribed motion, in the run's order.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    plane: Plane
+    of_body: Array
+    centre: Array
+    mass: Array
+    moment: Array
+    joints: tuple[Joint, ...]
+    driven: tuple[int, ...]
+    loops: tuple[Hold, ...]
+    pulls: tuple[Pull, ...]
+    gravity: Array
+    extent: float
+
+    @property
+    def drives(self) -> tuple[Joint, ...]:
+        """The joints with a prescribed motion."""
+        return tuple(self.joints[j] for j in self.driven)
+
+    @property
+    def holds(self) -> tuple[Hold, ...]:
+        """All holds: those of the joints, then the loops."""
+        return (*(joint.hold for joint in self.joints), *self.loops)
+
+    @cached_property
+    def table(self) -> Table:
+        """All holds as arrays."""
+        holds = self.holds
+        axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
+        return Table(np.array([hold.a for hold in holds]), np.array([hold.b for hold in holds]),
+                     np.array([hold.on_a for hold in holds]),
+                     np.array([hold.on_b for hold in holds]), np.array(axes))
+
+    @cached_property
+    def weights(self) -> Array:
+        """Masses and moments of all coordinates of a pose (links + 1, 3); the ground has none."""
+        return np.pad(np.column_stack([self.mass, self.mass, self.moment]), ((0, 1), (0, 0)))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """What the coordinates of a pose are measured in (3 links,): extents [m], radians."""
+        return np.tile([self.extent, self.extent, 1.0], len(self.mass))
+
+    @cached_property
+    def bounds(self) -> Array:
+        """What all that is prescribed is measured in (rows + drives,): extents [m], radians."""
+        across = np.column_stack([np.ones(len(self.holds)), ~self.table.slides])
+        along = [joint.hold.axis is not None for joint in self.drives]
+        return np.where(np.append(across, along), self.extent, 1.0)
+
+    @property
+    def pose(self) -> Array:
+        """The start pose (links + 1, 3)."""
+        return np.column_stack([self.centre, np.zeros(len(self.centre))])

@@ -1,0 +1,257 @@
+"""Sensors of the MJCF as functions of the engine's poses, and their first two time derivatives."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from proofmass.sim.mujoco.model import gear_of_force, joint_of
+from proofmass.sim.plane import Plane
+from proofmass.sim.protocol import Array, BadModel
+from proofmass.sim.pymunk.links import Joint, Links
+from proofmass.sim.pymunk.pose import along, joint_value, turned
+
+S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
+ORDER = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2,
+         S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
+FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
+Pose = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel: a function of the pose and how often to differentiate it by time.
+
+    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the effort of a drive,
+    given by its place among the drives, which `factor` turns into the sensor's.
+    """
+
+    order: int
+    function: Pose
+    drive: int = 0
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Level:
+    """A quantity that does not change."""
+
+    value: float = 0.0
+
+    def __call__(self, pose: Array) -> Array:
+        return np.full(pose.shape[:-2], self.value)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The angle of a link [rad]: ``start + share * turn``."""
+
+    link: int
+    start: float = 0.0
+    share: float = 1.0
+
+    def __call__(self, pose: Array) -> Array:
+        return self.start + self.share * pose[..., self.link, 2]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Component `part` of the world position [m] of a point of a link, `height` over the plane.
+
+    ``local`` is seen from the link's centre in the start pose.
+    """
+
+    plane: Plane
+    link: int
+    local: Array
+    height: float
+    part: int
+
+    def __call__(self, pose: Array) -> Array:
+        body = pose[..., self.link, :]
+        flat = body[..., :2] + turned(body[..., 2], self.local)
+        return self.plane.world(flat, self.height)[..., self.part]
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Component `part` in the world of a unit vector of a link, `height` of it over the plane."""
+
+    plane: Plane
+    link: int
+    local: Array
+    height: float
+    part: int
+
+    def __call__(self, pose: Array) -> Array:
+        flat = turned(pose[..., self.link, 2], self.local)
+        return self.plane.world(flat, self.height)[..., self.part]
+
+
+@dataclass(frozen=True)
+class Value:
+    """The coordinate of a joint [rad or m]."""
+
+    joint: Joint
+
+    def __call__(self, pose: Array) -> Array:
+        return joint_value(self.joint, pose)
+
+
+@dataclass(frozen=True)
+class Potential:
+    """MuJoCo's potential energy [J]: -m g.r of every body, plus the joint springs."""
+
+    links: Links
+
+    def __call__(self, pose: Array) -> Array:
+        energy = np.zeros(pose.shape[:-2])
+        for mass, place in weights(self.links):
+            at = np.stack([replace(place, part=k)(pose) for k in range(3)], axis=-1)
+            energy = energy - mass * (at @ self.links.model.opt.gravity)
+        for joint in self.links.joints:
+            energy = energy + joint.spring_energy(joint_value(joint, pose))
+        return energy
+
+
+def weights(links: Links) -> list[tuple[float, Place]]:
+    """Mass [kg] and centre of mass of every body of the MJCF."""
+    model, plane, found = links.model, links.plane, []
+    for b in range(1, model.nbody):
+        link, point = int(links.of_body[b]), links.data.xipos[b]
+        found.append((float(model.body_mass[b]), Place(
+            plane, link, plane.flat(point) - links.centre[link], float(point @ plane.normal), 0)))
+    return found
+
+
+def channel(links: Links, name: str) -> Channel | str:
+    """Find what a channel name means.
+
+    Parameters
+    ----------
+    links : Links
+    name : str
+        ``sensor``, ``sensor.x``, ``.y``, ``.z`` or ``sensor.angle``.
+
+    Returns
+    -------
+    Channel, or str
+        The reason why pymunk cannot deliver it.
+
+    Raises
+    ------
+    BadModel
+        No such sensor, or no such component of it.
+    """
+    model = links.model
+    sensor, _, part = name.partition(".")
+    names = [model.sensor(i).name for i in range(model.nsensor)]
+    if sensor not in names:
+        raise BadModel(f"no sensor '{sensor}' for channel '{name}'; "
+                       f"the model has {', '.join(names) or 'none'}")
+    s = names.index(sensor)
+    kind, wide = S(int(model.sensor_type[s])), model.sensor_dim[s] > 1
+    if part not in (("x", "y", "z", "angle") if wide else ("",)) or (
+            part == "angle" and kind != S.mjSENS_FRAMEXAXIS):
+        parts = f"{sensor}.x, .y, .z, or .angle of a framexaxis" if wide else sensor
+        raise BadModel(f"no channel '{name}'; use {parts}")
+    if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
+        return "a sensor with a reference frame is not rebuilt for pymunk"
+    if kind in ORDER:
+        return Channel(ORDER[kind], _frame(links, s, part))
+    return _scalar(links, s)
+
+
+def _scalar(links: Links, s: int) -> Channel | str:
+    model, obj = links.model, links.model.sensor_objid[s]
+    kind = S(int(model.sensor_type[s]))
+    user = kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT
+    if kind in (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL) or user:
+        order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}.get(kind, 2)
+        return Channel(order, Value(links.joints[obj]))
+    if kind == S.mjSENS_E_POTENTIAL:
+        return Channel(0, Potential(links))
+    if kind == S.mjSENS_E_KINETIC:
+        return Channel(-1, Level())
+    if kind in FORCES:
+        return _force(links, kind, obj)
+    return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
+
+
+def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
+    """What a joint's drive must do, or the constant force of the motors on a joint without one."""
+    model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
+    joint = obj if of_joint else joint_of(model, obj)
+    if joint in links.driven:
+        gear = 1.0 if of_joint else gear_of_force(model, obj)
+        return Channel(-2, Level(), links.driven.index(joint), 1.0 / gear)
+    force = links.joints[joint].load if of_joint else float(
+        links.data.actuator_force[model.actuator_outadr[obj]])
+    return Channel(0, Level(force))
+
+
+def _frame(links: Links, s: int, part: str) -> Pose:
+    link, local, height, turn = _frame_at(links, s)
+    plane, kind = links.plane, S(int(links.model.sensor_type[s]))
+    if part == "angle":
+        return Turn(link, float(np.arctan2(*plane.flat(turn[:, 0])[::-1])))
+    k = "xyz".index(part)
+    if kind in (S.mjSENS_FRAMEANGVEL, S.mjSENS_FRAMEANGACC):
+        return Turn(link, share=float(plane.normal[k]))
+    if kind == S.mjSENS_FRAMEXAXIS:
+        return Direction(plane, link, plane.flat(turn[:, 0]), float(turn[:, 0] @ plane.normal), k)
+    return Place(plane, link, local, height, k)
+
+
+def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
+    """Link, point on it, height over the plane and orientation of a sensor's object."""
+    model, data, obj = links.model, links.data, links.model.sensor_objid[s]
+    place = {OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
+             OBJ.mjOBJ_GEOM: (model.geom_bodyid, data.geom_xpos, data.geom_xmat),
+             OBJ.mjOBJ_BODY: (np.arange(model.nbody), data.xipos, data.ximat),
+             OBJ.mjOBJ_XBODY: (np.arange(model.nbody), data.xpos, data.xmat)}
+    kind = OBJ(int(model.sensor_objtype[s]))
+    if kind not in place:
+        raise BadModel(f"sensor '{model.sensor(s).name}': object type {kind.name[6:].lower()}")
+    bodies, points, turns = place[kind]
+    link, point = links.of_body[bodies[obj]], points[obj]
+    local = links.plane.flat(point) - links.centre[link]
+    return link, local, float(point @ links.plane.normal), turns[obj].reshape(3, 3)
+
+
+def kinetic(links: Links, velocity: Array) -> Array:
+    """Kinetic energy [J] (...) of velocities (..., links + 1, 3)."""
+    return 0.5 * ((velocity[..., :-1, :2] ** 2).sum(-1) @ links.mass
+                  + velocity[..., :-1, 2] ** 2 @ links.moment)
+
+
+def moving(function: Pose, order: int, pose: Array, before: Array, after: Array,
+           dt: float) -> Array:
+    """A function of the pose, or its rate or acceleration, from velocities half a step away.
+
+    Second order in dt at every sample: Chipmunk's velocity belongs to the interval between two
+    poses, ``pose(t + dt) = pose(t) + dt after``.
+
+    Parameters
+    ----------
+    function : callable
+        Of poses (..., links + 1, 3).
+    order : {0, 1, 2}
+    pose, before, after : ndarray (..., links + 1, 3)
+        Pose at the sample, velocity over the step before it and over the step after it.
+    dt : float
+        Time step [s].
+    """
+    if order == 0:
+        return function(pose)
+    late = along(function, pose + 0.5 * dt * after, after)
+    early = along(function, pose - 0.5 * dt * before, before)
+    return 0.5 * (early + late) if order == 1 else (late - early) / dt
+
+
+def unwrapped(name: str, curve: Array) -> Array:
+    """An angle shifted by whole turns so that it starts within (-pi, pi]."""
+    if not name.endswith(".angle"):
+        return curve
+    return curve - 2 * np.pi * np.ceil(curve[0] / (2 * np.pi) - 0.5)

@@ -1,0 +1,155 @@
+"""A pymunk space built from links, and reading all its bodies at once."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from proofmass.sim.protocol import Array
+from proofmass.sim.pymunk.links import Hold, Joint, Links, Pull
+
+Settings = dict[str, Any]
+"""timestep [s], iterations, error_bias."""
+FIELDS = (batch.BodyFields.POSITION | batch.BodyFields.ANGLE
+          | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY)
+STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
+"""Kinds of constraints that stand for a joint's limits, in the order of the joints."""
+REACH = 100.0
+"""Half length of a groove, in extents of the mechanism."""
+
+
+def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
+    """Build the space: a body for each link, in order, constraints for holds, springs and loads.
+
+    Parameters
+    ----------
+    links : Links
+    iterations : int
+        Sweeps of the engine's solver over the constraints in a step.
+    error_bias : float
+        Share of a gap that is left after a second; 0 closes it in the next step.
+
+    Returns
+    -------
+    pymunk.Space
+        At rest in the start pose, without drives.
+    """
+    space = pymunk.Space()
+    space.gravity = tuple(links.gravity)
+    space.iterations = iterations
+    bodies = []
+    for centre, mass, moment in zip(links.centre, links.mass, links.moment, strict=False):
+        body = pymunk.Body(mass, moment)
+        body.position = tuple(centre)
+        space.add(body)
+        bodies.append(body)
+    for pull in links.pulls:
+        _pull(pull, bodies[pull.link])
+    bodies.append(space.static_body)
+    for _, constraint in constraints(links, bodies):
+        # a stop that threw a joint out of it in one step would make it bounce
+        if not isinstance(constraint, STOPS):
+            constraint.error_bias = error_bias
+        space.add(constraint)
+    return space
+
+
+def constraints(links: Links, bodies: list[pymunk.Body]
+                ) -> Iterator[tuple[Joint | Hold, pymunk.Constraint]]:
+    """All constraints but those of drives, in the solver's order, with the joint or the loop each
+    belongs to: springs, loads and stops of a joint, what holds it, then the loops."""
+    for joint in links.joints:
+        for constraint in (*_springs(joint, links, bodies),
+                           *_hold(joint.hold, links, bodies, joint)):
+            yield joint, constraint
+    for loop in links.loops:
+        for constraint in _hold(loop, links, bodies):
+            yield loop, constraint
+
+
+def _pull(pull: Pull, body: pymunk.Body) -> None:
+    """Let a load act on its body in every step, beside those that it has already."""
+    before = body.velocity_func
+
+    def pulled(body: pymunk.Body, gravity: pymunk.Vec2d, damping: float, dt: float) -> None:
+        point = body.local_to_world(tuple(pull.at))
+        body.apply_force_at_world_point(tuple(pull.force), point)
+        body.torque += pull.moment
+        before(body, gravity, damping, dt)
+
+    body.velocity_func = pulled
+
+
+def at(links: Links, link: int, local: Array) -> tuple[float, float]:
+    """An anchor in the body's own coordinates; the static body's are the world's."""
+    return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))
+
+
+def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
+          joint: Joint | None = None) -> list[pymunk.Constraint]:
+    a, b = bodies[hold.a], bodies[hold.b]
+    limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
+    if hold.axis is None:
+        pin = pymunk.PivotJoint(a, b, at(links, hold.a, hold.on_a), at(links, hold.b, hold.on_b))
+        if joint is None or limits is None:
+            return [pin]
+        low, high = sorted(joint.sign * limit for limit in limits)
+        return [pymunk.RotaryLimitJoint(a, b, low, high), pin]
+    reach = REACH * links.extent
+    stops: list[pymunk.Constraint] = []
+    if limits:
+        low, high = (reach + limit for limit in limits)
+        stops = [pymunk.SlideJoint(a, b, at(links, hold.a, hold.on_a - reach * hold.axis),
+                                   at(links, hold.b, hold.on_b), low, high)]
+    start, end = (at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
+    # The groove's own solve is only right if neither anchor couples sliding with turning; the
+    # anchors of proofmass.sim.pymunk.links are chosen so.  A RotaryLimitJoint would lock one side a
+    # step.
+    return [*stops, pymunk.GearJoint(a, b, 0.0, 1.0),
+            pymunk.GrooveJoint(a, b, start, end, at(links, hold.b, hold.on_b))]
+
+
+def _springs(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
+    """The spring of a joint, and its load as a spring with a force that does not change."""
+    springs: list[pymunk.Constraint] = []
+    if any(joint.stiffness) or joint.damping:
+        springs.append(_spring(joint, links, bodies, joint.spring_force, joint.damping))
+    if joint.load:
+        springs.append(_spring(joint, links, bodies, lambda value: joint.load, 0.0))
+    return springs
+
+
+def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body],
+            force: Callable[[float], float], damping: float) -> pymunk.Constraint:
+    """A spring between two links whose force is a function of the joint's value."""
+    hold = joint.hold
+    a, b = bodies[hold.a], bodies[hold.b]
+    if hold.axis is None:
+        turning = pymunk.DampedRotarySpring(a, b, 0.0, 0.0, damping)
+        # Chipmunk's angle is that of a against b, its torque that on b.
+        turning.torque_func = lambda _, angle: (
+            joint.sign * force(joint.value - joint.sign * angle))
+        return turning
+    far = REACH * links.extent
+    sliding = pymunk.DampedSpring(a, b, at(links, hold.a, hold.on_a - far * hold.axis),
+                                  at(links, hold.b, hold.on_b), far, 0.0, damping)
+    sliding.force_func = lambda _, length: force(joint.value + length - far)
+    return sliding
+
+
+def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:
+    """Set the state of all bodies from arrays (links + 1, 3); the ground is the last row."""
+    buffer = batch.Buffer()  # all bodies at once, which takes half the time of their attributes
+    buffer.set_float_buf(np.hstack([pose, velocity]))
+    batch.set_space_bodies(space, FIELDS, buffer)
+
+
+def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
+    """Poses and velocities (reads, links + 1, 3) of all reads in a buffer.
+
+    Chipmunk lists the static body, to which every mechanism is jointed, after the moving ones.
+    """
+    states = np.frombuffer(bytes(buffer.float_buf())).reshape(-1, len(links.mass) + 1, 6)
+    return states[..., :3], states[..., 3:]

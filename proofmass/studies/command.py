@@ -1,0 +1,142 @@
+"""``proofmass trade``: what accuracy costs, and what limits it."""
+
+from enum import StrEnum
+from itertools import groupby
+from math import inf
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+from rich.table import Table
+
+from proofmass.case import Case
+from proofmass.check import collect, load
+from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.errors import InputError
+from proofmass.strict import Kind
+from proofmass.studies.run import pool
+from proofmass.studies.store import Store
+from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.orders import off
+from proofmass.studies.trade.trade import LONGEST, Trade, chosen, cost, limits, trade, write_study
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.words import turned
+from proofmass.terminal import console, number
+
+WANTED = (1e-4, 1e-6)  # errors whose price the table tells
+SAID = "what the error floor is, or how far the line came"
+
+Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
+Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
+
+
+Longest = Annotated[float, typer.Option(help="Wall time after which a run is given up.",
+                                        metavar="SECONDS")]
+
+
+def trade_command(
+    paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and finished "
+                      "runs.")] = Path("trade"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    longest: Longest = LONGEST,
+    run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
+                   "first of these that a case has")] = None,
+    error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
+    = Errors.position,
+) -> None:
+    """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
+
+    Every finished run is kept: a study that was stopped goes on when the command is given again.
+    Exit code 0: done; 1: nothing ran; 2: bad input.
+    """
+    kind = cast(Kind | None, run and run.value)
+    with answering(f"{output} keeps the runs"):
+        from proofmass.report.trade_page import write_trade  # matplotlib is slow to load
+
+        if not (cases := [case for case in named(paths) if turnable(case, kind)]):
+            raise typer.Exit(0)
+        study = measured(cases, output, jobs, dask, kind, seconds("--longest", longest))
+        write_study(study, output)
+        show(study, error.value)
+        errors.print(limits(longest), markup=False, highlight=False)
+        print(write_trade(output, output).first if study.rows else output / "trade.csv")
+    raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
+
+
+def named(paths: list[Path]) -> list[Case]:
+    """The cases below the paths; what is wrong with any of them is raised.
+
+    Workers of a cluster, which are in a folder of their own, find them as well.  Models without a
+    sidecar are passed over, unless there are no others.
+    """
+    wrong: list[InputError] = []
+    files = collect(paths, wrong)
+    cases = [load(file.absolute(), strict=True) for file in files if file.suffix == ".toml"]
+    lone = [InputError(file, "", "no sidecar says what is right; a study needs one")
+            for file in files if file.suffix != ".toml"]
+    if wrong or not cases:
+        raise (wrong or lone)[0]
+    for one in lone:
+        errors.print(f"passed over: {one}", markup=False)
+    return cases
+
+
+def turnable(case: Case, kind: Kind | None) -> bool:
+    """Whether there is something to turn in a case; says so if not."""
+    which = chosen(case, kind)
+    if lines(case, which):
+        return True
+    errors.print(f"{case.name}: nothing to trade in its {which}, which both engines solve to "
+                 f"rounding")
+    return False
+
+
+def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None,
+             kind: Kind | None, longest: float = LONGEST) -> Trade:
+    """`trade` with a progress bar on standard error, which tells what chaotic motions are."""
+    with pool(jobs, dask) as workers, counting(letters=40) as advance:
+        study = trade(cases, Store(folder / "runs"), workers, kind, longest=longest,
+                      progress=advance)
+    for case, motion in {v.case: v.motion for v in study.verdicts if v.motion}.items():
+        errors.print(f"{case}: {motion}", markup=False, highlight=False)
+    return study
+
+
+def seconds(option: str, value: float) -> float:
+    """A number of seconds that was given; raises ValueError if it is none."""
+    if not 0 < value < inf:
+        raise ValueError(f"{option} {value:g}: give a number of seconds above 0, such as 30")
+    return value
+
+
+def show(study: Trade, kind: str) -> None:
+    """A table with one row for each line, on standard output."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("case", "line", "order", "expected", "error floor", "best",
+                 *(f"s for {error:g}" for error in WANTED), SAID):
+        right = name not in ("case", "line", SAID)
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    told = {(v.case, v.line): v for v in study.verdicts if v.kind == kind}
+    last = ""
+    for (case, line), rows in groupby(study.rows, lambda row: (row.case, row.line)):
+        own = list(rows)
+        figures = [number(cost(own, kind, error)) for error in WANTED]
+        best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
+        verdict = told.get((case, line), Verdict(case, "", "", line, kind))
+        lost = next((f"{turned(row)}: {row.outcome}: {row.message}" for row in own
+                     if row.outcome != "ran"), "")
+        table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.floor),
+                      number(best), *figures, "; ".join(filter(None, (
+                          verdict.cause, verdict.reached, verdict.worse, lost))))
+        last = case
+    if table.row_count:
+        console().print(table)
+
+
+def spoken(verdict: Verdict) -> tuple[str, str]:
+    """Orders, the observed one with a mark if theory expects another."""
+    seen, wanted = verdict.observed, verdict.expected
+    return (f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",
+            f"{wanted:g}" if wanted == wanted else "–")

@@ -1,0 +1,1 @@
+"""Reduced models: what of a model its motion needs."""

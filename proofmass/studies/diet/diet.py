@@ -1,0 +1,288 @@
+"""``proofmass diet``: what a scene does not need.
+
+Each feature is taken out of the model, and every run of the scene is done again.  What changes no
+channel by more than it may is harmless; all that is harmless is then taken out together, or one
+after the other if not all of it can go at once, and what is left is looked at again.
+
+Then options of the engine are made cheaper, one after the other, as long as what is measured is as
+true as before: see `proofmass.studies.diet.options`.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, TypeVar
+
+import mujoco
+
+from proofmass.check import FAILURES
+from proofmass.isolate import isolated
+from proofmass.sim.protocol import BadModel, Curves, Run
+from proofmass.studies.diet.diet_table import NO_GAIN, SAID, WHOLE, Entry, Moved
+from proofmass.studies.diet.draft import Draft
+from proofmass.studies.diet.feature import DRAWN, Feature, features
+from proofmass.studies.diet.kept import Kept
+from proofmass.studies.diet.options import (
+    CLOCKED,
+    COUNTED,
+    ORDERS,
+    Rungs,
+    integrators,
+    stepped,
+    steps,
+    work,
+)
+from proofmass.studies.diet.scene import TIMED, Scene, Watch, moved, strayed
+from proofmass.studies.diet.trial import Cost, Pace, attempt, paced
+from proofmass.studies.run import pool
+
+SLOWER = 20.0  # times as long as the model as it is takes: given up
+NOT_CHEAPER = 3.0  # times as long, of an option that is to be cheaper
+LEAST = 30.0  # s, to give up
+ROUNDS = 15  # pairs of runs, of which the interval of the median is that from the 3rd to the 13th
+SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
+T = TypeVar("T")
+ASKING = 8  # features that wait for workers at a time
+Tried = tuple[Feature, Entry]
+Judge = Callable[[list[mujoco.MjModel], Draft], tuple[str, Moved, str]]
+Changed = tuple[Draft, Draft, Entry]
+"""A draft, the same with an option changed, and what came of it."""
+
+
+@dataclass(frozen=True)
+class Diet:
+    """What was found out of a scene.
+
+    Attributes
+    ----------
+    entries : list of Entry
+        Its features.
+    slim : Draft
+        Without all that is harmless.
+    whole : Entry
+        All of that together, as one feature.
+    tuned : bool
+        Whether the slim model has other options, so that it is held against what is true.
+    said : list of Entry
+        What was watched, and what options were held against.
+    """
+
+    entries: list[Entry]
+    slim: Draft
+    whole: Entry
+    tuned: bool = False
+    said: list[Entry] = field(default_factory=list)
+
+    @property
+    def table(self) -> tuple[Entry, ...]:
+        """All entries, as they are written."""
+        return (*self.said, *self.entries, self.whole)
+
+
+@dataclass
+class Search:
+    """Finds what a scene does not need.
+
+    Attributes
+    ----------
+    scene : Scene
+        From `scene_of`.
+    blind : bool
+        Whether geoms that are only drawn go as well.
+    rounds : int
+        Pairs of timed runs of models with and without a feature; 0: nothing is timed, and nothing
+        is taken that only the clock can tell.
+    tune : bool
+        Whether options of the engine are made cheaper as well.
+    workers : Executor, optional
+        Where runs go, from `proofmass.studies.run.pool`; local ones if not given.  What is timed
+        has a processor of its own.
+    kept : Kept
+        What was tried before, which is not done again.
+    progress : callable
+        Called with what is tried.
+    """
+
+    scene: Scene
+    blind: bool = False
+    rounds: int = ROUNDS
+    tune: bool = True
+    workers: Executor | None = None
+    kept: Kept = field(default_factory=Kept)
+    progress: Callable[[str], None] = lambda _: None
+    found: dict[tuple[str, str], Entry] = field(default_factory=dict)
+
+    def run(self) -> Diet:
+        """Look at all features, until none is left that can go."""
+        if self.workers is None:
+            with pool() as local:
+                return replace(self, workers=local).run()
+        slim, left = self.scene.draft, True
+        while left:
+            there = list(features(slim, self.scene))
+            with ThreadPoolExecutor(ASKING) as threads:
+                fresh = [one for each in threads.map(lambda f, d=slim: self.explored(d, f), there)
+                         for one in each]
+            self.found |= {(e.kind, e.name): e for _, e in fresh}
+            wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
+            if left := bool(wanted):
+                slim = self.together(slim, wanted)
+        tune = self.tune and bool(stepped(self.scene))
+        lean, changed = self.optioned(slim) if tune else (slim, [])
+        self.found |= {(e.kind, e.name): e for e in changed}
+        tuned = lean is not slim
+        whole = self.timed(self.scene.draft, *self.tried(lean, all_of([]), tuned), tuned)
+        said = [Entry(SAID, "", SAID, message=text) for text in self.scene.said]
+        return Diet(list(self.found.values()), lean, whole, tuned, said)
+
+    def optioned(self, slim: Draft) -> tuple[Draft, list[Entry]]:
+        """The draft with cheaper options, and what came of each that was tried."""
+        now, changed = self.changed(slim, COUNTED)
+        orders = ORDERS if integrators(now, self.scene) else ORDERS[:1]
+        now, more = min((self.changed(now, order) for order in orders),
+                        key=lambda way: work(way[0]))
+        entries = [self.timed(old, new, entry, True) for old, new, entry in (*changed, *more)]
+        for make in CLOCKED if self.rounds else ():
+            for rung in make(now, self.scene):
+                draft, entry = self.tried(now, rung, True)
+                entry = self.timed(now, draft, entry, True)
+                if entry.outcome == "harmless" and not (entry.saved and entry.saved[0] > 0):
+                    entry = replace(entry, outcome=NO_GAIN)
+                entries.append(entry)
+                if entry.outcome == "harmless":
+                    now = draft
+                    break
+        return now, entries
+
+    def changed(self, now: Draft, makers: tuple[Rungs, ...]) -> tuple[Draft, list[Changed]]:
+        """The draft with the first option of each kind that holds, or the last that does not."""
+        found: list[Changed] = []
+        for make in makers:
+            again = True
+            while again:
+                again = False
+                for rung in (rungs := make(now, self.scene)):
+                    draft, entry = self.tried(now, rung, True)
+                    holds = entry.outcome == "harmless"
+                    if holds or rung is rungs[-1]:
+                        found.append((now, draft, entry))
+                    if holds:
+                        now, again = draft, make is steps  # which may be longer still
+                        break
+        return now, found
+
+    def explored(self, now: Draft, feature: Feature) -> list[Tried]:
+        """What becomes of a feature, or of its parts where it cannot go as a whole."""
+        last = self.found.get((feature.kind, feature.name))
+        if last and last.outcome in SETTLED:
+            return []
+        draft, entry = self.tried(now, feature)
+        if entry.outcome != "harmless" and feature.parts:
+            return [one for part in feature.parts for one in self.explored(now, part)]
+        if entry.outcome == "harmless" and feature.kind == DRAWN and not self.blind:
+            entry = replace(entry, outcome="drawn")
+        return [(feature, self.timed(now, draft, entry))]
+
+    def together(self, now: Draft, wanted: list[Feature]) -> Draft:
+        """A draft without as many of the features as can go together."""
+        draft, entry = self.tried(now, all_of(wanted))
+        if entry.outcome == "harmless":
+            return draft
+        for feature in wanted:
+            draft, entry = self.tried(now, feature)
+            if entry.outcome == "harmless":
+                now = draft
+        return now
+
+    def tried(self, now: Draft, feature: Feature, tuned: bool = False) -> tuple[Draft, Entry]:
+        """A draft without a feature, and what comes of it in the runs of the scene.
+
+        One that is `tuned` has other options, and is held against what is true.
+        """
+        self.progress(f"{feature.kind} {feature.name}")
+        try:
+            draft = now.without(feature.cut)
+            models = [draft.compiled(watch.run.rods) for watch in self.scene.watches]
+        except (ValueError, mujoco.FatalError) as error:
+            return now, Entry(feature.kind, feature.name, "needed",
+                              message=" ".join(str(error).removeprefix("Error: ").split()))
+        watches = [(w.name, w.run, w.allowed, w.before.channels) for w in self.scene.watches]
+        judge: Judge = self.held if tuned else self.ran
+        runs = [*watches, *map(key_of, self.scene.watches)] if tuned else watches
+        outcome, shares, message = self.kept.once(models, runs, lambda: judge(models, draft))
+        return draft, Entry(feature.kind, feature.name, outcome, shares, message)
+
+    def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
+        """Outcome, changes and message of a draft's models in the runs of the scene."""
+        optional = set() if draft.watch else draft.probes
+        return self.judged(models, draft, SLOWER, lambda watch: watch.run,
+                           lambda watch, curves: moved(watch, curves, optional))
+
+    def held(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
+        """The same of errors; of changes where there is nothing to hold a run against."""
+        optional = set() if draft.watch else draft.probes
+        return self.judged(models, draft, NOT_CHEAPER, lambda watch: watch.bound.run
+                           if watch.bound else watch.run, lambda watch, curves: strayed(
+                               watch, curves) if watch.bound else moved(watch, curves, optional))
+
+    def judged(self, models: list[mujoco.MjModel], draft: Draft, slower: float,
+               run_of: Callable[[Watch], Run],
+               shares_of: Callable[[Watch, Curves], dict[str, float]]) -> tuple[str, Moved, str]:
+        """Outcome, shares of what is allowed, and message of a draft's models in some runs."""
+        shares: Moved = {}
+        try:
+            for watch, model in zip(self.scene.watches, models, strict=True):
+                curves = self.worked(isolated, attempt, model, rodded(run_of(watch), draft),
+                                     timeout=max(LEAST, slower * watch.before.seconds))
+                shares[watch.name] = shares_of(watch, curves)
+        except BadModel as error:
+            return "needed", shares, str(error)
+        except tuple(FAILURES) as error:
+            return FAILURES[type(error)], shares, str(error)
+        same = all(share <= 1 for each in shares.values() for share in each.values())
+        return "harmless" if same else "matters", shares, ""
+
+    def timed(self, now: Draft, draft: Draft, entry: Entry, tuned: bool = False) -> Entry:
+        """The same with what a step and the memory cost, before and after, if the model runs."""
+        if entry.outcome not in ("harmless", *SETTLED) or not self.rounds:
+            return entry
+        watch = self.scene.longest
+        run = watch.shortened(watch.bound.run if tuned and watch.bound else watch.run, TIMED)
+        run = replace(run, rods=draft.segmented(watch.run.rods))
+        models = [d.compiled(watch.run.rods) for d in (now, draft)]
+        limit = self.rounds * SLOWER * max(LEAST, watch.before.seconds)
+        found = self.kept.once(models, (run, self.rounds), lambda: asdict(
+            self.worked(paced, tuple(models), run, self.rounds, limit)))
+        one, two = (Cost(**cost) for cost in found["costs"])
+        low, middle, high = found["saved"]
+        pace = Pace((one, two), (low, middle, high))
+        return replace(entry, costs=pace.costs, saved=pace.saved)
+
+    def worked(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
+        """What a worker makes of something."""
+        if self.workers is None:
+            return what(*args, **more)
+        return self.workers.submit(what, *args, **more).result()
+
+
+def all_of(wanted: list[Feature]) -> Feature:
+    """Many features as one."""
+    def cut(draft: Draft) -> None:
+        for feature in wanted:
+            feature.cut(draft)
+
+    return Feature(WHOLE, "", cut)
+
+
+def rodded(run: Run, draft: Draft) -> Run:
+    """A run with the rods of a draft."""
+    return replace(run, rods=draft.segmented(run.rods))
+
+
+def key_of(watch: Watch) -> object:
+    """All that a run's errors depend on beside its model, such that it pickles the same again."""
+    if (bound := watch.bound) is None:
+        return None
+    case = bound.case and (bound.case.reference, sorted(bound.case.parameters.items(),
+                                                        key=lambda item: item[0]))
+    return bound.run, bound.allowed, bound.truth, case

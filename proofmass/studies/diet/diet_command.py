@@ -1,0 +1,122 @@
+"""``proofmass diet``: what a scene does not need, and the model without it."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from proofmass.command import Dask, Jobs, answering, errors
+from proofmass.errors import InputError
+from proofmass.studies.diet.diet import Diet, Search
+from proofmass.studies.diet.diet_table import NO_GAIN, Entry, read_entries, write_entries
+from proofmass.studies.diet.diet_words import ranked, saving, sentences
+from proofmass.studies.diet.draft import read
+from proofmass.studies.diet.kept import Kept
+from proofmass.studies.diet.scene import Scene, scene_of
+from proofmass.studies.diet.slim import write
+from proofmass.studies.run import pool
+from proofmass.terminal import console
+from proofmass.wording import number
+
+GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain",
+        "matters": "✗ matters"}
+
+
+def diet_command(
+    model: Annotated[Path, typer.Argument(help="MJCF file; sidecars beside it say what it is "
+                     "for.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The slim model; the table "
+                      "stands beside it.", show_default="diet/MODEL.xml")] = None,
+    seconds: Annotated[float, typer.Option(min=1e-3, help="To follow a model without a sidecar, "
+                       "from its key.")] = 5.0,
+    watch: Annotated[list[str] | None, typer.Option("--watch", help="A joint, body, site or sensor "
+                     "that matters; what does not act on it goes. Can be given again. Without it "
+                     "all that is measured, or moves, is watched.")] = None,
+    error: Annotated[float | None, typer.Option("--error", min=0.0, help="How far other options of "
+                     "the engine may take a channel from the fine solution, as a share of its "
+                     "range. Without a sidecar; a tenth more than now if not given.")] = None,
+    keep_options: Annotated[bool, typer.Option("--keep-options", help="The engine's options stay "
+                            "as they are; nothing goes but what changes no run.")] = False,
+    blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
+    = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+) -> None:
+    """Find what a scene does not need, and write the model without it.
+
+    Each feature is taken out by itself and every run is done again: those of the sidecars, within
+    their tolerances, or the motion from the model's key, to rounding. Then solver tolerance,
+    iterations, time step, integrator and solver are made cheaper where the error of the reference,
+    or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
+    goes on when the command is given again. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.report.diet_page import write_diet  # matplotlib is slow to load
+
+    file = output or Path("diet") / model.name
+    with answering("what was tried is kept"):
+        if file.exists() and model.exists() and file.samefile(model):
+            raise InputError(file, "--output", "is the model itself; give another file")
+        if (table := file.with_suffix(".csv")).exists():
+            read_entries(table)  # what is no table of a diet is not replaced by one
+        scene = scene_of(model, seconds, tuple(dict.fromkeys(watch or ())), error)
+        with pool(jobs, dask) as workers, errors.status("starting") as status:
+            found = Search(scene, blind, tune=not keep_options, workers=workers,
+                           kept=Kept(file.parent / "runs"),
+                           progress=lambda what: status.update(what[:70])).run()
+        finish(scene, found, file)
+    for part in shown(found.table):
+        console().print(part, markup=False)
+    print()
+    for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
+        print(path)
+
+
+def finish(scene: Scene, found: Diet, file: Path) -> None:
+    """Write the slim model and the table, and try the model as it was written."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    half = file.with_name(f"{file.stem}.part.xml")
+    try:
+        write(found.slim, half, dressed=True)
+        written = read(half, found.slim.rods)
+        models = [written.compiled(found.slim.segmented(w.run.rods)) for w in scene.watches]
+        search = Search(scene)
+        outcome, _, message = (search.held if found.tuned else search.ran)(models, found.slim)
+        if outcome != "harmless":
+            raise InputError(scene.draft.file, "", "cannot be written with all its digits: its "
+                             f"slim model {message or outcome}")
+        write(found.slim, half)
+        half.replace(file)
+    finally:
+        half.unlink(missing_ok=True)
+    write_entries(found.table, file.with_suffix(".csv"))
+
+
+def shown(entries: Sequence[Entry]) -> Iterator[str | Table]:
+    """What standard output shows: what to make of it, what could be run, and what is needed."""
+    yield from (f"{text}\n" for text in sentences(entries))
+    rows = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("feature", "outcome", "time", "memory", "moves", "most of all"):
+        rows.add_column(name, justify="right" if name in ("time", "memory", "moves") else "left",
+                        no_wrap=name not in ("feature", "most of all"), overflow="fold")
+    for entry in ranked(entries):
+        if entry.outcome in GOES:
+            rows.add_row(*cells(entry))
+    if rows.row_count:
+        yield rows
+        yield ("\ntime and memory: saved; time in brackets: interval of the median with 99 %, none "
+               "where 0 is within it; moves: largest change of a channel, or with another option "
+               "its error, of what is allowed")
+    if needed := [e.title for e in ranked(entries) if e.outcome not in GOES]:
+        yield f"\nWithout these it does not run: {'; '.join(needed)}"
+
+
+def cells(entry: Entry) -> tuple[str, ...]:
+    """A row of what is shown: time and memory as shares saved."""
+    run, channel, share = entry.worst
+    saved = ("–", "–")
+    if entry.costs:
+        saved = saving(entry), f"{entry.saved_memory:+.1f} KB"
+    return (entry.title, GOES[entry.outcome], *saved, number(share, 2),
+            f"{channel} in {run}" if share else "")

@@ -1,0 +1,479 @@
+"""What a scene is for: the runs that it must still do, and how far each channel may move in them.
+
+With sidecars these are their runs in MuJoCo; a channel may move by a tenth of what its error leaves
+of its tolerance.  Without, the model is let go from its key, and a channel may move as much as by a
+nudge of that pose.
+
+Another option of the engine moves every channel by more than that, for the better or the worse,
+and is held against what is true: with sidecars the reference, whose error may grow by a tenth of
+what it leaves of its tolerance; without, the fine solution of the same model, of which a channel
+may be off by a tenth more than it is with the options as they are, or by as much as was said.
+"""
+
+import tomllib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import cast
+
+import mujoco
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.check import FAILURES, LOADING, load
+from proofmass.compare import reference_for
+from proofmass.errors import InputError, suggest
+from proofmass.files import read_text
+from proofmass.isolate import isolated
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import Array, BadModel, Curves, Run
+from proofmass.solve import plan
+from proofmass.strict import Kind
+from proofmass.studies.bounded import bounded
+from proofmass.studies.diet.draft import WATCHED, Draft, read
+from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, groups
+from proofmass.wording import listed, number
+
+ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
+NUDGE = 1e-12  # [rad or m] what a start pose so near changes is no change
+LOST = 0.1  # of a channel's largest value: a motion that the nudge changes by more is chaos
+FEWEST = 10  # samples before that
+SAMPLES = 501
+SHARE = 0.1  # of what an error leaves of its tolerance: a change that uses it up would be a loss
+LATEST = 600.0  # s
+COMPILING = 120.0  # s, as a run has that states no limit
+FEW = 500  # steps whose iterations are counted
+TIMED = 2000  # steps that are timed
+BRIEF = 0.05  # s, of a run that is timed or counted, where fewer steps take as long
+FINER = (4, 8)  # times shorter steps, of solutions that are called fine; the last one is the truth
+FINE = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}  # beside shorter steps
+WORSE = 0.1  # of its error, by which that may grow where no tolerance says more
+LONGER = 64  # steps from sample to sample, so that as many times longer steps can be tried
+SPARSE = 50  # samples that are left at least
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What a run is held against when the engine has other options.
+
+    Attributes
+    ----------
+    run : Run
+    allowed : dict of str to float
+        The largest error of each channel, in its unit.
+    truth : dict of str to ndarray
+        The fine solution; none where a reference of a case is the truth.
+    case : Case, optional
+        Whose reference is evaluated, at the state that the drives had in the run.
+    """
+
+    run: Run
+    allowed: dict[str, float]
+    truth: dict[str, Array] = field(default_factory=dict)
+    case: Case | None = None
+
+    def errors(self, curves: Curves) -> dict[str, float]:
+        """Largest error of each channel, over what it may be."""
+        truth = self.truth if self.case is None else bounded(
+            self.case, cast(Kind, self.run.kind), reference_for, self.case, curves).channels
+        return {name: float(np.abs(curves.channels[name] - truth[name]).max()) / most
+                for name, most in self.allowed.items()}
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A run that must come out the same.
+
+    Attributes
+    ----------
+    name : str
+        Case, kind of run, and setting if it has a name.
+    run : Run
+    allowed : dict of str to ndarray
+        How far each channel may move at each sample, in its unit.
+    before : Curves
+        Of the model as it is.
+    level : frozenset of str
+        Channels that are known up to a constant, and read as their change: potential energies.
+    bound : Bound, optional
+        What other options are held against; without one they may move a channel as little as a
+        feature.
+    """
+
+    name: str
+    run: Run
+    allowed: dict[str, Array]
+    before: Curves
+    level: frozenset[str] = frozenset()
+    bound: Bound | None = None
+
+    @property
+    def brief(self) -> Run:
+        """As few samples of the run as have `FEW` steps or take `BRIEF`, but two at least."""
+        return self.shortened(self.run)
+
+    def shortened(self, run: Run, few: int = FEW) -> Run:
+        """As few samples of one of its runs as have `few` steps or take `BRIEF`, but two at least.
+        """
+        length = float(np.ptp(self.before.x)) or 1.0
+        samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
+        stride = max(1, self.before.steps // (samples + 1))
+        if self.before.seconds > 0 and self.before.steps:
+            few = min(few, int(BRIEF * self.before.steps / self.before.seconds))
+        return replace(run, x=run.x[:max(2, few // stride)])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A model and what it is for.
+
+    Attributes
+    ----------
+    draft : Draft
+        The model as it is.
+    watches : tuple of Watch
+    read : set of str, or None
+        Sensors that the sidecars read; None: without them, all.
+    keys : set of str
+        Keys that runs start from.
+    said : tuple of str
+        What is watched, and what options are held against, in sentences.
+    """
+
+    draft: Draft
+    watches: tuple[Watch, ...]
+    read: set[str] | None
+    keys: set[str]
+    said: tuple[str, ...] = ()
+
+    @property
+    def longest(self) -> Watch:
+        """The run that takes longest, of those that go by time steps if there are any."""
+        return max(self.watches, key=lambda w: (by_steps(w.run), w.before.seconds))
+
+
+def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: float | None = None
+             ) -> Scene:
+    """A model with the sidecars beside it that speak of it.
+
+    Parameters
+    ----------
+    file : Path
+        The MJCF file.
+    seconds : float
+        To follow it without sidecars [s].
+    watch : tuple of str
+        Joints, bodies, sites and sensors that alone matter; all that is measured, or moves, if
+        empty.
+    error : float, optional
+        How far other options may take a channel from the fine solution [share of its range]; of
+        models without sidecars.
+
+    Raises
+    ------
+    InputError
+        The model or a sidecar cannot be used, the model as it is does not run, or a name that is
+        watched is not there.
+    """
+    if error is not None and not 0 <= error < np.inf:
+        raise InputError(file, "--error", f"{error:g} is no share of a range; give a number such "
+                         "as 1e-4")
+    cases = list(sidecars(file)) if file.is_file() else []
+    if not cases:
+        compile_elsewhere(file)
+    runs = [(case, kind, solver) for case in cases for kind in case.run
+            for solver in solvers_of(case, kind)]
+    draft = read(file, next((case.rods for case in cases), ()), not runs, watch)
+    if not runs:
+        let = let_go(file, draft, seconds)
+        keys = {let.run.start, *(case.start for case in cases)} - {""}
+        held, why = with_fine_solution(file, draft, let, error)
+        return Scene(draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why))
+    if error is not None:
+        raise InputError(file, "--error", "its sidecar states what an error may be; change its "
+                         "tolerances, or leave --error out")
+    watches = [watched(case, plan(case, kind, solver), solver, draft)
+               for case, kind, solver in runs]
+    sensors = {name.partition(".")[0] for case in cases for name in case.channels}
+    words = "Watched: the channels of the sidecars, in their runs."
+    if watch:
+        read_by = sensors_of(draft, watch)
+        watches = [only(w, read_by) for w in watches if reads(w, read_by)]
+        if not watches:
+            there = dict.fromkeys(n for w in runs for n in w[0].channels)
+            raise InputError(file, "--watch", f"no channel of the sidecars reads {listed(watch)}; "
+                             f"{suggest(watch[0], there, 'their channels')}")
+        sensors &= read_by
+        words = (f"Watched: {listed(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
+                 "runs of the sidecars.")
+    return Scene(draft, tuple(watches), sensors, {case.start for case in cases}, (
+        words, "Options are held against the references of the sidecars: an error may grow by a "
+        "tenth of what it leaves of its tolerance."))
+
+
+def sensors_of(draft: Draft, watch: Collection[str]) -> set[str]:
+    """The sensors, and rods, with these names, and those that read something with these names."""
+    return {*watch, *(s.name for s in draft.spec.sensors if s.objname in watch)}
+
+
+def own_sensors(draft: Draft) -> set[str] | None:
+    """The sensors that are watched; None if all are."""
+    if not draft.watch:
+        return None
+    return {s.name for s in draft.spec.sensors if s.name in draft.watch or s.name in draft.probes}
+
+
+def reads(watch: Watch, sensors: set[str]) -> list[str]:
+    """The channels of a run that these sensors show."""
+    return [name for name in watch.allowed if name.partition(".")[0] in sensors]
+
+
+def only(watch: Watch, sensors: set[str]) -> Watch:
+    """A run of which nothing but the channels of these sensors is looked at."""
+    names = reads(watch, sensors)
+    run = replace(watch.run, channels=tuple(names))
+    bound = watch.bound and replace(watch.bound, run=run, allowed={
+        n: watch.bound.allowed[n] for n in names})
+    return replace(watch, run=run, allowed={n: watch.allowed[n] for n in names}, bound=bound,
+                   before=replace(watch.before, channels={
+                       n: watch.before.channels[n] for n in names}))
+
+
+def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
+    """What is watched of a model without a sidecar, and what does not act on it."""
+    named = [f"{word} {e.name}" for kind, word in WATCHED.items()
+             for e in getattr(draft.spec, kind) if e.name in draft.watch
+             and e.name not in draft.probes]
+    sensors = [s.name for s in draft.spec.sensors if s.name not in draft.probes]
+    if draft.watch:
+        yield f"Watched: {listed(named)}, and nothing else."
+    elif sensors:
+        yield (f"Watched, since no sidecar and no --watch says what matters: all sensors of the "
+               f"model, {listed(sensors)}.")
+    else:
+        yield ("Watched, since no sidecar, no sensor and no --watch says what matters: everything "
+               "that moves.")
+    if watch.level:
+        yield (f"{listed(sorted(watch.level))}: a potential energy is known up to a constant, so "
+               "only its change counts; what does not move adds nothing to it.")
+    try:
+        found = isolated(groups, draft.compiled(), watch.run, timeout=LATEST)
+    except Exception:  # then nothing is said of it
+        return
+    if len(found) < 2 or draft.watch:
+        return
+    told = "; ".join(", ".join(group) for group in found)
+    yield (f"{len(found)} groups of bodies move without acting on each other in this run, through "
+           f"no contact, equality, tendon or actuator: {told}. All of what is watched of them is "
+           f"kept. --watch NAME, with a joint, body, site or sensor of the group that matters, "
+           f"leaves the others out.")
+
+
+def solvers_of(case: Case, kind: Kind) -> list[str]:
+    """The settings in which a case runs in MuJoCo, but for the engine's defaults and its flexes."""
+    return [s for s in case.run[kind].solvers if s.partition(":")[0] == "mujoco"
+            and s != "mujoco:default" and not case.settings.get(s, {}).get("flex")]
+
+
+def sidecars(file: Path) -> Iterator[Case]:
+    """The cases beside a model that are about it; each file is read in a worker."""
+    for path in sorted(file.parent.glob("*.toml")):
+        try:
+            named = isolated(model_named, path, timeout=LOADING)
+        except tuple(FAILURES):  # it is the sidecar of a model only if it has its name
+            named = path.stem + ".xml"
+        if named == file.name:
+            yield load(path, strict=True)
+
+
+def model_named(path: Path) -> str:
+    """The file that a sidecar says it is about; the one of its own name where it cannot be read."""
+    own = path.stem + ".xml"
+    try:
+        return str(tomllib.loads(read_text(path)).get("model", own))
+    except (tomllib.TOMLDecodeError, InputError, RecursionError):
+        return own
+
+
+def compile_elsewhere(file: Path) -> None:
+    """Compile a model that no sidecar speaks of in a worker, before it is compiled here.
+
+    Raises
+    ------
+    InputError
+        It takes too long or too much memory.
+    """
+    try:
+        isolated(compiles, file, timeout=COMPILING)
+    except tuple(FAILURES) as error:
+        raise InputError(file, "", f"cannot be compiled: {error}") from None
+
+
+def compiles(file: Path) -> bool:
+    """Whether MuJoCo takes a model; who reads it says why it does not."""
+    try:
+        return compile_model(file) is not None
+    except BadModel:
+        return False
+
+
+def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
+    """A run of a case; a channel may move by a share of what its error leaves of its tolerance.
+
+    One without a tolerance, or beyond it already, may move by rounding.
+    """
+    before = done(case.model_path, draft.compiled(run.rods), run)
+    truth = bounded(case, cast(Kind, run.kind), reference_for, case, before).channels
+    allowed, largest = dict[str, Array](), dict[str, float]()
+    for name, curve in before.channels.items():
+        tolerance = case.tolerance_for(run.kind, solver, name)
+        most = tolerance.allowed(float(np.ptp(truth[name]))) if tolerance else 0.0
+        error = float(np.abs(curve - truth[name]).max())
+        left, rounding = SHARE * (most - error), ROUNDING * scale(before, name)
+        allowed[name] = np.full(curve.size, max(left, rounding))
+        # a tolerance may be narrower than that rounding: no option may lead beyond it
+        largest[name] = error + (max(left, 1e-3 * rounding) if tolerance else
+                                 max(WORSE * error, rounding))
+    setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
+    return Watch(f"{case.name} {run.kind}{setting}", run, allowed, before,
+                 bound=Bound(run, largest, case=case))
+
+
+def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
+    """The model as it is for some seconds, or until a nudge of the start pose has grown too much.
+
+    A channel may move by what the nudge moves it, and by rounding.
+    """
+    model = draft.compiled()
+    names = [model.key(k).name for k in range(model.nkey)]
+    start = "start" if "start" in names else next(iter(names), "")
+    steps = max(1, round(seconds / model.opt.timestep))
+    stride = max(1, steps // (SAMPLES - 1))
+    x = model.opt.timestep * stride * np.arange(max(2, steps // stride + 1))
+    run = Run(PASSIVE, x, (), start=start)
+    level = frozenset(model.sensor(s).name for s in range(model.nsensor)
+                      if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_E_POTENTIAL)
+    before, beside = (levelled(seen(draft, done(file, model, run, *nudge)), level)
+                      for nudge in ((), (NUDGE,)))
+    if not before.channels:
+        raise InputError(file, "", "nothing in it moves and nothing is measured; give it a <joint>")
+    grown = {name: np.abs(curve - beside.channels[name]) / scale(before, name)
+             for name, curve in before.channels.items()}
+    lost = np.max(list(grown.values()), axis=0) > LOST
+    n = int(np.argmax(lost)) if lost.any() else x.size
+    if n < min(FEWEST, x.size):
+        name = max(grown, key=lambda name: float(grown[name][n]))
+        raise InputError(file, "", f"cannot be followed: {name} is lost in rounding after "
+                         f"{x[n]:.3g} s; give a key that starts further from a collision")
+    allowed = {name: np.maximum(ROUNDING, np.maximum.accumulate(part[:n])) * scale(before, name)
+               for name, part in grown.items()}
+    return Watch("let go", replace(run, x=x[:n]), allowed, before, level & before.channels.keys())
+
+
+def seen(draft: Draft, curves: Curves) -> Curves:
+    """The curves of the sensors that are watched."""
+    if (sensors := own_sensors(draft)) is None:
+        return curves
+    return replace(curves, channels={name: curve for name, curve in curves.channels.items()
+                                     if name.partition("[")[0] in sensors})
+
+
+def levelled(curves: Curves, names: Collection[str]) -> Curves:
+    """Curves of which some are read as their change since the start."""
+    if not names:
+        return curves
+    return replace(curves, channels={name: curve - curve[0] if name in names else curve
+                                     for name, curve in curves.channels.items()})
+
+
+def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | None = None
+                       ) -> tuple[Watch, str]:
+    """A free motion with what other options of the engine are held against, and that in words.
+
+    The truth is the fine solution of the same model: steps that are 8 times shorter, constraints
+    solved by Newton's method to 1e-14.  Where the model as it is leaves it by a tenth of a
+    channel's largest value nothing can be told from there on, and options are held to what features
+    are held to.  A channel may be off it by a tenth more than as it is, by rounding, or by a share
+    `error` of its range.
+    """
+    model = draft.compiled()
+    step, x = model.opt.timestep, watch.run.x
+    stride = max(1, round((x[1] - x[0]) / step)) if x.size > 1 else 1
+    thin = 1
+    while 2 * thin * stride <= LONGER and x.size // (2 * thin) >= SPARSE:
+        thin *= 2
+    run = replace(watch.run, x=x[::thin])
+    own = {name: curve[:x.size:thin] for name, curve in watch.before.channels.items()}
+    strict = {**FINE, "tolerance": min(1e-14, model.opt.tolerance),
+              "iterations": max(100, model.opt.iterations)}
+    no = "Options may move a channel by no more than a feature may, for there is no fine solution "
+    try:
+        coarse, fine = (levelled(seen(draft, done(file, model, replace(
+            run, settings={**strict, "timestep": step / k}))), watch.level).channels for k in FINER)
+    except InputError as wrong:
+        return watch, f"{no}to hold them against: {wrong.wrong}."
+    sizes = {name: scale(watch.before, name) for name in own}
+    off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
+    lost = np.max(list(off.values()), axis=0) > LOST
+    if lost.any():
+        k = int(np.argmax(lost))
+        name = max(off, key=lambda name: float(off[name][k]))
+        return watch, (f"{no}to hold them against: {name} is off it by a tenth of its size after "
+                       f"{number(float(run.x[k]))} s; --seconds ends the run before that.")
+    allowed, free = dict[str, float](), error or 0.0
+    ranges = {name: max(float(np.ptp(c)) for other, c in fine.items()
+                        if other.partition("[")[0] == name.partition("[")[0]) for name in own}
+    for name, size in sizes.items():
+        most = max((1 + WORSE) * float(off[name].max()), ROUNDING, free * ranges[name] / size)
+        if float(np.abs(coarse[name] - fine[name]).max()) / size > most / 2:
+            return watch, (f"{no}to hold them against: {name} still changes between steps of "
+                           f"{number(step / FINER[0])} s and {number(step / FINER[1])} s.")
+        allowed[name] = most * size
+    return replace(watch, bound=Bound(run, allowed, fine)), (
+        f"Options are held against the fine solution of the same model, with steps of "
+        f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
+        f"first {number(float(run.x[-1]))} s: no channel may be off it by more than 1.1 times "
+        f"what it is off with the options as they are, {number(ROUNDING)} of its size"
+        + (f" or {number(free)} of its range, whichever is most." if free else
+           ", whichever is more; --error SHARE allows more."))
+
+
+def scale(curves: Curves, name: str) -> float:
+    """Largest value of all the numbers of a channel's sensor; 1 where all of them are rounding."""
+    sensor = name.partition("[")[0]
+    largest = max(float(np.abs(v).max()) for n, v in curves.channels.items()
+                  if n.partition("[")[0] == sensor)
+    return largest if largest > ROUNDING else 1.0
+
+
+def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
+    """A run of the model as it is, or bad input."""
+    try:
+        return isolated(attempt, model, run, nudge, timeout=LATEST)
+    except BadModel as error:
+        raise InputError(file, "", str(error)) from None
+    except tuple(FAILURES) as error:
+        raise InputError(file, "", f"as it is, its run {FAILURES[type(error)]}: {error}; give a "
+                         "model that runs") from None
+
+
+def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
+    """How far each channel moved, over what it may: up to 1 is no change.
+
+    What is gone has moved without bound, unless it is an `optional` one that never moved.
+    """
+    found = {}
+    curves = levelled(curves, watch.level)
+    for name, before in watch.before.channels.items():
+        allowed, after = watch.allowed[name], curves.channels.get(name)
+        if after is None and name.partition("[")[0] in optional:
+            after = np.full(allowed.size, before[0])
+        found[name] = np.inf if after is None or after.size != allowed.size else float(
+            (np.abs(after - before[:allowed.size]) / allowed).max())
+    return found
+
+
+def strayed(watch: Watch, curves: Curves) -> dict[str, float]:
+    """How far each channel is off what is true, over what it may be."""
+    assert watch.bound is not None
+    return watch.bound.errors(levelled(curves, watch.level))

@@ -1,0 +1,187 @@
+"""Running a compiled model: once for its channels, in rounds for its pace.
+
+These functions are called in worker processes, which `paced` starts itself.
+"""
+
+import copy
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb, inf
+from random import Random
+
+import mujoco
+import numpy as np
+
+from proofmass.isolate import Crashed, isolated
+from proofmass.sim.mujoco.coupling import independent_groups
+from proofmass.sim.mujoco.engine import follow
+from proofmass.sim.mujoco.model import begin
+from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+from proofmass.studies.core import own_core, pinned
+
+PASSIVE = "passive"
+STEPPED = ("duration", PASSIVE)  # runs that go by time steps
+SPAN = 0.5  # s, of rounds at least
+LEVEL = 0.99  # probability with which an interval holds the median that it is of
+FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5
+"""Whether the clock of the processor's time tells runs of milliseconds apart; not on Windows."""
+
+Interval = tuple[float, float, float]
+"""The least, the median and the largest that it may be."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Processor time of a step [s], the median of the rounds, and memory of model and data [bytes].
+
+    Of a model with another time step it is the time of as much of the run as a step of the first
+    model covers.
+    """
+
+    seconds: float
+    size: int
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What two models cost, and the share of the first one's time that the second one saves.
+
+    Attributes
+    ----------
+    costs : tuple of two Cost
+    saved : Interval
+        From the ratios of the times of pairs of runs, one after the other.
+    """
+
+    costs: tuple[Cost, Cost]
+    saved: Interval
+
+
+def by_steps(run: Run) -> bool:
+    """Whether a run goes by time steps."""
+    return run.kind in STEPPED or bool(run.settings.get("settled"))
+
+
+def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
+    """One run of a copy of a model, every joint moved by a `nudge` at first [rad or m].
+
+    What nobody meant to raise is a crash of that run.
+    """
+    try:
+        return driven(model, run, nudge)[0]
+    except (BadModel, Unsupported, Diverged):
+        raise
+    except Exception as error:
+        raise Crashed(f"{type(error).__name__}: {error}") from error
+
+
+def driven(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves, mujoco.MjData]:
+    """A run, and the engine's state at its end."""
+    model, data = begin(copy.copy(model), run)
+    mujoco.mj_integratePos(model, data.qpos, np.full(model.nv, nudge), 1.0)
+    return follow(model, data, run), data
+
+
+def groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
+    """The bodies of a model in groups that do not act on each other in a run."""
+    return independent_groups(copy.copy(model), run)
+
+
+def paced(models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, timeout: float
+          ) -> Pace:
+    """`race`, in a process of its own on a processor of its own."""
+    with own_core() as core:
+        return isolated(race, models, run, rounds, SPAN, core, timeout=timeout)
+
+
+def race(models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, span: float,
+         core: int | None = None) -> Pace:
+    """What two models cost, run in pairs after a pair that warms up.
+
+    Who is first in a pair is drawn by lot, so that nothing that comes and goes regularly meets one
+    of them more often, and what disturbs the machine for longer than a pair disturbs both.  Time is
+    the processor's, not that of the clock on the wall, so that other processes count as little as
+    can be.  Short runs get more rounds, a `span` [s] of them.
+    """
+    times: list[list[float]] = [[], []]
+    sizes, steps, lot = [0, 0], 0, Random(0)
+    turn, began = 0, time.perf_counter()
+    with pinned(core):
+        while turn <= rounds or time.perf_counter() - began < span:
+            for k in lot.sample((0, 1), 2):
+                seconds, curves, data = clocked(models[k], run)
+                sizes[k] = int(mujoco.mj_sizeModel(models[k]) + data.nbuffer + data.maxuse_arena)
+                steps = curves.steps if k == 0 else steps
+                if turn:
+                    times[k].append(seconds)
+            turn += 1
+    one, two = (Cost(float(np.median(t)) / steps, size)
+                for t, size in zip(times, sizes, strict=True))
+    return Pace((one, two), saved([b / a for a, b in zip(*times, strict=True)]))
+
+
+def clocked(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
+    """The processor time that a run takes once its model is there [s], the run, and its end."""
+    model, data = begin(copy.copy(model), run)
+    began = time.thread_time()
+    curves = follow(model, data, run)
+    return time.thread_time() - began if FINE_CLOCK else curves.seconds, curves, data
+
+
+def saved(ratios: Sequence[float]) -> Interval:
+    """The share of time that is saved, of ratios of times after and before, with its interval.
+
+    >>> saved([0.5] * 9)
+    (0.5, 0.5, 0.5)
+    """
+    low, middle, high = median_interval(ratios)
+    return 1 - high, 1 - middle, 1 - low
+
+
+def median_interval(values: Sequence[float], level: float = LEVEL) -> Interval:
+    """The median of values, and an interval that holds that of what they were drawn from.
+
+    Between the k-th value from below and the k-th from above: whatever the distribution is, each of
+    n independent values is below its median with probability 1/2, so that the interval misses it
+    with probability 2 P(B < k), where B is binomial with n and 1/2 (the sign test).  Fewer than 8
+    values bound nothing at 0.99.
+
+    Parameters
+    ----------
+    values : sequence of float
+    level : float
+        Least probability with which the interval holds the median.
+
+    Returns
+    -------
+    tuple of float
+        Lower end, median, upper end.
+
+    >>> median_interval(range(1, 16))
+    (3, 8.0, 13)
+    >>> median_interval([1.0, 2.0])
+    (-inf, 1.5, inf)
+    """
+    ranked, n, k, below = sorted(values), len(values), 0, 0
+    while 2 * (below + comb(n, k)) <= (1 - level) * 2**n:
+        below += comb(n, k)
+        k += 1
+    middle = float(np.median(ranked))
+    return (ranked[k - 1], middle, ranked[n - k]) if k else (-inf, middle, inf)
+
+
+def most_iterations(model: mujoco.MjModel, run: Run, tolerance: float) -> int:
+    """Iterations that the solver takes at most in a step of a run, with a tolerance."""
+    model.opt.tolerance, most = tolerance, 0
+
+    def look(_: mujoco.MjModel, data: mujoco.MjData) -> None:
+        nonlocal most
+        most = max(most, int(data.solver_niter.max()))  # of the step before
+
+    mujoco.set_mjcb_control(look)
+    try:
+        driven(model, run)
+    finally:
+        mujoco.set_mjcb_control(None)
+    return most

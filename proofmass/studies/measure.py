@@ -1,0 +1,222 @@
+"""One run of a study: in the engine, on a processor of its own, held against the reference."""
+
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Lock
+from typing import cast
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.check import FAILURES
+from proofmass.errors import InputError
+from proofmass.isolate import isolated
+from proofmass.sim.protocol import Array, BadModel, Curves, Run
+from proofmass.solve import simulate
+from proofmass.strict import Kind
+from proofmass.studies.core import machine, own_core, pinned
+from proofmass.studies.invariants import invariants
+from proofmass.studies.row import KINDS, NAN
+from proofmass.studies.setting import Setting
+from proofmass.studies.truth import read_truth, truth, write_truth
+
+REFERENCE = 600.0  # s, after which a reference of a free motion is given up
+writing: dict[Path, Lock] = {}
+SHORT = 0.02  # s; a shorter run is timed when it was made once before, in the same process
+CONSTANT = 1e-9  # a curve whose range is this share of another's, in the same unit, is rounding
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run of a case that a study asks for, and its place in the study's table.
+
+    Attributes
+    ----------
+    case : Case
+        From `load_case`, or a changed copy of it (`model_copy`): another start, other samples.
+    run : {"sweep", "duration", "rest"}
+        Which of its runs.
+    setting : Setting
+        The engine and its knobs.
+    study, line, axis, value
+        See `Row`.
+    reference : path, optional
+        Where the reference of a free motion is kept, or shall be.
+    """
+
+    case: Case
+    run: Kind
+    setting: Setting
+    study: str = ""
+    line: str = ""
+    axis: str = ""
+    value: float = NAN
+    reference: Path | None = None
+
+    @property
+    def label(self) -> str:
+        """What a progress line calls it."""
+        knobs = ", ".join(f"{name} {value}" for name, value in self.setting.knobs.items())
+        return f"{self.case.name} {self.run} {self.setting.engine} {knobs}"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one run gave; `Row` tells what the attributes mean, `curves` are channels over x."""
+
+    errors: dict[str, float] = field(default_factory=dict)
+    invariants: dict[str, float] = field(default_factory=dict)
+    seconds: float = NAN
+    steps: int = 0
+    pinned: bool = False
+    shared: float = NAN
+    machine: str = ""
+    outcome: str = "ran"
+    message: str = ""
+    asked: dict[str, float] = field(default_factory=dict)
+    curves: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
+    step: float = NAN
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is something to time."""
+        return self.outcome in ("ran", "stopped")
+
+
+def measure(task: Task, again: bool, timeout: float) -> Found:
+    """Run a task in a process of its own.
+
+    Parameters
+    ----------
+    task : Task
+    again : bool
+        Only time it: its errors are known.
+    timeout : float
+        Seconds until the run is given up.
+
+    Raises
+    ------
+    InputError
+        The model cannot be used, or a knob is unknown to the engine.
+    """
+    with own_core() as core:
+        if task.reference and not again:
+            referred(task, task.reference)
+        try:
+            return isolated(observe, task, again, core, timeout=timeout,
+                            memory=task.case.run[task.run].memory)
+        except tuple(FAILURES) as error:
+            return Found(outcome=FAILURES[type(error)], message=str(error))
+        except BadModel as error:
+            if "segments" in task.setting.knobs:  # such as a sensor on the tenth link
+                return Found(outcome="unsupported", message=str(error))
+            raise InputError(task.case.model_path, "", str(error)) from None
+
+
+def referred(task: Task, file: Path) -> None:
+    """Write the reference of a free motion, if nobody did; that is no time of a run.
+
+    Where it cannot be evaluated, the run says why.
+    """
+    limits = task.case.run[task.run]
+    with writing.setdefault(file, Lock()):
+        if not file.is_file():
+            with suppress(InputError, *FAILURES):
+                isolated(write_truth, task.setting.applied(task.case, task.run)[0], task.run, file,
+                         timeout=max(REFERENCE, limits.timeout), memory=limits.memory)
+
+
+def observe(task: Task, again: bool, core: int | None) -> Found:
+    """Run a task in this process, on one processor from beginning to end."""
+    with pinned(core):
+        case, run = task.setting.applied(task.case, task.run)
+        if task.reference and not again:
+            read_truth(case, task.run, task.reference)
+        curves, shared = clocked(task.setting.engine, case.model_path, run)
+        if again and curves.seconds < SHORT:
+            curves, shared = clocked(task.setting.engine, case.model_path, run)
+        cost = Found({}, {}, curves.seconds, curves.steps, core is not None, shared, machine(),
+                     step=taken(task.run, curves))
+        return cost if again else held(case, run, curves, cost)
+
+
+def taken(kind: Kind, curves: Curves) -> float:
+    """Time step that the engine says it took [s]; NaN where nothing is stepped through time."""
+    return float(str(curves.settings.get("timestep", NAN))) if kind == "duration" else NAN
+
+
+def held(case: Case, run: Run, curves: Curves, cost: Found) -> Found:
+    """A run held against its reference."""
+    kind = cast(Kind, run.kind)
+    channels = {f"channel.{name}": values for name, values in curves.channels.items()}
+    cost = replace(cost, curves={"x": curves.x, **channels})
+    if wrong := not_finite(curves.channels):
+        return replace(cost, outcome="not finite", message=wrong)
+    try:
+        errors = shares(case, kind, curves)
+        asked = shares(case, kind, as_asked(run, curves)) if moved(run, curves) else {}
+    except InputError as error:  # a pose that the mechanism cannot have
+        return replace(cost, outcome="no reference", message=error.wrong)
+    if wrong := not_finite(truth(case, curves)):
+        return replace(cost, outcome="no reference", message=wrong)
+    return replace(cost, errors=errors, asked=asked, invariants=invariants(case, curves),
+                   outcome="stopped" if curves.stopped else "ran", message=curves.stopped)
+
+
+def moved(run: Run, curves: Curves) -> bool:
+    """Whether drives moved in time, so that they may be elsewhere than they were asked to be."""
+    return run.kind == "duration" and bool(run.drives) and curves.drive is not None
+
+
+def as_asked(run: Run, curves: Curves) -> Curves:
+    """Curves of a run as if its drives had moved exactly as they were asked to."""
+    return replace(curves, drive=run.motion(curves.x))
+
+
+def clocked(engine: str, model: Path, run: Run) -> tuple[Curves, float]:
+    """A run, and the share of its time in which its processor did something else."""
+    wall, own = time.perf_counter(), time.process_time()
+    curves = simulate(engine, model, run)
+    own, wall = time.process_time() - own, time.perf_counter() - wall
+    return curves, max(0.0, 1.0 - own / wall)
+
+
+def not_finite(channels: dict[str, Array]) -> str:
+    """The first channel that is not a number somewhere, and where; nothing if all are."""
+    for name, values in channels.items():
+        finite = np.isfinite(values)
+        if not finite.all():
+            return f"{name} at sample {int(np.argmin(finite))}"
+    return ""
+
+
+def shares(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
+    """Largest error of each kind of channel, as a share of the reference's range."""
+    found = dict[str, float]()
+    for what, errors in deviations(case, kind, curves):
+        found[what] = max(float(errors.max()), found.get(what, 0.0))
+    return found
+
+
+def deviations(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Array]]:
+    """Kind and errors of one channel after the other, as shares of the reference's range.
+
+    Curves that the reference has constant have no range and are left out.
+    """
+    wanted = truth(case, curves)
+    channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
+    widest = dict[str, float]()
+    for name, channel in channels.items():
+        widest[channel.si_unit] = max(span(wanted[name]), widest.get(channel.si_unit, 0.0))
+    for name, channel in channels.items():
+        what = next((k for k, units in KINDS.items() if channel.si_unit in units), None)
+        if what and span(wanted[name]) > CONSTANT * widest[channel.si_unit]:
+            yield what, np.abs(curves.channels[name] - wanted[name]) / span(wanted[name])
+
+
+def span(values: Array) -> float:
+    """Range of a curve."""
+    return float(np.ptp(values))

@@ -1,0 +1,178 @@
+"""Changed copies of cases whose truth is known: by dimensional analysis, or not changed at all.
+
+Times stay, and masses.  With all lengths s times as long, gravity is made s times as large; then
+forces are s, moments and energies s^2, inertias s^2 times as large, and the curves are the same.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.case import Case
+from proofmass.files import read_bytes, write_whole
+from proofmass.recorded import decoded
+from proofmass.reference import compiled
+from proofmass.sim.mjcf import read_tree
+from proofmass.sim.protocol import Array
+from proofmass.studies.reread import READS
+from proofmass.studies.store import digest
+
+SIZE = {"m": 1, "m/s": 1, "m/s^2": 1, "N": 1, "N m": 2, "J": 2}
+"""Powers of the length that units go with; angles and times with none."""
+LOAD = {"N": 1, "N m": 1, "J": 1}
+"""Powers of the forces, with lengths as they are."""
+LENGTHS = "pos", "size", "fromto", "from", "to", "anchor", "extent"
+TURNING = {"stiffness": 2, "damping": 2, "armature": 2, "frictionloss": 2}
+SLIDING = {"range": 1, "ref": 1, "springref": 1, "frictionloss": 1}
+
+
+def with_model(case: Case, folder: Path, change: Callable[[Element], None]) -> Case:
+    """The case with its MJCF changed, as a file in a folder."""
+    root = read_tree(case.model_path)
+    change(root)
+    text = ElementTree.tostring(root, encoding="unicode")
+    return case.model_copy(update={"model": str(placed(folder, case.model_path, text))})
+
+
+def thinned(case: Case, folder: Path) -> Case:
+    """The case held to every other row of its recorded curve, as a file in a folder."""
+    file = case.file.parent / case.reference
+    head, *rows = [line for line in decoded(read_bytes(file)).splitlines()
+                   if line.strip() and not line.lstrip().startswith("#")]
+    text = "\n".join([head, *rows[::2]]) + "\n"
+    return case.model_copy(update={"reference": str(placed(folder, file, text))})
+
+
+def placed(folder: Path, like: Path, text: str) -> Path:
+    """A text in a folder, in a file named after another one and what is in it."""
+    file = folder.absolute() / f"{like.stem}-{digest(text.encode())[:16]}{like.suffix}"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not file.exists():
+        write_whole(file, text)
+    return file
+
+
+def times(element: Element, key: str, factor: ArrayLike) -> None:
+    """Multiply an attribute that is there."""
+    if key in element.attrib:
+        values = np.array(element.get(key, "").split(), float) * np.asarray(factor)
+        element.set(key, " ".join(repr(float(v)) for v in values))
+
+
+def with_channels(case: Case, powers: dict[str, int], factor: float) -> Case:
+    """The case with what its channels must be multiplied, by their units.
+
+    A reference that reads the model has done it.
+    """
+    if case.reference == READS:
+        return case
+    channels = {}
+    for name, channel in case.channels.items():
+        by = factor ** powers.get(channel.si_unit, 0)
+        channels[name] = channel.model_copy(
+            update={"scale": channel.scale * by, "shift": channel.shift * by})
+    return case.model_copy(update={"channels": channels})
+
+
+def heavier(case: Case, folder: Path, factor: float) -> Case:
+    """The case with its last body so many times as heavy."""
+    def change(root: Element) -> None:
+        *_, last = root.iter("inertial")
+        for key in ("mass", "diaginertia", "fullinertia"):
+            times(last, key, factor)
+    return with_model(case, folder, change)
+
+
+def weightier(case: Case, folder: Path, factor: float) -> Case:
+    """The case with so many times as much gravity."""
+    parameters = {k: v * factor if k == "gravity" and not isinstance(v, str) else v
+                  for k, v in case.parameters.items()}
+    changed = with_model(case, folder, lambda root: set_gravity(root, compiled(case), factor))
+    return changed.model_copy(update={"parameters": parameters})
+
+
+def set_gravity(root: Element, model: mujoco.MjModel, factor: float) -> None:
+    """Write gravity, which a model need not mention."""
+    option = root.find("option")
+    if option is None:
+        option = ElementTree.SubElement(root, "option")
+    option.set("gravity", " ".join(repr(float(g)) for g in model.opt.gravity * factor))
+
+
+def stiffer(case: Case, folder: Path, factor: float) -> Case:
+    """The case with all springs and rods so many times as stiff, and all loads as large."""
+    def change(root: Element) -> None:
+        for joint in root.iter("joint"):
+            times(joint, "stiffness", factor)
+        for key in root.iter("key"):
+            times(key, "ctrl", factor)
+    rods = {name: rod.model_copy(update={"stiffness": rod.stiffness * factor})
+            for name, rod in case.rod.items()}
+    changed = with_model(case, folder, change).model_copy(update={"rod": rods})
+    return with_channels(changed, LOAD, factor)
+
+
+def larger(case: Case, folder: Path, factor: float) -> Case:
+    """The case with all lengths so many times as long, and all that goes with them.
+
+    Its reference keeps its own, so that no length may be asked of it: no rod, no driven slide.
+    """
+    model = compiled(case)
+    changed = with_model(case, folder, lambda root: enlarge(root, model, factor))
+    return with_channels(changed, SIZE, factor)
+
+
+def wide(equality: Element) -> int:
+    """How many numbers its solimp has."""
+    return len(equality.get("solimp", "").split())
+
+
+def enlarge(root: Element, model: mujoco.MjModel, factor: float) -> None:
+    """Multiply all numbers of an MJCF that lengths are part of."""
+    for element in root.iter():
+        for key in LENGTHS:
+            times(element, key, factor)
+        for key in ("diaginertia", "fullinertia"):
+            times(element, key, factor**2)
+        if element.tag in ("connect", "equality"):  # the third is a width [m]
+            times(element, "solimp", np.array([1.0, 1.0, factor, 1.0, 1.0])[: wide(element)])
+    for joint in root.iter("joint"):
+        sliding = joint.get("type") == "slide"
+        for key, power in (SLIDING if sliding else TURNING).items():
+            times(joint, key, factor**power)
+    for start in root.iter("key"):
+        for name in ("qpos", "qvel"):
+            times(start, name, factor ** along(model, len(start.get(name, "").split())))
+        times(start, "ctrl", factor ** loads(model))
+    set_gravity(root, model, factor)
+
+
+def along(model: mujoco.MjModel, count: int) -> Array:
+    """Powers of the length that joints go with, of which the MJCF states so many: slides 1.
+
+    A joint has one coordinate and one rate in what both engines run.
+    """
+    return np.array(model.jnt_type[:count] == mujoco.mjtJoint.mjJNT_SLIDE, float)
+
+
+def loads(model: mujoco.MjModel) -> Array:
+    """Powers of the length that the actuators' controls go with: moments 2, forces 1."""
+    powers = [2 if turns(model, a) else 1 for a in range(model.nactuator)]
+    return np.repeat(powers, model.actuator_ctrlnum)
+
+
+def turns(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator acts on a hinge."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    on_joint = int(model.actuator_trntype[actuator]) == mujoco.mjtTrn.mjTRN_JOINT
+    return bool(on_joint and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def bodies(case: Case) -> list[Element]:
+    """The bodies' own masses that the MJCF states."""
+    return list(read_tree(case.model_path).iter("inertial"))

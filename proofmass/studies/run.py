@@ -1,0 +1,174 @@
+"""Run the tasks of a study: side by side, stored one by one, so that a killed study goes on.
+
+    store = Store(folder)
+    with pool(jobs=2) as workers:                        # or pool(dask="tcp://...")
+        rows = run(tasks, store, workers, repeats=0)     # errors and invariants; one run each
+        rows = run(tasks, store, workers)                # the same, and timings in 5 rounds
+    write_table(rows, folder / "trade.csv")
+    store.curves(rows[0].key)                            # x, channel.angle, ...
+
+What is in the store is not run again, whichever study asked for it.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from proofmass.isolate import stopping
+from proofmass.studies.measure import Found, Task, measure
+from proofmass.studies.row import Row
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store, key_of
+
+Progress = Callable[[str, int, int], None]
+Unit = tuple[str, int]  # the key of a task, and the number of a repeat; 0 is the run for errors
+CONNECT = "10s"
+
+
+@contextmanager
+def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]:
+    """Where runs go: `jobs` side by side here, one a processor if not given, or a Dask cluster.
+
+    Its workers need proofmass and the model's files in the same place.
+
+    Raises
+    ------
+    ValueError
+        dask is not installed, or nothing answers at that address.
+    """
+    if dask is None:
+        with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
+            yield threads
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError("--dask needs dask: pip install proofmass[dask]") from None
+    try:
+        client = Client(dask, timeout=CONNECT)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"--dask {dask}: no scheduler answers there, such as tcp://host:8786: "
+                         f"{error}") from None
+    with client, client.get_executor(pure=False) as cluster:
+        yield cluster
+
+
+def run(tasks: Iterable[Task], store: Store, workers: Executor | None = None, *, repeats: int = 5,
+        patience: float = 2.0, timeout: float | None = None,
+        progress: Progress = lambda *_: None) -> list[Row]:
+    """Run tasks, each of them once for its errors and then `repeats` times for its wall time.
+
+    Rounds are interleaved: all tasks once, then all of them again.
+
+    Parameters
+    ----------
+    tasks : iterable of Task
+        Equal runs of several tasks are made once.
+    store : Store
+        Where every finished run is kept at once.
+    workers : Executor, optional
+        From `pool`; local ones if not given.
+    repeats : int
+        Timed runs; 0: errors only, and `Row.seconds` is that of the first run.
+    patience : float
+        A task whose first run took longer [s] is not repeated; that run is its only timing.
+    timeout : float, optional
+        After which a run is given up [s]; the sidecar's if not given.
+    progress : callable
+        Called as ``progress(label, done, total)`` after each run.
+
+    Returns
+    -------
+    list of Row
+        One a task, in the order of the tasks; failed ones with outcome and message.
+
+    Raises
+    ------
+    InputError
+        A model or a knob cannot be used at all.
+    """
+    if workers is None:
+        with pool() as local:
+            return run(tasks, store, local, repeats=repeats, patience=patience, timeout=timeout,
+                       progress=progress)
+    tasks = [replace(task, reference=reference_of(task, store)) for task in tasks]
+    keys = [key_of(task) for task in tasks]
+    rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
+    rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(rounds.tasks))
+    timed = [key for key in rounds.tasks
+             if (one := rounds.found[key, 0]).complete and one.seconds <= patience]
+    rounds.make([(key, n) for n in range(1, repeats + 1) for key in timed])
+    found = [[rounds.found[key, n] for n in range(repeats + 1) if (key, n) in rounds.found]
+             for key in keys]
+    return [row(task, each, repeats > 0, key)
+            for task, each, key in zip(tasks, found, keys, strict=True)]
+
+
+def reference_of(task: Task, store: Store) -> Path | None:
+    """Where the reference of a free motion is kept, which all settings have in common."""
+    if task.run != "duration" or task.case.drive or task.case.rod:
+        return None
+    return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.truth.npz"
+
+
+@dataclass
+class Rounds:
+    """Runs that were found or made, and where more of them go."""
+
+    tasks: dict[str, Task]
+    store: Store
+    workers: Executor
+    timeout: float | None
+    progress: Progress
+    found: dict[Unit, Found] = field(default_factory=dict)
+
+    def make(self, units: list[Unit], later: int = 0) -> None:
+        """Find runs in the store, and make those that are not there, in that order."""
+        total = len(self.found) + len(units) + later
+        missing = []
+        for unit in units:
+            key, repeat = unit
+            if (one := self.store.load(key, repeat, self.limit(key))) is None:
+                missing.append(unit)
+            else:
+                self.found[unit] = one
+        futures = {self.workers.submit(measure, self.tasks[key], repeat > 0, self.limit(key)):
+                   (key, repeat) for key, repeat in missing}
+        try:
+            for future in as_completed(futures):
+                key, repeat = futures[future]
+                self.found[key, repeat] = future.result()
+                self.store.save(key, repeat, self.tasks[key], future.result(), self.limit(key))
+                self.progress(self.tasks[key].label, len(self.found), total)
+        finally:
+            for future in futures:
+                future.cancel()
+
+    def limit(self, key: str) -> float:
+        """After which a run of a task is given up [s]."""
+        task = self.tasks[key]
+        return self.timeout or task.case.run[task.run].timeout
+
+
+def row(task: Task, found: list[Found], timed: bool, key: str = "") -> Row:
+    """The row of a task, from its run for errors and the repeats of it.
+
+    A repeat that failed, where the first run did not, is a failure of the task.
+    """
+    first, *repeats = found
+    lost = next((k for k, one in enumerate(repeats) if not one.complete), None)
+    outcome, message = first.outcome, first.message
+    if lost is not None:
+        outcome, message = repeats[lost].outcome, f"repeat {lost + 1}: {repeats[lost].message}"
+    ran = [one for one in repeats if one.complete]
+    if timed and first.complete and not repeats:
+        ran = [first]
+    least = min(ran, key=lambda one: one.seconds, default=first)
+    setting = task.setting
+    return Row(task.study, task.case.name, task.run, setting.engine, task.line, task.axis,
+               task.value, dict(setting.knobs), first.errors, first.invariants, least.seconds,
+               first.steps, tuple(one.seconds for one in ran), least.pinned, least.shared,
+               least.machine, outcome, message, key, first.asked, first.step)

@@ -1,0 +1,216 @@
+"""Finished runs in a folder, named by what was run: a small JSON file each, curves as .npz beside.
+
+A file is written beside its place and moved there, so that it is whole whenever it is there.
+"""
+
+import hashlib
+import importlib.metadata
+import io
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import mujoco
+import numpy as np
+
+import proofmass
+from proofmass import analytic, drive, reference, sim
+from proofmass.case import Case
+from proofmass.errors import InputError
+from proofmass.files import HALF, read_text, write_whole
+from proofmass.recorded import Recorded
+from proofmass.reference import compiled, module_of
+from proofmass.sim.protocol import Array
+from proofmass.studies import invariants, measure
+from proofmass.studies.bounded import bounded
+from proofmass.studies.measure import Found, Task
+
+MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
+LATE = "timed out"
+ABANDONED = 3600.0  # [s] after which a file that is not whole is one that nobody writes any more
+OWN = measure, invariants, reference, drive  # modules of the core that a result depends on
+
+
+class Store:
+    """Finished runs in a folder, by task and number of the repeat.
+
+    Parameters
+    ----------
+    folder : path
+        Made if it is not there.  Workers of a cluster need it in the same place.
+    """
+
+    def __init__(self, folder: Path | str):
+        self.folder = Path(folder).absolute()
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
+            if time.time() - half.stat().st_mtime > ABANDONED:
+                half.unlink()
+
+    def load(self, key: str, repeat: int, timeout: float = 0.0) -> Found | None:
+        """What a run gave; None if it was not made, or was given up after less than `timeout`."""
+        if not (file := self.file(key, repeat)).is_file():
+            return None
+        record = read(file)
+        try:
+            found, given = Found(**record["found"]), float(record["timeout"])
+        except (KeyError, TypeError, ValueError):
+            raise foreign(file) from None
+        for name, value in vars(Found()).items():
+            kinds = (int, float) if isinstance(value, float) else type(value)
+            if not isinstance(getattr(found, name), kinds):
+                raise foreign(file)
+        return None if found.outcome == LATE and given < timeout else found
+
+    def once(self, key: str, task: Task, timeout: float, make: Callable[[], Found]) -> Found:
+        """What a task's first run gave; made and saved first if it is not there."""
+        found = self.load(key, 0, timeout)
+        if found is None:
+            found = make()
+            self.save(key, 0, task, found, timeout)
+        return found
+
+    def curves(self, key: str) -> dict[str, Array]:
+        """The curves of a task's first run: x, and ``channel.NAME`` for each of its channels."""
+        file = self.folder / f"{key}.npz"
+        try:
+            with np.load(file) as arrays:
+                return dict(arrays)
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile):
+            raise foreign(file) from None
+
+    def records(self, case: str, run: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Key and record of every first run of a case of that name, whatever its model was."""
+        for file in sorted(self.folder.glob("*.0.json")):
+            record = read(file)
+            if isinstance(record, dict) and (record.get("case"), record.get("run")) == (case, run):
+                yield file.name.removesuffix(".0.json"), record
+
+    def repeats(self, key: str) -> list[Found]:
+        """What all runs of a task gave, the first one before the timed ones."""
+        found = list[Found]()
+        while one := self.load(key, len(found)):
+            found.append(one)
+        return found
+
+    def save(self, key: str, repeat: int, task: Task, found: Found, timeout: float) -> None:
+        """Keep what a run gave; its curves first, for with the record it is finished."""
+        if found.curves:
+            packed = io.BytesIO()
+            np.savez_compressed(packed, **found.curves)  # type: ignore[arg-type]
+            write_whole(self.folder / f"{key}.npz", packed.getvalue())
+        record = {"case": task.case.name, "run": task.run, "engine": task.setting.engine,
+                  "knobs": task.setting.knobs, "repeat": repeat, "timeout": timeout,
+                  "versions": versions(task.setting.engine), "found": told(found)}
+        write_whole(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
+
+    def file(self, key: str, repeat: int) -> Path:
+        """Where a run is kept."""
+        return self.folder / f"{key}.{repeat}.json"
+
+
+def told(found: Found) -> dict[str, Any]:
+    """A record of what a run gave, without curves and without numbers that are none."""
+    return {k: v for k, v in asdict(replace(found, curves={})).items()
+            if k != "curves" and not (isinstance(v, float) and np.isnan(v))}
+
+
+def read(file: Path) -> Any:
+    """What is in a JSON file that `write_whole` wrote.
+
+    Raises
+    ------
+    InputError
+        Something else has changed it since.
+    """
+    try:
+        return json.loads(read_text(file))
+    except (ValueError, RecursionError):
+        raise foreign(file) from None
+
+
+def foreign(file: Path) -> InputError:
+    """The error of a file in the store that something else has changed."""
+    return InputError(file, "", "not what a study wrote there; delete it, and it is made again")
+
+
+def once(file: Path, make: Callable[[], Any]) -> Any:
+    """What is in a JSON file; made and written there first if it is not there."""
+    if not file.is_file():
+        write_whole(file, json.dumps(make()))
+    return read(file)
+
+
+def key_of(task: Task) -> str:
+    """SHA-256 of all that a run's result depends on: model, sidecar, knobs, versions, sources.
+
+    Neither the study that asks for the run nor titles, views and tolerances are part of it.
+    """
+    case, model, settings = bounded(task.case, task.run, compiled_with, task)
+    table = case.run[task.run]
+    parts = {
+        "model": model, "reference": recorded_bytes(case),
+        "sidecar": case.model_dump(mode="json", include=MATTERS),
+        "channels": {n: c.model_dump() for n, c in case.channels_of(task.run).items()},
+        "run": (task.run, table.n, table.until), "engine": task.setting.engine,
+        "knobs": settings, "versions": versions(task.setting.engine), "sources": sources()}
+    return digest(json.dumps(parts, sort_keys=True).encode())
+
+
+def compiled_with(task: Task) -> tuple[Case, str, dict[str, Any]]:
+    """A task's case with its setting applied, the digest of its model, and the engine's settings.
+    """
+    case, run = task.setting.applied(task.case, task.run)
+    return case, digest(model_bytes(case)), dict(run.settings)
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal.
+
+    >>> digest(b"abc")[:8]
+    'ba7816bf'
+    """
+    return hashlib.sha256(data).hexdigest()
+
+
+def model_bytes(case: Case) -> bytes:
+    """The compiled model, with its rods, and with what the file includes."""
+    return saved(compiled(case))
+
+
+def saved(model: mujoco.MjModel) -> bytes:
+    """A compiled model as the engine saves it."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def recorded_bytes(case: Case) -> str:
+    """Digest of the reference's file, if it is a recorded curve."""
+    if not isinstance(module_of(case), Recorded):
+        return ""
+    return digest((case.file.parent / case.reference).read_bytes())
+
+
+@cache
+def versions(engine: str) -> dict[str, str]:
+    """Of what computes a result."""
+    return {"proofmass": proofmass.__version__,
+            **{name: importlib.metadata.version(name) for name in (engine, "mujoco", "numpy",
+                                                                   "scipy")}}
+
+
+@cache
+def sources() -> str:
+    """Digest of the code of simulators and references; a version stays while it is developed."""
+    files = [file for package in (sim, analytic) for folder in package.__path__
+             for file in sorted(Path(folder).rglob("*.py"))]
+    files += [Path(str(module.__file__)) for module in OWN]
+    return digest(b"".join(file.read_bytes() for file in files))

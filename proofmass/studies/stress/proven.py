@@ -1,0 +1,219 @@
+"""Boundaries that theory knows, to be measured in every engine."""
+
+from collections.abc import Iterator
+from functools import partial
+from math import inf
+
+import numpy as np
+
+from proofmass.drive import Steady
+from proofmass.sim.protocol import BadModel, Diverged, Drive, NotSolved, Rod, Run, Unsupported
+from proofmass.studies.measure import taken
+from proofmass.studies.stress import specimens, theory
+from proofmass.studies.stress.boundary import Failure, Limit, Sought, Tried
+from proofmass.studies.stress.specimens import ran, stepping, wheel
+
+MUJOCO = "Euler", "implicit", "implicitfast", "RK4", "discrete"
+WIDE = 1e3  # how far beyond the start an unlimited knob is turned
+CLOSED: dict[theory.Map, str] = {  # of the limit of dt omega, by map
+    theory.euler: "2 (ζ + √(1 + ζ²))", theory.euler_explicit: "2 (√(1 + ζ²) − ζ)",
+    theory.chipmunk: "z² = 2 (1 + exp 2ζz)", theory.rk4: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
+    theory.discrete: "implicit in the spring as well"}
+
+
+def probes() -> Iterator[Sought]:
+    """All of them."""
+    yield from springs()
+    yield from chains()
+    yield from pendulums()
+    yield from servos()
+    yield from soft_loops()
+    yield from whirls()
+    yield from columns()
+    yield from folds()
+    yield from long_runs()
+
+
+def engine_of(setting: str) -> tuple[str, dict[str, str]]:
+    """The engine of an integrator, and its settings."""
+    return ("pymunk", {}) if setting == "pymunk" else ("mujoco", {"integrator": setting})
+
+
+def springs() -> Iterator[Sought]:
+    """A wheel on a spring and a damper; a slide on a spring."""
+    damped = {"Euler": (0.0, 0.3, 1.0), "implicit": (0.0,), "implicitfast": (0.0, 0.3, 1.0),
+              "RK4": (0.0, 0.3, 1.0), "discrete": (0.0, 0.3), "pymunk": (0.0, 0.1, 0.3)}
+    for setting, ratios in damped.items():
+        for zeta in ratios:
+            yield spring(setting, zeta, theory.MAPS[setting])
+    for zeta in (0.3, 1.0):
+        yield spring("Euler", zeta, theory.euler_explicit, flags='eulerdamp="disable"')
+    for setting in ("Euler", "RK4", "pymunk"):
+        yield spring(setting, 0.0, theory.MAPS[setting], kind="slide")
+
+
+def spring(setting: str, zeta: float, step: theory.Map, kind: str = "hinge",
+           flags: str = "") -> Sought:
+    """How large dt omega may be."""
+    engine, settings = engine_of(setting)
+    text = wheel(1.0, 2.0 * zeta, kind, flags=flags)
+    words = f"spring on a {kind}, ζ = {zeta:g}" + (", explicit damping" if flags else "")
+    return Sought(words, engine, setting, "dt ω", "1", 0.1, 100.0,
+                 lambda z: stepping(engine, text, z, settings),
+                 theory.limit(step, zeta), CLOSED[step])
+
+
+def chains() -> Iterator[Sought]:
+    """Masses in a row: the highest of their frequencies counts."""
+    for setting, masses in (("Euler", 20), ("Euler", 200), ("RK4", 20), ("pymunk", 5)):
+        engine, settings = engine_of(setting)
+        text = specimens.chain(masses)
+        yield Sought(f"{masses} masses in a row on springs", engine, setting, "dt √(k/m)", "1", 0.1,
+                     10.0, partial(row, engine, text, settings),
+                     theory.limit(theory.MAPS[setting]) / theory.chain_frequency(masses),
+                     "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))")
+
+
+def row(engine: str, text: str, settings: dict[str, str], step: float) -> Tried:
+    """Step a row of masses, in which all modes meet: as often as their slowest one needs not."""
+    return stepping(engine, text, step, settings, steps=1000)
+
+
+def pendulums() -> Iterator[Sought]:
+    """A hung pendulum with more and more gravity."""
+    for setting in ("Euler", "RK4", "pymunk"):
+        engine, settings = engine_of(setting)
+        yield Sought("hung pendulum", engine, setting, "gravity dt²/L", "1", 0.01, 100.0,
+                     partial(hung, engine, settings),
+                     theory.limit(theory.MAPS[setting]) ** 2, "square of the limit of dt ω")
+
+
+def hung(engine: str, settings: dict[str, str], gravity: float) -> Tried:
+    """Step a pendulum by a second at a time; a thousandfold is lost, and still small."""
+    return stepping(engine, specimens.pendulum(gravity), 1.0, settings, bound=1e-3)
+
+
+def servos() -> Iterator[Sought]:
+    """A velocity servo, an explicit damper unless the integrator knows it."""
+    real = theory.limit(theory.rk4, 1.0)  # on the negative axis, where critical damping is as well
+    for setting, limit in zip(MUJOCO, (2.0, inf, inf, real, inf), strict=True):
+        text = wheel(rest='<actuator><velocity joint="joint" kv="1"/></actuator>'
+                     + specimens.key("0", "0.001"))
+        engine, settings = engine_of(setting)
+        law = {2.0: "|1 − z| = 1", real: "|R(−z)| = 1"}.get(limit, "implicit in the velocity")
+        yield Sought("velocity servo", engine, setting, "dt kv/I", "1", 0.1, WIDE,
+                     partial(served, text, settings), limit, law)
+
+
+def served(text: str, settings: dict[str, str], step: float) -> Tried:
+    """Step a wheel that its servo brings to rest."""
+    return stepping("mujoco", text, step, settings, "rate")
+
+
+def soft_loops() -> Iterator[Sought]:
+    """A constraint is an explicit spring with critical damping, of omega = 1 / timeconst."""
+    for setting, step in (("Euler", theory.euler_explicit), ("implicitfast", theory.euler_explicit),
+                          ("RK4", theory.rk4), ("discrete", theory.discrete)):
+        yield Sought("loop with refsafe off", "mujoco", setting, "dt/solref", "1", 0.1, WIDE,
+                     partial(loop, 'refsafe="disable"', setting), theory.limit(step, 1.0),
+                     CLOSED[step] + ", ζ = 1")
+    yield Sought("loop with refsafe on", "mujoco", "Euler", "dt/solref", "1", 0.1, WIDE,
+                partial(loop, "", "Euler"), inf, "solref is kept to 2 dt")
+
+
+def loop(flags: str, setting: str, ratio: float) -> Tried:
+    """A slide that an equality holds against its weight, stepped by a second at a time."""
+    text = wheel(kind="slide", gravity="1e-3 0 0", flags=flags,
+                 rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>')
+    return stepping("mujoco", text, 1.0, {"integrator": setting, "solref": (1.0 / ratio, 1.0)})
+
+
+def whirls() -> Iterator[Sought]:
+    """A sprung slider on a wheel flies out when the wheel turns faster than it swings."""
+    for setting in ("implicitfast", "RK4", "pymunk"):
+        yield Sought("sprung slider on a turning wheel", engine_of(setting)[0], setting,
+                     "speed/√(k/m)", "1", 0.5, 2.0, partial(turned, setting), 1.0, "Ω² = k/m")
+
+
+def turned(setting: str, speed: float) -> Tried:
+    """Turn the wheel at a speed, long enough for what flies out slowly."""
+    engine, settings = engine_of(setting)
+    return stepping(engine, specimens.whirl(speed), 0.05, settings, steps=6000)
+
+
+def columns() -> Iterator[Sought]:
+    """Euler's column, as a chain of links."""
+    for engine in ("mujoco", "pymunk"):
+        for segments in (4, 12):
+            yield Sought(f"column of {segments} segments", engine, "at rest", "load L²/EI", "1",
+                         0.5, 10.0, partial(pushed, engine, segments), theory.hencky(segments),
+                         "Hencky: 4 n² sin²(π/4n)")
+
+
+def pushed(engine: str, segments: int, load: float) -> Tried:
+    """Let a column that is bent come to rest."""
+    rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
+    run = Run("rest", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
+    try:
+        curves = ran(engine, specimens.column(load), run)
+    except (NotSolved, Unsupported) as error:
+        return Tried(Failure(str(error), Limit.OURS))
+    except (BadModel, Diverged) as error:  # an equilibrium that is unstable, for one
+        return Tried(Failure(str(error), Limit.UNSTABLE))
+    bent = float(abs(curves.channels["rod.angle"][-1]))
+    # 1e-6 of load beyond the critical one bends the tip by sqrt(8e-6) rad
+    return Tried(None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", Limit.UNSTABLE))
+
+
+def folds() -> Iterator[Sought]:
+    """A four-bar whose crank meets a limit, its coupler and rocker in line."""
+    bars = 2.0, 2.0, 2.5, 3.0
+    crank, coupler, rocker, ground = bars
+    reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
+    for engine in ("mujoco", "pymunk"):
+        yield Sought("four-bar 2, 2, 2.5, 3 to its limit position", engine, "sweep", "crank", "rad",
+                     0.6, 3.1, partial(swept, engine, specimens.fourbar(*bars, 0.5)), float(reach),
+                     "law of cosines")
+
+
+def swept(engine: str, text: str, end: float) -> Tried:
+    """Turn the crank slowly from 0.5 rad."""
+    law = Steady(0.0, 1.0, x_is_time=False)
+    run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", law),))
+    stopped = ran(engine, text, run).stopped
+    return Tried(Failure(stopped, Limit.UNSTABLE) if stopped else None)
+
+
+def long_runs() -> Iterator[Sought]:
+    """How long an undamped spring swings on time, and with all its energy."""
+    for setting, z in (("Euler", 0.05), ("implicitfast", 0.05), ("RK4", 0.3), ("pymunk", 0.05)):
+        yield Sought(f"undamped spring, dt ω = {z:g}, off by 10 %", engine_of(setting)[0], setting,
+                     "periods", "1", 10.0, 2e4, partial(swinging, setting, z, "place"),
+                     theory.off_after(setting, z), "powers of the step's matrix")
+    for setting, z in (("Euler", 0.05), ("RK4", 0.3), ("pymunk", 0.05)):
+        yield Sought(f"undamped spring, dt ω = {z:g}, energy down to 0.9",
+                     engine_of(setting)[0], setting, "steps", "1", 1e3, 1e6,
+                     partial(fading, setting, z),
+                     theory.faded_after(setting, z), "eigenvalues of the step's matrix")
+
+
+def fading(setting: str, z: float, steps: float) -> Tried:
+    """Swing for so many steps, and look at the energy."""
+    return swinging(setting, z, "energy", steps * z / (2 * np.pi))
+
+
+def swinging(setting: str, z: float, what: str, periods: float) -> Tried:
+    """Swing for so many periods, and look at the last of them."""
+    engine, settings = engine_of(setting)
+    steps = int(np.ceil(periods * 2 * np.pi / z))
+    per = max(1, steps // 2000)
+    x = z * per * np.arange(steps // per + 1.0)
+    run = Run("duration", x, ("place", "kinetic", "potential"),
+              settings={"timestep": z, **settings})
+    curves = ran(engine, wheel(1.0), run)
+    found = curves.channels
+    place, truth = found["place"] / 1e-3, np.cos(x)
+    energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
+    off = np.abs(place - truth).max() / 2 if what == "place" else 1 - energy[-1]
+    lost = Failure(f"off by {off:.2g}", Limit.INACCURATE, silent=True)
+    return Tried(lost if off > 0.1 else None, taken("duration", curves))

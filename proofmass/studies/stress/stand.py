@@ -1,0 +1,197 @@
+"""A case in one engine, and when a run of it is lost.
+
+That is when the engine says so, when it is not finite, when a loop comes open by a tenth of the
+mechanism, and when a position, or a holding moment of a sweep, is off by a tenth of its range: that
+the engine does not see.  What keeps us from knowing is a limit of our own; see
+`proofmass.studies.stress.boundary.Limit`.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from math import isclose, isnan
+from pathlib import Path
+from typing import Any, cast
+
+from proofmass.case import Case
+from proofmass.check import FAILURES
+from proofmass.errors import InputError
+from proofmass.isolate import KILLED, TimedOut, isolated
+from proofmass.mobility import mobility
+from proofmass.reference import compiled, grid
+from proofmass.sim.mjcf import compiles
+from proofmass.sim.protocol import BadModel, Curves, NotSolved
+from proofmass.solve import simulate
+from proofmass.strict import Kind
+from proofmass.studies.measure import Found, Task, observe
+from proofmass.studies.reread import READS
+from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.store import Store, key_of
+from proofmass.studies.stress.boundary import Failure, Limit, Sought, Trial, Tried, told
+from proofmass.studies.stress.ways import in_steps
+
+LOST = 0.1
+"""Error, as a share of the reference's range, that nothing is right beyond."""
+JUDGED = "position", "effort"
+TIMEOUT = 60.0
+LONG = 1_000_000  # steps of the longest runs
+SAME = 1e-9  # share of a step by which rounding may change it
+LIMITS = {"diverged": Limit.UNSTABLE, "not finite": Limit.UNSTABLE, "stopped": Limit.UNSTABLE,
+          "refused": Limit.REFUSED}
+"""Outcomes that are the engine's; all others are limits of our own."""
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A case in one engine, in the run that its extremes are tried in, and how long [s] at most."""
+
+    case: Case
+    kind: Kind
+    setting: Setting
+    store: Store
+    patience: float = TIMEOUT
+
+    @property
+    def models(self) -> Path:
+        """Where changed models are kept."""
+        return self.store.folder / "models"
+
+    @property
+    def words(self) -> str:
+        """Engine settings in short."""
+        return str(self.setting.knobs.get("integrator", "as in the model"))
+
+    @property
+    def step(self) -> float:
+        """Time step [s] that the case asks for."""
+        return float(str(self.setting.knobs.get("timestep", compiled(self.case).opt.timestep)))
+
+    @property
+    def seconds(self) -> float:
+        """How long the motion takes."""
+        x = grid(self.case, self.kind)
+        return float(x[-1] - x[0])
+
+    def run(self, case: Case, **knobs: Knob) -> Found:
+        """Run a changed case."""
+        task = Task(case, self.kind, self.setting.but(**knobs), "stress")
+        try:
+            return tried(task, self.store, self.patience)
+        except InputError as error:
+            refused = self.setting.engine == "mujoco" and not taken_by_mujoco(case)
+            return Found(outcome="refused" if refused else "no start", message=error.wrong)
+
+    def lost(self, case: Case, **knobs: Knob) -> Failure | None:
+        """Run a changed case; why it is lost, or None."""
+        return judged(self.run(case, **knobs))
+
+    def tried(self, case: Case, **knobs: Knob) -> Tried:
+        """Run a changed case; why it is lost, and the step that was taken."""
+        found = self.run(case, **knobs)
+        return Tried(judged(found), found.step)
+
+    def stepped(self, case: Case, seconds: float, **knobs: Knob) -> Tried:
+        """Run a changed case for so long [s], in steps of just what is asked.
+
+        Raises
+        ------
+        RuntimeError
+            The engine took another step.
+        """
+        step = float(str(knobs.get("timestep", self.step)))
+        found = self.tried(in_steps(case, seconds, step), **knobs)
+        if not (isnan(found.step) or isclose(found.step, step, rel_tol=SAME)):
+            raise RuntimeError(f"{self.case.name}, {self.setting.engine}: took steps of "
+                               f"{found.step!r} s where {step!r} s were asked for")
+        return found
+
+    def integrated(self, knob: str, unit: str, start: float, reach: float,
+                   trial: Callable[[dict[str, Knob], float], Tried],
+                   integrators: Iterable[str]) -> Iterator[Sought]:
+        """A boundary of this case for each integrator, where the engine has several."""
+        if self.setting.engine != "mujoco":
+            yield self.sought(knob, unit, start, reach, partial(trial, {}))
+            return
+        for words in integrators:
+            yield self.sought(knob, unit, start, reach, partial(trial, {"integrator": words}),
+                              words)
+
+    def sought(self, knob: str, unit: str, start: float, reach: float,
+               trial: Trial, words: str = "", **more: Any) -> Sought:
+        """A boundary of this case."""
+        return Sought(self.case.name, self.setting.engine, words or self.words, knob, unit, start,
+                      reach, trial, **more)
+
+
+def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
+    """A run, from the store if it is there; nobody asks for its time, so that it needs no core."""
+    return store.once(key_of(task), task, patience, partial(observed, task, patience))
+
+
+def observed(task: Task, patience: float) -> Found:
+    """A run, and whatever keeps it from one."""
+    try:
+        return cast(Found, isolated(observe, task, False, None, timeout=patience))
+    except TimedOut as late:
+        return unanswered(task, str(late))
+    except NotSolved as error:
+        return Found(outcome="not solved", message=str(error))
+    except tuple(FAILURES) as error:
+        return Found(outcome=FAILURES[type(error)], message=str(error))
+    except BadModel as error:
+        return Found(outcome="no start", message=str(error))
+
+
+def unanswered(task: Task, late: str) -> Found:
+    """Whose answer was not there in time: the engine's, if late again, or the reference's."""
+    try:
+        isolated(simulated, task, timeout=TIMEOUT)
+    except tuple(FAILURES):
+        return Found(outcome=FAILURES[TimedOut], message=late)
+    return Found(outcome="no reference", message=f"{late}; the engine has its run")
+
+
+def simulated(task: Task) -> Curves:
+    """A run in this process, held against nothing."""
+    case, run = task.setting.applied(task.case, task.run)
+    return simulate(task.setting.engine, case.model_path, run)
+
+
+def taken_by_mujoco(case: Case) -> bool:
+    """Whether MuJoCo compiles the case's file; in a worker."""
+    return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
+
+
+def judged(found: Found) -> Failure | None:
+    """Why a run is lost, or None."""
+    if found.outcome != "ran":
+        unseen = found.outcome in ("diverged", "not finite") and not told(found.message)
+        return Failure(f"{found.outcome}: {found.message}", limit_of(found), unseen)
+    for kind in JUDGED:
+        if not found.errors.get(kind, 0.0) <= LOST:
+            return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range",
+                           Limit.INACCURATE, silent=True)
+    return None
+
+
+def limit_of(found: Found) -> Limit:
+    """What kind of limit a run without errors is."""
+    if found.outcome == "crashed" and found.message.startswith(KILLED):
+        return Limit.UNSTABLE
+    return LIMITS.get(found.outcome, Limit.OURS)
+
+
+class NotHere(Exception):
+    """An extreme that a case does not have; says why."""
+
+
+def needs(there: object, why: str) -> None:
+    """Raise `NotHere` where something is missing."""
+    if not there:
+        raise NotHere(why)
+
+
+def known(case: Case) -> bool:
+    """Whether the reference follows changes of the masses: by itself, or since it needs none."""
+    return case.reference == READS or (
+        bool(case.drive) and mobility(case) == len(case.drive))

@@ -1,0 +1,136 @@
+"""The study of extremes: how far everything can be turned, and what theory says to that.
+
+    store = Store(folder / "runs")
+    with pool() as workers:
+        found = stress([kept(one, store) for one in probes()], workers)  # what theory knows
+        found += stress(extremes(case, store)[0], workers)
+    write_boundaries(found, folder / "stress.csv")
+
+Boundaries are looked for side by side; each trial is kept, so that a killed study goes on.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, as_completed
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from proofmass.files import write_whole
+from proofmass.studies.store import Store, digest, once, sources, versions
+from proofmass.studies.stress import proven, specimens
+from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Trial, Tried
+from proofmass.studies.table import write_columns
+
+Progress = Callable[[str, int, int], None]
+COLUMNS = {
+    "what": "name of the sidecar, or a small model whose limit theory knows, in words",
+    "engine": "mujoco or pymunk",
+    "setting": "integrator, or what else is set, in words",
+    "knob": "what was turned",
+    "unit": "of all values in the row; times: of what the case has",
+    "start": "where it was turned from",
+    "reach": "how far it was turned at most",
+    "holds": "the furthest value that held; empty if even `start` did not",
+    "breaks": "the next that did not, at most 1 % further, 10 % if `limit` is ours; empty if all "
+              "held",
+    "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
+    "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
+    "law": "what theory says, in words",
+    "limit": "what kind of limit it is; " + "; ".join(f"{one}: {one.sentence}" for one in Limit),
+    "failure": "what went wrong there",
+    "silent": "whether the engine itself said nothing",
+    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
+                "if `limit` is ours, or `start` did not hold",
+    "ratio": "measured over theory; 1 where both say nowhere",
+}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A trial whose outcomes are kept in a folder, a file each."""
+
+    trial: Trial
+    folder: Path
+    name: str
+
+    def __call__(self, value: float) -> Tried:
+        """The outcome for a value, found or made."""
+        file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
+        told, step = once(file, lambda: self.trial(value))
+        return Tried(Failure(told[0], Limit(told[1]), told[2]) if told else None, step)
+
+
+def kept(sought: Sought, store: Store) -> Sought:
+    """A boundary of a small model, with its trials kept; those of cases keep their own runs."""
+    code = "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (proven, specimens))
+    name = repr((sought.what, sought.engine, sought.setting, sought.knob,
+                 versions(sought.engine), sources(), code))
+    return replace(sought, trial=Kept(sought.trial, store.folder, name))
+
+
+def stress(sought: Iterable[Sought], workers: Executor,
+           progress: Progress = lambda *_: None) -> list[Boundary]:
+    """Find boundaries, side by side.
+
+    Parameters
+    ----------
+    sought : iterable of Sought
+        From `proofmass.studies.stress.proven.probes` and
+        `proofmass.studies.stress.extremes.extremes`.
+    workers : Executor
+        From `proofmass.studies.run.pool`.
+    progress : callable
+        Called as ``progress(label, done, total)`` after each boundary.
+
+    Returns
+    -------
+    list of Boundary
+        In the order of `sought`.
+    """
+    asked = list(sought)
+    futures = {workers.submit(one.find): k for k, one in enumerate(asked)}
+    found: dict[int, Boundary] = {}
+    try:
+        for future in as_completed(futures):
+            k = futures[future]
+            found[k] = future.result()
+            progress(f"{asked[k].what} {asked[k].engine} {asked[k].knob}", len(found), len(asked))
+    finally:
+        for future in futures:
+            future.cancel()
+    return [found[k] for k in range(len(asked))]
+
+
+def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
+    """Write a row for each boundary as CSV, and beside it ``NAME.columns.md``."""
+    text = io.StringIO()
+    rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    rows.writeheader()
+    for one in found:
+        cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
+        rows.writerow({key: "" if value != value else value for key, value in cells.items()})
+    write_whole(file, text.getvalue())
+    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMNS)
+
+
+def read_boundaries(file: Path) -> list[Boundary]:
+    """The boundaries that `write_boundaries` wrote."""
+    kinds = get_type_hints(Boundary)
+    with file.open(encoding="utf-8", newline="") as stream:
+        return [Boundary(**{f.name: parsed(cells[f.name], kinds[f.name])
+                            for f in fields(Boundary)}) for cells in csv.DictReader(stream)]
+
+
+def parsed(cell: str, kind: type) -> Any:
+    """A cell as what it was.
+
+    >>> parsed("", float), parsed("True", bool), parsed("2.0", float)
+    (nan, True, 2.0)
+    """
+    if kind is bool:
+        return cell == "True"
+    if kind is float:
+        return float(cell or "nan")
+    return kind(cell)

@@ -1,0 +1,97 @@
+"""``proofmass stress``: where engines break, and where theory says that they must."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.studies.command import named
+from proofmass.studies.run import pool
+from proofmass.studies.store import Store
+from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.proven import probes
+from proofmass.studies.stress.stress import kept, stress, write_boundaries
+from proofmass.terminal import console
+from proofmass.wording import number
+
+
+def stress_command(
+    paths: Annotated[list[Path] | None, typer.Argument(help="Sidecars or folders.",
+                     show_default="small models whose limits theory knows")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, the page "
+                      "and finished runs.")] = Path("stress"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
+) -> None:
+    """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
+
+    Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
+    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, with
+    the limits that theory knows beside the measured ones. Every run is kept: a study that was
+    stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
+    """
+    with answering(f"{output} keeps the runs"):
+        from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
+
+        found = measured(paths or [], output, jobs, dask, only)
+        write_boundaries(found, output / "stress.csv")
+        console().print(shown(found))
+        print(write_stress(output, output).first)
+
+
+def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
+             ) -> list[Boundary]:
+    """Find boundaries with a progress bar on standard error; say what does not apply."""
+    store = Store(folder / "runs")
+    sought = [] if paths else [kept(one, store) for one in probes()]
+    for case in named(paths) if paths else ():
+        ours, skipped = extremes(case, store)
+        sought += ours
+        for why in skipped:
+            errors.print(f"{case.name}: not turned: {why}")
+    sought = [one for one in sought if only in one.knob]
+    if not sought:
+        raise ValueError(f"--only {only}: no such knob")
+    with pool(jobs, dask) as workers, counting(len(sought), letters=40) as advance:
+        return stress(sought, workers, advance)
+
+
+def shown(found: list[Boundary]) -> Table:
+    """A row for each boundary, on standard output, and what the kinds of limits are."""
+    table = Table(box=None, header_style="bold", pad_edge=False, caption_justify="left",
+                  caption="\n".join(f"{kind}: {kind.sentence}" for kind in Limit
+                                    if any(one.limit == kind for one in found)))
+    for name in ("what", "engine", "setting", "knob", "boundary", "theory", "ratio",
+                 "how it breaks"):
+        right = name in ("boundary", "theory", "ratio")
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    for one in found:
+        known = one.theory == one.theory
+        table.add_row(one.what, one.engine, one.setting, one.knob, reached(one),
+                      number(one.theory) if known else "", number(one.ratio) if known else "",
+                      one.ending)
+    return table
+
+
+def reached(one: Boundary) -> str:
+    """Where a boundary is, in words.
+
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
+    '2.01 s'
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
+    'none to 10 s'
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=Limit.OURS))
+    'not known beyond 2 s'
+    """
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    if one.found:
+        return f"{number(one.measured)}{unit}"
+    if one.holds != one.holds:
+        return "not known" if one.unknown else "nowhere"
+    if one.unknown:
+        return f"not known beyond {number(one.holds)}{unit}"
+    return f"none to {number(one.reach)}{unit}"

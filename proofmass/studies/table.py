@@ -1,0 +1,155 @@
+"""Rows as a tidy table: one row a run, a CSV file with its columns described beside it."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from proofmass.errors import InputError
+from proofmass.files import write_whole
+from proofmass.studies.row import NAN, Row
+
+SPREAD = {  # a column for each key
+    "knobs": "knob", "errors": "error", "asked": "asked", "invariants": "invariant"}
+COLUMNS = {
+    "study": "trade, choose, stress or diet",
+    "case": "name of the sidecar",
+    "run": "sweep, duration or rest",
+    "engine": "mujoco or pymunk",
+    "line": "the knobs that stay, in words: which line of a figure the run belongs to",
+    "axis": "the knob that changes along the line",
+    "value": "of that knob",
+    "knob": "a setting of the engine, as in `proofmass.sim.ENGINE.engine`, timestep [s]; segments "
+            "of all rods; "
+            "a tuple is a JSON array",
+    "error": "largest error of the channels of a kind, at the state the drives really had, as a "
+             "share of the range of the reference [1]",
+    "asked": "the same at the state that the drives were asked to have; empty where there are none "
+             "in time [1]",
+    "invariant": "gap: largest distance of points that a loop should hold together [m]; energy: "
+                 "largest change over the largest kinetic energy, of free motions without "
+                 "friction [1]; stretch: of rods [1]",
+    "seconds": "least wall time of the repeats without loading the model, of the first run where "
+               "there are none [s]",
+    "steps": "time steps of a duration, solved poses otherwise",
+    "step": "time step that the engine took in a duration [s]: the one of `knob.timestep`, or the "
+            "next shorter one of which whole ones lead from sample to sample",
+    "repeats": "all wall times [s], as a JSON array, made in rounds over all settings; a short run "
+               "after one to warm up",
+    "pinned": "whether the process kept to one processor, and no other run of a study to the same",
+    "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
+    "machine": "its processor, and how many it has",
+    "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
+               "pose that the run came to), crashed, timed out, out of memory, unsupported",
+    "message": "what the outcome means",
+    "key": "of the run's files in the store, KEY.npz for its curves",
+}
+
+
+def write_table(rows: Iterable[Row], file: Path) -> None:
+    """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
+    rows = list(rows)
+    write_whole(file, table(rows))
+    write_columns(file.with_suffix(".columns.md"), file.name, "run", {
+        f"{name}.*" if name in SPREAD.values() else name: what for name, what in COLUMNS.items()})
+    if rows and find_spec("pyarrow"):
+        from pyarrow import csv as arrow
+        from pyarrow import parquet
+
+        half = file.with_suffix(".parquet.part")
+        parquet.write_table(arrow.read_csv(file), half)
+        half.replace(file.with_suffix(".parquet"))
+
+
+def read_table(file: Path) -> list[Row]:
+    """The rows of a CSV file that `write_table` wrote, as they were.
+
+    Raises
+    ------
+    InputError
+        It is not there, or lacks a column that every row needs.
+    """
+    try:
+        with file.open(encoding="utf-8", newline="") as stream:
+            reader = csv.DictReader(stream)
+            for name in ("study", "case", "run", "engine", "line", "axis", "value"):
+                if name not in (reader.fieldnames or ()):
+                    raise InputError(file, "", f"not the table of a study: no column {name!r}")
+            return [parsed(cells) for cells in reader]
+    except OSError as error:
+        raise InputError(file, "", f"no table there: {error.strerror}") from None
+
+
+def table(rows: Sequence[Row]) -> str:
+    """CSV with a header; what a row does not have is empty.
+
+    >>> print(table([Row("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 0.01,
+    ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
+    study,case,run,engine,line,axis,value,knob.timestep,error.position
+    """
+    cells = [flat(row) for row in rows]
+    there = dict.fromkeys(name for row in cells for name in row)
+    order = sorted(there, key=lambda name: list(COLUMNS).index(name.partition(".")[0]))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, order, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(cells)
+    return text.getvalue()
+
+
+def flat(row: Row) -> dict[str, str]:
+    """The cells of a row, by their columns."""
+    cells = dict[str, str]()
+    for one in fields(Row):
+        value = getattr(row, one.name)
+        if one.name in SPREAD:
+            cells |= {f"{SPREAD[one.name]}.{key}": shown(part) for key, part in value.items()}
+        else:
+            cells[one.name] = value if isinstance(value, str) else shown(value)
+    return cells
+
+
+def shown(value: Any) -> str:
+    """A cell: a number, true or false, an array, a word; nothing for NaN.
+
+    >>> shown(1e-3), shown(float("nan")), shown((0.02, 1.0)), shown("RK4"), shown("8")
+    ('0.001', '', '[0.02, 1.0]', 'RK4', '"8"')
+    """
+    if isinstance(value, float) and math.isnan(value):
+        return ""
+    return value if isinstance(value, str) and read(value) == value else json.dumps(value)
+
+
+def read(cell: str) -> Any:
+    """What a cell of a knob shows."""
+    try:
+        value = json.loads(cell)
+    except ValueError:
+        return cell
+    return tuple(value) if isinstance(value, list) else value
+
+
+def parsed(cells: dict[str, str]) -> Row:
+    """The row of some cells."""
+    told = dict[str, Any]()
+    for name, kind in get_type_hints(Row).items():
+        if name in SPREAD:
+            own = {column.partition(".")[2]: cell for column, cell in cells.items()
+                   if column.startswith(SPREAD[name] + ".") and cell}
+            told[name] = {key: read(cell) for key, cell in own.items()}
+        elif name in cells:
+            word = kind is str
+            told[name] = cells[name] if word else read(cells[name]) if cells[name] else NAN
+    return Row(**told)
+
+
+def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
+    """Write what the columns of a table are, and what its rows."""
+    lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
+    write_whole(file, "\n".join([f"# Columns of {table}", "", f"One row a {row}.", "",
+                                 "| column | is |", "|---|---|", *lines, ""]))

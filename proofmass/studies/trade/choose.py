@@ -1,0 +1,248 @@
+"""The cheapest measured setting that is as good as is asked for, and the evidence that it is."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from textwrap import fill, indent
+
+from proofmass.case import Case
+from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
+from proofmass.strict import Kind
+from proofmass.studies.row import NAN, Row
+from proofmass.studies.trade.finer import Limits, promises
+from proofmass.studies.trade.line import FALLS, order
+from proofmass.studies.trade.snippet import snippet
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.verify import Check, verify
+from proofmass.studies.trade.words import cost, floored, off, told
+from proofmass.wording import number
+
+MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
+ALIKE = 1.5  # an error so near to the floor of another line is taken to be at the same one
+
+
+class Cannot(Exception):
+    """No measured setting is good enough; says which is best, and what keeps it there."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A setting to use.
+
+    Attributes
+    ----------
+    row : Row
+        Its measurement.
+    of, wanted : str, float
+        Kind of error, and what is asked of it [share of range].
+    check : Check
+        How it did when it was run again.
+    beside : str
+        What the engine's defaults would cost for the same.
+    ratio : float
+        Their wall time over that of the setting, by their order where no step measured gets there;
+        NaN where they never do.
+    refused : tuple of str
+        Cheaper settings that did not hold.
+    motion : str
+        That a free motion is chaotic or sensitive to its start, and until when errors are judged;
+        nothing of other motions.
+    """
+
+    row: Row
+    of: str
+    wanted: float
+    check: Check
+    beside: str
+    ratio: float
+    refused: tuple[str, ...] = ()
+    motion: str = ""
+
+
+Verify = Callable[[Case, Kind, Row, str, float], Check]
+
+
+def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str = "position",
+           engine: str = "", verdicts: Iterable[Verdict] = (), verify: Verify = verify,
+           limits: Limits | None = None) -> Choice:
+    """The cheapest setting whose error is as small as is asked for, with margin.
+
+    Parameters
+    ----------
+    case, kind
+        What is run.
+    rows : iterable of Row
+        Measured settings of that run.
+    wanted : float
+        Largest error [share of the range]; the measured one must be half of it.
+    of : str
+        Kind of channels: position, rate, acceleration ..
+    engine : str, optional
+        The only one to choose from.
+    verdicts : iterable of Verdict
+        What the error floors are.
+    verify : callable, optional
+        Runs a setting again, as its program and from a shifted start; both runs must meet what is
+        asked for.
+    limits : Limits, optional
+        What finer steps might take, and took.
+
+    Raises
+    ------
+    Cannot
+        None does.
+    """
+    rows = [row for row in rows if row.engine in (engine or row.engine)]
+    verdicts, refused = list(verdicts), list[str]()
+    for row in enough(rows, of, wanted):
+        check = verify(case, kind, row, of, wanted)
+        if check.holds(wanted):
+            return Choice(row, of, wanted, check, *beside(rows, row, of, wanted, verdicts),
+                          tuple(refused))
+        rows.remove(row)
+        refused.append(f"{told(row)} is {off(row, of)}, but {check.words}")
+    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits)]))
+
+
+def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
+    """Settings that meet an error with margin, cheapest first.
+
+    Where only iterations differ, fewer come first: they are never dearer, whatever the clock says.
+    """
+    good = [row for row in rows if row.outcome == "ran" and row.seconds > 0
+            and MARGIN * row.reached(of) <= wanted]
+    least = dict[str, float]()
+    for row in good:
+        least[apart_from_iterations(row)] = min(row.seconds,
+                                                least.get(apart_from_iterations(row), inf))
+    return sorted(good, key=lambda row: (least[apart_from_iterations(row)],
+                                         float(str(row.knobs.get("iterations", 0))), row.seconds))
+
+
+def apart_from_iterations(row: Row) -> str:
+    """What rows have in common that differ in a number of iterations only."""
+    said = {name: value for name, value in row.knobs.items() if name != "iterations"}
+    return repr((row.engine, "iterations" in row.knobs, sorted(said.items())))
+
+
+def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
+         limits: Limits | None = None) -> tuple[str, ...]:
+    """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
+    a line that still falls would need."""
+    able = [row for row in rows if row.outcome == "ran" and isfinite(row.errors.get(of, NAN))]
+    if not able:
+        return none_ran(rows, of)
+    verdicts = list(verdicts)
+    row = min(able, key=lambda row: row.errors[of])
+    short = (f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
+             f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}")
+    more = would_need(able, of, wanted, verdicts, limits)
+    if not (floor := floor_at(row, of, verdicts)):
+        return short, more
+    return f"{short}: {floored(floor)}", floor.evidence, more
+
+
+def would_need(rows: Iterable[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
+               limits: Limits | None = None) -> str:
+    """The step and cost by which the cheapest line that still falls would be good enough.
+
+    And why it was not measured: it costs more than a run or all finer steps may.
+    """
+    promised = promises(rows, verdicts, of, wanted / MARGIN)
+    if not promised:
+        return "no line of settings falls with its step at its end, so none promises to get there"
+    first = promised[0]
+    said = (f"{first.row.line} would need a step of about {number(first.step, 2)} s and about "
+            f"{number(first.seconds, 2)} s a run, if its order {number(first.falls, 2)} holds")
+    if limits is None:
+        return f"{said}; proofmass choose measures finer steps"
+    if first.seconds > limits.longest:
+        return f"{said}; --longest is {number(limits.longest)}"
+    if limits.short:
+        return (f"{said}; of --budget {number(limits.budget)} s, {number(limits.spent, 2)} s are "
+                f"spent")
+    return f"{said}; {limits.settings} settings were measured"
+
+
+def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:
+    """What became of settings none of which has such an error: how many, and the first of them.
+
+    The first is the model's own setting, where there is one.
+    """
+    if not rows:
+        return ("no setting was measured",)
+    outcomes = Counter(row.outcome for row in rows if row.outcome != "ran")
+    if len(rows) > outcomes.total():
+        outcomes[f"ran without {of} errors"] = len(rows) - outcomes.total()
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+    first = rows[0]
+    return (f"no setting ran, of {len(rows)}: {counts}",
+            f"the first, {told(first)}: {': '.join(filter(None, (first.outcome, first.message)))}")
+
+
+def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: Iterable[Verdict]
+           ) -> tuple[str, float]:
+    """What the engine's defaults, refined to the same error, would cost; and over the chosen."""
+    plain = [row for row in rows if row.engine == chosen.engine and default(row)
+             and isfinite(row.errors.get(of, NAN)) and row.outcome == "ran"]
+    if not plain:
+        return "the defaults were not measured, or did not run", NAN
+    if default(chosen):
+        return "these are the engine's defaults, refined", 1.0
+    if good := enough(plain, of, wanted):
+        ratio = good[0].seconds / chosen.seconds
+        return (f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
+                f"error, {cost(good[0])}"), ratio
+    row = min(plain, key=lambda row: row.errors[of])
+    own = [verdict for verdict in verdicts if verdict.line == row.line]
+    if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
+        return f"the engine's defaults never get there: {floored(floor)}", NAN
+    short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
+    before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
+                 default=None)
+    falls = order(*((one.value, one.errors[of]) for one in (before, row))) if before else NAN
+    if not falls > FALLS:
+        return short, NAN
+    more = (MARGIN * row.errors[of] / wanted) ** (1 / falls)  # as many steps
+    ratio = more * row.seconds / chosen.seconds
+    return (f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
+            f"s, {number(ratio, 2)} times as long"), ratio
+
+
+def default(row: Row) -> bool:
+    """Whether nothing but the time step differs from what the engine has by itself."""
+    own = {"timestep": row.knobs.get("timestep"), "defaults": True,
+           "integrator": ENGINE_DEFAULTS["integrator"]}
+    return "defaults" in row.knobs and row.knobs.items() <= own.items()
+
+
+def floor_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
+    """The error floor that a row stands at: of its own line, or of another of that engine."""
+    near = [v for v in verdicts if (v.engine, v.kind) == (row.engine, of)
+            and v.floor > row.errors[of] / ALIKE
+            and (v.line == row.line or v.floor < ALIKE * row.errors[of])]
+    return min(near, key=lambda v: (v.line != row.line, abs(v.floor - row.errors[of])),
+               default=None)
+
+
+def words(choice: Choice, case: Case) -> list[str]:
+    """A choice in sentences."""
+    row, check = choice.row, choice.check
+    return [f"{case.name}, {row.run}: {choice.of} within {number(choice.wanted, 2)} of its range",
+            f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, "
+            f"{row.steps} steps",
+            check.words, *check.other_drives(choice.of, choice.wanted), choice.beside,
+            *choice.refused, *filter(None, [choice.motion])]
+
+
+def printed(choice: Choice, case: Case) -> str:
+    """What to paste, with the evidence as comments in it."""
+    lines = snippet(choice.check.used, choice.row.steps, case.model_path)
+    told = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
+    if choice.check.ran:
+        told.append("The start state and the drives are in the program that -o run.py writes.")
+    text = "\n".join(told).replace("--", "-")
+    if choice.row.engine == "pymunk":
+        return indent(text, "# ") + "\n" + lines
+    return f"<!--\n{indent(text, '  ')}\n-->\n{lines}"

@@ -1,0 +1,205 @@
+"""``proofmass choose``: the cheapest setting that is as good as is asked for, to paste."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from textwrap import fill
+from typing import Annotated, cast
+
+import typer
+
+from proofmass.case import Case
+from proofmass.check import collect
+from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.errors import InputError
+from proofmass.files import write_whole
+from proofmass.strict import Kind
+from proofmass.studies.command import Errors, Longest, Runs, measured, named, seconds, turnable
+from proofmass.studies.row import Row
+from proofmass.studies.run import pool
+from proofmass.studies.run import run as run_tasks
+from proofmass.studies.store import Store, versions
+from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, Verify, choose, printed, words
+from proofmass.studies.trade.disturbed import motions_of, within
+from proofmass.studies.trade.finer import BUDGET, LONGEST, Limits, known
+from proofmass.studies.trade.program import imposed, program
+from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
+from proofmass.studies.trade.trade import chosen
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.verify import Check, verify
+
+
+def choose_command(
+    path: Annotated[Path, typer.Argument(help="A sidecar.", metavar="CASE")],
+    error: Annotated[float, typer.Option(help="Largest error, as a share of the range of the "
+                                         "reference.")],
+    of: Annotated[Errors, typer.Option(help="Of what.")] = Errors.position,
+    solver: Annotated[str, typer.Option(help="mujoco or pymunk.", show_default="any")] = "",
+    run: Annotated[Runs | None, typer.Option(help="Which run of the case.", show_default="the "
+                   "first of these that it has")] = None,
+    drive: Annotated[str, typer.Option(help="How the program moves its drives: flywheel, servo or "
+                                       "equality in MuJoCo; gear or motor in pymunk.",
+                                       show_default="the first of these, which is ideal")] = "",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="A Python program that runs "
+                      "the motion with that setting, without proofmass.",
+                      show_default="lines to paste are printed")] = None,
+    store: Annotated[Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks "
+                                        "is run.")] = Path("trade"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    longest: Longest = LONGEST,
+    budget: Annotated[float, typer.Option(help="Wall time [s] of the whole search.",
+                                          metavar="SECONDS")] = BUDGET,
+) -> None:
+    """Find the cheapest setting whose error is as small as is asked for.
+
+    Its measured error must be half of that.  Then it is run as a program of its own, without
+    proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
+    program is written with -o; without it the lines of the setting are printed, to paste.
+    Exit code 0: found; 1: no setting is good enough; 2: bad input.
+    """
+    with answering(f"{store} keeps the runs"):
+        if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
+            raise InputError(path, "", "give the sidecar of one case, such as models/fourbar.toml")
+        case, = named([path])
+        kind = chosen(case, cast(Kind | None, run and run.value))
+        asked(case, kind, error, solver)
+        solver = solver_for(case, kind, drive, solver)
+        writable(case, kind, output)
+        limits, told = Limits(seconds("--longest", longest), seconds("--budget", budget)), ""
+        if not turnable(case, kind):
+            raise typer.Exit(1)
+        runs, verdicts = Store(store / "runs"), list[Verdict]()
+        if kind == "duration":
+            with pool(jobs, dask) as workers, counting(letters=40) as advance:
+                motion, = motions_of([case], [kind], runs, workers, longest)
+                case = within(case, kind, motion)  # up to the horizon of a chaotic motion
+                told = motion.words if motion else ""
+                rows = search(case, of.value, error / MARGIN, runs, workers, solver,
+                              limits=limits, slack=slack_for(case, drive), progress=advance)
+            more = list(known(case, kind, rows, runs, solver))
+            limits.known, rows = len(more), rows + more
+            errors.print(limits.words, markup=False, highlight=False)
+        else:
+            study = measured([case], store, jobs, dask, kind, longest)
+            rows, verdicts = study.rows, study.verdicts
+        there(rows, of.value)
+        check = partial(verify, store=runs, longest=longest, drive=drive, compare=True)
+        try:
+            choice = choose_with_drive(case, kind, rows, error, of.value, solver, verdicts, check,
+                                       runs, limits)
+            choice = replace(choice, motion=told)
+        except Cannot as why:
+            errors.print(f"{case.name}: {'; '.join(filter(None, (str(why), told)))}",
+                         markup=False)
+            raise typer.Exit(1) from None
+        if output is None:
+            print(printed(choice, case))
+            return
+        found = choice.check
+        if found.ran is None:
+            raise InputError(path, "", f"no program can be written: {found.reason}")
+        drive_of = found.drive or imposed(case, choice.row.engine)[0]
+        write_whole(output, program(case, found.used, drive_of, head(choice, case,
+                                                                            output.name)))
+        print(output)
+        errors.print("\n".join(words(choice, case)), markup=False)
+
+
+def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of: str, solver: str,
+                      verdicts: list[Verdict], check: Verify, store: Store, limits: Limits
+                      ) -> Choice:
+    """`choose`, with finer steps where the program's drive asks for them."""
+    tried = list[tuple[Row, float]]()
+
+    def noted(case: Case, kind: Kind, row: Row, of: str, wanted: float) -> Check:
+        found = check(case, kind, row, of, wanted)
+        tried.append((row, found.fresh))
+        return found
+
+    for last in (False,) * ROUNDS + (True,):
+        with errors.status("running the programs of settings"):
+            try:
+                return choose(case, kind, rows, error, of, solver, verdicts, noted, limits)
+            except Cannot:
+                tasks = finer_for_drives(case, tried, error) if case.drive else []
+                if last or not tasks:
+                    raise
+            refused = [row for row, _ in tried]
+            rows = [row for row in rows if row not in refused]
+            rows += run_tasks(tasks, store, timeout=limits.longest)
+            tried.clear()
+    raise AssertionError("the last round returns or raises")
+
+
+def head(choice: Choice, case: Case, name: str = "run.py") -> str:
+    """What a program says of itself."""
+    lines = [fill(line, 92) for line in words(choice, case)]
+    return (f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
+            f"{choice.row.engine} {versions(choice.row.engine)[choice.row.engine]}.  It writes the "
+            f"curves of all channels, in SI units:\n\n    python {name} [curves.csv]")
+
+
+def writable(case: Case, kind: Kind, output: Path | None) -> None:
+    """Raise ValueError where no program can be written: in runs without time steps."""
+    if output is None:
+        return
+    if kind != "duration":
+        raise ValueError(f"-o {output}: a program steps through time, and the {kind} of "
+                         f"{case.name} has no time; without -o the setting is printed")
+    if output.suffix != ".py":
+        raise ValueError(f"-o {output}: give the name of a Python program, such as run.py")
+    if output.is_dir():
+        raise ValueError(f"-o {output}: a folder; give the name of a Python program in it")
+    if not output.parent.is_dir():
+        raise ValueError(f"-o {output}: there is no folder {output.parent}")
+
+
+def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
+    """The engine that moves drives in such a way; the one that was asked for, if all do.
+
+    Raises
+    ------
+    ValueError
+        No engine does; or there is nothing to drive.
+    """
+    if not drive:
+        return solver
+    if kind != "duration" or not case.drive:
+        raise ValueError(f"--drive {drive}: in the {kind} of {case.name} no drive moves in time; "
+                         f"leave it out")
+    names = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
+    ways = {name: dict.fromkeys(one.kind for one in imposed(case, name))
+            for name in ([solver] if solver else names)}
+    if fit := [name for name, kinds in ways.items() if drive in kinds]:
+        return fit[0] if len(fit) == 1 else solver
+    known = "; ".join(f"{name} has {', '.join(kinds)}" for name, kinds in ways.items())
+    raise ValueError(f"--drive {drive}: {known}")
+
+
+def slack_for(case: Case, drive: str) -> float:
+    """How far the search follows settings that are not the cheapest with an ideal drive."""
+    names = dict.fromkeys(name.partition(":")[0] for name in case.run["duration"].solvers)
+    yields = any(one.kind == drive and one.gain for name in names for one in imposed(case, name))
+    return YIELDING if yields else SLACK
+
+
+ROUNDS = 4
+"""In which steps are made finer for the sake of drives."""
+
+
+def asked(case: Case, kind: Kind, error: float, solver: str) -> None:
+    """Raise ValueError for what cannot be chosen."""
+    if not 0 < error < 1:
+        raise ValueError(f"--error {error:g}: give a share of the range between 0 and 1, such as "
+                         f"1e-5")
+    known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
+    if solver and solver not in known:
+        raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")
+
+
+def there(rows: list[Row], of: str) -> None:
+    """Raise ValueError if no run tells such an error, but some tell others."""
+    kinds = dict.fromkeys(kind for row in rows for kind in row.errors)
+    if kinds and of not in kinds:
+        raise ValueError(f"--of {of}: no channel is one; there are: {', '.join(kinds)}")

@@ -1,0 +1,236 @@
+"""What a disturbance does to a motion: chaos, the horizon of a trajectory, and rounding.
+
+    motion = motion_of(case, store, workers, timeout)   # of a free motion
+    motion.horizon                                      # s, until which errors mean something
+
+A start that is disturbed by 1e-9 moves a regular motion by more in proportion to time, a chaotic
+one by exp(rate * t).  Where that is more than 1e-4 of the range, an error of 1e-4 says nothing of a
+mechanism whose start is known to 1e-9, so that errors are judged up to there only.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.check import FAILURES
+from proofmass.isolate import isolated
+from proofmass.reference import compiled
+from proofmass.sim.contents import size
+from proofmass.sim.protocol import Array, BadModel, Curves
+from proofmass.strict import Kind
+from proofmass.studies.measure import CONSTANT, Task, span
+from proofmass.studies.rescaled import times, with_model
+from proofmass.studies.row import KINDS, NAN
+from proofmass.studies.store import Store, digest, key_of, once
+from proofmass.studies.stress.stand import simulated
+from proofmass.studies.trade.axes import as_given
+from proofmass.wording import number
+
+NUDGE = 1e-9
+"""Of all joints at the start: rad, or times the mechanism's size."""
+SHARE = 1e-4
+"""Share of the range that a nudge may move a trajectory by, the coarsest error that studies ask."""
+LINEAR = 1e-2
+"""Share of the range from which on a disturbance is none any more."""
+NOTABLE = 100.0
+"""Times a nudge that a motion must make of it to be called sensitive."""
+SUSTAINED = 10.0
+"""Times that it grows in each half of a chaotic motion; what grows with the cube of time grows by
+8 in the second."""
+LEAST = 11
+"""Samples that errors are judged at, at least."""
+ULPS = 4
+"""Roundings that masses are changed by, so that each step rounds otherwise."""
+LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
+ROUNDED = 0.3
+"""Share of an error that a change by roundings must move it by, to have made it."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a free motion answers to a start that is disturbed by `NUDGE`.
+
+    Attributes
+    ----------
+    growth : float
+        Largest distance from the undisturbed motion [share of the range], over `NUDGE`.
+    rate : float
+        Of exponential growth [1/s], fitted up to `LINEAR`; NaN where the growth is not sustained.
+    horizon : float
+        Until when the distance is less than `SHARE` [s]; NaN if it is so in the whole run.
+    until : float
+        Length of the run [s].
+    """
+
+    growth: float
+    rate: float
+    horizon: float
+    until: float
+
+    @property
+    def words(self) -> str:
+        """The same in a sentence; nothing of a motion that answers in proportion.
+
+        >>> Motion(1.9e7, 0.84, 15.2, 20.0).words.partition(",")[0]
+        'chaotic: a start disturbed by 1e-9 moves it 1.9e7 times as far in 20 s'
+        """
+        if not self.growth >= NOTABLE:
+            return ""
+        told = (f"a start disturbed by {number(NUDGE)} moves it {number(self.growth, 2)} times as "
+                f"far in {number(self.until)} s")
+        told = (f"chaotic: {told}, e times every {number(1 / self.rate, 2)} s" if self.rate > 0
+                else f"sensitive to its start: {told}")
+        if not self.horizon > 0:
+            return told
+        return (f"{told}; by {number(SHARE)} of its range after {number(self.horizon)} s, so "
+                f"errors are judged up to there")
+
+
+def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Motion | None:
+    """How a case's free motion answers; None where none is free, or no engine runs it as given.
+
+    Parameters
+    ----------
+    case, kind
+        What is run.
+    store : Store
+        Keeps what was found, and the changed model.
+    timeout : float
+        After which a run is given up [s].
+    """
+    if kind != "duration" or case.drive:
+        return None
+    other = moved(case, store.folder / "models")
+    for line in as_given(case, kind) if other else ():
+        task = Task(case, kind, line.settings[0])
+        if other and (found := parted(task, other, store, timeout)):
+            away = next((found[what] for what in KINDS if what in found), None)
+            if away is not None:
+                return answer(found["x"], away)
+    return None
+
+
+def answer(x: Array, away: Array) -> Motion:
+    """A motion's answer, from its distance (n,) to the undisturbed one at times x [s]."""
+    peak = np.maximum.accumulate(away)
+    end = int(np.argmax(peak > LINEAR)) if peak[-1] > LINEAR else x.size - 1
+    middle = end // 2
+    rate = NAN
+    if peak[middle] >= SUSTAINED * NUDGE and peak[end] >= SUSTAINED * peak[middle]:
+        fitted = slice(end // 5, end + 1)
+        rate = float(np.polyfit(x[fitted], np.log(np.maximum(peak[fitted], 1e-300)), 1)[0])
+    beyond = int(np.argmax(peak > SHARE)) if peak[-1] > SHARE else 0
+    last = max(beyond - 1, min(LEAST, x.size) - 1)
+    return Motion(float(peak[-1]) / NUDGE, rate, float(x[last]) if beyond else NAN,
+                  float(x[-1] - x[0]))
+
+
+def within(case: Case, kind: Kind, motion: Motion | None) -> Case:
+    """The case with its run cut at the motion's horizon; the case itself where it has none."""
+    table = case.run[kind]
+    if motion is None or not motion.horizon > 0 or not table.until or not table.n:
+        return case
+    samples = round(motion.horizon / table.until * (table.n - 1))
+    samples += samples % 2  # every other sample ends with the last as well
+    until = samples * table.until / (table.n - 1)
+    cut = table.model_copy(update={"n": samples + 1, "until": until})
+    return case.model_copy(update={"run": {**case.run, kind: cut}})
+
+
+def rounding(task: Task, store: Store, timeout: float) -> dict[str, float]:
+    """How far changes by some roundings move a run, by kind of channel [share of its range].
+
+    Masses are changed by `ULPS` roundings and the start by one: each step rounds otherwise.
+    """
+    other = rounded(task.case, store.folder / "models")
+    found = parted(task, other, store, timeout) if other else {}
+    return {what: float(away.max()) for what, away in found.items() if what != "x"}
+
+
+def moved(case: Case, folder: Path) -> Case | None:
+    """The case with all joints of its start nudged; None where the file has no such key."""
+    model = compiled(case)
+    sliding = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    units = np.where(sliding, size(model, case.start), 1.0)
+    signs = np.where(np.arange(model.njnt) % 3 == 1, -1.0, 1.0)  # not all along one motion
+    return with_start(case, folder, lambda q: q + NUDGE * signs * units)
+
+
+def rounded(case: Case, folder: Path) -> Case | None:
+    """The case with other last digits of its masses and of its start."""
+    def change(root: Element) -> None:
+        for element in root.iter():
+            for key in ("mass", "diaginertia", "fullinertia", "density"):
+                times(element, key, 1.0 + ULPS * np.finfo(float).eps)
+
+    return with_start(case, folder, lambda q: np.nextafter(q, np.inf), change)
+
+
+def with_start(case: Case, folder: Path, move: Callable[[Array], Array],
+               change: Callable[[Element], None] = lambda _: None) -> Case | None:
+    """The case with other positions at its start, if its file states that key."""
+    model = compiled(case)
+    key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
+    if key < 0 or model.nq != model.njnt:
+        return None
+    there = False
+
+    def both(root: Element) -> None:
+        nonlocal there
+        for element in root.iterfind("./keyframe/key"):
+            if element.get("name") == case.start:
+                there = True
+                element.set("qpos", " ".join(map(repr, move(model.key_qpos[key]).tolist())))
+        change(root)
+
+    found = with_model(case, folder, both)
+    return found if there else None
+
+
+def parted(task: Task, other: Case, store: Store, timeout: float) -> dict[str, Array]:
+    """How far two runs of a setting part, by kind of channel (n,) [share of its range], over x.
+
+    Nothing where either is lost.  Neither is held against a reference.
+    """
+    twin = replace(task, case=other)
+    file = store.folder / f"{key_of(task)}.{digest(key_of(twin).encode())[:16]}.parted.json"
+
+    def made() -> dict[str, list[float]]:
+        try:
+            one, two = (isolated(simulated, each, timeout=timeout) for each in (task, twin))
+        except LOST:
+            return {}
+        return {what: values.tolist() for what, values in distances(task, one, two).items()}
+
+    return {what: np.array(values) for what, values in once(file, made).items()}
+
+
+def distances(task: Task, one: Curves, two: Curves) -> dict[str, Array]:
+    """The largest distance at each sample of two runs, by kind of channel."""
+    found = {"x": one.x}
+    channels = {n: c for n, c in task.case.channels_of(task.run).items()
+                if n in one.channels and n in two.channels}
+    for what, units in KINDS.items():
+        own = [name for name, channel in channels.items() if channel.si_unit in units]
+        for unit in units:
+            alike = [name for name in own if channels[name].si_unit == unit]
+            widest = max((span(one.channels[name]) for name in alike), default=0.0)
+            for name in alike:
+                if (width := span(one.channels[name])) > CONSTANT * widest:
+                    away = np.abs(two.channels[name] - one.channels[name]) / width
+                    found[what] = np.maximum(found.get(what, 0.0), away)
+    return found
+
+
+def motions_of(cases: list[Case], kinds: list[Kind], store: Store, workers: Executor,
+               timeout: float) -> list[Motion | None]:
+    """`motion_of` of many cases side by side, in workers of this machine or a cluster."""
+    futures = [workers.submit(motion_of, case, kind, store, timeout)
+               for case, kind in zip(cases, kinds, strict=True)]
+    return [future.result() for future in futures]

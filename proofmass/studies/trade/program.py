@@ -1,0 +1,144 @@
+"""A setting as a program that runs without proofmass, and what that program gives.
+
+A program holds the model, the state it starts from, how its drives are moved, the steps and what is
+recorded.  Its error is that of its own run, in an interpreter that knows nothing of proofmass, at
+the motion that was asked for.
+"""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.drive import motion_source
+from proofmass.files import write_whole
+from proofmass.sim.protocol import Curves, Imposed, Run
+from proofmass.solve import engine_module
+from proofmass.studies.bounded import limited
+from proofmass.studies.core import own_core, pinned
+from proofmass.studies.measure import shares
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store, digest, read, sources, versions
+from proofmass.wording import number
+
+PRINTED = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What the run of a program gave.
+
+    Attributes
+    ----------
+    errors : dict of str to float
+        Largest error of each kind of channel, as a share of the reference's range.
+    seconds, steps : float, int
+        Wall time of its loop [s], and time steps.
+    failure : str
+        Why there are no errors, in the program's own words.
+    """
+
+    errors: dict[str, float] = field(default_factory=dict)
+    seconds: float = float("nan")
+    steps: int = 0
+    failure: str = ""
+
+
+def imposed(case: Case, engine: str) -> Sequence[Imposed]:
+    """The ways in which programs of an engine can move the drives of a case, the ideal one first.
+    """
+    ways: Sequence[Imposed] = engine_module(engine).IMPOSED
+    return ways if case.drive else ways[:1]
+
+
+def program(case: Case, setting: Setting, drive: Imposed, head: str = "") -> str:
+    """Write the duration of a case with a setting as a program, in a worker.
+
+    Raises
+    ------
+    Unsupported
+        The engine cannot write it; says why.
+    InputError, BadModel
+        The case is at fault.
+    """
+    return str(limited(case, "duration", written, case, setting, drive, head))
+
+
+def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
+    """The same, in this process."""
+    case, run = setting.applied(case, "duration")
+    motion = motion_source([each.law for each in run.drives], run.x)
+    return str(engine_module(setting.engine).write_program(case.model_path, run, motion, head,
+                                                           drive))
+
+
+def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> Ran:
+    """Run the program of a setting, or find in the store what it gave."""
+    text = program(case, setting, drive)
+    name = digest(json.dumps([text, case.model_dump(mode="json"), versions(setting.engine),
+                              sources()], sort_keys=True).encode())
+    file = store.folder / f"{name}.program.json"
+    if file.is_file():
+        return Ran(**{"seconds": float("nan"), **read(file)})
+    with own_core() as core:
+        ran = limited(case, "duration", run_program, case, setting, text, timeout, core)
+    told = {key: value for key, value in asdict(ran).items() if value == value}
+    if not ran.failure.startswith(LATE):
+        write_whole(file, json.dumps(told))
+    return ran
+
+
+LATE = "no end after"
+
+
+def run_program(case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
+                ) -> Ran:
+    """Run a program in a bare interpreter, and hold its curves against the reference."""
+    case, run = setting.applied(case, "duration")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.py"
+        file.write_text(text, encoding="utf-8")
+        try:
+            with pinned(core):
+                done = subprocess.run([sys.executable, "-I", file.name], cwd=folder, text=True,
+                                      capture_output=True, timeout=timeout, check=False)
+        except subprocess.TimeoutExpired:
+            return Ran(failure=f"{LATE} {timeout:g} s")
+        if done.returncode or not (printed := PRINTED.search(done.stdout)):
+            said = done.stderr.strip().splitlines() or ["it ended without a word"]
+            return Ran(failure=said[-1])
+        curves = read_curves(Path(folder) / "curves.csv", run)
+    lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
+    if lost:
+        return Ran(failure=f"{lost[0]} is not finite")
+    return Ran(shares(case, "duration", curves), float(printed[2]), int(printed[1]))
+
+
+def read_curves(file: Path, run: Run) -> Curves:
+    """The curves that a program wrote, at the state that its drives were asked to have."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        names = next(csv.reader(stream))
+        rows = np.loadtxt(stream, delimiter=",", ndmin=2)
+    if not np.allclose(rows[:, 0], run.x, rtol=0.0, atol=1e-9 * np.ptp(run.x)):
+        raise ValueError("the program sampled at other times than it was asked to")
+    state = run.motion(run.x) if run.drives else None
+    return Curves(run.x, dict(zip(names[1:], rows[:, 1:].T, strict=True)), drive=state)
+
+
+def drive_words(drive: Imposed) -> str:
+    """How a drive is moved, in words.
+
+    >>> drive_words(Imposed("flywheel")), drive_words(Imposed("servo", 0.5))
+    ('a flywheel', 'a servo of gain 0.5')
+    """
+    article = "an" if drive.kind[0] in "aeiou" else "a"
+    gain = f" of gain {number(drive.gain, 2)}" if drive.gain else ""
+    return f"{article} {drive.kind}{gain}"

@@ -1,0 +1,342 @@
+"""Search for the cheapest setting that is as good as is asked for, without measuring all others.
+
+A family is an engine with everything but the time step: an integrator, how hard its loops are held,
+how often its solver goes over them.  Each family starts with one step from sample to sample and
+goes on to the step that the order of its last errors says is good enough, as long as that promises
+to be cheaper than what is good enough already.  What is cheapest is then timed in rounds.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from math import ceil, inf, isfinite
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.errors import InputError
+from proofmass.reference import compiled, grid
+from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
+from proofmass.studies.bounded import bounded
+from proofmass.studies.measure import Task
+from proofmass.studies.row import Row
+from proofmass.studies.run import reference_of, run
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store, key_of, once
+from proofmass.studies.trade.axes import HARD, INTEGRATORS, as_given, leading
+from proofmass.studies.trade.finer import SAFE, Limits, scaled
+from proofmass.studies.trade.line import COARSE, FALLS
+from proofmass.studies.trade.line import order as order_of
+from proofmass.studies.truth import truth
+
+Progress = Callable[[str, int, int], None]
+CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
+FARTHEST = 30.0  # ratio of two steps in turn, at most
+SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
+YIELDING = 40.0
+"""Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
+PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
+HOPELESS = 3  # steps in turn with which a family does not run at all
+BEST = 3  # settings that are refined at once for the sake of their drives
+RUNS = 12  # of a family at most
+CLOSED = (0.003, 0.01, 0.03)
+"""Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""
+PATIENCE = 5.0  # times what a reference took: each worker evaluates it once, beside others
+
+
+@dataclass
+class Family:
+    """Settings of one engine that differ in the step, and their rows, from coarse to fine.
+
+    ``at(step)`` is the setting with a step [s]; `plain` families are the engine's own defaults.
+    The first step is `first`, or the whole way from sample to sample.
+    """
+
+    engine: str
+    name: str
+    at: Callable[[float], Setting]
+    sample: float
+    plain: bool = False
+    first: float | None = None
+    rows: list[Row] = field(default_factory=list)
+
+    def step(self, wanted: float) -> float:
+        """`odd_step` of its samples."""
+        return odd_step(self.sample, wanted)
+
+    def next(self, of: str, needed: float, limit: float) -> float | None:
+        """The step to try next; None if no other promises to be good enough for less [s]."""
+        if not self.rows:
+            return self.first or self.sample
+        if len(self.rows) >= RUNS or any(row.outcome in ("timed out", "unsupported")
+                                         for row in self.rows):
+            return None
+        rows = sorted(self.rows, key=lambda row: -row.value)
+        if len(rows) >= HOPELESS and all(row.outcome != "ran" for row in rows):
+            return None
+        good = next((k for k, row in enumerate(rows) if error(row, of) <= needed), None)
+        if good == 0:
+            return None
+        if good is None:
+            step = self.finer(rows, of, needed)
+        elif self.plain:
+            return None
+        else:
+            step = between(rows[good - 1], rows[good], of, needed)
+        if step is None:
+            return None
+        step = self.step(step)
+        if any(abs(row.value - step) < 1e-9 * step for row in rows):
+            return None
+        ran = [row for row in rows if isfinite(row.seconds)]
+        cost = ran[-1].seconds * ran[-1].value / step if ran else 0.0
+        return step if cost <= limit else None
+
+    def finer(self, rows: list[Row], of: str, needed: float) -> float | None:
+        """The step that the order of the last errors says is good enough."""
+        last = rows[-1]
+        if not error(last, of) < COARSE:
+            return last.value / 3.0
+        if len(rows) < 2 or not error(rows[-2], of) < COARSE:
+            return last.value / 2.0
+        falls = order(rows[-2], last, of)
+        if falls < FALLS:  # once more, then it is at a floor
+            flat = len(rows) > 2 and order(rows[-3], last, of) < FALLS
+            return None if flat else last.value / 2.0
+        return max(last.value * (SAFE * needed / error(last, of)) ** (1 / falls),
+                   last.value / FARTHEST)
+
+
+def odd_step(sample: float, wanted: float) -> float:
+    """The longest step up to the wanted one of which an odd number leads to the next sample.
+
+    >>> odd_step(1.0, 0.3), odd_step(1.0, 0.2)
+    (0.2, 0.2)
+    """
+    return sample / (ceil(sample / wanted - 1e-9) // 2 * 2 + 1)
+
+
+def between(coarse: Row, fine: Row, of: str, needed: float) -> float | None:
+    """A step between one that is good enough and one that is not; None if these are close."""
+    if coarse.value < CLOSE * fine.value:
+        return None
+    middle = (coarse.value * fine.value) ** 0.5
+    if not error(coarse, of) < COARSE:
+        return middle
+    falls = order(coarse, fine, of)
+    if falls < FALLS:
+        return middle
+    wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
+    return min(max(wanted, fine.value * 1.05), coarse.value / 1.05)
+
+
+def error(row: Row, of: str) -> float:
+    """The error of a row; infinite if it has none."""
+    value = row.reached(of)
+    return value if row.outcome == "ran" and isfinite(value) else inf
+
+
+def order(coarse: Row, fine: Row, of: str) -> float:
+    """The order of convergence that two rows show; minus infinity where the finer one is lost."""
+    return order_of((coarse.value, error(coarse, of)), (fine.value, max(error(fine, of), 1e-300)))
+
+
+def families(case: Case, engine: str = "") -> Iterator[Family]:
+    """What is searched in a duration: of an engine, or of all that the case runs in."""
+    times = grid(case, "duration")
+    sample = float(times[1] - times[0])
+    there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["duration"].solvers)
+    kinds = {"mujoco": of_mujoco, "pymunk": of_pymunk}
+    for line in as_given(case, "duration"):
+        if line.engine in (engine or line.engine):
+            own, = line.settings
+            yield Family(line.engine, line.name, setter(own), sample,
+                         first=min(leading(own.knobs["timestep"]), sample))
+    for name in there:
+        if name in (engine or name):
+            for title, knobs, plain in kinds[name](case):
+                yield Family(name, title, setting_of(name, knobs), sample, plain)
+
+
+Knobs = Callable[[float], dict]
+
+
+def setter(own: Setting) -> Callable[[float], Setting]:
+    """A setting with other steps."""
+    return lambda step: own.but(timestep=step)
+
+
+def setting_of(engine: str, knobs: Knobs) -> Callable[[float], Setting]:
+    """Settings of an engine by their step."""
+    return lambda step: Setting(engine, {"timestep": step, **knobs(step)})
+
+
+def of_mujoco(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
+    """Integrators, and time constants of loops in steps."""
+    loops = compiled(case).neq > 0
+
+    def held(integrator: str, soft: int) -> Knobs:
+        return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0),
+                             "solimp": HARD}
+
+    def by_itself(integrator: str) -> Knobs:
+        return lambda step: {"integrator": integrator, "defaults": True}
+
+    for integrator in INTEGRATORS:
+        yield (f"MuJoCo {integrator}{', default softness' * loops}", by_itself(integrator),
+               integrator == "Euler")
+        if loops:
+            for soft in (2, 4, 8):
+                yield f"MuJoCo {integrator}, solref {soft} steps", held(integrator, soft), False
+
+
+def of_pymunk(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
+    """Chipmunk's defaults, loops without bias, and with a share of their gap closed in a step.
+
+    Few iterations diverge where a step closes all of it, and the error is of second order where the
+    share is that of a step rather than that of a second, which is Chipmunk's `error_bias`.
+    """
+    yield "pymunk, defaults", lambda step: {"defaults": True}, True
+    yield "pymunk, no bias", lambda step: {"error_bias": 0.0}, False
+    for iterations in (1, 3, 10, 30, 100, 300):
+        def knobs(step: float, iterations: int = iterations) -> dict:
+            return {"error_bias": 0.0, "iterations": iterations}
+
+        yield f"pymunk, no bias, {iterations} iterations", knobs, False
+    for iterations in (3, 10):
+        for share in CLOSED:
+            def biased(step: float, iterations: int = iterations, share: float = share) -> dict:
+                return {"error_bias": left_after(share, step), "iterations": iterations}
+
+            yield f"pymunk, bias {share:g} a step, {iterations} iterations", biased, False
+
+
+def left_after(share: float, step: float) -> float:
+    """Chipmunk's `error_bias`, the share of a gap left after 1 s, that closes one of it in a step.
+
+    It is at least the least number that has all its digits.
+
+    >>> left_after(0.01, 1e-3), left_after(0.01, 1e-6)
+    (4.317124741065786e-05, 2.2250738585072014e-308)
+    """
+    return float(max((1.0 - share) ** (1.0 / step), np.finfo(float).tiny))
+
+
+def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,
+           engine: str = "", *, limits: Limits | None = None, slack: float = SLACK,
+           repeats: int = 5, progress: Progress = lambda *_: None) -> list[Row]:
+    """Measure settings of a duration until the cheapest that is good enough is known.
+
+    Parameters
+    ----------
+    case : Case
+    of, needed : str, float
+        Kind of error, and the largest that is good enough [share of range].
+    store, workers, progress
+        See `proofmass.studies.run.run`.
+    engine : str, optional
+        The only one to search.
+    limits : Limits, optional
+        What it may take, of a run without what its reference takes; gets what it took.
+    slack : float
+        How far families are followed: their predicted time over that of the cheapest.
+    repeats : int
+        Timed runs of what is cheapest.
+
+    Returns
+    -------
+    list of Row
+        All that was measured.
+    """
+    found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
+    longest = limits.longest
+    timeout = longest + PATIENCE * kept_reference_seconds(case, store)
+    while tasks := [task for family in found for task in following(case, family, found, of, needed,
+                                                                   longest, slack)]:
+        limits.spent = time.monotonic() - began
+        if limits.spent > limits.budget:
+            limits.short = True
+            break
+        limits.settings += len(tasks)
+        rows = run([task for _, task in tasks], store, workers, repeats=0, timeout=timeout,
+                   progress=progress)
+        for (family, _), row in zip(tasks, rows, strict=True):
+            family.rows.append(row)
+    rows = [row for family in found for row in family.rows]
+    cheap = cheapest(rows, of, needed)
+    timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
+    timed += [row for family in found if family.plain for row in family.rows
+              if row.outcome == "ran" and row not in timed]
+    tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
+                   row.value) for row in timed]
+    again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
+    limits.spent = time.monotonic() - began
+    places = {id(row): k for k, row in enumerate(timed)}
+    return [again[places[id(row)]] if id(row) in places else row for row in rows]
+
+
+def kept_reference_seconds(case: Case, store: Store) -> float:
+    """`reference_seconds`, measured once for a store; 0 where a file keeps the reference."""
+    task = Task(case, "duration", Setting(case.run["duration"].solvers[0].partition(":")[0]))
+    if reference_of(task, store):
+        return 0.0
+    file = store.folder / f"{key_of(task)}.reference.json"
+    return float(once(file, lambda: bounded(case, "duration", reference_seconds, case)))
+
+
+def reference_seconds(case: Case) -> float:
+    """Wall time of the reference of a duration [s], in the worker that evaluates it."""
+    asked = plan(case, "duration", case.run["duration"].solvers[0])
+    began = time.perf_counter()
+    with suppress(InputError):  # the runs tell
+        truth(case, Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None))
+    return time.perf_counter() - began
+
+
+def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: float
+                     ) -> list[Task]:
+    """Finer steps of settings whose drives are not moved well enough.
+
+    Parameters
+    ----------
+    case : Case
+    tried : iterable of (Row, float)
+        Settings, and the errors of their programs [share of range].
+    wanted : float
+        What is asked for.
+
+    Returns
+    -------
+    list of Task
+        For the `BEST` whose predicted wall times are least: a drive of a given gain yields by the
+        square of the step.
+    """
+    asked = []
+    sample = float(grid(case, "duration")[1] - grid(case, "duration")[0])
+    for row, off in tried:
+        if wanted < off < COARSE:
+            finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
+            step = odd_step(sample, finer)
+            asked.append((row.seconds * row.value / step, Task(
+                case, "duration", scaled(row, step), row.study, row.line, row.axis, step)))
+    return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
+
+
+def following(case: Case, family: Family, every: Iterable[Family], of: str, needed: float,
+              longest: float, slack: float) -> Iterator[tuple[Family, Task]]:
+    """The next run of a family, if there is one."""
+    best = cheapest([row for one in every for row in one.rows if one.engine == family.engine
+                     or not family.plain], of, needed)
+    limit = min(longest, (PLAIN if family.plain else slack) * best)
+    if (step := family.next(of, needed, limit)) is not None:
+        yield family, Task(case, "duration", family.at(step), "choose", family.name, "timestep",
+                           step)
+
+
+def cheapest(rows: Iterable[Row], of: str, needed: float) -> float:
+    """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
+    return min((row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0),
+               default=inf)

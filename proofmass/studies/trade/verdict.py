@@ -1,0 +1,68 @@
+"""What a study of work and precision found: of each line its order and its error floor, or how far
+it came; and the front."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from proofmass.front import nondominated
+from proofmass.studies.row import NAN, Row
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One line of one run, for one kind of error.
+
+    Attributes
+    ----------
+    case, run, engine, line, kind : str
+        What it is about; see `Row`.
+    observed, expected : float
+        Order of convergence before an error floor, and by theory; NaN where there is none.
+    floor : float
+        Error floor [share of the range]: an asymptotic error that two halvings of the step leave
+        and that a cause moves; NaN where none was shown.
+    cause, evidence : str
+        What the floor is, and the factors that show it.
+    remark : str
+        What moves the error where the observed order is not the expected one.
+    reached : str
+        How far the line came, where no floor was shown, and what it would need for 1e-4.
+    worse : str
+        A finer setting that is worse than the coarser one before it.
+    motion : str
+        How a free motion answers to a disturbed start, where that matters.
+    horizon : float
+        Until when the errors are judged [s], if that is not the whole run.
+    """
+
+    case: str
+    run: str
+    engine: str
+    line: str
+    kind: str
+    observed: float = NAN
+    expected: float = NAN
+    floor: float = NAN
+    cause: str = ""
+    evidence: str = ""
+    remark: str = ""
+    reached: str = ""
+    worse: str = ""
+    motion: str = ""
+    horizon: float = NAN
+
+
+def front(rows: Iterable[Row], kind: str) -> list[Row]:
+    """Settings that nothing measured betters in both wall time and error; cheapest first.
+
+    >>> rows = [Row("", "", "", "", "", "", v, errors={"rate": e}, seconds=s)
+    ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
+    >>> [row.value for row in front(rows, "rate")]
+    [1, 3]
+    """
+    able = [row for row in rows if row.outcome == "ran" and row.errors.get(kind, NAN) >= 0
+            and row.seconds > 0]
+    aims = np.array([(row.seconds, row.errors[kind]) for row in able]).reshape(-1, 2)
+    return [able[k] for k in nondominated(aims)]

@@ -1,0 +1,359 @@
+"""Is a measured setting good by luck?  Once more as its snippet says it, and from another start."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic import planar
+from proofmass.case import Case
+from proofmass.check import FAILURES
+from proofmass.isolate import TimedOut
+from proofmass.recorded import Recorded
+from proofmass.reference import compiled, evaluate, module_of
+from proofmass.sim.mjcf import read_tree
+from proofmass.sim.mujoco.settings import PLACES
+from proofmass.sim.protocol import Array, BadModel, Curves, Imposed, Run, Unsupported
+from proofmass.solve import simulate
+from proofmass.strict import Kind
+from proofmass.studies.bounded import limited
+from proofmass.studies.measure import REFERENCE, Task, shares
+from proofmass.studies.row import NAN, Row
+from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.store import Store, key_of, once
+from proofmass.studies.trade.program import Ran, drive_words, imposed, tried
+from proofmass.studies.trade.snippet import SPACE, pasted, snippet
+from proofmass.wording import number
+
+LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
+"""What a run may raise."""
+PART = 0.381966  # of a sample; irrational, or some steps would fall where others fell before
+
+
+@dataclass(frozen=True)
+class Check:
+    """A setting run again, as a program by itself and from a shifted start.
+
+    Attributes
+    ----------
+    fresh, shifted : float
+        Errors of the two runs [share of range]; NaN for what is lost.
+    note : str
+        Why there is no shifted start.
+    lost : str
+        Why the run from the shifted start gave nothing.
+    used : Setting
+        As used, with what the engine chose by itself.
+    ran : Ran or None
+        What the program gave; None where there is none, and the setting was run as it is pasted.
+    drive : Imposed or None
+        How the program moves its drives.
+    others : tuple of (Imposed, Ran)
+        Of each other way to move them the best gain.
+    reason : str
+        Why there is no program.
+    again : bool
+        Whether it was run from a shifted start: not where the first run is not good enough.
+    """
+
+    fresh: float
+    shifted: float
+    note: str
+    used: Setting
+    ran: Ran | None = None
+    drive: Imposed | None = None
+    others: tuple[tuple[Imposed, Ran], ...] = ()
+    reason: str = ""
+    again: bool = True
+    lost: str = ""
+
+    def holds(self, wanted: float) -> bool:
+        """Whether both are as good as is asked for."""
+        return self.fresh <= wanted and (bool(self.note) or self.shifted <= wanted)
+
+    @property
+    def words(self) -> str:
+        """What the two runs gave."""
+        how = f", its drive moved by {drive_words(self.drive)}" if self.drive else ""
+        if self.ran is None:
+            first = f"run again with the lines below {number(self.fresh, 2)}"
+            first += f" (no program: {self.reason})" if self.reason else ""
+        elif self.ran.failure:
+            first = f"as a program{how}: {self.ran.failure}"
+        else:
+            first = (f"as a program that runs by itself{how}: {number(self.fresh, 2)} off in "
+                     f"{number(self.ran.seconds, 2)} s")
+        if self.note:
+            return f"{first}; from a shifted start: {self.note}"
+        if self.lost:
+            return f"{first}; from a shifted start: {self.lost}"
+        if not self.again:
+            return first
+        return f"{first}; {number(self.shifted, 2)} from a shifted start"
+
+    def other_drives(self, of: str, wanted: float) -> list[str]:
+        """What other ways to move the drives give, a sentence each."""
+        told = []
+        for drive, ran in self.others:
+            if ran.failure:
+                told.append(f"its drive moved by {drive_words(drive)} instead: {ran.failure}")
+                continue
+            error = ran.errors.get(of, NAN)
+            enough = "" if error <= wanted else ", not good enough"
+            told.append(f"its drive moved by {drive_words(drive)} instead: {number(error, 2)} off "
+                        f"in {number(ran.seconds, 2)} s{enough}")
+        return told
+
+
+def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Store | None = None,
+           longest: float = 30.0, drive: str = "", compare: bool = False) -> Check:
+    """Run a setting as a program, and from a shifted start; NaN for what is lost.
+
+    Parameters
+    ----------
+    case, kind, row, of
+        What is run, a setting of it, and the kind of error.
+    wanted : float
+        What is asked for [share of range].
+    store : Store, optional
+        Where what programs gave is kept.
+    longest : float
+        After which a program is ended [s].
+    drive : str, optional
+        How the program moves its drives, a word of the engine's; ideally, if not given.
+    compare : bool
+        Whether the other ways are tried as well, if the first is good enough.
+    """
+    setting = Setting(row.engine, row.knobs)
+    check = Check(NAN, NAN, "", setting)
+    try:
+        if kind == "duration":
+            check = as_program(case, setting, row, of, store, longest, drive)
+        else:
+            error, used = limited(case, kind, again, case, kind, setting, row.steps, of)
+            check = Check(error, NAN, "", used)
+    except Unsupported as error:
+        check = replace(check, note=str(error))
+    except LOST:
+        pass
+    if check.fresh <= wanted:
+        shifted, note, lost = shifted_once(case, kind, check.used, of, store)
+        check = replace(check, shifted=shifted, note=note, lost=lost)
+    else:
+        check = replace(check, again=False)
+    if compare and check.drive and check.holds(wanted) and not drive:
+        others = other_drives(case, check, of, store, longest)
+        check = replace(check, others=tuple(others))
+    return check
+
+
+def shifted_once(case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
+                 ) -> tuple[float, str, str]:
+    """The error from a shifted start, why there is no such start, and why its run gave nothing.
+
+    From the store if it is there.  What took too long is not kept, since another call may have
+    more time.
+    """
+    least = REFERENCE if kind == "duration" and not case.drive else 0.0
+
+    def make() -> tuple[float | None, str, str]:
+        try:
+            error = float(limited(case, kind, elsewhere, case, kind, setting, of, least=least))
+            return (error, "", "") if error == error else (None, "", "not finite")
+        except Unsupported as error:
+            return None, str(error), ""
+        except TimedOut:
+            raise
+        except LOST as error:
+            return None, "", str(error)
+
+    try:
+        if store is None:
+            found, note, lost = make()
+        else:
+            key = key_of(Task(case, kind, setting))
+            found, note, lost = once(store.folder / f"{key}.{of}.shifted.json", make)
+    except TimedOut as error:
+        return NAN, "", str(error)
+    return (NAN if found is None else found), note, lost
+
+
+def as_program(case: Case, setting: Setting, row: Row, of: str, store: Store | None,
+               longest: float, drive: str = "") -> Check:
+    """A setting run as a program, with the gain of its drive that suits it best."""
+    ways = imposed(case, setting.engine)
+    known = list(dict.fromkeys(one.kind for one in ways))
+    if drive and drive not in known:
+        raise ValueError(f"--drive {drive}: {setting.engine} has {', '.join(known)}")
+    ways = [one for one in ways if one.kind == (drive or known[0])]
+    used = as_used(case, setting)
+    try:
+        ran = [ran_as(case, used, one, store, longest) for one in ways]
+    except Unsupported as error:
+        off, used = limited(case, "duration", again, case, "duration", setting, row.steps, of)
+        return Check(off, NAN, "", used, reason=str(error))
+    best = min(range(len(ran)), key=lambda k: error_or_inf(ran[k], of))
+    return Check(ran[best].errors.get(of, NAN), NAN, "", used, ran[best],
+                 ways[best] if case.drive else None)
+
+
+def other_drives(case: Case, check: Check, of: str, store: Store | None, longest: float
+                 ) -> list[tuple[Imposed, Ran]]:
+    """Of each other way to move the drives the best gain, and what it gives."""
+    found: dict[str, tuple[Imposed, Ran]] = {}
+    for one in imposed(case, check.used.engine):
+        if check.drive and one.kind == check.drive.kind:
+            continue
+        try:
+            ran = ran_as(case, check.used, one, store, longest)
+        except Unsupported as error:
+            ran = Ran(failure=str(error))
+        if one.kind not in found or error_or_inf(ran, of) < error_or_inf(found[one.kind][1], of):
+            found[one.kind] = one, ran
+    return list(found.values())
+
+
+def ran_as(case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
+           ) -> Ran:
+    """What the program of a setting gives."""
+    if store is not None:
+        return tried(case, setting, drive, store, longest)
+    with tempfile.TemporaryDirectory() as folder:
+        return tried(case, setting, drive, Store(Path(folder)), longest)
+
+
+def error_or_inf(ran: Ran, of: str) -> float:
+    """The error of what ran; infinite if it has none."""
+    error = ran.errors.get(of, NAN)
+    return error if error == error else np.inf
+
+
+def as_used(case: Case, setting: Setting) -> Setting:
+    """A setting with the step that is really taken, and what its engine chooses by itself."""
+    return cast(Setting, limited(case, "duration", used_here, case, setting))
+
+
+def used_here(case: Case, setting: Setting) -> Setting:
+    """The same, in this process."""
+    changed, run = setting.applied(case, "duration")
+    if setting.engine == "mujoco":
+        step = float(str(setting.knobs.get("timestep", compiled(changed).opt.timestep)))
+        return setting.but(timestep=run.steps(step)[1])
+    return setting.but(**used(simulate(setting.engine, changed.model_path, run), setting))
+
+
+def again(case: Case, kind: Kind, setting: Setting, steps: int, of: str) -> tuple[float, Setting]:
+    """The error of a setting that is run again, and the setting as it was used."""
+    curves, used = fresh(case, kind, setting, steps)
+    return error_of(setting.applied(case, kind)[0], kind, curves, of), used
+
+
+def elsewhere(case: Case, kind: Kind, setting: Setting, of: str) -> float:
+    """The error of a setting from a shifted start."""
+    curves = shifted(case, kind, setting)
+    return error_of(setting.applied(case, kind)[0], kind, curves, of)
+
+
+def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
+    """A run anew, in MuJoCo with the snippet pasted; and the setting as it was used."""
+    case, run = setting.applied(case, kind)
+    if setting.engine == "mujoco":
+        said = {*PLACES, "defaults"}
+        run = replace(run, settings={k: v for k, v in run.settings.items() if k not in said})
+        text = pasted(case.model_path, snippet(setting, steps, case.model_path))
+        curves = ran_text(text, case, run)
+    else:
+        curves = simulate(setting.engine, case.model_path, run)
+    return curves, setting.but(**used(curves, setting)) if kind == "duration" else setting
+
+
+def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
+    """A run whose samples, and so its start, lie a part of a sample later on the same motion.
+
+    A drive goes by its law; a free motion starts from the pose and rates that the general planar
+    solver finds there.
+
+    Raises
+    ------
+    Unsupported
+        There is no other start; says why.
+    """
+    case, run = setting.applied(case, kind)
+    if kind == "rest":
+        raise Unsupported("a rest has one start")
+    if isinstance(module_of(case), Recorded):
+        raise Unsupported("the reference is a recorded curve, known at its samples only")
+    later = replace(run, x=run.x[:-1] + PART * np.diff(run.x))
+    if run.drives:
+        return simulate(setting.engine, case.model_path, later)
+    text = moved_on(case, float(later.x[0] - run.x[0]))
+    return ran_text(text, case, later, setting.engine)
+
+
+def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
+    """Largest error of a kind, as a share of range; NaN where the curves have none."""
+    if curves.stopped or not all(np.isfinite(part).all() for part in curves.channels.values()):
+        return np.nan
+    if curves.drive is None and kind == "duration" and curves.x[0] > 0.0:
+        curves = from_start(case, curves)
+    return shares(case, kind, curves).get(of, np.nan)
+
+
+def from_start(case: Case, curves: Curves) -> Curves:
+    """Curves of a free motion with the reference's own start before them.
+
+    The general planar solver takes the first time for that of the start pose.
+    """
+    truth = evaluate(case, np.array([0.0, curves.x[0]]), None).channels
+    return replace(curves, x=np.append(0.0, curves.x), channels={
+        name: np.append(truth[name][0], values) for name, values in curves.channels.items()})
+
+
+def used(curves: Curves, setting: Setting) -> dict[str, Knob]:
+    """What an engine stepped with, as knobs: those that it chose itself, or fitted to the samples.
+    """
+    chosen = (name for name in SPACE if name == "timestep" or setting.engine != "mujoco")
+    return {name: value for name in chosen
+            if isinstance(value := curves.settings.get(name), (int, float))}
+
+
+def ran_text(text: str, case: Case, run: Run, engine: str = "mujoco") -> Curves:
+    """A run of a changed model."""
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / case.model_path.name
+        model.write_text(text, encoding="utf-8")
+        return simulate(engine, model, run)
+
+
+def moved_on(case: Case, time: float) -> str:
+    """The text of a model whose start key is where its free motion comes to after a time [s]."""
+    root = read_tree(case.model_path)
+    key = root.find(f"./keyframe/key[@name='{case.start}']")
+    if key is None:
+        raise Unsupported(f"no key {case.start!r} in the file itself")
+    for name, values in zip(("qpos", "qvel"), state_at(case, time), strict=True):
+        key.set(name, " ".join(map(repr, values.tolist())))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def state_at(case: Case, time: float) -> tuple[Array, Array]:
+    """Positions and rates of all joints of a free planar motion after a time [s]."""
+    spec = mujoco.MjSpec.from_file(str(case.model_path))
+    kinds = {"jointpos": mujoco.mjtSensor.mjSENS_JOINTPOS,
+             "jointvel": mujoco.mjtSensor.mjSENS_JOINTVEL}
+    for joint in spec.joints:
+        for word, sensor in kinds.items():
+            spec.add_sensor(name=f"{word} {joint.name}", type=sensor, objname=joint.name,
+                            objtype=mujoco.mjtObj.mjOBJ_JOINT)
+    try:
+        found = planar.solve(np.array([0.0, time]), model=spec.compile(), start=case.start)
+    except (TypeError, ValueError) as error:
+        raise Unsupported(f"nothing tells another start of this free motion: {error}") from None
+    position, rate = (np.array([found[f"{word} {joint.name}"][-1] for joint in spec.joints])
+                      for word in kinds)
+    return position, rate
+

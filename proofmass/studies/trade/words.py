@@ -1,0 +1,122 @@
+"""Rows, error floors, and how far a line came, in words."""
+
+from math import isfinite
+
+from proofmass.studies.row import Row
+from proofmass.studies.trade.line import ASYMPTOTIC, Track, observed, still, still_falls, worse
+from proofmass.studies.trade.orders import WITHIN
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.wording import number, spoken
+
+ASKED = 1e-4
+"""Share of the range that a line is asked for which did not come so far."""
+
+
+def told(row: Row) -> str:
+    """A setting in words.
+
+    >>> told(Row("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
+    'pymunk at 1 ms, iterations 30'
+    """
+    place = turned(row)
+    return f"{row.line.removesuffix(row.axis)}{place}" if row.line.endswith(row.axis) else (
+        f"{row.line}, {place}")
+
+
+def turned(row: Row) -> str:
+    """What was turned along its line, and how far.
+
+    >>> turned(Row("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
+    'timestep 2.5 ms'
+    """
+    place = f"{number(1e3 * row.value)} ms" if row.axis == "timestep" else number(row.value)
+    return f"{row.axis} {place}"
+
+
+def brief(row: Row) -> str:
+    """The same without the engine."""
+    return told(row).removeprefix(spoken(row.engine)).lstrip(", ")
+
+
+def off(row: Row, of: str) -> str:
+    """How large an error is."""
+    return f"{number(row.errors[of], 2)} off"
+
+
+def cost(row: Row) -> str:
+    """What a setting costs, and its place on its line."""
+    return f"{number(row.seconds, 2)} s at {turned(row)}"
+
+
+def floored(verdict: Verdict) -> str:
+    """An error floor in words."""
+    return f"the error floor is {number(verdict.floor, 2)}, {verdict.cause}"
+
+
+def needs(error: float, wanted: float, falls: float, row: Row) -> str:
+    """The step that an error would need, and what a run would cost, if an order holds.
+
+    >>> row = Row("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
+    >>> needs(4e-4, 1e-4, 2.0, row)
+    '1e-4 would need a step of about 5e-4 s and about 1 s a run'
+    """
+    times = (error / wanted) ** (1 / falls)
+    return (f"{number(wanted, 2)} would need a step of about {number(row.value / times, 2)} s and "
+            f"about {number(row.seconds * times, 2)} s a run")
+
+
+def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> str:
+    """How far a line came that shows no error floor, and what it would need for `ASKED`.
+
+    Parameters
+    ----------
+    track, kind
+        The line and its rows, and the kind of error.
+    expected : float
+        The order that theory expects: one refinement alone shows an order where it is that.
+    why : str
+        Why an error that no longer falls is no floor.
+    ended : str
+        What ended the line, if it was not its last setting.
+    """
+    points = [p for p in track.every(kind) if isfinite(p[1])]
+    if len(points) < 2:
+        return ""
+    size, error = points[-1]
+    row = track.rows[track.place(size)]
+    place = f"{number(error, 2)} at {turned(row)}"
+    falls = still_falls(track.points(kind))
+    begun = "" if error < ASYMPTOTIC else "not yet asymptotic: "
+    alone = observed(track.points(kind)) != falls
+    if not falls > 0 or (alone and not abs(falls - expected) <= WITHIN):
+        why = why or "its last refinements change it, by no order"
+        words = [f"no error floor is shown: {place}, {why}"]
+        if begun:
+            words = [f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC)} only"
+                     if track.settled(kind) and still(track.points(kind))
+                     else f"{begun}{place}, and no order is seen"]
+    else:
+        words = [f"{begun}order {number(falls, 2)} down to {place}"
+                 + ", of the last refinement alone" * alone]
+        if error > ASKED and row.axis == "timestep" and row.seconds > 0:
+            words.append(needs(error, ASKED, falls, row) + ", if that order holds")
+    return "; ".join([*words, *filter(None, [ended])])
+
+
+def ended(track: Track, budget: float) -> str:
+    """What ended a line before its last setting, if not that its errors fall no further."""
+    last = track.rows[-1]
+    if last.outcome != "ran":
+        return f"{turned(last)}: {last.outcome}"
+    if last.seconds > budget:
+        return f"the line ends there, at a run of more than {number(budget)} s"
+    return ""
+
+
+def worsened(track: Track, kind: str) -> str:
+    """A finer setting that is worse than the one before it, with both; nothing if there is none."""
+    if not (pair := worse(track.every(kind))):
+        return ""
+    coarse, fine = (f"{number(error, 2)} at {turned(track.rows[track.place(size)])}"
+                    for size, error in pair)
+    return f"finer is worse: {coarse}, {fine}"

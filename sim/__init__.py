@@ -1,1 +1,0 @@
-"""Simulators, one file each: ``with_NAME.py`` holds ``simulate(model, run) -> Curves``."""

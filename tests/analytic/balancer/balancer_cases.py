@@ -1,0 +1,89 @@
+"""The balancers in `models/`: what `proofmass.design.template` writes of the thesis's designs.
+
+``python -m tests.analytic.balancer.balancer_cases`` writes them anew.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from proofmass.design.template import SOLVERS, write_case
+from tests.analytic.balancer.balancer_table import DATA, parameters, rows
+from tests.independent.balancer import prototype
+
+OURS = Path(__file__).parents[3] / "docs" / "balancer_designs.json"
+MODELS = Path(__file__).parents[3] / "models"
+THESIS = ("S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
+          "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
+          "segments are ours")
+SETTLED = ("balancer_sine_free_preload", "balancer_progressive_contact", "balancer4_sine")
+"""A stop that is left, one that is met, two freedoms: such runs take half a million steps."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """What a case says."""
+
+    title: str
+    place: str
+    parameters: Mapping[str, float]
+    target: str = "sine"
+    target_moment: float = 1.0
+    changed: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def write(self, folder: Path, name: str) -> Path:
+        """Write model and sidecar; the sidecar's file."""
+        solvers = (SOLVERS[0], "mujoco:settled", *SOLVERS[1:]) if name in SETTLED else SOLVERS
+        source = self.place if self.beside else THESIS.format(self.place)
+        return write_case(folder, name, title=self.title, source=source,
+                          parameters={**self.parameters, **self.changed}, target=self.target,
+                          target_moment=self.target_moment, solvers=solvers,
+                          beside=self.beside)
+
+
+def row(line: int, title: str, **changed: float) -> Design:
+    """A row of the thesis's tables."""
+    found = rows()[str(line)]
+    return Design(title, f"Fig. {found['figure']}, line {line}", parameters(found),
+                  found["target"], changed=changed)
+
+
+def designed(line: int, title: str) -> Design:
+    """A design of ours beside the thesis's row with the same springs, freedoms and bounds."""
+    theirs = rows()[str(line)]
+    ours = next(d for d in json.loads(OURS.read_text()) if d["line"] == line)
+    chain = {"pendulum": 1.0, **ours["parameters"]}
+    return Design(title, f"python -m benchmarks.design_balancer {line}", chain, theirs["target"],
+                  beside={f"van Nes 2022, line {line}": {
+                      **parameters(theirs), "target": theirs["target"]}})
+
+
+SAM = DATA["others"][0]
+DESIGNS = {
+    "balancer_sine": row(1743, "Sine by three linear springs"),
+    "balancer_sine_preload": row(1745, "Sine by linear springs, one of them preloaded"),
+    "balancer_sine_nonlinear": row(1753, "Sine by three equal quadratic springs"),
+    "balancer_sine_free": row(1766, "Sine by linear springs, rest angle free"),
+    "balancer_sine_free_preload": row(1768, "Sine by a preload, rest angle free"),
+    "balancer_progressive_locked": row(
+        1839, "A preload that never opens: one spring, a straight line"),
+    "balancer_progressive_contact": row(1860, "Progressive by a stop that is met"),
+    "balancer_laevo": row(2107, "Moment of the Laevo exoskeleton"),
+    "balancer_sine180": row(2178, "Half a turn of a sine in a quarter turn of the pendulum"),
+    "balancer4_sine": row(1747, "Sine by four segments, two preloads"),
+    "balancer4_sam": Design("Four equal segments, checked in SAM by the thesis",
+                            f"Table F.1 as in {SAM['source'].split(':')[0]}", SAM["parameters"]),
+    "balancer_prototype": Design("The built balancer with its springs as measured",
+                                 "listing N.3, lines 2369-2387, springs as measured",
+                                 prototype.parameters(),
+                                 target_moment=prototype.WEIGHT * prototype.PENDULUM),
+    "balancer_designed": designed(1766, "Sine by three linear springs, designed anew"),
+    "balancer_designed_laevo": designed(2107, "Moment of the Laevo exoskeleton, designed anew"),
+    "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),
+}
+
+if __name__ == "__main__":
+    for name, design in DESIGNS.items():
+        design.write(MODELS, name)

@@ -1,0 +1,150 @@
+"""The thesis's 112 balancers as models: statics of the engine's own Jacobian, sweeps, and flags.
+
+Source: van Nes 2022 (see `tests/data/balancer.json`); rows by the line of its text.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import balancer
+from proofmass.analytic.balancer.diagnose import flags
+from proofmass.design.template import write_case
+from proofmass.sim.mujoco import engine as with_mujoco
+from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.pymunk import engine as with_pymunk
+from tests.analytic.balancer.balancer_table import parameters, rows
+
+ANGLES = np.radians(np.arange(5, 91, 5))
+DRIVE = Drive("pendulum", lambda x: (x, 1 + 0 * x, 0 * x))
+LOST = {  # rows whose path does not reach 90 degrees, and why
+    "1825": "rest posture is an unstable equilibrium",
+    "1870": "rest posture is an unstable equilibrium",
+    "2188": "rest posture is an unstable equilibrium",
+    "2159": "at 70.96.* fold",
+}
+REGULAR = [line for line in rows() if line not in LOST]
+FEW = ["1766", "1745", "1860", "1747"]  # plain, a preload, a stop that is met, four segments
+EACH = pytest.mark.parametrize("line", [
+    pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR])
+FLAGS = {"never released": "never leaves its preload", "stop never touched": "never touches",
+         "unstable at rest": "unstable", "jump": "unstable",
+         "pinned at the stretched arm": "straight"}
+
+
+@pytest.fixture
+def model(tmp_path):
+    """Writes the MJCF of a row of the tables."""
+
+    def write(line: str):
+        file = write_case(tmp_path, f"row{line}", title="", source="",
+                          parameters=parameters(rows()[line]))
+        return file.with_suffix(".xml")
+
+    return write
+
+
+def statics(model: mujoco.MjModel, alpha: float, winding: np.ndarray):
+    """Forces that hold a pose at rest: what no constraint can give, the drive's, the stops'.
+
+    What must act besides springs, weights and loads, f, is put together from the loop's rows, the
+    drive and the stops that the joints lie on, by least squares.
+
+    Returns
+    -------
+    residual : float
+        Largest part of f [N m] that is left.
+    moment : float
+        Of the drive [N m].
+    pushes : ndarray
+        Of the stops, inwards positive [N m].
+    gap, energy : float
+        [m], [J]
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[:] = [alpha, *winding]
+    mujoco.mj_forward(model, data)
+    force = data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
+    loop = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    bound = np.where(model.jnt_limited[:, None], model.jnt_range, np.inf)
+    # 1e-12: a stop is met to rounding of the windings
+    low, high = (np.flatnonzero(np.abs(data.qpos - side) <= 1e-12) for side in bound.T)
+    unit = np.eye(model.nv)
+    rows = np.vstack([data.efc_J.reshape(-1, model.nv)[loop], unit[:1], unit[low], -unit[high]])
+    shares = np.linalg.lstsq(rows.T, force, rcond=None)[0]
+    first = int(loop.sum())
+    ends = data.site("tip").xpos - data.site("pendulum_tip").xpos
+    return (np.abs(rows.T @ shares - force).max(), shares[first], shares[first + 1:],
+            np.linalg.norm(ends), data.energy[0])
+
+
+@EACH
+def test_the_engine_finds_every_analytic_pose_at_rest(line, model):
+    pose = balancer.solve(ANGLES, **parameters(rows()[line]))
+    n = rows()[line]["segments"]
+    windings = np.stack([pose[f"winding{i}"] for i in range(1, n + 1)], axis=-1)
+    compiled = mujoco.MjModel.from_xml_path(str(model(line)))
+    compiled.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    constant = rows()[line]["parameters"].get("stiffness2") == 0  # no spring stores its energy
+    for k, alpha in enumerate(ANGLES):
+        residual, moment, pushes, gap, energy = statics(compiled, alpha, windings[k])
+        # 1e-12: rounding of the windings times stiffness, over the sine of a nearly straight arm
+        assert residual <= 1e-12
+        assert abs(moment - pose["balancing_moment"][k]) <= 1e-12
+        assert (pushes >= -1e-12).all()
+        assert gap <= 1e-12  # rounding of four points
+        # rounding of the energy of a preload, which is 100 J where a soft spring is wound 400 rad
+        assert constant or abs(energy - pose["energy"][k]) <= 1e-14 * max(1.0, energy)
+
+
+@EACH
+def test_a_sweep_of_the_engine_follows_the_path(line, model):
+    n = rows()[line]["segments"]
+    names = (*(f"winding{i}" for i in range(1, n + 1)), "holding_moment")
+    found = with_mujoco.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
+    pose = balancer.solve(ANGLES, **parameters(rows()[line]))
+    assert found.stopped == ""
+    for name in names:
+        # 1e-12: rounding of the pose, over the sine of a nearly straight arm
+        assert np.abs(found.channels[name] - pose[name]).max() <= 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", REGULAR)
+def test_a_sweep_of_pymunk_follows_the_path(line, model):
+    n = rows()[line]["segments"]
+    names = (*(f"winding{i}" for i in range(1, n + 1)), "holding_moment")
+    found = with_pymunk.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
+    pose = balancer.solve(ANGLES, **parameters(rows()[line]))
+    for name in names:
+        # 1e-9: nothing moves by 1e-12 of the mechanism any more; a nearly straight arm magnifies it
+        assert np.abs(found.channels[name] - pose[name]).max() <= 1e-9
+
+
+@pytest.mark.parametrize("line", LOST)
+def test_what_cannot_be_followed_is_said(line):
+    with pytest.raises(ValueError, match=LOST[line]):
+        balancer.solve(ANGLES, **parameters(rows()[line]))
+    assert any("unstable" in flag or "fold" in flag for flag in flags(**parameters(rows()[line])))
+
+
+@pytest.mark.parametrize("line", ["1825", "1870", "2188"])
+def test_the_engine_as_well_finds_the_rest_posture_unstable(line, model):
+    with pytest.raises(BadModel, match="unstable equilibrium"):
+        with_mujoco.simulate(model(line), Run("sweep", ANGLES - ANGLES[0], ("winding1",), (DRIVE,)))
+
+
+def test_the_engine_as_well_stops_at_the_fold(model):
+    fine = np.radians(np.arange(0.0, 90.0, 0.5))
+    found = with_mujoco.simulate(model("2159"), Run("sweep", fine, ("winding1",), (DRIVE,)))
+    assert "pendulum = 1.2385" in found.stopped  # 70.961 degrees, to the digits it says
+    assert found.x[-1] == np.radians(70.5)
+
+
+@pytest.mark.parametrize("line", [line for line, row in rows().items() if "flags" in row])
+def test_no_flag_passes_silently(line):
+    found = "; ".join(flags(**parameters(rows()[line])))
+    for flag in rows()[line]["flags"]:
+        if flag in FLAGS and not (line in LOST and "unstable" in found):
+            assert FLAGS[flag] in found

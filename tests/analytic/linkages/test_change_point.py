@@ -1,0 +1,114 @@
+"""The four-bar through its change points, where all bars are in line and the modes meet."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from test_fourbar import GRID, MODES, TURN, assert_close, check_laws
+from test_grashof import named
+
+from proofmass.analytic.linkages import fourbar, grashof
+from tests.analytic.linkages.spectral import derivative
+
+OUTER = named([1.0, 2.0, 2.0, 3.0])  # in line at pi: crank + ground = coupler + rocker
+INNER = named([1.0, 1.5, 2.5, 2.0])  # in line at 0: ground - crank = rocker - coupler
+BUTTERFLY = named([1.0, 2.0, 1.0, 2.0])  # both; the other mode is the parallelogram
+TWO_TURNS = 2.0 * GRID, np.full(GRID.size, 2.0), np.zeros(GRID.size)  # with samples at 0 and pi
+
+
+@MODES
+@pytest.mark.parametrize("link", [OUTER, INNER], ids=["outer", "inner"])
+def test_two_turns_are_one_smooth_period(link, mode):
+    check_laws(link, mode, TWO_TURNS)
+
+
+def test_butterfly_is_smooth():
+    pose = check_laws(BUTTERFLY, -1, TWO_TURNS)
+    assert not np.isnan(list(pose.values())).any()
+
+
+@settings(derandomize=True, max_examples=40, deadline=None)
+@given(st.lists(st.floats(0.2, 1.0), min_size=3, max_size=3), st.floats(1e-3, 1e3),
+       st.permutations(range(4)), st.sampled_from(fourbar.MODES))
+def test_random_linkages_are_smooth_through_their_change_points(three, scale, order, mode):
+    p, q, shortest = sorted(three, reverse=True)
+    assume(min(p - q, q - shortest) > 0.05)  # a parallelogram or a kite has curves without range
+    lengths = np.array([shortest, p, q, p + q - shortest])[order] * scale
+    link = named(lengths.tolist())
+    assert grashof.classify(**link) == "change point"
+    low, high = grashof.crank_range(**link)
+    assert (low == 0.0) or (high == np.pi)
+    half = 0.8 * (np.pi - low if high == np.pi else high)  # through one of them, there and back
+    middle = np.pi if high == np.pi else 0.0
+    law = middle + half * np.sin(GRID), half * np.cos(GRID), -half * np.sin(GRID)
+    reach = np.hypot(link["crank"] * np.cos(law[0]) - link["ground"],
+                     link["crank"] * np.sin(law[0]))
+    assume(reach.min() > 0.2 * scale)  # nearer the rates are too steep for 512 samples
+    check_laws(link, mode, law)
+
+
+def test_rates_at_the_change_point_solve_the_quadratic():
+    """All bars along x: the loop's derivatives say sum(rate * bar) = 0, sum(rate^2 * bar) = 0."""
+    found = sorted(float(fourbar.solve(np.pi, **OUTER, mode=mode)["rocker_rate"])
+                   for mode in fourbar.MODES)
+    # -1 + 2 coupler' = -2 rocker' and -1 + 2 coupler'^2 = -2 rocker'^2 without coupler'
+    roots = np.roots([4.0, -2.0, -0.5])
+    np.testing.assert_allclose(found, np.sort(roots), rtol=1e-15)  # rounding
+    pose = fourbar.solve(np.pi, **OUTER)
+    assert pose["pin_x"] == pytest.approx(1.0, abs=1e-15)  # exact value
+    assert pose["transmission_angle"] == pytest.approx(np.pi, abs=1e-15)
+
+
+@MODES
+def test_neighbours_that_stay_in_their_mode(mode):
+    angle = np.linspace(np.pi + 0.5, 3.0 * np.pi - 0.5, 101)
+    pose = fourbar.solve(angle, **OUTER, mode=mode)
+    shorter = {**OUTER, "ground": 3.0 - 1e-12}  # no change point: passes pi close to in line
+    other = fourbar.solve(angle, **shorter, mode=-mode)
+    for name, curve in pose.items():
+        finite = np.abs(curve) < 1e2 if name == "mechanical_advantage" else np.isfinite(curve)
+        # the change of length, 1e-12, times up to 1e4 where the advantage is up to 1e2
+        np.testing.assert_allclose(curve[finite] % TURN, other[name][finite] % TURN, rtol=0,
+                                   atol=1e-10 if "angle" in name else 1e-7, err_msg=name)
+
+
+def test_mode_is_the_side_of_the_pin_between_0_and_pi():
+    angle = np.array([-7.0, -4.0, -1.0, 1.0, 4.0, 7.0])
+    for link, wave in ((OUTER, np.cos(angle / 2)), (INNER, np.sin(angle / 2)),
+                       (BUTTERFLY, np.sin(angle))):
+        for mode in fourbar.MODES:
+            pose = fourbar.solve(angle, **link, mode=mode)
+            crank_pin = link["crank"] * np.exp(1j * angle)
+            over = pose["pin_x"] + 1j * pose["pin_y"] - crank_pin
+            cross = ((link["ground"] - crank_pin).conj() * over).imag
+            np.testing.assert_array_equal(np.sign(cross), mode * np.sign(wave))
+
+
+def test_parallelogram_and_kite():
+    pose = fourbar.solve(2.0 * GRID, **BUTTERFLY, mode=1)
+    # rounding of the two turns' angles
+    np.testing.assert_allclose(pose["rocker_angle"], 2.0 * GRID, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(pose["coupler_angle"], 0.0, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(pose["rocker_rate"], 1.0, rtol=0, atol=1e-14)
+    folded = fourbar.solve(2.0 * GRID, **named([1.0, 1.0, 2.0, 2.0]), mode=-1)
+    assert np.hypot(folded["pin_x"], folded["pin_y"]).max() <= 1e-14  # the pin rests in A; rounding
+    assert np.abs(folded["rocker_rate"]).max() <= 1e-14
+
+
+@MODES
+def test_kite_whose_crank_pin_runs_through_the_fixed_pin(mode):
+    link, half_step = named([2.0, 1.0, 1.0, 2.0]), GRID[1] / 2.0
+    law = 0.5 * np.sin(GRID + half_step), 0.5 * np.cos(GRID + half_step), np.zeros(GRID.size)
+    pose = fourbar.solve(*law, **link, mode=mode)
+    slope = derivative(pose["pin_y"])
+    assert_close(pose["pin_vy"], slope, 1e-10)  # as in check_laws
+    with pytest.raises(ValueError, match="rocker angle undefined"):
+        fourbar.solve(0.0, **link, mode=mode)
+
+
+def test_dead_centres_leave_out_the_change_point():
+    turns, ends = grashof.dead_centres(**OUTER)
+    np.testing.assert_array_equal(np.isnan(turns), [False, True])
+    pose = fourbar.solve(turns[0], **OUTER)
+    assert pose["rocker_rate"] == pytest.approx(0.0, abs=1e-15)  # rounding
+    assert pose["rocker_angle"] == pytest.approx(ends[0], abs=1e-15)

@@ -1,0 +1,217 @@
+"""Grashof classes, limits, dead centres and change points of the four-bar, by independent means."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq, minimize_scalar
+from test_fourbar import DATA, GRID, LAW, LINK, MODES, TURN, check_laws
+
+from proofmass.analytic.linkages import fourbar, grashof
+
+BARS = ("crank", "coupler", "rocker", "ground")
+CLASSES = ("crank-rocker", "rocker-crank", "double crank", "double rocker", "triple rocker")
+TABLE = DATA["grashof"]["rows"]
+STIFF = {"crank": 2.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
+
+
+def named(lengths):
+    return dict(zip(BARS, lengths, strict=True))
+
+
+@st.composite
+def linkages(draw, kind):
+    """Lengths of one class; a margin of at least 0.03 keeps them away from change points."""
+    scale, short, room = draw(st.floats(1e-3, 1e3)), draw(st.floats(0.1, 0.8)), 0.03
+    if kind == "triple rocker":
+        total = draw(st.floats(max(2 * short, 1.0 - short) + room, 1.0 + short - room))
+    else:
+        total = draw(st.floats(1.0 + short + room, 2.0 - room))
+    most = min(2.0 - total, total - 2.0 * short)
+    part = draw(st.floats(0.0, most)) / 2.0
+    others = draw(st.permutations([1.0, total / 2.0 + part, total / 2.0 - part]))
+    place = {"crank-rocker": 0, "double rocker": 1, "rocker-crank": 2, "double crank": 3}
+    others.insert(place.get(kind, draw(st.integers(0, 3))), short)
+    return named([scale * x for x in others])
+
+
+def turns_fully(crank, coupler, rocker, ground):
+    """Whether the loop closes at every angle between the first and the last bar."""
+    distance = np.hypot(crank * np.cos(GRID) - ground, crank * np.sin(GRID))
+    return bool(np.all((distance <= coupler + rocker) & (distance >= abs(coupler - rocker))))
+
+
+def swung(link, share=0.85):
+    """A crank law, periodic on GRID, within the crank's range; a full turn where there is one."""
+    low, high = grashof.crank_range(**link)
+    if (low, high) == (0.0, np.pi):
+        return LAW
+    if low == 0.0:
+        low = -high
+    elif high == np.pi:
+        high = TURN - low
+    half = share * (high - low) / 2.0
+    return (low + high) / 2.0 + half * np.sin(GRID), half * np.cos(GRID), -half * np.sin(GRID)
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda row: row["class"])
+def test_classes_of_the_thesis_linkage_and_its_inversions(row):
+    link = named(row["lengths"])
+    assert grashof.classify(**link) == row["class"]
+    assert grashof.margin(**link) == row["margin"]
+    if "high" in row:
+        low, high = grashof.crank_range(**link)
+        assert low == 0.0
+        assert high == pytest.approx(row["high"], abs=5.1e-10)  # half a unit of the last digit
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@settings(derandomize=True, max_examples=25, deadline=None)
+@given(data=st.data())
+def test_classes_say_what_turns(kind, data):
+    link = data.draw(linkages(kind))
+    crank, coupler, rocker, ground = link.values()
+    assert grashof.classify(**link) == kind
+    # angle at A, at B, and at P between coupler and crank; GRID holds the extremes 0 and pi
+    turning = (turns_fully(crank, coupler, rocker, ground),
+               turns_fully(rocker, coupler, crank, ground),
+               turns_fully(coupler, rocker, ground, crank))
+    assert turning == {"crank-rocker": (True, False, True), "rocker-crank": (False, True, False),
+                       "double crank": (True, True, False), "double rocker": (False, False, True),
+                       "triple rocker": (False, False, False)}[kind]
+    assert (grashof.crank_range(**link) == (0.0, np.pi)) == turning[0]
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@settings(derandomize=True, max_examples=15, deadline=None)
+@given(data=st.data(), mode=st.sampled_from(fourbar.MODES))
+def test_laws_in_every_class(kind, data, mode):
+    link = data.draw(linkages(kind))
+    law = swung(link)
+    pose = fourbar.solve(*law, **link, mode=mode)
+    steep = max(np.abs(pose[f"{bar}_rate"]).max() for bar in ("coupler", "rocker"))
+    assume(steep < 6.0)  # next to an in-line pose 512 samples do not resolve the curve
+    pose = check_laws(link, mode, law)
+    low, high = grashof.transmission_range(**link)
+    assert low <= pose["transmission_angle"].min() + 1e-12  # rounding of an angle
+    assert high >= pose["transmission_angle"].max() - 1e-12
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@settings(derandomize=True, max_examples=15, deadline=None)
+@given(data=st.data())
+def test_crank_range_ends_where_the_loop_opens(kind, data):
+    link = data.draw(linkages(kind))
+    low, high = grashof.crank_range(**link)
+    for end, outside in ((low, -1e-6), (high, 1e-6)):
+        if end in (0.0, np.pi):
+            fourbar.solve(end, **link)
+            continue
+        for sign in (1.0, -1.0):
+            fourbar.solve(sign * (end - outside), **link)
+            with pytest.raises(ValueError, match="loop cannot close"):
+                fourbar.solve(sign * (end + outside), **link)
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@settings(derandomize=True, max_examples=15, deadline=None)
+@given(data=st.data(), mode=st.sampled_from(fourbar.MODES))
+def test_dead_centres_are_where_the_rocker_turns_back(kind, data, mode):
+    link = data.draw(linkages(kind))
+    turns, ends = grashof.dead_centres(**link, mode=mode)
+
+    def rocker_rate(x):
+        return float(fourbar.solve(x, **link, mode=mode)["rocker_rate"])
+
+    angle, found = swung(link, 1.0 - 1e-9)[0], set()
+    for grid in (angle, -angle):  # the second interval of a crank that has two
+        rate = fourbar.solve(grid, **link, mode=mode)["rocker_rate"]
+        for k in np.flatnonzero(np.diff(np.sign(rate))):
+            at = brentq(rocker_rate, *sorted(grid[k : k + 2]), xtol=1e-14)
+            found.add(round(at % TURN, 6))
+    assert found == {round(turn, 6) for turn in turns[~np.isnan(turns)]}
+    for turn, end in zip(turns, ends, strict=True):
+        if not np.isnan(turn):
+            angle = fourbar.solve(turn, **link, mode=mode)["rocker_angle"]
+            assert angle == pytest.approx(end, abs=1e-10)
+
+
+@MODES
+def test_swing_and_time_ratio_of_the_thesis(mode):
+    printed = DATA["limits"]
+    turns, ends = grashof.dead_centres(**LINK, mode=mode)
+    # half a unit of the last digit, here and below
+    degrees = np.sort(np.degrees(-mode * ends))
+    np.testing.assert_allclose(degrees, printed["rocker_deg"], rtol=0, atol=5.1e-7)
+    np.testing.assert_allclose(np.sort(-mode * turns % TURN), printed["crank_rad"], rtol=0,
+                               atol=5.1e-11)
+    assert np.degrees(grashof.swing(**LINK)) == pytest.approx(printed["swing_deg"], abs=5.1e-8)
+    assert grashof.time_ratio(**LINK) == pytest.approx(printed["time_ratio"], abs=5.1e-11)
+    ends = np.degrees(grashof.transmission_range(**LINK))
+    for found, degrees in zip(ends, ("0", "180"), strict=True):
+        expected = printed["transmission_deg"][degrees]
+        assert found == pytest.approx(expected, abs=5.1e-8)
+        pose = fourbar.solve(np.radians(float(degrees)), **LINK, mode=mode)
+        assert np.degrees(pose["transmission_angle"]) == pytest.approx(expected, abs=5.1e-8)
+
+
+@settings(derandomize=True, max_examples=15, deadline=None)
+@given(link=linkages("crank-rocker"))
+def test_swing_is_the_range_of_the_rocker(link):
+    def rocker(x, sign):
+        return sign * float(fourbar.solve(x, **link)["rocker_angle"])
+
+    coarse = fourbar.solve(GRID, **link)["rocker_angle"]
+    found = {}
+    for sign in (1, -1):
+        middle, step = GRID[np.argmin(sign * coarse)], GRID[1]
+        found[sign] = minimize_scalar(rocker, (middle - step, middle, middle + step), args=(sign,),
+                                      tol=1e-12)
+    # eps: an extreme is flat, so its place is half as exact as its height
+    assert -found[-1].fun - found[1].fun == pytest.approx(grashof.swing(**link), abs=1e-13)
+    part = abs(found[1].x - found[-1].x) % TURN
+    ratio = max(part, TURN - part) / min(part, TURN - part)
+    assert ratio == pytest.approx(grashof.time_ratio(**link), rel=1e-6)
+
+
+def test_only_a_crank_rocker_has_a_swing_and_a_time_ratio():
+    for function in (grashof.swing, grashof.time_ratio):
+        with pytest.raises(ValueError, match="must make a crank-rocker, these make a triple"):
+            function(**STIFF)
+
+
+def test_bad_lengths_are_named():
+    with pytest.raises(ValueError, match=r"^coupler must be a positive"):
+        grashof.classify(**{**LINK, "coupler": -2.0})
+    with pytest.raises(ValueError, match=r"^ground must not be longer .* they miss by 44 m"):
+        grashof.crank_range(crank=1.0, coupler=2.0, rocker=3.0, ground=50.0)
+    with pytest.raises(ValueError, match="mode must be"):
+        grashof.dead_centres(**LINK, mode=2)
+
+
+def test_unreachable_angle_is_named_with_the_miss():
+
+    limit = np.arccos((13.0 - 20.25) / 12.0)  # crank, ground and coupler + rocker form a triangle
+    fourbar.solve([-limit, limit], **STIFF)
+    miss = np.sqrt(13.0 - 12.0 * np.cos(limit + 0.02)) - 4.5
+    with pytest.raises(ValueError, match=rf"angle {limit + 0.02:.9g} rad: .* by {miss:.6g} m"):
+        fourbar.solve([0.0, limit, limit + 0.02, 3.0], **STIFF)
+    with pytest.raises(ValueError, match=r"angle 0 rad: .* miss by 44 m"):
+        fourbar.solve([0.0, 1.0], crank=1.0, coupler=2.0, rocker=3.0, ground=50.0)
+    with pytest.raises(ValueError, match=r"angle 0 rad: .* miss by 2\.9 m"):  # P too near to B
+        fourbar.solve(0.0, crank=2.9, coupler=4.0, rocker=1.0, ground=3.0)
+    with pytest.raises(ValueError, match=r"miss by 1\.\d+e-12 m"):
+        fourbar.solve(limit + 1e-12, **STIFF)
+    with pytest.raises(ValueError, match=r"angle nan rad"):
+        fourbar.solve([0.0, np.nan], **LINK)
+
+
+@pytest.mark.parametrize("angle", [-1.0, 1.0])
+def test_limit_of_the_crank_is_reached_without_finite_rates(angle):
+    link = {"crank": 2.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
+    pose = fourbar.solve(angle * np.arccos((13.0 - 20.25) / 12.0), **link)
+    # in line: rounding of the limit, eps, below a root
+    assert pose["transmission_angle"] == pytest.approx(np.pi, abs=1e-7)
+    assert not abs(pose["rocker_rate"]) < 1e7
+    with pytest.raises(ValueError, match="rocker angle undefined"):
+        fourbar.solve(0.0, crank=1.0, coupler=2.0, rocker=2.0, ground=1.0)

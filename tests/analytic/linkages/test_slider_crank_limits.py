@@ -1,0 +1,98 @@
+"""Slider-crank closed form at its limits: dead points, change points, poses that do not close."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.linkages import slider_crank
+
+TURN = 2.0 * np.pi
+LINK = {"crank": 1.0, "coupler": 2.0}
+SHORT = {"crank": 1.0, "coupler": 0.6, "guide_y": 0.1}  # the crank cannot turn fully
+MASSES = ("crank_mass", "coupler_mass", "slider_mass")
+MODES = pytest.mark.parametrize("mode", slider_crank.MODES)
+
+
+def assert_derivative(curve, expected, period, tolerance):
+    """`expected` is the spectral derivative of a curve sampled over one period."""
+    wave = TURN / period * 1j * np.fft.fftfreq(curve.size, 1.0 / curve.size)
+    wave[curve.size // 2] = 0.0
+    error = np.abs(np.fft.ifft(wave * np.fft.fft(curve)).real - expected).max()
+    assert error <= tolerance * np.abs(expected).max()
+
+
+def test_dead_points_of_a_swinging_crank():
+    """A coupler shorter than the crank: either dead point has its own range of crank angles."""
+    angles, slides = slider_crank.dead_points(**SHORT)
+    pose = slider_crank.solve(angles, **SHORT)
+    np.testing.assert_allclose(pose["slide_rate"], 0.0, rtol=0, atol=1e-15)  # rounding
+    np.testing.assert_allclose(pose["slide"], slides, rtol=1e-14)
+    for link in ({"coupler": 0.95, "guide_y": 0.1}, {"coupler": 1.0}):
+        with pytest.raises(ValueError, match="no folded dead point"):
+            slider_crank.dead_points(crank=1.0, **link)
+
+
+def test_motion_runs_smoothly_through_the_fold():
+    """Crank = coupler in line is Cardan's straight line: s = 2 r cos(angle), coupler opposed."""
+    at = np.linspace(0.0, TURN, 361)
+    pose = slider_crank.solve(at, crank=1.0, coupler=1.0)
+    # rounding of the bracket's root, twice
+    np.testing.assert_allclose(pose["slide"], 2.0 * np.cos(at), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(pose["slide_rate"], -2.0 * np.sin(at), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(pose["coupler_angle"], -at, rtol=1e-15)
+    assert np.all(pose["coupler_rate"] == -1.0)
+    still = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)  # slider stays on A
+    for name in ("slide", "slide_rate", "slide_acceleration"):
+        assert np.abs(still[name]).max() <= 2e-15  # rounding
+
+
+@MODES
+@pytest.mark.parametrize("offset", [0.3, -0.3])
+def test_offset_change_point_closes_after_two_turns(offset, mode):
+    angle = 2 * TURN * (np.arange(1024) + 0.37) / 1024
+    along = np.exp(0.7j)
+    point = (30.0 + 1j * offset) * along
+    link = {"crank": 1.0, "coupler": 1.3, "guide_x": point.real, "guide_y": point.imag,
+            "guide_angle": 0.7}
+    pose = slider_crank.solve(angle, **link, mode=mode)
+    pin = np.exp(1j * angle) + 1.3 * np.exp(1j * pose["coupler_angle"])
+    assert np.abs(pin - point - pose["slide"] * along).max() <= 3e-14  # rounding of the 30 m
+    for name in ("slide", "coupler"):
+        value = pose["slide" if name == "slide" else "coupler_angle"]
+        # 1e-10: rounding times the highest wave number, 512 eps = 1e-13, and the curves' ratio
+        assert_derivative(value, pose[f"{name}_rate"], 2 * TURN, 1e-10)
+        assert_derivative(pose[f"{name}_rate"], pose[f"{name}_acceleration"], 2 * TURN, 1e-10)
+    later = slider_crank.solve(angle + TURN, **link, mode=mode)["slide"]
+    assert np.abs(later - pose["slide"]).max() > 1.0  # a turn later it is in the other assembly
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(n, v) for n in ("crank", "coupler") for v in (0.0, -1.0, np.nan, np.inf)]
+    + [(n, v) for n in MASSES for v in (-1.0, np.nan)]
+    + [(n, v) for n in ("guide_x", "guide_y", "guide_angle", "slider_load", "gravity")
+       for v in (np.nan, np.inf)] + [("mode", 0)],
+)
+def test_bad_value_is_named(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be"):
+        slider_crank.solve(0.0, **{**LINK, name: value})
+
+
+def test_unreachable_angle_is_named_with_the_miss():
+    limit = np.arcsin(0.7)  # coupler across the guide
+    assert slider_crank.solve(limit, **SHORT)["slide"] == pytest.approx(
+        np.cos(limit), abs=1e-7)  # root of the rounding
+    with pytest.raises(ValueError, match=r"angle 1\.6 rad: .* by 0\.299574 m"):
+        slider_crank.solve([0.0, 0.5, 1.6, 1.7], **SHORT)
+    with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by 0\.5 m"):
+        slider_crank.solve([0.0, -np.pi / 2], **SHORT)
+    turned = {**SHORT, "guide_x": -0.1, "guide_y": 0.0, "guide_angle": np.pi / 2}
+    with pytest.raises(ValueError, match=rf"angle {np.pi:.9g} rad: .* by 0\.3 m"):
+        slider_crank.solve([np.pi / 2, np.pi], **turned)
+    with pytest.raises(ValueError, match="angle nan rad"):
+        slider_crank.solve([0.0, np.nan], **LINK)
+
+
+def test_shapes_broadcast():
+    pose = slider_crank.solve(np.zeros((3, 1)), np.ones(4), **LINK)
+    assert {curve.shape for curve in pose.values()} == {(3, 4)}
+    assert {curve.shape for curve in slider_crank.solve(0.0, **LINK).values()} == {()}

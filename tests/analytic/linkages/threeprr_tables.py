@@ -1,0 +1,51 @@
+"""Tables of the 3PRR document, and what its tests need: legs of a pose, poses of a triple."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.analytic.linkages import threeprr_inverse
+
+DATA = json.loads((Path(__file__).parents[2] / "data" / "threeprr.json").read_text())
+TABLE3, TABLE4 = DATA["inverse"]
+TABLE5, TABLE6, SIX = DATA["direct"]
+WHERE, SLIDERS = TABLE5["where"], np.array(TABLE5["sliders"])
+POSE = ("x", "y", "psi")
+
+
+def corners(x, y, psi, side):
+    """P, P2, P3 of the platform, as complex numbers."""
+    p = x + 1j * y
+    return [p, p + side * np.exp(1j * psi), p + side * np.exp(1j * (psi + np.pi / 3))]
+
+
+def ends(sliders, where):
+    """C1, C2, C3, as complex numbers."""
+    return [sliders[0] + 0j, where["guide2_x"] - sliders[1] + 0j,
+            where["guide3_x"] + 1j * (where["guide3_y"] - sliders[2])]
+
+
+def leg_errors(pose, sliders, where):
+    """How far each leg is from its length, for poses x, y, psi."""
+    return [np.abs(p - c) - where["leg"] for p, c in zip(
+        corners(*pose, where["side"]), ends(sliders, where), strict=True)]
+
+
+def all_triples(pose, where):
+    """The sliders of the eight modes, (8, 3)."""
+    found = [threeprr_inverse.solve(pose, **where, mode=m) for m in threeprr_inverse.MODES]
+    return np.array([[f[f"slider_{k}"] for k in (1, 2, 3)] for f in found])
+
+
+def there(found):
+    """The poses of one triple, (poses, 3)."""
+    rows = np.transpose([found[name] for name in POSE])
+    return rows[np.isfinite(rows[:, 0])]
+
+
+def nearest(rows, pose):
+    """Smallest distance of x, y [m] and psi [rad], whole turns aside, to a pose."""
+    rows = np.asarray(rows) - np.asarray(pose)
+    rows[:, 2] = np.angle(np.exp(1j * rows[:, 2]))
+    return np.abs(rows).max(axis=1).min()

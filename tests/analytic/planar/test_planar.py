@@ -1,0 +1,36 @@
+"""The general planar solver against every closed form, its branches, and its typed failures."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from proofmass.analytic.planar import solve
+from tests.analytic.linkages.random_linkages import FAMILIES, Linkage
+
+RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+
+
+def agrees(linkage: Linkage) -> None:
+    """Hold the general solver to the closed form, at rates and accelerations of their own."""
+    inputs = linkage.way.T
+    rate, acceleration = 1.0 + 0.0 * inputs, np.cos(inputs)
+    one = len(inputs) == 1
+    truth = linkage.solve(*(part[0] if one else part for part in (inputs, rate, acceleration)))
+    found = solve(inputs, rate, acceleration, model=linkage.model, joints=linkage.joints)
+    for channel, quantity in linkage.channels.items():
+        error = np.abs(found[channel] - truth[quantity])
+        if quantity.endswith("angle"):
+            error = np.abs(np.exp(1j * found[channel]) - np.exp(1j * truth[quantity]))
+        # 1e-12 of the curve's size: rounding times the cube of 1 / CLEAR, at worst 300 eps
+        assert error.max() < 1e-12 * max(1.0, np.abs(truth[quantity]).max()), channel
+
+
+@pytest.mark.parametrize("mechanisms", [15, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_it_agrees_with_the_closed_form(family, mechanisms):
+    @settings(RELAXED, max_examples=mechanisms)
+    @given(FAMILIES[family])
+    def run(linkage):
+        agrees(linkage)
+
+    run()

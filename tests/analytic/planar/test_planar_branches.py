@@ -1,0 +1,234 @@
+"""The general planar solver where it must stop, pass, or refuse."""
+
+import contextlib
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from proofmass.analytic.linkages import fourbar
+from proofmass.analytic.planar import (
+    Branch,
+    CannotAssemble,
+    Mirrored,
+    Overconstrained,
+    SingularHere,
+    read,
+    solve,
+)
+from proofmass.analytic.planar.mechanism import Mechanism
+from tests.analytic.linkages.random_linkages import bar, compiled, four_bars
+
+RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+
+
+def four_bar(crank: float, coupler: float, rocker: float, ground: float, first: float = 0.0,
+             mode: int = 1, off: float = 0.0) -> mujoco.MjModel:
+    """A four-bar with its start pose at a crank angle, its rocker off by some radians."""
+    start = fourbar.solve(first, crank=crank, coupler=coupler, rocker=rocker, ground=ground,
+                          mode=mode)
+    bodies = bar("crank", crank, inside=bar("coupler", coupler, f"{crank} 0 0"))
+    bodies += bar("rocker", rocker, f"{ground} 0 0")
+    key = [first, float(start["coupler_angle"]) - first, float(start["rocker_angle"]) + off]
+    return compiled(bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"},
+                    ("rocker",), key)
+
+
+def branch(model: mujoco.MjModel, *joints: str) -> Branch:
+    return Branch(read(model, "start")[0], joints or ("crank",))
+
+
+def test_it_stops_at_the_limit_position():
+    """(2, 2, 2.5, 3): the coupler stretches at cos(crank) = (2^2 + 3^2 - 4.5^2) / 12."""
+    limit = np.arccos((4 + 9 - 4.5**2) / 12)
+    for sign in (1, -1):
+        inputs = sign * np.linspace(0, 3, 301)[:, None]
+        q, failure = branch(four_bar(2, 2, 2.5, 3)).follow(inputs)
+        assert isinstance(failure, SingularHere)
+        assert len(q) == np.searchsorted(np.linspace(0, 3, 301), limit)
+        stopped = float(str(failure).split("crank = ")[1].split(":")[0])
+        assert stopped == pytest.approx(sign * limit, abs=1e-8)  # nine digits are printed
+        with pytest.raises(SingularHere, match="limit position at crank = "):
+            solve(inputs.T, model=four_bar(2, 2, 2.5, 3), joints=("crank",))
+
+
+@pytest.mark.parametrize("samples", [
+    360, 47, *(pytest.param(samples, marks=pytest.mark.slow) for samples in (359, 1000))])
+@pytest.mark.parametrize("mode", [1, -1])
+def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
+    """(1, 2, 2, 3) is flat at pi; the closed form continues it by cos(angle / 2)."""
+    x = np.linspace(0, 4 * np.pi, samples)  # none of these falls on pi
+    truth = fourbar.solve(x, crank=1, coupler=2, rocker=2, ground=3, mode=mode)
+    found = solve(x, model=four_bar(1, 2, 2, 3, mode=mode), joints=("crank",))
+    # rounding times 1 / distance to the change point, to the first, second and third power
+    near = np.abs(np.cos(x / 2)).min()
+    for name, truth_name, power in (("rocker", "rocker_angle", 1), ("rocker_rate",) * 2 + (2,),
+                                    ("rocker_acceleration",) * 2 + (3,)):
+        assert np.abs(found[name] - truth[truth_name]).max() < 1e-14 / near**power
+
+
+def test_condition_grows_like_the_inverse_distance_from_a_change_point():
+    near = np.array([1e-2, 1e-3, 1e-4])
+    found = solve(np.pi - near, model=four_bar(1, 2, 2, 3), joints=("crank",))["condition"]
+    assert (found[1:] / found[:-1]) == pytest.approx([10.0, 10.0], rel=1e-3)  # next term: distance
+    assert solve([np.pi / 2], model=four_bar(1, 2, 2.5, 3), joints=("crank",))["condition"][0] < 10
+
+
+def test_a_sample_on_the_change_point_is_singular():
+    with pytest.raises(SingularHere, match=r"crank = 3\.1415"):
+        solve(np.array([0.0, np.pi, 4.0]), model=four_bar(1, 2, 2, 3), joints=("crank",))
+
+
+@settings(RELAXED, max_examples=12)
+@given(four_bars(clear=0.0, turn=6.0))
+def test_success_is_on_the_branch_and_failure_at_a_limit(linkage):
+    """Over a turn that may have limits: what is kept is the closed form; what is not has none."""
+    try:
+        follower = branch(linkage.model)
+    except SingularHere:
+        assert np.sin(linkage.solve(linkage.way[0, 0])["transmission_angle"]) < 1e-3
+        return
+    q, failure = follower.follow(linkage.way)
+    x = linkage.way[:, 0]
+    truth = linkage.solve(x[:len(q)])  # raises where there is no pose
+    loose = 1e-13 / np.maximum(np.sin(truth["transmission_angle"]), 1e-7)
+    wrong = np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"]))
+    assert (wrong < np.maximum(loose, 1e-12)).all()
+    if failure is not None:
+        gap = np.linspace(x[len(q) - 1] if len(q) else x[0], x[len(q)], 100_001)
+        with contextlib.suppress(ValueError):
+            assert np.sin(linkage.solve(gap)["transmission_angle"]).min() < 1e-4
+
+
+def test_one_long_stride_keeps_the_branch():
+    """Two samples two turns apart: the way between is followed, not jumped."""
+    model = four_bar(1, 2, 2.5, 3, mode=-1)
+    found = solve(np.array([0.0, 4 * np.pi - 0.1]), model=model, joints=("crank",))
+    truth = fourbar.solve(-0.1, crank=1, coupler=2, rocker=2.5, ground=3, mode=-1)
+    assert found["pin.y"][1] == pytest.approx(truth["pin_y"], abs=1e-14)
+
+
+@pytest.mark.parametrize("off", [1e-9, 1e-3])
+def test_a_motion_beside_a_followed_one_takes_no_steps(off, monkeypatch):
+    """It is the closed form all the same, along two turns with a wobble."""
+    x = np.linspace(0.0, 4 * np.pi, 361)
+    beside = x + off * np.sin(7 * x)
+    follower = branch(four_bar(1, 2, 2.5, 3, mode=-1))
+    follower.follow(x[:, None])
+    monkeypatch.setattr(Branch, "step", lambda *_: pytest.fail("a step"))
+    q, failure = follower.follow(beside[:, None])
+    truth = fourbar.solve(beside, crank=1, coupler=2, rocker=2.5, ground=3, mode=-1)
+    assert failure is None
+    assert (q[:, 0] == beside).all()
+    assert np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"])).max() < 1e-13
+
+
+def test_a_motion_that_leaves_what_is_proven_is_followed_anew():
+    """As many samples, one of them half a turn ahead: all poses are the closed form's."""
+    x = np.linspace(0.0, 4 * np.pi, 361)
+    other = x.copy()
+    other[180] += np.pi
+    follower = branch(four_bar(1, 2, 2.5, 3))
+    follower.follow(x[:, None])
+    q, _ = follower.follow(other[:, None])
+    truth = fourbar.solve(other, crank=1, coupler=2, rocker=2.5, ground=3)
+    assert np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"])).max() < 1e-13
+
+
+def test_lengths_that_cannot_close():
+    model = four_bar(1, 2, 2.5, 3)
+    model.body("rocker").pos[0] = 50.0
+    with pytest.raises(CannotAssemble, match=r"loop 'coupler_end' stays open by 44\.5 m at best"):
+        branch(model)
+
+
+def test_a_rough_start_pose_is_closed():
+    found = solve([0.0], model=four_bar(1, 2, 2.5, 3, off=0.05), joints=("crank",))
+    assert found["pin.x"][0] == pytest.approx(23 / 16, abs=1e-14)
+    assert found["pin.y"][0] == pytest.approx(np.sqrt(975) / 16, abs=1e-14)
+
+
+def test_a_third_crank_on_a_parallelogram_is_over_constrained():
+    end = '<site name="mid" pos="0.5 0 0"/>'
+    bodies = bar("crank", 1.0, inside=bar("coupler", 2.0, "1 0 0", inside=end))
+    bodies += bar("rocker", 1.0, "2 0 0") + bar("third", 1.0, "0.5 0 0")
+    model = compiled(bodies, [("coupler_end", "rocker_end"), ("mid", "third_end")], ("crank",),
+                     {"pin": "rocker_end"}, ("rocker",), [1.0, -1.0, 1.0, 1.0])
+    with pytest.raises(Overconstrained, match=r"4 equations, of which only 3 are independent"):
+        branch(model)
+
+
+@pytest.mark.parametrize(("joints", "free"), [((), 1), (("crank", "rocker"), 1)])
+def test_drives_must_be_as_many_as_freedoms(joints, free):
+    with pytest.raises(SingularHere, match=rf"has {free} freedom\(s\), and {len(joints)} driven"):
+        Branch(read(four_bar(1, 2, 2.5, 3), "start")[0], joints)
+
+
+def test_a_joint_that_is_not_there():
+    with pytest.raises(ValueError, match="no joint 'krank'; there are: crank, coupler, rocker"):
+        branch(four_bar(1, 2, 2.5, 3), "krank")
+
+
+def test_a_step_to_the_mirrored_pose_is_refused():
+    """A prediction beyond the proven radius is the only way there; it is taken by force."""
+    follower = branch(four_bar(1, 2, 2.5, 3))
+    other = branch(four_bar(1, 2, 2.5, 3, mode=-1)).knot
+    follower.predict = lambda inputs: np.repeat(other.q[None], len(inputs), axis=0)
+    with pytest.raises(Mirrored, match="mirrored at crank = 0"):
+        follower.step(np.array([0.0]))
+    follower.far = lambda inputs: np.zeros(len(inputs))
+    follower.predict = lambda inputs: np.repeat(other.q[None] + 0.3, len(inputs), axis=0)
+    with pytest.raises((Mirrored, CannotAssemble)):
+        follower.follow(np.zeros((1, 1)))
+
+
+@settings(RELAXED, max_examples=10)
+@given(st.floats(0.2, 3.0), st.floats(-1, 1))
+def test_geared_cranks_follow_their_polynomial(ratio, bend):
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/><worldbody>
+      <body><joint name="a"/><geom size="0.1"/></body>
+      <body><joint name="b"/><geom size="0.1"/></body></worldbody>
+      <equality><joint joint1="b" joint2="a" polycoef="0.1 {ratio!r} {bend!r} 0 0"/>
+      </equality><sensor><jointpos name="b" joint="b"/><jointvel name="w" joint="b"/>
+      <user name="dw" objtype="joint" objname="b" dim="1" needstage="acc"/></sensor></mujoco>""")
+    x = np.linspace(0, 2, 21)
+    found = solve(x, 2.0, 3.0, model=model, joints=("a",))
+    np.testing.assert_allclose(found["b"], 0.1 + ratio * x + bend * x**2, atol=1e-14)
+    np.testing.assert_allclose(found["w"], 2 * (ratio + 2 * bend * x), atol=1e-14)
+    np.testing.assert_allclose(found["dw"], 3 * (ratio + 2 * bend * x) + 8 * bend, atol=1e-13)
+
+
+@pytest.mark.parametrize(("xml", "words"), [
+    ('<body><freejoint/><geom size="0.1"/></body>', "neither a hinge nor a slide"),
+    ('<body><joint name="a" axis="0 0 1"/><geom size="0.1"/><body><joint name="b" axis="0 1 0"/>'
+     '<geom size="0.1"/></body></body>', "joint 'b' leaves the plane"),
+    ('<body><joint name="a" frictionloss="1"/><geom size="0.1"/></body>', "joint 'a' has friction"),
+    ('<body><joint name="a" type="slide"/><geom size="0.1"/></body>', "without hinges"),
+])
+def test_what_is_no_planar_linkage_is_named(xml, words):
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
+    with pytest.raises(ValueError, match=words):
+        read(model, "")
+
+
+def test_a_mechanism_is_read_from_numbers_alone():
+    """Poses of MuJoCo's own kinematics, at random joint values of a tree with tilted frames."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/><worldbody>
+      <body pos="1 2 3" euler="0.3 -0.2 0.5"><body quat="1 1 0 0" pos="0 0 1">
+        <joint name="a" axis="0 1 0" pos="0.1 0 0.2" ref="0.3"/><geom size="0.1"/>
+        <joint name="s" type="slide" axis="1 0 0.5" ref="0.1"/>
+        <body pos="0.4 0.1 -0.2" euler="0 0.7 0"><joint name="b" axis="0 -1 0" pos="0 0 0.3"/>
+          <geom size="0.1"/><site name="end" pos="0.5 0.2 0.1"/></body></body></body>
+      </worldbody><sensor><framepos name="end" objtype="site" objname="end"/>
+      <framexaxis name="axis" objtype="site" objname="end"/></sensor></mujoco>""")
+    data = mujoco.MjData(model)
+    mechanism, _ = read(model, "")
+    assert isinstance(mechanism, Mechanism)
+    for values in np.random.default_rng(1).uniform(-2, 2, (5, 3)):
+        data.qpos[:] = values
+        mujoco.mj_forward(model, data)
+        found = solve(values[:, None], model=model, joints=("a", "s", "b"))
+        for k, channel in enumerate(("end.x", "end.y", "end.z", "axis.x", "axis.y", "axis.z")):
+            assert found[channel][0] == pytest.approx(data.sensordata[k], abs=1e-14)

@@ -1,0 +1,135 @@
+"""Free motions of the general planar solver: closed forms, second formulations, energy."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from proofmass.analytic.linkages import fourbar, pendulum
+from proofmass.analytic.planar import SingularHere, read, solve
+from proofmass.analytic.planar.forces import kinetic, potential
+from proofmass.analytic.planar.free import free_motion
+from proofmass.analytic.planar.motion import move
+
+MODELS = Path(__file__).parents[3] / "models"
+LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
+MASSES = {"crank_mass": 1.0, "coupler_mass": 2.0, "rocker_mass": 2.5}
+
+
+def hinge(attributes: str, more: str = "", key: str = 'qpos="0.4"') -> mujoco.MjModel:
+    """A body of 2 kg m2 on a hinge without gravity."""
+    return mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/>
+      <option gravity="0 0 0"/><worldbody><body><joint name="a" {attributes}/>
+      <inertial pos="0 0 0" mass="1" diaginertia="2 2 2"/></body></worldbody>{more}
+      <sensor><jointpos name="a" joint="a"/><jointvel name="w" joint="a"/></sensor>
+      <keyframe><key name="start" {key}/></keyframe></mujoco>""")
+
+
+def test_pendulum_is_its_closed_form():
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
+    t = np.linspace(0, 10, 101)
+    found = solve(t, model=model)
+    truth = pendulum.solve(t, length=1.0 + 1e-14, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
+    # the length is that of the model's bob, which has 1e-14 kg m2 (length + moment / mass length);
+    # five swings at 3e-14 a step, and the dense output between steps: the wall in the docstring
+    assert np.abs(found["angle"] - truth["angle"]).max() < 3e-12
+    assert np.abs(found["rate"] - truth["rate"]).max() < 1e-11
+
+
+def test_damped_spring_is_its_closed_form():
+    t = np.linspace(0, 4, 81)
+    found = solve(t, model=hinge('stiffness="18" springref="0.1" damping="1.6"'))
+    decay, w = 0.4, np.sqrt(9 - 0.16)  # 2 a'' + 1.6 a' + 18 (a - 0.1) = 0
+    truth = 0.1 + 0.3 * np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))
+    assert np.abs(found["a"] - truth).max() < 1e-13
+
+
+def test_constant_motor_is_its_closed_form():
+    motor = '<actuator><motor joint="a" gear="3"/></actuator>'
+    t = np.linspace(0, 2, 21)
+    found = solve(t, model=hinge("", motor, 'qpos="0.4" qvel="-1" ctrl="0.5"'))
+    assert np.abs(found["a"] - (0.4 - t + 0.5 * (1.5 / 2) * t**2)).max() < 1e-13
+
+
+def test_double_pendulum_is_the_textbook_one():
+    """Two point masses on massless rods, absolute angles from -y; Landau and Lifshitz, sect. 5."""
+    bob = '<inertial pos="0 {y} 0" mass="{m}" diaginertia="1e-14 1e-14 1e-14"/>'
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/>
+      <option gravity="0 -9.81 0"/><worldbody><body><joint name="a"/>{bob.format(y=-1, m=2)}
+      <body pos="0 -1 0"><joint name="b"/>{bob.format(y=-0.7, m=1)}</body></body></worldbody>
+      <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/></sensor>
+      <keyframe><key name="start" qpos="1.2 -0.5" qvel="0 2"/></keyframe></mujoco>""")
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        a, b, u, v = y
+        matrix = np.array([[3.0, 0.7 * np.cos(a - b)], [0.7 * np.cos(a - b), 0.49]])
+        right = np.array([-0.7 * v * v * np.sin(a - b) - 3 * 9.81 * np.sin(a),
+                          0.7 * u * u * np.sin(a - b) - 0.7 * 9.81 * np.sin(b)])
+        return [u, v, *np.linalg.solve(matrix, right)]
+
+    t = np.linspace(0, 2, 21)
+    truth = solve_ivp(slope, (0, 2), [1.2, 0.7, 0.0, 2.0], "DOP853", t, rtol=1e-13, atol=1e-13).y
+    found = solve(t, model=model)
+    # the bobs' 1e-14 kg m2, and both integrators' walls, on a motion that parts by a factor of ten
+    assert np.abs(found["a"] - truth[0]).max() < 1e-11
+    assert np.abs(found["a"] + found["b"] - truth[1]).max() < 1e-11
+
+
+@pytest.fixture(scope="module")
+def released():
+    """The four-bar let go from its start pose for 1.2 s."""
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "fourbar.xml"))
+    mechanism, _ = read(model, "start")
+    return mechanism, free_motion(mechanism, np.linspace(0, 1.2, 25))
+
+
+def test_a_four_bar_keeps_its_energy_and_its_loops(released):
+    mechanism, (q, v, _) = released
+    motion = move(mechanism, q, v)
+    work = kinetic(mechanism, motion, v)
+    assert np.ptp(work) > 20.0  # J: it does move
+    assert np.ptp(work + potential(mechanism, motion, q)) < 1e-12 * np.ptp(work)
+    pin = mechanism.pins[0]
+    gap = motion.point(pin.one, pin.on_one) - motion.point(pin.two, pin.on_two)
+    assert np.abs(gap).max() < 1e-14
+
+
+def test_a_four_bar_obeys_the_equation_of_its_crank_alone(released):
+    """Eksergian's equation: I a + I'(angle)/2 w^2 + holding moment = 0, all of closed forms."""
+    _, (q, v, a) = released
+
+    def inertia(angle: np.ndarray) -> np.ndarray:
+        c = fourbar.solve(angle, **LENGTHS, **MASSES)
+        middle = np.exp(1j * angle) + c["coupler_rate"] * np.exp(1j * c["coupler_angle"])
+        return (1.0 / 3 + 2.0 * (np.abs(middle) ** 2 + c["coupler_rate"] ** 2 * 4 / 12)
+                + 2.5 * c["rocker_rate"] ** 2 * 2.5**2 / 3)
+
+    angle, h = q[:, 0], 1e-3
+    stencil = [inertia(angle + k * h) for k in (-2, -1, 1, 2)]
+    slope = (stencil[0] - 8 * stencil[1] + 8 * stencil[2] - stencil[3]) / (12 * h)
+    hold = fourbar.solve(angle, **LENGTHS, **MASSES)["holding_moment"]
+    left = inertia(angle) * a[:, 0] + 0.5 * slope * v[:, 0] ** 2 + hold
+    # five-point differences at 1e-3: h^4 / 30 times the fifth derivative, and eps / h
+    assert np.abs(left).max() < 1e-9 * np.abs(hold).max()
+
+
+def test_a_structure_does_not_move():
+    more = '<equality><joint joint1="a" polycoef="0.4 0 0 0 0"/></equality>'
+    with pytest.raises(SingularHere, match="no freedom"):
+        solve([0.0, 1.0], model=hinge("", more))
+
+
+def test_bodies_that_may_touch_are_refused():
+    geoms = '<geom size="0.1"/>'
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>{geoms}<body pos="1 0 0">
+      <joint name="a"/>{geoms}</body></worldbody></mujoco>""")
+    with pytest.raises(ValueError, match="contacts are not covered by a free motion"):
+        solve([0.0, 1.0], model=model)
+
+
+def test_a_stop_on_the_way_is_refused():
+    with pytest.raises(ValueError, match=r"joint 'a' leaves its range \(-1.0, 1.0\) at sample 15"):
+        solve(np.linspace(0, 1, 21), model=hinge('range="-1 1" limited="true"', "",
+                                                 'qpos="0.3" qvel="1"'))

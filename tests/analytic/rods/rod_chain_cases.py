@@ -1,0 +1,55 @@
+"""Printed cases of rods in segments, and the continuum that seeds them, integrated by DOP853."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from proofmass.analytic.rods.assembly import assembly
+
+CASES = json.loads((Path(__file__).parents[2] / "data" / "rod_chain.json").read_text())
+RODS = CASES["2RFR"]
+STABLE = {row["name"]: row for row in RODS["stable"]}
+
+
+def continuum(angle, force, moment, stiffness, length=1.0):
+    """theta(s), theta'(s), x(s), y(s) of a clamped rod from force on its tip and clamp moment."""
+    def slope(_, y):
+        bend = (force[0] * np.sin(y[0]) - force[1] * np.cos(y[0])) / stiffness
+        return [y[1], bend, np.cos(y[0]), np.sin(y[0])]
+
+    start = [angle, moment / stiffness, 0.0, 0.0]
+    return solve_ivp(slope, (0.0, length), start, method="DOP853", rtol=1e-11, atol=1e-12,
+                     dense_output=True).sol
+
+
+def tangent(*rod):
+    """theta(s) of `continuum`."""
+    shape = continuum(*rod)
+    return lambda s: shape(s)[0]
+
+
+def two_rods():
+    """The mechanism of Table 7."""
+    return assembly(RODS["clamp"], stiffness=RODS["stiffness"],
+                    angle=np.radians(RODS["angle_deg"]))
+
+
+def two_shapes(row):
+    """theta(s) of both its rods in an equilibrium."""
+    first = np.array(row["force1"])
+    forces = first, np.array(RODS["force"]) - first
+    angles = np.radians(RODS["angle_deg"])
+    return [tangent(*rod, RODS["stiffness"])
+            for rod in zip(angles, forces, row["root_moment"], strict=True)]
+
+
+def orders(errors):
+    """Observed orders under halved h."""
+    return np.log2(np.abs(errors[:-1]) / np.abs(errors[1:]))
+
+
+def extrapolated(coarse, fine):
+    """Richardson's, second order: what is left is h^4."""
+    return (4.0 * fine - coarse) / 3.0

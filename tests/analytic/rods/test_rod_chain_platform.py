@@ -1,0 +1,116 @@
+"""Three chains on one platform: equations as slopes, Table 8, guides and rigid ends."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.assembly import assembly, triangle
+from tests.analytic.rods.rod_chain_cases import CASES, extrapolated, tangent
+from tests.independent.rods.chain_assembly import settle, standing
+from tests.independent.rods.chain_closure import arms, chains, clamps, fitted, system
+from tests.independent.rods.stability import negative
+
+THREE = CASES["3RFR"]
+KNOWN = pytest.mark.parametrize("row", THREE["equilibria"], ids=lambda row: row["name"])
+EXACT = 2e-12  # rounding of some hundred equations
+
+
+def three_rods():
+    return assembly(THREE["clamp"], stiffness=THREE["stiffness"], arm=triangle(THREE["side"]),
+                    angle=np.radians(THREE["angle_deg"]))
+
+
+def three(row, segments, scheme="half", moment=0.0):
+    angles = np.radians(THREE["angle_deg"])
+    seed = [tangent(*rod, THREE["stiffness"])
+            for rod in zip(angles, row["force"], row["root_moment"], strict=True)]
+    return settle(three_rods(), np.zeros(3), seed=seed, segments=segments, scheme=scheme,
+                  force=THREE["force"], moment=moment)
+
+
+def degrees(pose):
+    return pose * [1.0, 1.0, 180.0 / np.pi]
+
+
+def test_residual_and_matrix_are_slopes_of_one_function():
+    """Central differences of the Lagrangian, U - F.P - M phi - sum n_i . (tip_i - P - w_i)."""
+    a, rng, load = three_rods(), np.random.default_rng(3), np.array([0.2, 0.5, -0.1])
+    c, place = chains(a, 4), clamps(a, np.zeros(3))
+    z = rng.normal(size=3 * 4 + 3 + 6)
+
+    def lagrangian(z):
+        found, pairs = standing(a, c, place, load, z), z[15:].reshape(3, 2)
+        gap = -system(a, c, place, load, z)[0][15:].reshape(3, 2)
+        return found.potential - (pairs * gap).sum()
+
+    residual, matrix = system(a, c, place, load, z)
+    matrix = matrix.dense()
+    np.testing.assert_array_equal(matrix, matrix.T)
+    for j, way in enumerate(1e-5 * np.eye(z.size)):
+        # h^2 and eps/h of functions of about 10
+        assert residual[j] == pytest.approx((lagrangian(z + way) - lagrangian(z - way)) / 2e-5,
+                                            abs=1e-8)
+        change = (system(a, c, place, load, z + way)[0] - system(a, c, place, load, z - way)[0])
+        np.testing.assert_allclose(matrix[:, j], change / 2e-5, rtol=0, atol=1e-8)
+
+
+@KNOWN
+def test_three_rods(row):
+    """Table 8 with theta2 = 180 degrees; U1 and U2 have inflections and do not stand."""
+    for n, printed in row.get("half", {}).items():
+        digits = [5.1e-7, 5.1e-7, 5.1e-5]
+        found = three(row, int(n))
+        assert np.all(np.abs(degrees(found.pose) - printed) < digits)
+    one, two = three(row, 40), three(row, 80)
+    assert negative(one.curvatures) == row["negative"]
+    fine = degrees(extrapolated(one.pose, two.pose))
+    # h^4, of which U2 has most
+    np.testing.assert_allclose(fine[:2], row["pose_deg"][:2], rtol=0, atol=4e-8)
+    assert fine[2] == pytest.approx(row["pose_deg"][2], abs=3e-6)
+    stored = extrapolated(one.energy, two.energy)
+    assert stored == pytest.approx(row["energy"], abs=2e-7)
+
+
+@pytest.mark.parametrize(("row", "off"), [(THREE["equilibria"][0], 1.95),
+                                          (THREE["equilibria"][1], 0.71)])
+def test_three_naive_rods_turn_the_platform(row, off):
+    wrong = degrees(three(row, 20, "naive").pose)[2] - row["pose_deg"][2]
+    assert abs(wrong) == pytest.approx(off, abs=5.1e-3)
+
+
+def test_moment_on_a_platform():
+    """dV = -phi dM, and the tips' forces hold both load and moment."""
+    row, h = THREE["equilibria"][1], 1e-5
+    here = three(row, 10, moment=0.01)
+    more, less = (three(row, 10, moment=0.01 + m).potential for m in (h, -h))
+    assert (more - less) / (2 * h) == pytest.approx(-here.pose[2], abs=1e-8)  # h^2
+    arm = triangle(THREE["side"]) @ np.array([1.0, 1.0j]) * np.exp(1j * here.pose[2])
+    force = here.force @ np.array([1.0, 1.0j])
+    assert (arm.conj() * force).imag.sum() == pytest.approx(0.01, abs=EXACT)
+    assert force.sum() == pytest.approx(0.5j, abs=EXACT)
+
+
+def test_sliding_clamps_and_rigid_ends():
+    """3PFR start pose: with the recomputed slides the unloaded platform is at 0, 0, 60 degrees."""
+    case = CASES["3PFR"]
+    angle = np.radians(case["angle_deg"])
+    out = np.radians([-150.0, -30.0, 90.0])
+    outward = np.stack([np.cos(out), np.sin(out)], axis=-1)
+    a = assembly(outward, stiffness=case["stiffness"], arm=case["circumradius"] * outward,
+                 angle=angle, guide=angle, prolongation=case["prolongation"])
+    bend = 2.0 * np.radians(23.6)
+    found = [settle(a, [case["slide"]] * 3, segments=n,
+                    seed=[lambda s, t=t: t + bend * (s - 0.5 * s * s) for t in angle])
+             for n in (20, 40)]
+    pose = degrees(extrapolated(*(f.pose for f in found)))
+    np.testing.assert_allclose(pose, case["pose_deg"], rtol=0, atol=1e-4)  # seven digits of slide
+    moment = extrapolated(*(f.root_moment for f in found))
+    np.testing.assert_allclose(moment, case["root_moment"], rtol=0, atol=1e-7)  # printed digits
+    force = extrapolated(*(np.linalg.norm(f.force, axis=-1) for f in found))
+    np.testing.assert_allclose(force, case["force"], rtol=0, atol=6e-7)
+
+
+def test_pose_that_fits_the_tips():
+    a = assembly(THREE["clamp"], arm=[[0.1, 0.3], [0.5, -0.2], [0.4, 0.4]])  # off their middle
+    for pose in ([0.2, -0.1, 2.5], [0.0, 0.4, -1.0]):
+        tip = arms(a, np.array(pose))[0] + pose[:2]
+        np.testing.assert_allclose(fitted(a, tip), pose, rtol=0, atol=1e-15)

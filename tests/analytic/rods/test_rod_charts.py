@@ -1,0 +1,121 @@
+"""Charts of two rods on one pin: all equilibria, as they are drawn."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+
+from proofmass.analytic.chart import Chart, Line, Panel
+from proofmass.analytic.rods import rod_pair
+from proofmass.analytic.rods.rod_charts import MANY, sharing
+from proofmass.case import Case, load_case
+from proofmass.chart import chart_of
+from proofmass.errors import InputError
+from proofmass.report.chart_sheet import chart_sheet
+from proofmass.report.style import RC
+from tests.report.test_chart_sheet import bold, dashed
+
+NATURAL = Path(__file__).parents[3] / "models" / "rfr2_natural.toml"
+
+
+@pytest.fixture(scope="module")
+def natural() -> Case:
+    return load_case(NATURAL)
+
+
+@pytest.fixture(scope="module")
+def equilibria(natural: Case) -> Chart:
+    return chart_of(natural, natural.chart[0])
+
+
+def postures(chart: Chart) -> list[Line]:
+    return [line for line in chart.lines if not line.points]
+
+
+def test_four_of_34_are_stable_and_share_a_panel(equilibria: Chart) -> None:
+    lines = postures(equilibria)
+    assert len(lines) == 34
+    assert sum(line.stable for line in lines) == 4
+    with rc_context(RC):
+        figure = chart_sheet("t", equilibria)
+    assert [len(bold(ax)) for ax in figure.axes] == [4] + 8 * [0]
+    assert sum(len(dashed(ax)) for ax in figure.axes) == 30
+    assert equilibria.caption.startswith("34 equilibria whose rods have up to 3 inflections, ")
+
+
+def energies(panel: Panel, stiffness: float) -> np.ndarray:
+    """V of each posture by how much its 120 chords are shorter than 2 m, less the load's work.
+
+    A chord h of curvature kappa lacks h (h kappa)^2 / 24, so all lack U h^2 / (12 EI).
+    """
+    *lines, pins, _ = panel.lines
+    lacking = [2.0 - np.hypot(np.diff(line.x), np.diff(line.y)).sum() for line in lines]
+    return 12 * 60**2 * stiffness * np.array(lacking) - 0.3 * pins.x + 0.1 * pins.y
+
+
+def test_postures_are_two_rods_from_clamp_to_clamp(equilibria: Chart) -> None:
+    for panel in equilibria.panels:
+        *lines, pins, clamps = panel.lines
+        assert clamps.x.tolist() == [-0.3, 0.3]
+        for line, pin in zip(lines, np.stack([pins.x, pins.y], 1), strict=True):
+            points = np.stack([line.x, line.y], axis=1)
+            assert points[[0, -1]].tolist() == [[-0.3, 0.0], [0.3, 0.0]]
+            # closed to 1e-12 times e^alpha, alpha up to 20; drawn to 1e-3
+            assert np.abs(points[60] - pin).max() < 1e-6
+            assert np.abs(points[59:62] - points[60]).max() < 1 / 60
+
+
+def test_energies_are_those_of_the_curves(equilibria: Chart, natural: Case) -> None:
+    stiffness = float(natural.parameters["stiffness"])
+    for panel in equilibria.panels:
+        found = energies(panel, stiffness)
+        said = [float(re.search(r"at (\S+) J", line.label)[1]) for line in panel.lines
+                if line.stable and not line.points]
+        said = said or [float(s) for s in re.search(r": (\S+) to (\S+) J", panel.title).groups()]
+        # next order (h kappa)^2 / 80, kappa up to 34 /m, and three digits: 0.4 and 0.5 %
+        np.testing.assert_allclose(found if len(said) == 4 else found[[0, -1]], said, rtol=9e-3)
+        assert np.all(np.diff(found) > 0)
+
+
+def test_the_case_is_the_stable_one_of_least_energy(equilibria: Chart, natural: Case) -> None:
+    """Newton's method from the sidecar's first guess leads where the search has been."""
+    known = rod_pair.solve(np.linspace(0.0, 1.0, 61), **natural.parameters)
+    line = equilibria.panels[0].lines[0]
+    np.testing.assert_allclose(line.x[:61], known["x1"], atol=1e-9)
+    np.testing.assert_allclose(line.y[:59:-1], known["y2"], atol=1e-9)
+    assert "modes 1 and 2" in line.label
+
+
+def test_more_inflections_bring_more_and_keep_the_stable(natural: Case, equilibria: Chart) -> None:
+    few = natural.chart[0].model_copy(update={"parameters": {"modes": 1}})
+    less = chart_of(natural.model_copy(update={"chart": (few,)}), few)
+    assert len(postures(less)) == 3
+    assert {line.label for line in postures(less)} < {line.label for line in postures(equilibria)}
+
+
+def test_panels_hold_few_unless_there_are_too_many() -> None:
+    negative = np.repeat(np.arange(12), 9)
+    panels = sharing(negative)
+    assert len(panels) <= 12
+    assert sorted(np.concatenate(panels).tolist()) == list(range(108))
+    assert all(np.ptp(np.minimum(negative[which], MANY)) == 0 for which in panels)
+    assert [len(which) for which in sharing(np.zeros(9, int))] == [3, 3, 3]
+
+
+def test_nothing_is_cut_off_and_nothing_overlaps(equilibria: Chart) -> None:
+    with rc_context(RC):
+        figure = chart_sheet("Title", equilibria)
+        figure.draw_without_rendering()
+    low, high = np.zeros(2), figure.get_size_inches() * figure.dpi
+    boxes = [ax.get_tightbbox() for ax in figure.axes]
+    boxes += [figure.legends[0].get_window_extent(), figure.texts[0].get_window_extent()]
+    assert all((box.min >= low).all() and (box.max <= high).all() for box in boxes)
+    assert not any(one.overlaps(two) for k, one in enumerate(boxes) for two in boxes[:k])
+
+
+def test_modes_that_are_none_are_the_sidecars_fault(natural: Case) -> None:
+    wrong = natural.chart[0].model_copy(update={"parameters": {"modes": 0}})
+    with pytest.raises(InputError, match="modes must be 1, 2"):
+        chart_of(natural.model_copy(update={"chart": (wrong,)}), wrong)

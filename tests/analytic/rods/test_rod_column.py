@@ -1,0 +1,113 @@
+"""Euler's columns against the tip's closed form, shooting, eigenvalues and printed constants."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.special import ellipe, ellipk
+
+from proofmass.analytic.rods import critical, elastica, ends_meet, shape, tip
+from proofmass.analytic.rods.column import ENDS, QUARTERS
+
+DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
+EULER = {"clamped-free": 2.467401100272340, "pinned-pinned": 9.869604401089358,
+         "clamped-pinned": 20.19072855642663, "clamped-clamped": 39.47841760435743}
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_critical_loads(ends):
+    found = critical(ends, length=2.0, stiffness=0.3)
+    assert found == pytest.approx(EULER[ends] * 0.3 / 4.0, rel=1e-15)
+    # the document's rods of 1.5 and 2 mm, recomputed independently
+    for diameter, loads in ((1.5e-3, (0.128763859, 1.053673894)),
+                            (2e-3, (0.406957381, 3.330129837))):
+        stiffness = 210e9 * np.pi * (diameter / 2.0) ** 4 / 4.0
+        for name, load in zip(("clamped-free", "clamped-pinned"), loads, strict=True):
+            assert critical(name, stiffness=stiffness) == pytest.approx(load, abs=6e-10)
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_critical_loads_as_eigenvalues(ends):
+    """Ritz: EI int w''^2 = P int w'^2 with polynomials that meet the supports, degree 13."""
+    clamped = (2 if ends.startswith("clamped") else 1,
+               {"free": 0, "pinned": 1, "clamped": 2}[ends.split("-")[1]])
+    base = np.polynomial.Polynomial([0, 1]) ** clamped[0] * np.polynomial.Polynomial(
+        [1, -1]) ** clamped[1]
+    shapes = [base * np.polynomial.Polynomial.basis(k)
+              for k in range(10)]
+
+    def product(order):
+        parts = [p.deriv(order) for p in shapes]
+        whole = [[(a * b).integ() for b in parts] for a in parts]
+        return np.array([[w(1.0) - w(0.0) for w in row] for row in whole])
+
+    lowest = eigh(product(2), product(1), eigvals_only=True)[0]
+    assert lowest == pytest.approx(critical(ends), rel=1e-7)  # monomials lose half of the digits
+
+
+def test_buckled_clamped_free_column_is_the_tip_under_its_axial_load():
+    for k, ratio, x, y in DATA["postbuckling"]["rows"]:
+        true = (2.0 * ellipk(k * k) / np.pi) ** 2
+        assert true == pytest.approx(ratio, abs=6e-8)  # its last digits are off, by 5e-8 at worst
+        bent = elastica(true)
+        assert bent["k"] == pytest.approx(k, abs=1e-14 / k)  # k^2/2 is what is above P_cr
+        assert [bent["span"], bent["rise"]] == pytest.approx([x, y], abs=6e-9)  # last digit
+        rod = tip(np.pi, float(bent["k"]))
+        assert rod["R"] / critical() == pytest.approx(true, rel=1e-12)
+        assert rod["x"] == pytest.approx(float(bent["span"]), abs=1e-12)
+        assert rod["y"] == pytest.approx(float(bent["rise"]), abs=1e-12)
+        assert rod["theta"] == pytest.approx(float(bent["angle"]), abs=1e-12)
+        assert rod["energy"] == pytest.approx(float(bent["energy"]), abs=1e-12)
+
+
+@pytest.mark.parametrize(("ends", "quarters"), QUARTERS.items())
+def test_columns_are_quarter_waves(ends, quarters):
+    """One quarter wave of length L/n, repeated: the shape of a clamped-free rod."""
+    bent = elastica(1.7, ends, length=1.2, stiffness=0.4)
+    part = tip(np.pi, float(bent["k"]), length=1.2 / quarters, stiffness=0.4)
+    assert part["R"] == pytest.approx(1.7 * critical(ends, length=1.2, stiffness=0.4), rel=1e-12)
+    assert quarters * part["x"] == pytest.approx(float(bent["span"]), rel=1e-12)
+    rises = 2.0 if ends == "clamped-clamped" else 1.0
+    assert rises * part["y"] == pytest.approx(float(bent["rise"]), rel=1e-12)
+    assert quarters * part["energy"] == pytest.approx(float(bent["energy"]), rel=1e-12)
+
+
+def test_work_of_the_load():
+    """dU = -P d(span), by central differences."""
+    load, step = 1.5, 1e-5
+    ahead, behind = (elastica(load + d, "pinned-pinned") for d in (step, -step))
+    work = load * critical("pinned-pinned") * (behind["span"] - ahead["span"])
+    assert ahead["energy"] - behind["energy"] == pytest.approx(float(work), rel=1e-7)  # step^2
+
+
+def test_ends_meet():
+    k, ratio = ends_meet()
+    assert k == pytest.approx(0.9089085575485415, abs=1e-15)
+    assert ratio == pytest.approx(2.183379046189498, rel=1e-14)
+    assert 2.0 * ellipe(k * k) - ellipk(k * k) == pytest.approx(0.0, abs=1e-14)
+    assert elastica(ratio, "pinned-pinned")["span"] == pytest.approx(0.0, abs=1e-14)
+    angle = np.degrees(elastica(ratio, "pinned-pinned")["angle"])
+    assert angle == pytest.approx(130.7099107078999, abs=1e-10)
+    half = shape(np.pi, k, 1, np.linspace(0.0, 1.0, 3))  # its middle clamps it, its end is the tip
+    assert half["x"][-1] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_just_beyond_the_critical_load():
+    """rise = sqrt(8 (P/P_cr - 1)) L/pi in the first order."""
+    excess = 1e-6
+    bent = elastica(1.0 + excess, "pinned-pinned")
+    # next term of the expansion, relative: 19/16 excess
+    assert bent["rise"] == pytest.approx(np.sqrt(8.0 * excess) / np.pi, rel=1.2e-6)
+    assert elastica(1.0)["rise"] == pytest.approx(0.0, abs=1e-7)  # root of rounding
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda: critical("free-free"), "ends must be one of clamped-free"),
+    (lambda: elastica(1.2, "clamped-pinned"), "ends must be one of"),
+    (lambda: elastica(0.9), "load must be from 1"),
+    (lambda: critical(length=-1.0), "length must"), (lambda: critical(stiffness=0.0), "stiffness")])
+def test_bad_value_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,243 @@
+"""Paths of flexible mechanisms: load ramps, trajectories, folds passed, sheets over a grid."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.closure import closure
+from proofmass.analytic.rods.continuation import follow, trace
+from proofmass.analytic.rods.derivatives import derivatives
+from proofmass.analytic.rods.direct import direct
+from proofmass.analytic.rods.inverse import inverse
+from proofmass.analytic.rods.state import State, state
+from proofmass.analytic.rods.workspace import loci, spread
+from tests.analytic.rods.rod_assembly_cases import DATA, NAMES, PAIR, pair, three
+
+PATHS, TABLE7 = DATA["trajectories"], DATA["rfr2"]["recomputed"]
+MIRROR = [-1.0, 1.0]
+
+
+@cache
+def centre():
+    """Where the document's trajectories begin: the pin of S2, without load."""
+    s = pair("S2")
+    return follow(s, pose=s.pose[None], load=[[0.0, 0.0]]).last
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_unloading(name):
+    """Motors held, and the pin held."""
+    s, row = pair(name), TABLE7[name]
+    ramp = np.outer([0.5, 0.0], s.load)
+    free, held = follow(s, load=ramp), follow(s, load=ramp, pose=np.tile(s.pose, (2, 1)))
+    assert free.reached == held.reached == 2
+    assert np.abs(free.last.pose - row["unloaded_pose"]).max() <= 1e-6  # seven decimals
+    # by RK4 with 400 steps and six digits of the pose, times dq/dP up to 20 rad/m
+    assert np.abs(np.degrees(held.last.inputs) - row["unloaded_inputs_deg"]).max() <= 1e-4
+    assert np.abs(held.states.pose - s.pose).max() <= 1e-15  # rounding of steps of up to 0.9 m
+
+
+def test_clamp_moment_crosses_zero_smoothly():
+    """There the elliptic form changes its sign of k and its mode, and its Newton method stalls."""
+    s = pair("S2")
+    m = follow(s, load=np.outer(np.linspace(1.0, 0.0, 21)[1:], s.load)).states.moment[:, 0]
+    assert m[0] < 0.0 < m[-1]
+    assert m[-1] == pytest.approx(0.005433, abs=1e-6)  # recomputed
+    fit = np.polynomial.Chebyshev.fit(np.arange(20), m, 10)
+    assert np.abs(fit(np.arange(20)) - m).max() <= 1e-9  # N m: a kink of 1 % leaves 1e-5
+
+
+def test_ring():
+    rows = PATHS["ring"]
+    turn = np.radians([*(row["angle_deg"] for row in rows), 360.0])
+    way = centre().pose + 0.1 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    trail = follow(centre(), pose=way)
+    assert not trail.why
+    wanted = np.array([row["inputs_deg"] for row in rows])
+    # five decimals, of a centre with eight digits
+    assert np.abs(np.degrees(trail.states.inputs[:-1]) - wanted).max() <= 1e-4
+    found = np.linalg.det(derivatives(trail.states[np.arange(8)]).inverse)
+    assert found == pytest.approx([row["determinant"] for row in rows], rel=1e-4)
+    assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9  # it closes
+
+
+def test_straight_line_and_its_divisions():
+    rows = PATHS["line"]
+    way = centre().pose + np.outer([row["dx"] for row in rows], [1.0, 0.0])
+    coarse = follow(centre(), pose=way)
+    wanted = [row["inputs_deg"] for row in rows]
+    assert np.abs(np.degrees(coarse.states.inputs) - wanted).max() <= 1e-4  # four to five decimals
+    fine = follow(centre(), pose=way[:2], stride=0.25)
+    assert np.abs(fine.states.inputs - coarse.states.inputs[:2]).max() <= 1e-9  # the same branch
+
+
+def test_rectangle_returns():
+    """The document's square of 0.2 m, four divisions a side: a branch without jumps closes."""
+    corner = 0.1 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]])
+    way = np.concatenate([np.linspace(a, b, 4, endpoint=False) for a, b in
+                          pairwise(corner)] + [corner[:1]])
+    trail = follow(centre(), pose=centre().pose + way)
+    assert not trail.why
+    assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9
+    back = direct(trail.states)
+    assert np.abs(back.pose - trail.states.pose).max() <= 1e-9
+
+
+def test_motor_line():
+    rows = PATHS["motor"]
+    way = centre().inputs + np.outer([row["turn"] for row in rows], [1.0, 0.0])
+    trail = follow(centre(), inputs=way)
+    assert np.abs(trail.states.pose - [row["pose"] for row in rows]).max() <= 2e-6  # six decimals
+    assert np.abs(trail.states.moment - [row["moment"] for row in rows]).max() <= 1e-5
+
+
+def test_a_fold_ends_a_path_and_keeps_what_was_reached():
+    way = centre().inputs + np.outer([-0.2, -0.35, -0.4, -1.0], [1.0, 0.0])
+    trail = follow(centre(), inputs=way)
+    assert trail.why == "fold: direct singularity"
+    assert np.isfinite(trail.states.vector).all(axis=1).tolist() == [True, True, False, False]
+    turn = (trail.last.inputs - centre().inputs)[0]
+    assert turn == pytest.approx(PATHS["fold"]["turn"], abs=1e-5)  # five decimals
+    assert trail.reached == pytest.approx(2 + (-turn - 0.35) / 0.05, abs=1e-9)
+    assert np.abs(trail.last.pose - PATHS["fold"]["pose"]).max() <= 1e-5
+
+
+def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
+    branch = trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
+    assert not branch.why
+    assert branch.at.shape == (1,)
+    fold, start = branch.folds[0], derivatives(centre())
+    found = derivatives(fold)
+    assert abs(found.direct_determinant) <= 1e-9 * start.direct_determinant  # rounding
+    assert abs(found.inverse_determinant) > 0.1 * abs(start.inverse_determinant)
+    assert abs(np.linalg.eigvalsh(found.stiffness)[0]) <= 1e-9  # N/m: the platform gives way
+    slack, eps = np.linalg.svd(closure(fold)[1][:, :8])[2][-1], 1e-6
+    ahead = fold.inputs + np.array([eps, 0.0])
+    # along the null vector the parameter is quadratic, so solutions are sqrt(eps) = 1e-3 away
+    sides = [direct(State(PAIR, fold.vector + np.pad(step * slack, (0, 4))).replaced(inputs=ahead))
+             for step in (3e-3, -3e-3)]
+    assert 1e-4 < np.linalg.norm(sides[0].pose - sides[1].pose) < 1e-2
+    with pytest.raises(ValueError, match="no equilibrium"):
+        direct(fold.replaced(inputs=fold.inputs - [eps, 0.0]))
+
+
+def test_a_symmetric_pair_gives_way_sideways():
+    """At a branch point the path runs on; there the stiffness across it vanishes."""
+    turns = np.radians(DATA["symmetric"]["inputs_deg"])
+    row = DATA["symmetric"]["recomputed"][0]
+    first = np.array(row["force1"])
+    start = direct(state(PAIR, inputs=turns, pose=[0.0, row["y"]], force=[first, -first],
+                         moment=[row["moment1"], -row["moment1"]]))
+    trail = follow(start, load=[[0.0, -2.0]])
+    assert not trail.why
+    assert trail.crossed.shape == (1,)
+    beside = trail.crossed[0] * np.array([1.0 - 1e-5, 1.0 + 1e-5])
+    there = follow(start, load=np.outer(beside, [0.0, -2.0])).states
+    assert np.abs(there.pose[:, 0]).max() <= 1e-9
+    across = derivatives(there).stiffness[:, 0, 0]
+    assert across[0] > 0.0 > across[1]
+    assert derivatives(start).stiffness[0, 0] > 0.0 > derivatives(trail.last).stiffness[0, 0]
+
+
+def test_behind_the_fold_the_platform_is_unstable():
+    """Until a rod buckles between its ends as well, and the stiffness passes infinity."""
+    branch = trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
+    found = derivatives(branch.states)
+    least, turn = np.linalg.eigvalsh(found.stiffness)[:, 0], branch.parameter.argmin()
+    assert (least[:turn - 1] > 0.0).all()
+    held = (found.rod_determinants * found.rod_determinants[0] > 0.0).all(axis=1)
+    assert held[:turn + 6].all()
+    assert (least[turn + 1:][held[turn + 1:]] < 0.0).all()
+    assert (np.diff(np.sign(found.direct_determinant)) != 0).sum() == 1
+    assert np.abs(closure(branch.states)[0]).max() <= 1e-9
+    assert branch.parameter[-1] == 0.0
+    assert np.abs(branch.states.pose[-1] - centre().pose).max() > 0.1  # another equilibrium
+
+
+def test_inverse_singularity_ends_a_line_of_poses():
+    """Towards the reach of rod 1: it is straight there, and no motor moves it on."""
+    trail = follow(centre(), pose=centre().pose[None] + [1.2, 0.0])
+    assert trail.why == "fold: inverse singularity"
+    found = derivatives(trail.last)
+    assert abs(found.inverse_determinant) <= 1e-9 * abs(derivatives(centre()).inverse_determinant)
+    assert abs(found.direct_determinant) > 0.01
+    sizes = np.linalg.svd(found.direct, compute_uv=False)
+    assert sizes[1] <= 1e-9 * sizes[0]  # there is a direction in which no motor moves it
+    assert np.hypot(*(trail.last.pose - [-0.3, 0.0])) == pytest.approx(1.0, abs=1e-10)
+    assert abs(trail.last.moment[0]) <= 1e-9
+
+
+def test_a_sheet_of_poses_is_the_path_through_it():
+    sheet = spread(centre(), np.linspace(0.0, 0.6, 9), np.linspace(-0.5, 0.0, 6))
+    x, y = np.meshgrid(sheet.first, sheet.second, indexing="ij")
+    kept = sheet.states[sheet.reached]
+    assert sheet.reached.sum() > 40
+    off = kept.pose - np.stack([x, y], axis=-1)[sheet.reached]
+    assert np.abs(off).max() <= 1e-15  # rounding of steps of up to 0.6 m
+    assert np.abs(closure(kept)[0]).max() <= 1e-9
+    for node in ((1, 1), (4, 3), (7, 4)):
+        goal = sheet.states[node]
+        path = follow(centre(), pose=goal.pose[None])
+        assert np.abs(path.last.inputs - goal.inputs).max() <= 1e-8
+
+
+def test_sheet_and_loci_have_the_symmetry_of_the_mechanism():
+    """Without load the mirror image x -> -x swaps the rods; loci are on both sides."""
+    sheet = spread(centre(), np.linspace(-0.6, 0.6, 9), np.linspace(-0.4, 0.1, 4))
+    assert (sheet.reached == sheet.reached[::-1]).all()
+    found = loci(sheet, "direct")
+    assert len(found.vector) > 10
+    size = np.abs(derivatives(sheet.states[sheet.reached]).direct_determinant).max()
+    assert np.abs(derivatives(found).direct_determinant).max() <= 1e-7 * size  # 1e-9 of an edge
+    gaps = np.linalg.norm(found.pose[:, None] - found.pose * MIRROR, axis=-1).min(axis=1)
+    assert np.quantile(gaps, 0.8) <= 1e-6  # where sheets meet, an edge on one side is left out
+    # nothing is left of the inverse singularities: a sheet of poses ends there
+    assert not len(loci(sheet, "inverse").vector)
+
+
+def test_a_sheet_of_inputs_ends_at_the_fold():
+    q = centre().inputs
+    sheet = spread(centre(), q[0] + np.linspace(-0.5, 0.5, 21), q[1] + np.array([-0.05, 0.0, 0.05]),
+                   name="inputs")
+    turns = sheet.first[sheet.reached[:, 1]] - q[0]
+    # steps of 0.05 rad, fold at -0.365
+    assert turns.min() == pytest.approx(-0.35, abs=1e-9)
+    assert turns.max() == pytest.approx(0.5, abs=1e-9)
+
+
+def test_platform_follows_a_circle_at_constant_orientation():
+    turns = np.radians([0.0, 120.0, -120.0])
+    a = three(0.2 * np.sqrt(3.0), angle=turns, guide=turns, prolongation=0.1)
+    row = DATA["pfr3"]
+    start = inverse(state(a, pose=[0.0, 0.0, np.radians(row["phi_deg"])], moment=-0.002,
+                          force=0.04 * np.array([a.clamp.real, a.clamp.imag]).T))
+    angle = np.linspace(0.0, 2 * np.pi, 13)
+    way = start.pose + 0.05 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    trail = follow(start, pose=way)
+    assert not trail.why
+    assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9
+    # three-fold symmetry: a third of the circle later the next slide does the same
+    assert np.abs(np.roll(trail.states.inputs[4], -1) - trail.states.inputs[0]).max() <= 1e-9
+
+
+@pytest.mark.parametrize(("wrong", "word"), [
+    ({}, "give way points"),
+    ({"inputs": [[0.0, 0.0]], "pose": [[0.0, 0.0]]}, "not of both"),
+    ({"pose": [[0.0, 0.0, 0.0]]}, r"pose must be finite, \(\.\.\., 2\)"),
+    ({"load": [[np.nan, 0.0]]}, "load must be finite"),
+])
+def test_bad_way_points(wrong, word):
+    with pytest.raises(ValueError, match=word):
+        follow(centre(), **wrong)
+
+
+def test_bad_maps():
+    with pytest.raises(ValueError, match="name must be 'pose' or 'inputs'"):
+        spread(centre(), [0.0], [0.0], name="load")
+    with pytest.raises(ValueError, match="the start cannot be followed to the grid's node"):
+        spread(centre(), [0.65], [-0.35])  # rod 1 does not reach as far
+    sheet = spread(centre(), [0.25, 0.3], [-0.35, -0.3])
+    with pytest.raises(ValueError, match="which must be 'direct' or 'inverse'"):
+        loci(sheet, "both")

@@ -1,0 +1,205 @@
+"""Maps of flexible mechanisms: singularities by differences, stability by shooting, symmetry."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods import integrate
+from proofmass.analytic.rods.continuation import follow
+from proofmass.analytic.rods.derivatives import derivatives
+from proofmass.analytic.rods.direct import direct
+from proofmass.analytic.rods.rod_maps import motor_angles, workspace
+from proofmass.analytic.rods.rod_platform_charts import constant_orientation
+from proofmass.analytic.rods.rod_sheets import area, aspect, joined, over_poses, rim, sheet
+from proofmass.analytic.rods.second_variation import stability
+from proofmass.analytic.rods.state import state
+from proofmass.analytic.rods.workspace import loci, spread
+from tests.analytic.rods.rod_assembly_cases import DATA, EI, PAIR, pair
+
+CASE = {"distance": 0.6, "theta1": np.radians(40), "theta2": np.radians(60), "force_x": 0.3,
+        "force_y": -0.1, "pin_x": 0.19, "pin_y": 0.86, "moment1": 0.086, "moment2": -0.025,
+        "push_x": 0.19, "push_y": 0.51, "stiffness": EI}
+CLAMPS = PAIR.clamp
+
+
+@cache
+def natural():
+    return sheet(pair("S4"), 17)
+
+
+@cache
+def unloaded():
+    row = DATA["rfr2"]["recomputed"]["S2"]
+    near = pair("S2")
+    return direct(state(PAIR, inputs=np.radians(row["unloaded_inputs_deg"]), pose=near.pose,
+                        moment=near.moment, force=near.force))
+
+
+@cache
+def folds():
+    """Direct singularities on a sheet of poses about the fold of motor 1."""
+    return loci(spread(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6)), "direct")
+
+
+def residual(x, inputs, load):
+    """Eq. 98 of Pérez Gámiz 2018, by an integrator of its own: x (8, n) in the order of eq. 102."""
+    rows = []
+    for i, clamp in enumerate(CLAMPS):
+        m0, n_x, n_y = x[3 * i:3 * i + 3]
+        rod = integrate(n_x, n_y, m0, theta0=inputs[i], stiffness=EI, nodes=41)
+        rows += [rod.m[-1], clamp.real + rod.x[-1] - x[6], clamp.imag + rod.y[-1] - x[7]]
+    return np.array([*rows, x[1] + x[4] - load[0], x[2] + x[5] - load[1]])
+
+
+def singular_values(s):
+    """Of the 8 x 8 matrix of the direct problem, by central differences."""
+    x, h = s.vector[:8, None], 1e-5 * np.eye(8)
+    up, down = (residual(x + step, s.inputs, s.load) for step in (h, -h))
+    return np.linalg.svd((up - down) / 2e-5, compute_uv=False)
+
+
+def test_direct_singularities_by_differences():
+    """There the motors no longer hold the pin: the matrix of the *direct* problem is singular."""
+    found = folds()
+    assert len(found.vector) > 4
+    for s in (found[i] for i in range(0, len(found.vector), 3)):
+        values = singular_values(s)
+        # bisected to 1e-9 of an edge of 0.05 m; differences 1e-10 of third derivatives up to 1e3
+        assert values[-1] < 1e-6 * values[0]
+        assert values[-2] > 1e-4 * values[0]
+    values = singular_values(unloaded())
+    assert values[-1] > 1e-4 * values[0]
+
+
+def test_motors_end_where_the_sheet_of_poses_is_singular():
+    """A fold, met by turning motor 1, is on the direct singularities of the sheet of poses."""
+    start = unloaded()
+    fold = follow(start, inputs=start.inputs[None] - [1.0, 0.0]).last
+    gap = np.linalg.norm(folds().pose - fold.pose, axis=1).min()
+    assert gap < 0.05  # an edge: points are where the locus crosses lines of the grid
+    assert abs(np.linalg.eigvalsh(derivatives(fold).stiffness)[0]) < 1e-8
+
+
+@pytest.mark.slow
+def test_rim_of_a_sheet_is_an_inverse_singularity():
+    ends, ways = rim(natural())
+    slopes = derivatives(ends)
+    start = derivatives(pair("S4"))
+    # within 1e-4 of an edge the determinant is a root of that, 1e-2
+    share = np.abs(slopes.inverse_determinant / start.inverse_determinant)
+    assert np.median(share) < 0.05
+    assert len(ends.vector) == len(ways)
+    assert np.all(np.abs(ends.pose[:, 0] + 1j * ends.pose[:, 1] - CLAMPS[:, None]) <= 1.0 + 1e-9)
+
+
+@pytest.mark.slow
+def test_top_of_the_rim_is_the_reach_of_straight_rods():
+    """A pin that pulls: above, the sheet ends where one rod is straight."""
+    ends, ways = rim(natural())
+    top = ends.pose[(ways[:, 1] == 1) & (ends.pose[:, 1] > 0.5)]
+    away = np.abs(top @ [1.0, 1.0j] - CLAMPS[:, None]).max(axis=0)
+    assert len(top) > 5
+    assert np.quantile(np.abs(away - 1.0), 0.8) < 1e-3  # the march ends 1e-4 of an edge before
+
+
+def test_the_aspect_of_a_stable_equilibrium_is_stable():
+    """By Jacobi's field of each rod with its tip pinned, and the stiffness of the pin."""
+    m = sheet(pair("S4"), 13)
+    edges, torn = joined(m)
+    own = aspect(m, edges, pair("S4"))
+    states = m.states[own]
+    turn = states.shape([1.0])[2][..., 0]
+    assert 30 < own.sum() < m.reached.sum()
+    for i in range(2):
+        rods = stability(states.force[:, i, 0], states.force[:, i, 1], turn[:, i], stiffness=EI)
+        assert not rods.pinned.any()
+    assert np.linalg.eigvalsh(derivatives(states).stiffness).min() > 0.0
+    beyond = derivatives(m.states[m.reached & ~own & ~torn])
+    assert (np.linalg.eigvalsh(beyond.stiffness)[:, 0] < 0.0).any()
+
+
+@pytest.mark.slow
+def test_labels_of_singularities_are_those_of_the_text():
+    """Not of the program, which has them swapped: direct where K is singular, at which dq/dP is."""
+    chart = over_poses(pair("S4"), natural(), "rad²/m²")
+    lines = {line.label: np.stack([line.x, line.y], axis=1) for line in chart.panels[0].lines}
+    for label, states in (("direct singularity", loci(natural(), "direct")),
+                          ("inverse singularity", rim(natural())[0])):
+        points = lines[label][np.isfinite(lines[label][:, 0])]
+        assert len(points) > 20
+        assert np.abs(points[:, None] - states.pose).sum(axis=-1).min(axis=1).max() < 1e-9
+    assert np.nanmin(chart.panels[1].field.values) > 0.0  # up to the first direct singularity
+
+
+@pytest.mark.slow
+def test_unloaded_sheet_is_its_mirror_image():
+    row = DATA["symmetric"]["recomputed"][1]
+    first, moment = np.array(row["force1"]), row["moment1"]
+    start = direct(state(PAIR, inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
+                         pose=[0.0, row["y"]], moment=[moment, -moment], force=[first, -first]))
+    m = sheet(start, 11)
+    assert m.first == pytest.approx(-m.first[::-1], abs=1e-12)
+    values = np.linalg.det(derivatives(m.states[m.reached & m.reached[::-1]]).inverse)
+    mirrored = np.full(m.reached.shape, np.nan)
+    mirrored[m.reached & m.reached[::-1]] = values
+    gap = np.abs(mirrored / mirrored[::-1] - 1.0)[m.reached & m.reached[::-1]]
+    assert gap.size > 0.9 * m.reached.sum()
+    assert np.quantile(gap, 0.85) < 1e-6  # what is left is where the sheet lies over itself
+
+
+def test_maps_do_not_depend_on_the_unit_of_force():
+    """Twice the stiffness and twice the load: the same shapes."""
+    stiff = CASE | {key: 2 * CASE[key] for key in (
+        "force_x", "force_y", "moment1", "moment2", "push_x", "push_y", "stiffness")}
+    one, two = (motor_angles(**case, span=0.4, nodes=5).panels[0] for case in (CASE, stiff))
+    assert one.field.values == pytest.approx(two.field.values, rel=1e-6, nan_ok=True)  # Newton's
+    light = motor_angles(**CASE | {"stiffness": 2 * EI}, span=0.4, nodes=5).panels[0]
+    assert np.nanmax(np.abs(light.field.values / one.field.values - 1.0)) > 0.01
+
+
+@pytest.mark.slow
+def test_area_converges():
+    """Lengths along the lines are exact; between them a rim with corners leaves the step."""
+    areas = [area(m, *rim(m)) for m in (sheet(pair("S4"), n) for n in (17, 29, 57))]
+    assert areas[1] == pytest.approx(areas[2], rel=0.01)  # a corner of the rim takes (1/28)^2
+    assert areas[0] == pytest.approx(areas[2], rel=0.03)  # of the window, or (1/16)^2, and there
+    # are several
+
+
+def test_motor_angles_show_the_field_at_the_case():
+    chart = motor_angles(**CASE, span=0.4, nodes=5)
+    field = chart.panels[0].field
+    here = derivatives(pair("S4")).direct
+    most = np.nanmax(field.values)  # four fifths are not clipped
+    assert field.values[2, 2] == pytest.approx(min(np.linalg.det(here), most), rel=1e-6)
+    assert field.x[2] == pytest.approx(CASE["theta1"])
+
+
+@cache
+def platform():
+    turns = {f"{name}{k}": turn for name in ("theta", "guide")
+             for k, turn in enumerate(np.radians([0.0, 120.0, -120.0]), 1)}
+    return constant_orientation(side=0.5, **turns, stiffness=EI, nodes=7)
+
+
+@pytest.mark.slow
+def test_platform_without_load_is_stiffest_at_the_centre():
+    """Three alike: a third of a turn changes nothing, so the stiffness is level there."""
+    field = platform().panels[1].field
+    x, y = np.meshgrid(field.x, field.y, indexing="ij")
+    best = np.nanargmax(field.values)
+    assert np.hypot(x.flat[best], y.flat[best]) < 0.1
+    assert "80.61" in platform().caption  # degrees, as recomputed
+
+
+@pytest.mark.parametrize(("wrong", "word"), [
+    ({"nodes": 4}, "nodes must lie within"), ({"distance": 3.0}, "clamps 1 and 2 are 3 m apart")])
+def test_bad_maps(wrong, word):
+    with pytest.raises(ValueError, match=word):
+        workspace(**CASE | wrong)
+
+
+def test_bad_windows():
+    with pytest.raises(ValueError, match="span must be"):
+        motor_angles(**CASE, span=0.0)

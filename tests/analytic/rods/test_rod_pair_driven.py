@@ -1,0 +1,169 @@
+"""Two rods on one pin led by their motors: laws, recomputed lines, the fold, turns of motors."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.rod_pair_driven import solve
+from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
+from tests.analytic.rods.rod_chain_cases import continuum
+
+PATHS, LOAD = DATA["trajectories"], np.array(DATA["rfr2"]["load"])
+WHERE = {"distance": 0.6, "stiffness": EI}
+LOADED = WHERE | {"force_x": LOAD[0], "force_y": LOAD[1]}
+LINE = WHERE | {"pin_x": 0.293, "pin_y": -0.341, "moment1": 0.28, "moment2": 0.29,
+                "push_x": -0.83, "push_y": 0.95}  # where the document's trajectories begin
+BEGIN = np.radians([[-32.2157989], [20.9113672]])
+FIRST = np.array([[1.0], [0.0]])
+ASIDE = np.array([0.1, -0.05])  # where the rods are looked at
+
+
+def guess(name):
+    """A first guess for an equilibrium of Table 7, in three digits."""
+    s = pair(name)
+    names = "pin_x", "pin_y", "moment1", "moment2", "push_x", "push_y"
+    values = np.array([*s.pose, *s.moment, *s.force[0]])
+    return s.inputs, LOADED | dict(zip(names, values.round(3), strict=True))
+
+
+def test_a_motor_turned_by_a_radian():
+    """The document's line without load, recomputed: pin and moments at its clamps."""
+    rows = PATHS["motor"]
+    found = solve(BEGIN + FIRST * [0.0, *(row["turn"] for row in rows)], **LINE)
+    for names, key in ((("pin_x", "pin_y"), "pose"), (("hold1", "hold2"), "moment")):
+        sign = -1.0 if key == "moment" else 1.0  # the motors hold against the rods
+        values = sign * np.stack([found[name][1:] for name in names], axis=1)
+        # given to six decimals, moments to five
+        np.testing.assert_allclose(values, [row[key] for row in rows], rtol=0, atol=6e-6)
+
+
+def test_both_motors_lead_the_pin_round_a_ring():
+    """Motor angles of a ring of 0.2 m about the start, recomputed to 1e-5 degrees."""
+    rows = PATHS["ring"]
+    angles = np.radians([row["inputs_deg"] for row in rows]).T
+    found = solve(np.hstack([BEGIN, angles]), **LINE)
+    turn = np.radians([row["angle_deg"] for row in rows])
+    for name, ring in (("pin_x", np.cos(turn)), ("pin_y", np.sin(turn))):
+        # 1e-5 degrees times dP/dtheta
+        np.testing.assert_allclose(found[name][1:] - found[name][0], 0.1 * ring, atol=2e-7)
+
+
+def test_a_fold_ends_the_branch():
+    """NaN behind it; the pin loses its stiffness with the root of the way to it."""
+    fold = PATHS["fold"]
+    ways = np.array([4e-4, 1e-4, -1e-4])  # the turn is given to 5e-6 rad
+    found = solve(BEGIN + FIRST * [0.0, *(fold["turn"] + ways)], **LINE)
+    assert np.isfinite(found["pin_x"]).tolist() == [True, True, True, False]
+    assert all(np.isnan(curve[3]) for curve in found.values())
+    soft = found["pin_stiffness"][1:3]
+    assert soft[1] / soft[0] == pytest.approx(0.5, abs=0.02)  # next power; the fold's 5e-6
+    near = [found["pin_x"][2], found["pin_y"][2]]
+    assert near == pytest.approx(fold["pose"], abs=2e-2)  # that root: 1e-2 rad
+
+
+TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
+
+
+@pytest.mark.parametrize("name", [
+    "S3", *(pytest.param(name, marks=pytest.mark.slow) for name in ("S1", "S4"))])
+def test_turns_of_the_motors_join_the_equilibria_of_table_7(name):
+    """The clamps come back, the rods are wound otherwise: S1 and S2 are printed there."""
+    *turns, other = TURNS[name]
+    begin, given = guess(name)
+    found = solve(begin[:, None] + 2 * np.pi * np.outer(turns, np.linspace(0, 1, 13)), **given)
+    goal = pair(other)
+    ends = [found[key][-1] for key in ("pin_x", "pin_y", "hold1", "hold2", "energy")]
+    truth = [*goal.pose, *-goal.moment, goal.energy.sum()]
+    np.testing.assert_allclose(ends, truth, rtol=0, atol=1e-10)  # Newton's, of sizes L and EI/L
+    assert found["pin_stiffness"].min() > 0.1  # far from any fold
+
+
+@pytest.mark.parametrize("name", ["S1", "S2", "S3", "S4"])
+def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
+    """By DOP853 from moments and forces: places, tangents, no moment at the pin, energy."""
+    begin, given = guess(name)
+    found = {key: curve[-1] for key, curve in solve(
+        np.stack([begin, begin + ASIDE], axis=1), **given).items()}
+    first, stored = np.array([found["push_x"], found["push_y"]]), 0.0
+    s = np.linspace(0.0, 1.0, 2001)
+    for k, force in enumerate((first, LOAD - first)):
+        angle = begin[k] + ASIDE[k]
+        theta, bend, x, y = continuum(angle, force, -found[f"hold{k + 1}"], EI)(s)
+        assert theta[-1] == pytest.approx(found[f"tip{k + 1}"], abs=1e-8)  # DOP853 at 1e-11
+        assert EI * bend[-1] == pytest.approx(0.0, abs=1e-9)
+        pin = [x[-1] + (0.3 if k else -0.3), y[-1]]
+        assert pin == pytest.approx([found["pin_x"], found["pin_y"]], abs=1e-8)
+        stored += EI / 2 * np.trapezoid(bend**2, s)
+    assert stored == pytest.approx(found["energy"], rel=1e-5)  # the trapezoids
+
+
+def spread(h):
+    """A sample of the document's line between two others, by turning either motor."""
+    middle = BEGIN + FIRST * 0.4
+    return [solve(np.hstack([BEGIN, middle, middle + way, middle - way]), np.ones((2, 1)), **LINE,
+                  force_x=0.02) for way in h * np.eye(2)[..., None]]
+
+
+def test_rates_are_slopes_and_moments_are_work():
+    """dP/dt = sum dP/dtheta_i, and d(U - F.P) = hold . dtheta, by differences."""
+    h = 1e-4
+    first, second = spread(h)
+    for axis in "xy":
+        slopes = [(one[f"pin_{axis}"][2] - one[f"pin_{axis}"][3]) / (2 * h)
+                  for one in (first, second)]
+        assert first[f"pin_v{axis}"][1] == pytest.approx(sum(slopes), abs=1e-7)  # h^2
+    for one, hold in ((first, "hold1"), (second, "hold2")):
+        potential = one["energy"] - 0.02 * one["pin_x"]
+        slope = (potential[2] - potential[3]) / (2 * h)
+        assert one[hold][1] == pytest.approx(slope, abs=1e-7)  # h^2
+
+
+def test_symmetric_motors_keep_the_pin_in_the_middle():
+    """Tangents 60 and 120 degrees without load: the recomputed pose, and further down."""
+    turn = np.linspace(0.0, 0.3, 4)
+    found = solve([np.pi / 3 + turn, 2 * np.pi / 3 - turn], [[1.0], [-1.0]], distance=0.6,
+                  pin_x=0.0, pin_y=0.95, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0)
+    assert np.abs(found["pin_x"]).max() <= 1e-9
+    assert np.abs(found["pin_vx"]).max() <= 1e-9
+    np.testing.assert_allclose(found["hold1"], -found["hold2"], atol=1e-9)
+    assert found["pin_y"][0] == pytest.approx(0.948938, abs=5e-7)  # its digits
+
+
+def test_motors_that_differ_in_the_seventh_digit_have_equilibria_of_their_own():
+    """They share the search for a way, whatever was asked before."""
+    step = 2e-7
+    one, other = (solve(BEGIN + FIRST * turn, FIRST, **LINE) for turn in (0.5, 0.5 + step))
+    slope = (other["pin_x"] - one["pin_x"]) / step
+    assert slope == pytest.approx(one["pin_vx"], abs=2e-3)  # Newton's 1e-10 twice, over the step
+
+
+@pytest.mark.slow
+def test_the_way_there_does_not_matter():
+    """More samples, there and back, other units: the same equilibria."""
+    turn = np.linspace(0.0, 1.0, 3)
+    coarse = solve(BEGIN + FIRST * turn, FIRST, **LINE)
+    there = np.linspace(0.0, 1.0, 9)
+    fine = solve(BEGIN + FIRST * np.append(there, there[-2::-1]), FIRST, **LINE)
+    big = {"distance": 1.2, "length": 2.0, "stiffness": 4 * EI, "pin_x": 0.586, "pin_y": -0.682,
+           "moment1": 0.56, "moment2": 0.58, "push_x": -0.83, "push_y": 0.95}
+    larger = solve(BEGIN + FIRST * turn, FIRST, **big)
+    size = {"pin_x": 2, "pin_y": 2, "pin_vx": 2, "pin_vy": 2, "hold1": 2, "hold2": 2, "energy": 2,
+            "pin_stiffness": 0.5}
+    for name, curve in coarse.items():
+        # Newton's 1e-10, over the softness of the pin
+        np.testing.assert_allclose(fine[name][[0, 4, 8, 12, 16]], curve[[0, 1, 2, 1, 0]], atol=1e-8)
+        np.testing.assert_allclose(larger[name], size.get(name, 1) * curve, atol=1e-8)
+
+
+@pytest.mark.parametrize(("change", "word"), [
+    ({"angle": [0.1, 0.2]}, r"theta1 and theta2, \(2, n\), got \(2,\)"),
+    ({"angle": np.zeros((2, 0))}, r"got \(2, 0\)"),
+    ({"angle": np.zeros((3, 4))}, r"got \(3, 4\)"),
+    ({"angle": [[0.0, np.nan], [0.0, 0.0]]}, "angle must be finite, got nan"),
+    ({"stiffness": -1.0}, "stiffness must be finite and above 0"),
+    ({"length": 0.0}, "length must be finite and above 0"),
+    ({"distance": 3.0}, "clamps 1 and 2 are 3 m apart, and their rods reach 2 m"),
+    ({"moment1": 30.0}, "no equilibrium is found from the guess"),
+])
+def test_bad_values_are_named(change, word):
+    with pytest.raises(ValueError, match=word):
+        solve(**{"angle": BEGIN + FIRST * [0.0, 0.1]} | LINE | change)

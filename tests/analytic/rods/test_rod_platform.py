@@ -1,0 +1,253 @@
+"""Three rods on a platform as references: Table 8, annex II.4, shooting, virtual work, symmetry."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from proofmass.analytic.rods import rod_platform, rod_platform_driven
+from proofmass.analytic.rods.assembly import mirrored, triangle
+from proofmass.analytic.rods.rod_platform import Problem, standing
+from tests.analytic.rods.rod_assembly_cases import CORNERS, DATA, EI, three
+from tests.independent.rods.chain_assembly import settle
+
+ANNEX = json.loads((Path(__file__).parents[2] / "data" / "rod_platform.json").read_text())
+TABLE8 = DATA["rfr3"]
+MOTORS8 = tuple(np.radians(TABLE8["inputs_deg"]).tolist())
+RFR3 = {"side": TABLE8["side"], "force_y": 0.5, "stiffness": EI,
+        "theta1": MOTORS8[0], "theta2": MOTORS8[1], "theta3": MOTORS8[2]}
+TURNS = np.radians(ANNEX["angle_deg"])
+GUIDED = {"stiffness": EI} | {f"{key}{k}": turn for key in ("theta", "guide")
+                              for k, turn in enumerate(TURNS, 1)}
+PFR3 = {"side": ANNEX["side"], "force_x": 0.3, "force_y": -0.2, **GUIDED}
+ENDS = np.array([0.0, 1.0])
+
+
+def at(slides, **parameters):
+    """Quantities at one triple of inputs, as numbers."""
+    found = rod_platform_driven.solve(np.asarray(slides, float), **parameters)
+    return {name: float(value) for name, value in found.items()}
+
+
+def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
+    """A state of the mechanism of Table 8."""
+    return standing(Problem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode)
+
+
+@pytest.mark.parametrize(("mode", "row"), [(2, 0), (1, 1)])
+def test_table_8_at_rest(mode, row):
+    """Its two solutions are the two lowest of the stable equilibria."""
+    wanted = TABLE8["recomputed"][row]
+    found = rod_platform.solve(ENDS, **RFR3, mode=mode)
+    assert [found["x"][0], found["y"][0]] == pytest.approx(wanted["pose"], abs=1e-8)  # its digits
+    assert np.degrees(found["phi"][0]) == pytest.approx(wanted["phi_deg"], abs=1e-6)
+    assert found["energy"][0] == pytest.approx(wanted["energy"], abs=1e-8)
+    holds = [-found[f"hold{k}"][0] for k in (1, 2, 3)]
+    assert holds == pytest.approx(wanted["moment"], abs=1e-8)
+    arms = triangle(0.2) @ [1.0, 1.0j] * np.exp(1j * found["phi"][0])
+    for k, (arm, clamp) in enumerate(zip(arms, CORNERS, strict=True), 1):
+        pin = found["x"][0] + 1j * found["y"][0] + arm
+        assert abs(found[f"x{k}"][1] + 1j * found[f"y{k}"][1] - pin) <= 1e-10
+        assert [found[f"x{k}"][0], found[f"y{k}"][0]] == pytest.approx(clamp, abs=1e-15)
+        assert [found[f"t{k}"][0], found[f"m{k}"][0]] == pytest.approx(
+            [MOTORS8[k - 1], -found[f"hold{k}"][0]], abs=1e-12)
+        assert abs(found[f"m{k}"][1]) <= 1e-10
+
+
+def test_other_stable_equilibria_have_a_looped_rod():
+    """Three that the table lacks: chains of the same shapes are stable as well."""
+    for mode in (1, 2, 3, 4, 5):
+        s = rfr3(mode=mode)
+        tips = s.shape([0.0, 1.0])[2]
+        looped = np.abs(tips[:, 1] - tips[:, 0]) > np.radians(300.0)
+        assert looped.sum() == (mode > 2)
+        shapes = [lambda arc, k=k, s=s: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
+        # of a rod that is 40 links long at least: the bend of a loop is 1/13 of its length
+        own = settle(three(0.2), MOTORS8, seed=shapes, segments=80,
+                     force=(0.0, 0.5))
+        assert own.curvatures[0] > 0.0
+        np.testing.assert_allclose(own.pose, s.pose, atol=6e-3)  # h^2 of that bend
+    with pytest.raises(ValueError, match=r"mode 6 is not there; .*; 2 at \(0.0165, 0.0206\) m"):
+        rfr3(mode=6)
+
+
+@pytest.mark.parametrize("load", [(0.0, 0.5, 0.0), (0.2, 0.1, 0.03)])
+def test_shooting_finds_the_same(load):
+    """Twelve unknowns, integrated by another method from a guess of two digits."""
+    s = rfr3(load, mode=2)
+
+    def residual(z):
+        x, y, phi = z[9:]
+        arms = triangle(0.2) @ [1.0, 1.0j] * np.exp(1j * phi)
+        rows, pull, turn = [], -np.array(load[:2]), -load[2]
+        for k, motor in enumerate(MOTORS8):
+            moment, *n = z[3 * k: 3 * k + 3]
+            end = solve_ivp(lambda _, u, n=n: [np.cos(u[2]), np.sin(u[2]), u[3] / EI,
+                                               n[0] * np.sin(u[2]) - n[1] * np.cos(u[2])],
+                            (0.0, 1.0), [*CORNERS[k], motor, moment], method="DOP853",
+                            rtol=1e-11, atol=1e-12).y[:, -1]
+            rows += [end[0] - x - arms[k].real, end[1] - y - arms[k].imag, end[3]]
+            pull, turn = pull + n, turn + arms[k].real * n[1] - arms[k].imag * n[0]
+        return [*rows, *pull, turn]
+
+    guess = [float(f"{value:.2g}") for value in s.vector[:12]]
+    found = root(residual, guess, tol=1e-12)
+    assert np.abs(found.x - guess).max() > 1e-3
+    np.testing.assert_allclose(found.x, s.vector[:12], rtol=0, atol=1e-9)  # 1e-11 of a rod's digits
+
+
+def test_the_misprinted_angle_is_another_mechanism():
+    """With theta2 = 0 no equilibrium, of any potential, is near a printed one."""
+    motors = tuple(np.radians([45.0, TABLE8["inputs2_misprint_deg"], -60.0]))
+    there = rod_platform.stable(Problem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3,
+                                        (0.0, 0.5, 0.0), 1)).pose
+    for row in TABLE8["recomputed"]:
+        assert np.hypot(*(there[:, :2] - row["pose"]).T).min() > 0.05
+
+
+def test_annex_configuration():
+    """Three equilibria; the other roots of the program's residual are mirror images."""
+    a = three(ANNEX["side"])
+    pins = [row["pins"] for row in DATA["pfr3_closures"]["pins"]]
+    assert mirrored(a, pins).tolist() == [row["mirrored"] for row in DATA["pfr3_closures"]["pins"]]
+    for mode, row in enumerate(ANNEX["equilibria"], 1):
+        found = at([ANNEX["slide"]] * 3, **PFR3, mode=mode)
+        assert [found["x"], found["y"]] == pytest.approx(row["pose"], abs=5.1e-6)  # its digits
+        assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=5.1e-4)
+        assert found["energy"] == pytest.approx(row["energy"], abs=5.1e-6)
+        arms = triangle(ANNEX["side"]) @ [1.0, 1.0j] * np.exp(1j * found["phi"])
+        own = np.stack([found["x"] + arms.real, found["y"] + arms.imag], axis=-1)
+        near = np.abs(np.array(pins) - own).max(axis=(1, 2))
+        assert near.min() < 2e-6
+        assert not DATA["pfr3_closures"]["pins"][near.argmin()]["mirrored"]
+    with pytest.raises(ValueError, match="mode 4 is not there"):
+        at([ANNEX["slide"]] * 3, **PFR3, mode=4)
+
+
+@pytest.mark.parametrize("row", DATA["pfr3"]["recomputed"], ids=["rigid ends", "none"])
+@pytest.mark.slow
+def test_start_pose_of_the_program(row):
+    """Its slides turn the unloaded platform to 60 degrees; each force is across its guide."""
+    side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
+    found = at([row["slide"]] * 3, side=side, **GUIDED, prolongation=row["prolongation"])
+    assert np.degrees(found["phi"]) == pytest.approx(60.0, abs=5e-5)  # 5e-8 m of the slide, 0.3 m
+    holds = np.array([found[f"hold{k}"] for k in (1, 2, 3)])
+    assert np.abs(holds).max() <= 2e-8  # the same times 0.1 N/m
+    assert np.ptp(holds) <= 1e-12
+    assert abs(found["x"]) + abs(found["y"]) <= 1e-12
+
+
+@pytest.mark.parametrize("row", DATA["pfr3_symmetric"]["recomputed"])
+def test_symmetric_platform_without_load(row):
+    found = at([0.0] * 3, side=0.5, **GUIDED, mode=1 if row["phi_deg"] > 0 else 2)
+    assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=1e-5)  # five decimals
+    assert found["energy"] == pytest.approx(row["energy"], abs=1e-7)
+    assert abs(found["x"]) + abs(found["y"]) <= 1e-12
+    along = np.cos(TURNS) * np.array(row["force"])[:, 0] + np.sin(TURNS) * np.array(
+        row["force"])[:, 1]
+    assert [found[f"hold{k}"] for k in (1, 2, 3)] == pytest.approx(-along, abs=1e-6)
+
+
+def test_a_third_of_a_turn():
+    """Load and slides turned by 120 degrees: so is the pose, and the drives change places."""
+    path, third = np.linspace([0.1] * 3, [0.2, 0.05, -0.1], 3).T, np.exp(2j * np.pi / 3)
+    load = (0.3 - 0.2j) * third
+    one = rod_platform_driven.solve(path, **PFR3)
+    two = rod_platform_driven.solve(
+        np.roll(path, 1, axis=0), **PFR3 | {"force_x": load.real, "force_y": load.imag})
+    np.testing.assert_allclose(two["x"] + 1j * two["y"], (one["x"] + 1j * one["y"]) * third,
+                               rtol=0, atol=1e-11)
+    np.testing.assert_allclose(two["phi"], one["phi"], rtol=0, atol=1e-11)
+    for k in (1, 2, 3):
+        np.testing.assert_allclose(two[f"hold{k % 3 + 1}"], one[f"hold{k}"], rtol=0, atol=1e-11)
+
+
+DRIVEN = {
+    "guides": ({**PFR3, "mode": 2}, [0.1, 0.1, 0.1], [0.5, 0.2, 0.3]),
+    "rigid ends": ({**PFR3, "prolongation": 0.1}, [0.1, 0.1, 0.1], [0.3, 0.2, 0.1]),
+    "motors": ({"side": 0.2, "force_y": 0.5, "moment": 0.01, "stiffness": EI, "mode": 2},
+               MOTORS8, np.add(MOTORS8, [0.3, -0.2, 0.1])),
+}
+
+
+@pytest.mark.parametrize(("parameters", "first", "last"), DRIVEN.values(), ids=DRIVEN)
+def test_rates_and_virtual_work(parameters, first, last):
+    """Rates are slopes of the path, and what the drives hold is that of the potential."""
+    h, way = 1e-4, np.subtract(last, first)
+    share = np.array([0.0, 0.3 - h, 0.3, 0.3 + h, 1.0])
+    path = np.asarray(first)[:, None] + way[:, None] * share
+    found = rod_platform_driven.solve(path, way[:, None], **parameters)
+    force = [parameters.get(name, 0.0) for name in ("force_x", "force_y", "moment")]
+    potential = found["energy"] - sum(
+        f * found[name] for f, name in zip(force, ("x", "y", "phi"), strict=True))
+    held = sum(found[f"hold{k}"][2] * way[k - 1] for k in (1, 2, 3))
+    # h^2 of the third derivatives, 20 and less, and 1e-11 of the rods over h
+    for name in ("x", "y", "phi"):
+        slope = (found[name][3] - found[name][1]) / (2 * h)
+        assert found[f"{name}_rate"][2] == pytest.approx(slope, abs=5e-7)
+    assert held == pytest.approx((potential[3] - potential[1]) / (2 * h), abs=5e-7)
+    assert np.ptp(found["phi"]) > 0.05
+
+
+def test_the_end_of_a_path_is_an_equilibrium_of_its_own():
+    """The branch of the path is the one that is found at its end, lowest there as well."""
+    path = np.linspace([0.1, 0.1, 0.1], [0.5, 0.2, 0.3], 5).T
+    found = rod_platform_driven.solve(path, **PFR3)
+    there = at(path[:, -1], **PFR3)
+    for name in ("x", "y", "phi", "energy", "hold1", "hold2", "hold3"):
+        assert found[name][-1] == pytest.approx(there[name], abs=1e-10)
+
+
+def test_a_path_ends_at_its_fold():
+    """Slider 1 drawn out: the platform turns ever faster, and there is nothing beyond."""
+    path = np.linspace([0.1, 0.1, 0.1], [1.5, 0.1, 0.1], 31).T
+    found = rod_platform_driven.solve(path, **PFR3)
+    there = np.isfinite(found["x"])
+    assert there[0]
+    assert not there[-1]
+    assert there.tolist() == sorted(there, reverse=True)
+    assert np.isnan(found["hold2"][~there]).all()
+
+
+def test_neighbours_share_a_search(monkeypatch):
+    """A parameter changed by 1e-6 needs no other search, and moves what it must."""
+    calls = []
+    search = rod_platform.solutions
+    monkeypatch.setattr(rod_platform, "solutions",
+                        lambda *a, **k: calls.append(a) or search(*a, **k))
+    numbers = RFR3 | {"radius": 1.01}
+    up, down = (rod_platform.solve(ENDS, **numbers | {"radius": 1.01 + h}) for h in (1e-6, -1e-6))
+    assert len(calls) == 1
+    wide, narrow = (rod_platform.solve(ENDS, **numbers | {"radius": 1.01 + h})
+                    for h in (4e-5, -4e-5))
+    assert len(calls) == 1
+    for name in ("x", "phi", "hold2"):
+        fine, coarse = (up[name] - down[name])[0] / 2e-6, (wide[name] - narrow[name])[0] / 8e-5
+        assert abs(fine) > 1e-3
+        assert fine == pytest.approx(coarse, rel=1e-4)  # 1e-11 of the rods over 1e-6
+
+
+@pytest.mark.parametrize(("wrong", "word"), [
+    ({"side": -0.2}, "side must be positive"),
+    ({"radius": 0.0}, "radius must be a positive finite length"),
+    ({"stiffness": 0.0}, "stiffness must be finite and above 0"),
+    ({"length": 0.5}, "clamps 1 and 2 are 1.73205 m apart, and their rods reach 1.2 m"),
+    ({"inflections": 0}, "modes must be 1, 2"),
+    ({"mode": 1.5}, "mode 1.5 is not there"),
+    ({"force_y": np.inf}, "load must be finite"),
+])
+def test_bad_parameters(wrong, word):
+    with pytest.raises(ValueError, match=word):
+        rod_platform.solve(ENDS, **RFR3 | wrong)
+
+
+def test_bad_drives():
+    with pytest.raises(ValueError, match="guide1, guide2, guide3 must be given together"):
+        at([0.1] * 3, side=0.5, guide1=0.0)
+    with pytest.raises(ValueError, match=r"inputs must be those of three rods, \(3, ...\), got"):
+        rod_platform_driven.solve(np.zeros((2, 5)), side=0.5)
+    with pytest.raises(ValueError, match="there are: none"):
+        at([0.1] * 3, **PFR3 | {"force_x": 100.0})

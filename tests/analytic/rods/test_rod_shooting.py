@@ -1,0 +1,176 @@
+"""Rods by shooting: orders, tangents, the document's Newton method, stability with a pinned tip."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from proofmass.analytic.rods import from_tip, integrate, of_load, pinned, tip
+from proofmass.analytic.rods.second_variation import stability
+
+FILE = Path(__file__).parents[2] / "data" / "rod_elliptic.json"
+DATA = json.loads(FILE.read_text())["single_rod"]
+EI, PIN = DATA["stiffness"], DATA["pin"]
+ROD = {name: dict(zip(DATA["columns"], DATA[name], strict=True)) for name in "ABCD"}
+DOCUMENT = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
+
+
+def start(name):
+    return [ROD[name][key] for key in ("n_x", "n_y", "m0")]
+
+
+def test_section():
+    """Bending stiffness of the document's round rods; its code calls the unit Pa."""
+    for diameter, stiffness in ((1.5e-3, 0.05218602640), (2e-3, 0.16493361431)):
+        assert 210e9 * np.pi * (diameter / 2) ** 4 / 4 == pytest.approx(stiffness, abs=1e-11)
+    assert pytest.approx(EI, rel=1e-15) == 210e9 * np.pi * 1e-12 / 4
+
+
+@pytest.mark.parametrize(("scheme", "order", "nodes"), [("rk4", 4, (81, 161)),
+                                                        ("dop853", 8, (17, 33))])
+def test_order(scheme, order, nodes):
+    truth = tip(1.3, -0.4, 2)
+    force = truth["R"] * np.array([np.cos(1.3), np.sin(1.3)])
+    errors = []
+    for count in nodes:
+        rod = integrate(*force, truth["m0"], nodes=count, scheme=scheme)
+        errors.append(np.hypot(rod.x[-1] - truth["x"], rod.y[-1] - truth["y"]))
+    seen = np.log2(errors[0] / errors[1])
+    assert seen == pytest.approx(order, rel=0.06)  # terms of the next order, at finite steps
+
+
+def test_errors_of_the_document_s_scheme():
+    """RK4 on the exact load of A: the tip's error falls with the fourth power of the step."""
+    exact = pinned(*PIN, start("A"), stiffness=EI, nodes=161).unknowns
+    for count, error in DATA["rk4_tip_error_at_A"].items():
+        rod = integrate(*exact, stiffness=EI, nodes=int(count), scheme="rk4")
+        found = np.hypot(rod.x[-1] - PIN[0], rod.y[-1] - PIN[1])
+        assert found == pytest.approx(error, rel=5e-3)  # three digits given
+
+
+def test_scipy_s_integrator_agrees_under_weight():
+    """Adaptive steps on the equations written out, with a dead load along the rod."""
+    n, w, length = np.array([0.4, -1.1]), np.array([0.7, -2.0]), 1.3
+
+    def rate(s, z):
+        force = n + w * (length - s)
+        return [z[1] / 0.5, force[0] * np.sin(z[0]) - force[1] * np.cos(z[0]), np.cos(z[0]),
+                np.sin(z[0])]
+
+    run = solve_ivp(rate, (0.0, length), [0.3, 0.8, 0.1, 0.2], "DOP853", rtol=1e-13, atol=1e-14)
+    rod = integrate(*n, 0.8, theta0=0.3, x0=0.1, y0=0.2, weight_x=w[0], weight_y=w[1],
+                    length=length, stiffness=0.5)
+    found = [rod.theta[-1], rod.m[-1], rod.x[-1], rod.y[-1]]
+    np.testing.assert_allclose(found, run.y[:, -1], rtol=0, atol=1e-11)  # its tolerance, summed
+    back = from_tip(*n, rod.theta[-1], rod.m[-1], weight_x=w[0], weight_y=w[1], length=length,
+                    stiffness=0.5)
+    np.testing.assert_allclose([back.theta[-1], -back.m[-1], back.x[-1], back.y[-1]],
+                               [0.3, 0.8, rod.x[-1] - 0.1, rod.y[-1] - 0.2], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("scheme", ["rk4", "dop853"])
+def test_slopes_by_differences(scheme):
+    given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
+    shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "stiffness": 0.4,
+              "scheme": scheme}
+    exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]
+    offsets = step * np.concatenate([np.eye(4), -np.eye(4)])
+    moved = (given + offsets).T
+    ends = integrate(*moved[:3], theta0=moved[3], **shared)
+    values = np.array([ends.theta[-1], ends.m[-1], ends.x[-1], ends.y[-1]])
+    slope = (values[:, :4] - values[:, 4:]) / (2.0 * step)
+    np.testing.assert_allclose(exact, slope, rtol=0, atol=1e-7)  # third derivatives times step^2
+
+
+@pytest.mark.parametrize("name", "ABCD")
+def test_solutions(name):
+    """Newton with exact Jacobians from the digits given; the closed form knows them too."""
+    row = ROD[name]
+    shot = pinned(*PIN, start(name), stiffness=EI, nodes=161)
+    assert shot.converged
+    assert shot.iterations <= 3
+    np.testing.assert_allclose(shot.unknowns, start(name), rtol=0, atol=1e-6)  # digits given: 5e-8
+    assert np.degrees(shot.rod.theta[-1]) == pytest.approx(row["tip_deg"], abs=2e-5)
+    psi, k_rel, mode = of_load(*shot.unknowns, stiffness=EI)
+    assert (round(float(psi), 6), float(mode)) == (round(row["psi"], 6), row["mode"])
+    assert k_rel == pytest.approx(row["k_rel"], abs=6e-8)
+    closed = tip(psi, k_rel, mode, stiffness=EI)
+    assert closed["energy"] == pytest.approx(row["U"], abs=6e-8)
+    # k_rel and psi carry Newton's tolerance, 1e-12
+    assert [closed["x"], closed["y"]] == pytest.approx(PIN, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", "ABCD")
+def test_stability_with_a_pinned_tip(name):
+    row = ROD[name]
+    found = stability(row["n_x"], row["n_y"], np.radians(row["tip_deg"]), stiffness=EI)
+    assert found.pinned == row["negative"]
+    assert found.pinned == smallest(*start(name))
+
+
+def smallest(n_x, n_y, m0, cells=150):
+    """Negative eigenvalues of the energy's Hessian on the motions that leave the tip in place."""
+    rod = integrate(n_x, n_y, m0, stiffness=EI, nodes=2 * cells + 1)
+    theta, h = rod.theta[1::2], 1.0 / cells  # constant angle in each cell
+    along = n_x * np.cos(theta) + n_y * np.sin(theta)
+    spring = np.full(cells, EI / h)
+    spring[0] *= 2.0  # half a cell to the clamp
+    hessian = np.diag(spring + np.append(spring[1:], 0.0) + h * along)
+    hessian -= np.diag(spring[1:], 1) + np.diag(spring[1:], -1)
+    closed = np.stack([np.sin(theta), np.cos(theta)])
+    free = np.linalg.svd(closed)[2][2:]
+    return int(np.sum(np.linalg.eigvalsh(free @ hessian @ free.T) < 0.0))
+
+
+def test_compliance_by_differences():
+    """The tip's compliance is the slope of what Newton finds, turned around."""
+    exact = pinned(*PIN, start("B"), stiffness=EI, nodes=161)
+    found = stability(*exact.unknowns[:2], exact.rod.theta[-1], stiffness=EI).compliance
+    step, stiff = 1e-4, np.empty((2, 2))
+    for k, move in enumerate(step * np.eye(2)):
+        ahead, behind = (pinned(*(PIN + sign * move), exact.unknowns, stiffness=EI).unknowns
+                         for sign in (1.0, -1.0))
+        stiff[:, k] = (ahead - behind)[:2] / (2.0 * step)
+    # third derivatives times step^2: forces of 4 N change over 0.1 m
+    np.testing.assert_allclose(found @ stiff, np.eye(2), rtol=0, atol=1e-4)
+    assert abs(found[0, 1] - found[1, 0]) <= 1e-12  # the gradient of an energy
+
+
+@pytest.mark.parametrize(("guess", "name"), DATA["guesses"])
+@pytest.mark.parametrize("way", ["document", "exact"])
+def test_guess_selects_the_branch(guess, name, way):
+    given = DOCUMENT if way == "document" else {"nodes": 121}
+    shot = pinned(*PIN, guess, stiffness=EI, **given)
+    assert shot.converged
+    # RK4 with 61 nodes is off by 2e-7 m at A and B, more at C: times the stiffness, 1 to 20 N/m
+    np.testing.assert_allclose(shot.unknowns, start(name), rtol=0,
+                               atol={"A": 1e-5, "B": 1e-5, "C": 1e-4}[name])
+    if guess == [0.1, 0.1, 0.1] and way == "document":
+        assert shot.iterations == 6
+
+
+def test_guess_next_to_buckling():
+    """At n_x = -0.4 N, next to the load pi^2/4 EI = 0.407 N at which the clamped-free rod buckles,
+    the first Jacobian is nearly singular: forward differences go where their rounding sends them
+    (an independent run ended in D), and exact ones in a fifth equilibrium.
+    """
+    guess, ends = (-0.4, 0.1, 0.1), set()
+    for nodes in (61, 121):
+        exact = pinned(*PIN, guess, stiffness=EI, nodes=nodes)
+        assert exact.converged
+        assert of_load(*exact.unknowns, stiffness=EI)[2] == 4
+        ends.add(round(exact.unknowns[0], 3))
+    assert ends == {-20.655}
+    first = integrate(*guess, stiffness=EI, slopes=True).slope[-1][[2, 3, 1], :3]
+    assert np.linalg.cond(first) > 5e3
+
+
+def test_bad_values_are_named():
+    for change, message in (({"length": -1.0}, "length"), ({"stiffness": 0.0}, "stiffness"),
+                            ({"nodes": 1}, "nodes"), ({"scheme": "euler"}, "scheme")):
+        with pytest.raises(ValueError, match=f"^{message} must"):
+            integrate(1.0, 0.0, 0.0, **change)
+    with pytest.raises(ValueError, match=r"^length must reach the pin, 1.11803 m away, got 1"):
+        pinned(1.0, 0.5, (0.1, 0.1, 0.1))

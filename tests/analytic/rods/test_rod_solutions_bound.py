@@ -1,0 +1,167 @@
+"""How far equilibria of 3RFR and 3PFR are counted: the bound of loads, what is beyond 20."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods import search_tight
+from proofmass.analytic.rods.assembly import assembly
+from proofmass.analytic.rods.search_bound import hold, largest
+from proofmass.analytic.rods.search_boxes import bound, first, limits, moved, tight
+from proofmass.analytic.rods.search_newton import solve
+from proofmass.analytic.rods.search_sheet import rods
+from proofmass.analytic.rods.search_tight import drawn
+from proofmass.analytic.rods.solutions import LATTICE, OVERLAP, solutions
+from proofmass.analytic.rods.state import clamps, state
+from tests.analytic.rods.rod_galerkin import solve as by_galerkin
+from tests.analytic.rods.rod_solutions_cases import EI, found, made
+
+COUNTS = [("rfr3", 1, 5, 4, 9), ("rfr3", 2, 10, 57, 9), ("pfr3", 1, 3, 0, 3), ("pfr3", 2, 56, 1, 3)]
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(7)
+
+
+@cache
+def arrived(name, modes):
+    """alpha and q (k, 2, n) where the drawn starts alone lead, between OVERLAP and the bound."""
+    a, given = made(name)
+    s = state(a, **given)
+    most = found(name, modes).bound
+    chart = solve(s, *drawn(s, [modes] * a.rods, OVERLAP, most))[0]
+    kept = (rods(chart[:, 0], chart[:, 1]).waves < modes).all(axis=0)
+    return chart[..., kept & (chart[:, 0].max(axis=0) > OVERLAP)]
+
+
+@pytest.mark.parametrize(("name", "modes", "below", "beyond", "stable"), [
+    pytest.param(*row, marks=[pytest.mark.slow] if row[1] == 2 else []) for row in COUNTS])
+def test_counts_are_those_up_to_the_proven_bound(name, modes, below, beyond, stable):
+    f = found(name, modes)
+    assert f.bounded
+    assert f.up_to == f.bound < np.inf
+    heavy = f.alpha.max(axis=1) > LATTICE
+    assert ((~heavy).sum(), heavy.sum(), (f.negative == 0).sum()) == (below, beyond, stable)
+    assert f.alpha.max() < f.bound
+
+
+def test_a_count_says_how_far_it_goes():
+    a, given = made("rfr3")
+    f = solutions(a, most_load=26.0, **given)
+    assert (len(f), f.up_to, f.bounded) == (8, 26.0, False)
+    np.testing.assert_allclose(  # what the state knows as well
+        f.alpha, np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "modes", "degree"), [
+    ("rfr3", 1, 170), ("rfr3", 1, 230),
+    *(pytest.param(name, 2, 60, marks=pytest.mark.slow) for name in ("rfr3", "pfr3"))])
+def test_galerkin_method_finds_them_as_well(name, modes, degree):
+    """Loads, poses and stability of all beyond alpha = 20, without elliptic functions.
+
+    Polynomials converge like exp(-pi degree/(2 alpha)), and errors are of energies, twice that.
+    """
+    f = found(name, modes)
+    heavy = np.flatnonzero(f.alpha.max(axis=1) > LATTICE)
+    assert heavy.size
+    for i in heavy:
+        order = degree + 6 * int(f.alpha[i].max()) * (modes > 1)
+        pose, force, residual, down = by_galerkin(f, i, order)
+        assert residual < 1e-9  # N m, N, m; loads are up to 250 N
+        np.testing.assert_allclose(pose, f.state.pose[i], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(force, f.state.force[i], rtol=0,
+                                   atol=1e-9 * np.abs(force).max())
+        if f.modes[i].max() == 1 or f.alpha[i].max() < 40.0:
+            assert down == f.negative[i]
+        else:  # soft to e^-2K of the load, K about alpha/3: less than rounding
+            assert down <= f.negative[i]
+
+
+@pytest.mark.parametrize(("name", "modes"), [
+    ("rfr3", 1), pytest.param("rfr3", 2, marks=pytest.mark.slow),
+    pytest.param("pfr3", 2, marks=pytest.mark.slow)])
+def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
+    """Among them those between alpha = 12 and 20, which the lattice finds without them."""
+    chart, f = arrived(name, modes), found(name, modes)
+    known = f.alpha[f.alpha.max(axis=1) > OVERLAP]
+    off = np.abs(chart[:, 0].T[:, None] - known).max(axis=-1)
+    assert off.min(axis=1).max() < 1e-6  # alpha of 100, to the last step of Newton's method
+    hits = np.bincount(off.argmin(axis=1), minlength=len(known))
+    assert hits.min() >= 10, hits
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "modes", "below", "beyond", "stable"), COUNTS)
+def test_other_and_more_starts_count_the_same(name, modes, below, beyond, stable, monkeypatch):
+    a, given = made(name)
+    monkeypatch.setattr(search_tight, "EACH", 10 * search_tight.EACH)
+    monkeypatch.setattr(search_tight, "FEWEST", 10 * search_tight.FEWEST)
+    monkeypatch.setattr(search_tight, "SEED", 2)
+    f = solutions(a, modes=modes, **given)
+    assert (len(f), (f.negative == 0).sum()) == (below + beyond, stable)
+
+
+@pytest.mark.parametrize("name", ["rfr2", "rfr3", "pfr3"])
+def test_the_inequality_behind_the_bound_holds_for_every_motion(name, random):
+    """Of all equilibria that are found, for random motions (v, w): it is what the proof adds up."""
+    f = found(name, 1)
+    a, (_, clamp, _) = f.state.assembly, clamps(f.state)
+    pose = np.column_stack([f.state.pose, np.zeros((len(f), 3 - a.freedoms))])
+    arm = np.exp(1j * pose[:, 2:]) * a.arm
+    away = pose[:, :1] + 1j * pose[:, 1:2] + arm - clamp
+    held = f.alpha * hold(f.alpha, 1)
+    load = np.append(f.state.load[0], 0.0)[:3]
+    tightest = np.inf
+    for motion in random.normal(0.0, 0.3, (300, 3)):
+        slack = 1.0 - np.abs(away - motion[0] - 1j * motion[1] - 1j * motion[2] * arm) / a.length
+        left = (a.stiffness / a.length * (f.alpha**2 * slack - held)).sum(axis=1)
+        tightest = min(tightest, (motion @ load - left).min())
+    assert tightest > 0.0
+
+
+@pytest.mark.parametrize("name", ["rfr3", "pfr3"])
+def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
+    a, given = made(name)
+    s = state(a, **given)
+    boxes = moved(s, first(s).halved(flat=False))
+    whole = limits(s, boxes, [1] * 3)[0]
+    bounded = np.isfinite(whole)
+    assert bounded.sum() > 100
+    inside = 0
+    for part in random.uniform(-1.0, 1.0, (20, 3, bounded.sum())):
+        own = boxes[bounded]
+        there = type(own)(own.where + own.half * (part[0] + 1j * part[1]),
+                          own.phi + own.turn * part[2], 0.0, 0.0, own.motion)
+        alone, reached = limits(s, there, [1] * 3)
+        inside += reached.sum()
+        assert np.all(alone[reached] <= whole[bounded][reached] * (1.0 + 1e-12))
+    assert inside > 1000
+
+
+def test_two_bounds_of_rods_on_a_pin_agree():
+    a, given = made("rfr2")
+    for modes in (1, 2, 3):
+        quick = largest(state(a, **given), [modes] * 2)
+        # by a tenth more, as it is made, less the choice of the motion at every pose
+        assert 0.9 * quick < bound(state(a, **given), [modes] * 2) < 1.1 * quick
+
+
+def test_rods_that_are_tight_against_each_other_have_no_bound():
+    a = assembly([[-1.0, 0.0], [1.0, 0.0]], stiffness=EI)
+    assert bound(state(a), [1, 1]) == largest(state(a), [1, 1]) == np.inf
+    near = assembly([[-0.9, 0.0], [0.9, 0.0]], stiffness=EI)
+    # 2 rods with 4/alpha each are short of 2 by 0.2, if their loads are equal
+    assert 40.0 < bound(state(near), [1, 1]) < 1.1 * (1.0 + np.sqrt(2.0)) * 20.0 * 1.01
+
+
+def test_no_pose_of_an_equilibrium_is_left_out():
+    """Boxes where starts are drawn hold the poses of all with such loads."""
+    f = found("rfr3", 1)
+    boxes = tight(f.state[0], [1] * 3, LATTICE, 0.05)
+    for x, y, phi in f.state.pose[f.alpha.max(axis=1) > LATTICE]:
+        off = boxes.where - x - 1j * y
+        turn = (boxes.phi - phi + np.pi) % (2.0 * np.pi) - np.pi
+        assert np.any((np.abs(off.real) <= boxes.half) & (np.abs(off.imag) <= boxes.half)
+                      & (np.abs(turn) <= boxes.turn))

@@ -1,0 +1,105 @@
+"""What the search for all equilibria rests on: chart, mesh, bound of the loads, Newton's matrix."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods import tip
+from proofmass.analytic.rods.search_bound import hold, largest
+from proofmass.analytic.rods.search_mesh import mesh
+from proofmass.analytic.rods.search_newton import system
+from proofmass.analytic.rods.search_sheet import rods
+from proofmass.analytic.rods.state import state
+from tests.analytic.rods.rod_solutions_cases import alphas, found, made
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(4)
+
+
+def test_loads_are_bounded(random):
+    a, given = made("rfr2")
+    for modes in (1, 2, 3):
+        assert alphas(found("rfr2", modes)).max() < largest(state(a, **given), [modes] * 2)
+    alpha, q = random.uniform(0.1, 25.0, 4000), random.uniform(-1.0, 1.0, 4000) * 28.0
+    r = rods(alpha, q)
+    along = (r.tip * r.force.conj()).real / np.abs(r.force)
+    for mode in (1, 2, 3):
+        own = np.floor(r.waves) == mode - 1
+        assert own.sum() > 100
+        # interpolated between 4001 moduli
+        assert np.all(along[own] >= 1.0 - hold(alpha[own], mode) / alpha[own] - 1e-6)
+
+
+def charted(random, count):
+    """Random places of the chart, and the document's names for them."""
+    alpha, q = random.uniform(0.2, 15.0, count), random.uniform(-6.0, 6.0, count)
+    r = rods(alpha, q)
+    psi = -np.angle(r.delta) % (2.0 * np.pi)
+    least = np.abs(np.cos(psi / 2.0))
+    k_rel = np.copysign((np.tanh(np.abs(q)) - least) / (1.0 - least), r.moment)
+    plain = (np.abs(k_rel) > 1e-3) & (np.abs(k_rel) < 1.0 - 1e-6) & (psi > 0.05) & (psi < 6.2)
+    return alpha, q, r, psi, k_rel, plain
+
+
+def test_chart_agrees_with_the_form_by_inflections(random):
+    _, _, r, psi, k_rel, plain = charted(random, 4000)
+    assert plain.sum() > 500
+    form = tip(psi[plain], k_rel[plain], np.floor(r.waves[plain]) + 1)
+    # k_rel within 1e-6 of 1 has ten digits left
+    np.testing.assert_allclose(form["x"] + 1j * form["y"], r.tip[plain], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(form["R"], np.abs(r.force[plain]), rtol=1e-8)
+    np.testing.assert_allclose(form["m0"], r.moment[plain], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(form["energy"], r.energy[plain], rtol=0, atol=1e-6)
+
+
+def test_derivatives_of_the_chart(random):
+    alpha, q, r, *_ = charted(random, 2000)
+    h = 1e-3  # fourth order: h^4 times a fifth derivative, rounding/h
+
+    def difference(part, da, dq):
+        one, two = ((getattr(rods(alpha + n * da, q + n * dq), part)
+                     - getattr(rods(alpha - n * da, q - n * dq), part)) / (2.0 * n * h)
+                    for n in (1, 2))
+        return (4.0 * one - two) / 3.0
+
+    for part, slope in (("tip", r.tip_slope), ("force", r.force_slope)):
+        size = 1.0 + np.abs(getattr(r, part))
+        for i, step in enumerate([(h, 0.0), (0.0, h)]):
+            assert np.max(np.abs(difference(part, *step) - slope[i]) / size) < 3e-8
+    turn = (difference("delta", 0.0, h) / r.delta).imag  # d delta/dq = -2 k' y
+    np.testing.assert_allclose(turn, -2.0 * r.field / np.cosh(q), rtol=0, atol=3e-8)
+
+
+@pytest.mark.parametrize("modes", [1, 3])
+def test_mesh_covers_all_rods(modes, random):
+    """Of every rod one that is like it is listed within a cell of the lattice from its tip.
+
+    Not always at its tip itself: beside a fold of the sheet a tip may lie outside of all triangles.
+    """
+    alpha, q = random.uniform(0.3, 19.7, 2000), random.uniform(-1.0, 1.0, 2000)
+    q *= alpha + 6.0
+    r = rods(alpha, q)
+    mine = np.flatnonzero((r.waves < modes) & (np.abs(r.tip) < 0.98))
+    assert mine.size > 300
+    around = 0.06 * np.append(0.0, np.exp(2j * np.pi * np.arange(8) / 8))
+    sheet = mesh(modes, 20.0, 0.08)
+    which, triangles, share = sheet.reaching((r.tip[mine, None] + around).ravel())
+    which, own = which // around.size, r.force[mine]
+    force = (sheet.force[triangles] * share).sum(axis=1)
+    nearest = np.full(mine.size, np.inf)
+    np.minimum.at(nearest, which, np.abs(force - own[which]) / (1.0 + np.abs(own[which])))
+    assert nearest.max() < 0.6  # of the load: 0.06 L away, and between corners 0.08 L apart
+
+
+def test_newton_matrix_is_the_derivative(random):
+    a, given = made("pfr3")
+    s, h = state(a, **given), 1e-6
+    chart = np.stack([random.uniform(1.0, 8.0, (3, 5)), random.uniform(-4.0, 4.0, (3, 5))], axis=1)
+    pose = random.uniform(-0.5, 0.5, (3, 5))
+    matrix, x = system(s, chart, pose)[1], np.concatenate([chart.reshape(6, 5), pose])
+    for j in range(9):
+        up, down = (system(s, (x + d).reshape(9, 5)[:6].reshape(3, 2, 5), (x + d)[6:])[0]
+                    for d in (h * np.eye(9)[:, j:j + 1], -h * np.eye(9)[:, j:j + 1]))
+        # second order and rounding over the step, of loads up to 4 N
+        np.testing.assert_allclose((up - down) / (2.0 * h), matrix[..., j], rtol=0, atol=1e-8)

@@ -1,0 +1,193 @@
+"""The balancers in `models/` are what the template writes, and a wrong one turns its verdict."""
+
+import re
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.check import check
+from proofmass.compare import GOOD
+from proofmass.design.template import write_case
+from proofmass.errors import InputError
+from proofmass.validate import validate
+from tests.analytic.balancer.balancer_cases import DESIGNS, MODELS
+from tests.analytic.balancer.balancer_table import parameters, rows
+from tests.verdicts import verdicts
+
+OTHER, FREE, PRELOADED, CONTACT, QUADRATIC, FOUR = (
+    parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747"))
+
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_committed_files_are_what_the_template_gives(name, tmp_path):
+    DESIGNS[name].write(tmp_path, name)
+    for ending in (".xml", ".toml"):
+        committed = (MODELS / name).with_suffix(ending).read_text()
+        written = (tmp_path / name).with_suffix(ending).read_text()
+        assert NUMBER.split(written) == NUMBER.split(committed)
+        # another processor has other sines: rounding of a start pose's sums of up to four links
+        assert list(map(float, NUMBER.findall(written))) == pytest.approx(
+            list(map(float, NUMBER.findall(committed))), rel=1e-14, abs=1e-15)
+
+
+def test_every_balancer_in_models_is_of_the_table():
+    assert {file.stem for file in MODELS.glob("balancer*.toml")} == set(DESIGNS)
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_the_start_pose_is_closed_and_at_rest(name):
+    model, data = at_start(MODELS / f"{name}.xml")
+    gap = data.site("tip").xpos - data.site("pendulum_tip").xpos
+    assert np.abs(gap).max() <= 5e-16  # sums of four coordinates below 1 m
+    # no spring pulls but against its stop, and no segment weighs: rounding of 1 N m
+    assert np.abs((data.qfrc_passive - data.qfrc_bias)[model.jnt_limited == 0]).max() <= 1e-15
+
+
+@pytest.mark.parametrize("chain", [FREE, FOUR], ids=["three segments", "four segments"])
+def test_the_tip_alone_weighs(chain, tmp_path):
+    file = write_case(tmp_path, "heavy", title="", source="", parameters=chain | {"weight": 2.5})
+    model, data = at_start(file.with_suffix(".xml"))
+    model.jnt_stiffness[:] = 0.0
+    data.qpos[:] = np.random.default_rng(1).uniform(-np.pi, np.pi, model.nq)
+    mujoco.mj_forward(model, data)
+    pull = 2.5 * np.sin(data.qpos[0])  # clockwise, so the bias, which resists, is its negative
+    # 1e-15: rounding of moments of some 0.1 N m, or of 2.5 N m
+    assert np.abs(data.qfrc_bias[1:]).max() <= 1e-15
+    assert abs(data.qfrc_bias[0] + pull) <= 1e-15
+    assert abs(data.sensor("energy").data[0] - 2.5 * np.cos(data.qpos[0])) <= 2e-15
+
+
+def test_springs_are_what_the_parameters_say(tmp_path):
+    """Moment and energy of a quadratic spring, preloaded, against the integral of the moment."""
+    k, a, preload = 1.1, -0.3, 0.4
+    found = write_case(tmp_path, "springs", title="", source="", parameters=FREE | {
+        "stiffness2": k, "quadratic2": a, "preload2": preload, "low2": 0.0})
+    _, data = at_start(found.with_suffix(".xml"))
+    assert data.qfrc_passive[2] == pytest.approx(-preload, abs=1e-15)  # rounding
+    wound = min(x for x in np.roots([a, k, -preload]) if x > 0)
+    x = np.linspace(0.0, wound, 1001)
+    # 1e-7: trapezoids of 4e-4 rad
+    assert data.sensor("energy").data[0] == pytest.approx(np.trapezoid(k * x + a * x**2, x),
+                                                          abs=1e-7)
+
+
+def at_start(file: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """A model in its start pose."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+# The sidecar of one balancer beside the model of another; its own agrees, as in `models/`.
+WRONG = {
+    "a length": (PRELOADED, {"length2": PRELOADED["length2"] * (1 + 1e-9)}),
+    "the pendulum": (PRELOADED, {"pendulum": 1 + 1e-9}),
+    "a missing preload": (PRELOADED, {"preload2": 0.0}),
+    "springs changed about": (PRELOADED, {"stiffness2": PRELOADED["stiffness3"],
+                                          "stiffness3": PRELOADED["stiffness2"]}),
+    "elbow down": (PRELOADED, {"mode": -1}),
+    "the rest angle": (PRELOADED, {"rest_angle": -PRELOADED["rest_angle"]}),
+    "a missing stop": (CONTACT, {"high2": np.inf}),
+    "a stop elsewhere": (CONTACT, {"high2": CONTACT["high2"] + 1e-9}),
+    "the sign of a quadratic spring": (QUADRATIC, {"quadratic3": -QUADRATIC["quadratic3"]}),
+    "a missing weight": (FREE | {"weight": 1.0}, {"weight": 0.0}),
+    "preloads changed about": (FOUR, {"preload2": FOUR["preload3"], "preload3": FOUR["preload2"]}),
+}
+TEXT = {  # what no parameter can say
+    "the sign of a stiffness": (PRELOADED, 'stiffness="2.4054"', 'stiffness="-2.4054"'),
+    "a preload without its stop": (PRELOADED, ' range="0.0 10.0"', ""),
+    "the sign of a preload": (PRELOADED, 'springref="-', 'springref="'),
+    "the sense of a hinge": (PRELOADED, 'name="joint2"', 'name="joint2" axis="0 0 1"'),
+    "a segment that weighs": (FREE | {"weight": 1.0}, '"0.0 0.0 0" mass="0.001"',
+                              '"0.1 0.0 0" mass="0.001"'),
+}
+SOLVER = pytest.mark.parametrize("solver", [
+    "mujoco", pytest.param("pymunk", marks=pytest.mark.slow)])
+
+
+def write(folder: Path, chain: dict, solver: str) -> Path:
+    """A case of a balancer that says ``mode = 1``, at few places."""
+    return fewer(write_case(folder, "case", title="t", source="s", parameters={"mode": 1} | chain,
+                            solvers=[solver]))
+
+
+def fewer(file: Path) -> Path:
+    """A tenth of the places, each of which rests by itself."""
+    text, hits = re.subn(r"(?m)^n = 181\b", "n = 19", file.read_text())
+    assert hits == 1
+    file.write_text(text)
+    return file
+
+
+def turned(file: Path) -> bool:
+    """Whether a channel is not as the reference has it, or the model is refused for its pose."""
+    try:
+        return any(c.outcome not in GOOD for c in verdicts(file))
+    except InputError:
+        return True
+
+
+@SOLVER
+@pytest.mark.parametrize("what", WRONG)
+def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
+    truth, change = WRONG[what]
+    file = write(tmp_path, truth, solver)
+    validate(load_case(file))  # else it is bad input that turns the verdict
+    shutil.copy(write(tmp_path / "wrong", truth | change, solver).with_suffix(".xml"), tmp_path)
+    assert turned(file)
+
+
+@SOLVER
+@pytest.mark.parametrize("what", TEXT)
+def test_a_wrong_model_turns_the_verdict(what, solver, tmp_path):
+    truth, old, new = TEXT[what]
+    file = write(tmp_path, truth, solver)
+    validate(load_case(file))
+    model = file.with_suffix(".xml")
+    assert old in model.read_text()
+    model.write_text(model.read_text().replace(old, new))
+    assert turned(file)
+
+
+def test_the_other_elbow_is_called_by_its_name(tmp_path):
+    file = write(tmp_path, FREE, "mujoco")
+    shutil.copy(write(tmp_path / "down", FREE | {"mode": -1}, "mujoco").with_suffix(".xml"),
+                tmp_path)
+    assert "assembles the model in mode -1" in str(check([file]).errors[0])
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"length1": 0.01, "length2": 0.1}, "cannot reach the tip"),
+    ({"preload2": 0.3}, "needs a stop that holds it"),
+    ({"stiffness": 1.0}, "unknown parameter 'stiffness'"),
+    ({"length1": -1.0}, "length1 must be positive"),
+])
+def test_parameters_that_cannot_be_are_refused(change, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        write_case(tmp_path, "bad", title="", source="", parameters=FREE | change)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
+    file = write_case(tmp_path, "constant", title="", source="", solvers=["mujoco", "pymunk"],
+                      parameters=parameters(rows()["2157"]))
+    _, data = at_start(file.with_suffix(".xml"))
+    assert data.qfrc_actuator.tolist() == [0.0, 0.0, -0.369, 0.0]
+    assert "energy" not in load_case(file).channels  # nothing stores what it gives
+    assert check([fewer(file)]).exit_code == 0
+
+
+def test_words_with_quotes_are_kept_and_others_stand_beside(tmp_path):
+    case = load_case(write_case(tmp_path, "words", title='A "sine"', source="a\\b é",
+                                parameters=FREE, target="sine", beside={"row 1743": OTHER}))
+    assert (case.title, case.source) == ('A "sine"', "a\\b é")
+    assert case.beside["row 1743"].parameters == OTHER
+    assert case.parameters == FREE | {"target": "sine", "target_moment": 1.0}

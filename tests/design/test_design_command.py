@@ -1,0 +1,141 @@
+"""``proofmass design balancer``: files, words, exit codes, bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass import report
+from proofmass.analytic.balancer import solve
+from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
+from proofmass.case import load_case
+from proofmass.check import Result
+from proofmass.design import command
+from proofmass.design.command import app
+from proofmass.design.search import Effort, Search
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+@pytest.fixture(autouse=True)
+def quick(request, monkeypatch):
+    """Searches of a second, but in slow tests."""
+    if "slow" not in request.keywords:
+        monkeypatch.setattr(command, "times", lambda _, seed: Effort(((12, 2), (4, 3)), seed))
+
+
+def run(*args):
+    return CliRunner().invoke(app, ["balancer", *map(str, args)])
+
+
+@pytest.fixture
+def unverified(monkeypatch):
+    """Without the engines, which take longer than the search."""
+    monkeypatch.setattr(command, "verified", lambda *_: 0)
+
+
+def one_line(answer, *words):
+    assert answer.exit_code == 2, answer.output
+    said = answer.output.strip()
+    assert said.startswith("error: ")
+    assert "\n" not in said
+    for word in words:
+        assert word in said
+
+
+@pytest.mark.usefixtures("unverified")
+def test_a_design_is_written_with_what_it_is_worth(tmp_path):
+    answer = run("--free-angle", "-o", tmp_path)
+    assert answer.exit_code == 0, answer.output
+    design = json.loads((tmp_path / "design.json").read_text())
+    angle = precision_points(90)
+    moment = solve(angle, **design["parameters"])["balancing_moment"]
+    assert design["rmse"] == pytest.approx(rmse(moment, np.sin(angle)), abs=1e-12)
+    assert design["work_reduction"] == pytest.approx(work_reduction(moment, np.sin(angle), angle))
+    assert f"work reduction {design['work_reduction']:.3f} %" in answer.output
+    chosen = design["selection"]
+    built = design["parameters"] | chosen["parameters"]
+    moment = solve(angle, **built)["balancing_moment"]
+    assert chosen["rmse"] == pytest.approx(rmse(moment, np.sin(angle)), abs=1e-12)
+    scaled = [built[f"stiffness{i}"] * chosen["moment"] for i in (1, 2, 3)]
+    assert scaled == pytest.approx(chosen["stiffness"])
+
+
+@pytest.mark.usefixtures("unverified")
+def test_stopped_it_goes_on_from_there(tmp_path, monkeypatch):
+    once = run("-o", tmp_path / "once")
+    step = Search.step
+
+    def interrupted(self):
+        if self.state.step == 3:
+            raise KeyboardInterrupt
+        return step(self)
+
+    monkeypatch.setattr(Search, "step", interrupted)
+    stopped = run("-o", tmp_path / "twice")
+    assert stopped.exit_code == 130
+    assert "the same command goes on from there" in " ".join(stopped.output.split())
+    monkeypatch.setattr(Search, "step", step)
+    assert run("-o", tmp_path / "twice").output == once.output
+    assert ((tmp_path / "once" / "design.json").read_text()
+            == (tmp_path / "twice" / "design.json").read_text())
+
+
+@pytest.mark.usefixtures("unverified")
+def test_a_table_of_ones_own(tmp_path):
+    file = tmp_path / "wanted.csv"
+    rows = [f"{a},{float(np.sin(np.radians(a)))!r}" for a in range(91)]
+    file.write_text("\n".join(["angle [deg],moment [1]", *rows]))
+    assert run("--table", file, "-o", tmp_path / "own").exit_code == 0
+    assert json.loads((tmp_path / "own" / "design.json").read_text())["target"] == "wanted"
+
+
+def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "check", lambda files: Result([load_case(f) for f in files]))
+    monkeypatch.setattr(report, "write_report", lambda _, folder: folder / "index.html")
+    file = MODELS / "balancer_sine_free.toml"
+    answer = run("--free-angle", "--beside", file, "-o", tmp_path)
+    assert answer.exit_code == 0, answer.output
+    theirs, ours = load_case(file), load_case(tmp_path / "balancer_sine.toml")
+    assert ours.beside[theirs.title].parameters == theirs.parameters
+    assert ours.parameters["length1"] != theirs.parameters["length1"]
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    (("--beside", MODELS / "fourbar.toml"), ("reference", "'fourbar' is no balancer")),
+    (("--beside", "nowhere.toml"), ("nowhere.toml", "no such file")),
+    (("--target", "cosine"), ("no such target", "sine180", "--table")),
+    (("--segments", "5"), ("segments must be 3 or 4",)),
+    (("--springs", "rubber"), ("linear, nonlinear, each",)),
+    (("--bound", "length1"), ("write it as NAME=LOW:HIGH",)),
+    (("--bound", "length7=0.1:0.2"), ("no such parameter", "length3")),
+    (("--bound", "length1=0.5:0.4"), ("must rise",)),
+    (("--free-angle", "--bound", "rest_angle=3:3.1"), ("random designs", "widen bounds")),
+    (("--catalogue", "nowhere.csv"), ("nowhere.csv", "no such catalogue")),
+    (("--table", "nowhere.csv"), ("nowhere.csv", "no such recorded curve"))])
+def test_bad_input_is_one_line(tmp_path, options, words):
+    one_line(run(*options, "-o", tmp_path / "out"), *words)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("angle [deg],moment [1]\n0,0\n50,1\n40,1\n90,1", ("line 4", "does not rise")),
+    ("angle [deg],moment [1]\n0,0\n50,one\n90,1", ("line 3", "'one' is no number")),
+    ("angle [deg],moment [1]\n0,0\n80,1", ("1 to 90 degrees",)),
+    ("angle [deg],moment [1]\n0,0\n45,0\n90,0", ("positive work",)),
+    ("angle [deg],moment [N m]\n0,0\n90,1", ("'moment [1]'",))])
+def test_a_table_that_is_none(tmp_path, text, words):
+    file = tmp_path / "wanted.csv"
+    file.write_text(text)
+    one_line(run("--table", file, "-o", tmp_path / "out"), "wanted", *words)
+
+
+@pytest.mark.slow
+def test_the_engines_agree_with_what_was_found(tmp_path):
+    answer = run("--free-angle", "--effort", "0.1", "--pareto", "--beside",
+                 MODELS / "balancer_sine_free.toml", "-o", tmp_path)
+    assert answer.exit_code == 0, answer.output
+    assert "The model is the mechanism" in answer.output
+    assert (tmp_path / "report" / "index.html").is_file()
+    assert (tmp_path / "pareto.svg").is_file()

@@ -1,0 +1,158 @@
+"""The search: seeds, interruptions, bounds, descents, and that it finds better than the thesis."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from proofmass.analytic.balancer.synthesis import Synthesis
+from proofmass.analytic.balancer.variants import Variant
+from proofmass.design.descent import STUCK, descend, norms
+from proofmass.design.pareto import front, write_front
+from proofmass.design.search import Effort, Search
+from proofmass.design.starts import scattered
+from proofmass.errors import InputError
+from proofmass.front import nondominated
+
+TINY = Effort(((12, 2), (4, 3)))
+REGULAR = Synthesis(Variant("sine"), np.sin)
+
+
+def test_same_seed_same_design():
+    once, twice, other = (Search(REGULAR, Effort(TINY.heats, seed)).run() for seed in (1, 1, 2))
+    assert np.array_equal(once, twice)
+    assert not np.array_equal(once, other)
+
+
+@pytest.mark.parametrize("after", [1, 2, 3])
+def test_an_interrupted_search_gives_what_an_uninterrupted_one_gives(tmp_path, after):
+    def interrupt(step, steps, value):
+        if step == after:
+            raise KeyboardInterrupt
+
+    file = tmp_path / "search.npz"
+    with pytest.raises(KeyboardInterrupt):
+        Search(REGULAR, TINY, file).run(interrupt)
+    again = Search(REGULAR, TINY, file)
+    assert again.state.step == after
+    assert np.array_equal(again.run(), Search(REGULAR, TINY).run())
+    assert Search(REGULAR, TINY, file).done
+
+
+def test_the_state_of_another_search_is_refused(tmp_path):
+    file = tmp_path / "search.npz"
+    Search(REGULAR, TINY, file).save()
+    others = (Synthesis(Variant("sine", preload=True), np.sin), Synthesis(Variant("sine"), np.cos),
+              Synthesis(Variant("sine"), np.sin, power=1.0))
+    for other in others:
+        with pytest.raises(InputError, match="state of another search"):
+            Search(other, TINY, file)
+    with pytest.raises(InputError, match="state of another search"):
+        Search(REGULAR, Effort(TINY.heats, 2), file)
+    file.write_text("no archive")
+    with pytest.raises(InputError, match="not the state of a search"):
+        Search(REGULAR, TINY, file)
+
+
+def test_designs_stay_within_their_bounds_and_do_not_get_worse():
+    search, worst = Search(REGULAR, TINY), np.inf
+    while not search.done:
+        search.state = search.step()
+        for vector in search.vectors(search.state.places):
+            assert (REGULAR.low <= vector).all()
+            assert (vector <= REGULAR.high).all()
+        if search.heat == 1:  # the heat before counts fewer points
+            assert search.state.values.min() <= worst
+            worst = search.state.values.min()
+    assert search.state.values.min() == pytest.approx(REGULAR.figures(search.found[:1]).rmse[0])
+
+
+def test_a_search_from_given_designs_is_no_worse_than_they():
+    first = Search(REGULAR, TINY)
+    first.run()
+    again = Search(REGULAR, Effort(((12, 1), (4, 1)), seed=2), start=first.found)
+    assert len(again.state.places) == 12  # four given, the others random
+    assert REGULAR.figures(again.run()[None]).rmse[0] <= REGULAR.figures(first.found[:1]).rmse[0]
+
+
+def test_a_given_design_that_the_coarse_look_refuses_is_not_lost():
+    class Narrow:
+        low, high, fingerprint = np.zeros(2), np.ones(2), "narrow"
+
+        def residuals(self, vectors):
+            return np.where(vectors[:, :1] > 0.9, vectors - 1.0, vectors + 1.0)
+
+        def coarse(self, vectors):
+            return np.where(vectors[:, :1] > 0.9, np.nan, vectors)
+
+    assert Search(Narrow(), TINY).run() == pytest.approx([0.0, 0.0], abs=1e-6)  # the other valley
+    given = np.array([[0.95, 0.5]])
+    assert Search(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
+
+
+def test_bounds_that_exclude_every_design_are_refused():
+    behind = Variant("sine", free_angle=True, narrowed={"rest_angle": (3.0, 3.1)})
+    with pytest.raises(ValueError, match="none of 1200 random designs is possible"):
+        Search(Synthesis(behind, np.sin), TINY)
+
+
+@pytest.mark.slow
+def test_ten_seconds_beat_row_1766():
+    task = Synthesis(Variant("sine", free_angle=True), np.sin)
+    found = task.figures(Search(task, Effort(((64, 8), (16, 20)))).run()[None])
+    assert found.rmse[0] < 0.0059  # both as printed
+    assert found.work_reduction[0] > 99.62  # of any sine balancer in the thesis
+
+
+def test_descents_solve_bounded_linear_least_squares():
+    rng = np.random.default_rng(4)
+    matrix, right = rng.normal(size=(9, 5)), rng.normal(size=9)
+    truth = lsq_linear(matrix, right, (0.0, 1.0), tol=1e-14)
+    assert (truth.active_mask != 0).any()
+
+    def terms(places):
+        return places @ matrix.T - right
+
+    places = scattered(6, 5, rng)
+    state = places, norms(terms, places), np.full(6, 1e-2)
+    for _ in range(60):
+        state = descend(*state, terms)
+    assert (state[2] > STUCK).all()
+    # the gain of a step is no longer worth it at 1e-7 of the value: its root in the place
+    assert state[0] == pytest.approx(np.tile(truth.x, (6, 1)), abs=1e-3)
+    assert state[1] == pytest.approx(np.sqrt(2 * truth.cost), rel=1e-6)
+
+
+def test_a_descent_keeps_out_of_what_is_not_possible():
+    def terms(places):
+        return np.where(places[:, :1] < 0.3, np.nan, places)
+
+    places = np.array([[0.9, 0.0], [0.1, 0.5]])
+    state = places, norms(terms, places), np.full(2, 1e-2)
+    for _ in range(40):
+        state = descend(*state, terms)
+    assert 0.3 <= state[0][0, 0] < 0.301
+    assert np.array_equal(state[0][1], places[1])  # began where nothing is
+
+
+def test_nondominated_by_its_definition():
+    aims = np.random.default_rng(2).integers(0, 12, (60, 2)).astype(float)
+    beaten = [any((other <= own).all() and (other < own).any() for other in aims) for own in aims]
+    kept = nondominated(aims)
+    assert {tuple(aims[k]) for k in kept} == {tuple(a) for a, b in zip(aims, beaten, strict=True)
+                                              if not b}
+    assert (np.diff(aims[kept, 0]) > 0).all()
+
+
+@pytest.mark.slow
+def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
+    monkeypatch.setattr("proofmass.design.pareto.SHORT", TINY)
+    best = Search(REGULAR, TINY).run()
+    found = front(REGULAR, best[None], tmp_path, weights=[0.01, 0.3])
+    assert found.rmse.size >= 2
+    assert (np.diff(found.rmse) > 0).all()
+    assert (np.diff(found.spread) < 0).all()
+    again = front(REGULAR, best[None], tmp_path, weights=[0.01, 0.3])  # from its states
+    assert np.array_equal(found.vectors, again.vectors)
+    files = write_front(found, list(REGULAR.variant.usual), tmp_path / "pareto")
+    assert all(file.stat().st_size > 0 for file in files)
+    assert np.loadtxt(files[0], delimiter=",", skiprows=1).shape == (found.rmse.size, 9)

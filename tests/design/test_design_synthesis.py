@@ -1,0 +1,183 @@
+"""Balancers by the batch: the thesis's variants and bounds, and what designs are worth."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.balancer import solve
+from proofmass.analytic.balancer.measures import energy_spread, rmse, work_reduction
+from proofmass.analytic.balancer.synthesis import BENT, Synthesis
+from proofmass.analytic.balancer.targets import TARGETS
+from proofmass.analytic.balancer.variants import Variant, left_out, thesis
+from tests.analytic.balancer.balancer_table import DATA, parameters, rows
+
+SINE = Synthesis(Variant("sine", free_angle=True), np.sin)
+
+
+def variant_of(row):
+    kind, option = row["variant"], row["option"]
+    return Variant(row["target"], row["segments"], "nonlinear" if "nonlinear" in kind else "linear",
+                   "preload" in kind, "rest angle" in option, "contact" in option,
+                   "relaxed" in option)
+
+
+def task_of(row):
+    return Synthesis(variant_of(row), TARGETS[row["target"]])
+
+
+def random(variant, count=40, seed=0):
+    task = Synthesis(variant, TARGETS[variant.target])
+    low, high = task.low, task.high
+    return task, low + (high - low) * np.random.default_rng(seed).random((count, low.size))
+
+
+def elbow(curves, n):
+    return np.sin(curves[f"theta{n}"] - curves[f"theta{n - 1}"])
+
+
+def test_the_thesis_optimised_these_112_variants():
+    key = [(v.target, v.segments, v.springs, v.preload, v.option) for v in thesis()]
+    assert sorted(key) == sorted((v.target, v.segments, v.springs, v.preload, v.option)
+                                 for v in map(variant_of, rows().values()))
+
+
+def test_its_tables_have_a_dash_for_these_56():
+    dashes = [(target, block["segments"], springs, block["option"])
+              for block in DATA["tables"]["blocks"]
+              for target, cells in block["work_reductions"].items()
+              for springs, cell in zip(DATA["tables"]["columns"], cells, strict=True)
+              if cell is None]
+    words = {("linear", False): "regular", ("linear", True): "preload",
+             ("nonlinear", False): "nonlinear", ("nonlinear", True): "nonlinear preload"}
+    assert sorted(dashes) == sorted((v.target, v.segments, words[v.springs, v.preload], v.option)
+                                    for v in left_out())
+
+
+@pytest.mark.parametrize("line", rows())
+def test_bounds_are_those_of_the_figure(line):
+    row = rows()[line]
+    variant, printed = variant_of(row), DATA["bounds"]["figures"][row["figure"]]
+    assert variant.figure == row["figure"]
+    for name, (low, high) in variant.bounds.items():
+        kind = name.rstrip("1234")
+        if kind == "high":
+            continue  # not printed
+        if kind == "length":
+            kind = "length_three" if row["segments"] == 3 else "length_four"
+        if kind == "stiffness" and variant.springs == "nonlinear":
+            kind = "nonlinear_stiffness"
+        bound = [np.pi * (1 if b == "pi" else -1) if "pi" in str(b) else float(Fraction(b))
+                 for b in printed[kind]]
+        # printed from -B; such a chain is not stable at rest
+        assert (low, high) == pytest.approx((max(bound[0], 0.0) if "stiff" in kind else bound[0],
+                                             bound[1]))
+
+
+@pytest.mark.parametrize("line", ["1766", "1745", "1753", "1860", "2107", "1744", "1747", "2041"])
+def test_the_thesis_designs_are_worth_what_independent_recomputations_say(line):
+    row = rows()[line]
+    task = task_of(row)
+    vector = task.variant.vector(parameters(row))
+    found, known = task.figures(vector[None]), row["recomputed"]["path"]
+    assert found.rmse[0] == pytest.approx(known["rmse"], abs=6e-8)  # known to eight decimals
+    assert found.work_reduction[0] == pytest.approx(known["work_reduction"], abs=6e-5)
+    assert (task.low - 1e-12 <= vector).all()
+    assert (vector <= task.high + 1e-12).all()
+
+
+def test_row_1766_by_its_printed_parameters():
+    found = SINE.figures(np.array([[1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641]]))
+    assert found.rmse[0] == pytest.approx(0.006101, abs=5e-7)  # the thesis prints 0.0059
+    assert found.work_reduction[0] == pytest.approx(99.2994, abs=5e-5)  # and 99.33
+
+
+@pytest.mark.parametrize("variant", [
+    Variant("sine"), Variant("sine", preload=True), Variant("laevo", 4, preload=True),
+    Variant("laevo", springs="nonlinear", free_angle=True),
+    Variant("progressive", springs="each", preload=True, contact=True),
+    Variant("sine180", 4, "nonlinear", relaxed=True), Variant("sine", mode=-1)],
+    ids=lambda v: f"{v.target} {v.segments} {v.springs} {v.option} {v.mode}")
+def test_a_batch_is_worth_what_each_design_alone_is(variant):
+    task, vectors = random(variant)
+    found, built = task.figures(vectors), 0
+    for k, vector in enumerate(vectors):
+        if built == 8:  # each is another design: more would cost time alone
+            break
+        flat = {name: value[0] for name, value in variant.parameters(vector[None]).items()}
+        try:
+            alone = solve(task.angles, **flat)
+        except ValueError:
+            assert np.isnan(found.rmse[k])
+            continue
+        if (variant.mode * elbow(alone, variant.segments)).min() < BENT:
+            assert np.isnan(found.rmse[k])
+            continue
+        wanted, moment = task.target(task.angles), alone["balancing_moment"]
+        spread = energy_spread(*(alone[f"energy{i + 1}"] for i in range(variant.segments)))
+        # both by Newton's method to rounding, from other strides
+        assert found.rmse[k] == pytest.approx(rmse(moment, wanted), abs=1e-9)
+        assert found.work_reduction[k] == pytest.approx(
+            work_reduction(moment, wanted, task.angles), abs=1e-7)
+        assert found.spread[k] == pytest.approx(spread, abs=1e-9)
+        built += 1
+    assert built >= 5
+
+
+@pytest.mark.parametrize(("line", "why"), [
+    ("2188", "unstable at rest"), ("1825", "unstable at rest"), ("2159", "jumps at a fold"),
+    ("1928", "passes with a stretched arm")])
+def test_what_cannot_be_built_is_worth_nothing(line, why):
+    row = rows()[line]
+    task = task_of(row)
+    vector = task.variant.vector(parameters(row))
+    assert np.isnan(task.figures(vector[None]).rmse).all()
+    both = np.stack([vector, 0.5 * (task.low + task.high)])
+    assert np.isnan(task.residuals(both)[0]).all()
+    assert np.array_equal(task.residuals(both)[1], task.residuals(both[1:])[0], equal_nan=True)
+
+
+def test_lengths_that_do_not_reach_are_worth_nothing():
+    folded = np.array([[1.0, 1.0, 1.0, 0.34, 0.34, 0.34, np.pi]])
+    assert np.isnan(SINE.residuals(folded)).all()
+
+
+def test_terms_square_to_the_aim():
+    vector = np.array([[1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641]])
+    figures, angle = SINE.figures(vector), SINE.angles
+    assert (SINE.residuals(vector) ** 2).sum() == pytest.approx(figures.rmse[0] ** 2, rel=1e-12)
+    work = Synthesis(SINE.variant, np.sin, power=1.0)
+    left = (1.0 - figures.work_reduction[0] / 100.0) * np.trapezoid(np.sin(angle), angle)
+    mean = (work.residuals(vector) ** 2).sum() * np.pi / 2  # the sum has no trapezoids' ends
+    assert mean == pytest.approx(left, rel=0.05)
+    shared = Synthesis(SINE.variant, np.sin, weight=0.1)
+    _, energy = SINE.curves(vector, angle)
+    uneven = sum((energy[0, :, a] - energy[0, :, b]) ** 2 for a, b in ((0, 1), (0, 2), (1, 2)))
+    assert (shared.residuals(vector) ** 2).sum() == pytest.approx(
+        figures.rmse[0] ** 2 + 0.01 * uneven.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"segments": 2}, "segments must be 3 or 4"),
+    ({"mode": 0}, "mode must be 1 or -1"),
+    ({"springs": "magic"}, "linear, nonlinear, each"),
+    ({"narrowed": {"length9": (0.1, 0.2)}}, "'length9': no such parameter; there are stiffness1"),
+    ({"narrowed": {"length1": (0.3, 0.2)}}, "'length1' must rise, got 0.3 to 0.2")])
+def test_a_variant_that_cannot_be_is_refused(wrong, said):
+    with pytest.raises(ValueError, match=said):
+        Variant("sine", **wrong)
+
+
+def test_a_vector_is_its_parameters():
+    for variant in (*thesis(), Variant("sine", 4, "each", preload=True, contact=True)):
+        vector = np.random.default_rng(1).random(len(variant.bounds))
+        flat = {k: v[0] for k, v in variant.parameters(vector[None]).items()}
+        assert np.array_equal(variant.vector(flat), vector)
+        assert set(flat) >= {f"stiffness{i + 1}" for i in range(variant.segments)}
+
+
+def test_a_vector_that_is_no_number_is_worth_none():
+    good = np.array([1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641])
+    found = SINE.figures(np.array([good, np.full(7, np.nan), good]))
+    assert np.isfinite(found.rmse).tolist() == [True, False, True]
+    assert np.isnan(SINE.residuals(np.full((2, 7), np.nan))).all()

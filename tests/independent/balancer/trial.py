@@ -1,0 +1,96 @@
+"""Trial postures, what both grid searches need: ranges, windings, energies and loads.
+
+A posture is the angles of all segments in the pendulum's frame, clockwise from the pendulum.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.balancer.design import Balancer, balancer
+from proofmass.analytic.domain import Array
+from tests.independent.balancer.loads import node_loads, pin_force
+
+TAUT = 1.0 - 1e-14  # a stretched chain whose cosine does not round to more than one
+
+
+def prepared(angles: ArrayLike, points: int, parameters: dict[str, float],
+             names: Iterable[str], listing: str) -> tuple[Balancer, Array]:
+    """The balancer and the angles (n,), or the ValueError that says what is wrong with them."""
+    if strange := sorted(set(parameters) - set(names)):
+        raise ValueError(f"listing {listing} has no {strange[0]}, only {', '.join(sorted(names))}")
+    if points < 2:
+        raise ValueError(f"points must be at least 2, got {points}")
+    device, alpha = balancer(**parameters), np.asarray(angles, float)
+    if alpha.ndim != 1 or not (np.diff(alpha) > 0.0).all():
+        raise ValueError(f"angles must be one row that rises, got {alpha.tolist()}")
+    if not device.length[0, 0] < device.pendulum[0]:
+        raise ValueError(f"length1 must be below pendulum = {device.pendulum[0]:g} m, so that the "
+                         f"tip is never below its end, got {device.length[0, 0]:g}")
+    if device.low[np.isfinite(device.low)].any():
+        raise ValueError(f"low must be 0, the stop of a preload, got {device.low[0].min():g}")
+    return device, alpha
+
+
+def centred(points: int) -> Array:
+    """2 i/N - 1 for i = 1 ... N: the upper end is a point, the lower one is not.
+
+    >>> centred(4).tolist()
+    [-0.5, 0.0, 0.5, 1.0]
+    """
+    return 2.0 * np.arange(1, points + 1) / points - 1.0
+
+
+def opening(side: ArrayLike, arm: ArrayLike, opposite: ArrayLike) -> Array:
+    """Largest angle [rad] that two sides of a triangle open to; pi if the third outreaches them.
+
+    >>> float(opening(1.0, 1.0, 1.0).round(9)), float(opening(1.0, 0.5, 2.0).round(9))
+    (1.047197551, 3.141592654)
+    """
+    a, b, c = (np.asarray(x, float) for x in (side, arm, opposite))
+    cosine = (a * a + b * b - c * c) / (2.0 * a * b)
+    return np.where(a + b <= c, np.pi, TAUT * np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def windings(device: Balancer, alpha: Array, posture: Array) -> Array:
+    """Windings (..., n) [rad] of postures when the pendulum stands at alpha (...)."""
+    turned = posture - device.rest[0]
+    first = alpha + turned[..., 0]
+    winding = np.empty((*first.shape, turned.shape[-1]))
+    winding[..., 0], winding[..., 1:] = first, np.diff(turned)
+    return winding
+
+
+def energies(device: Balancer, winding: Array) -> Array:
+    """Energy (...) of all springs [J] at windings (..., n)."""
+    return np.asarray(device.energies(winding[None])[0].sum(axis=-1))
+
+
+def trial_loads(device: Balancer, alpha: Array, posture: Array) -> Array:
+    """Loads (..., n) [N m] on the joints when only the end springs are in equilibrium."""
+    moment = device.moments(windings(device, alpha, posture)[None])[0]
+    force = pin_force(posture, device.length[0], moment)
+    with np.errstate(invalid="ignore"):  # no force where the last segment points at O
+        return node_loads(posture, device.length[0], *force)
+
+
+def lowest(alpha: Array, energy: Array) -> NDArray[np.intp]:
+    """Index (n,) of the smallest energy (n, N) at each angle; NaN is none."""
+    none = np.isnan(energy).all(axis=-1)
+    if none.any():
+        raise ValueError(f"no posture closes at {alpha[none][0]:.6g} rad: take more points")
+    return np.nanargmin(energy, axis=-1)
+
+
+def curves(device: Balancer, alpha: Array, posture: Array) -> dict[str, Any]:
+    """What the searches return, of postures (n, segments)."""
+    winding = windings(device, alpha, posture)
+    segments = range(device.segments)
+    return {
+        **{f"theta{i + 1}": alpha + posture[:, i] for i in segments},
+        **{f"winding{i + 1}": winding[:, i] for i in segments},
+        "balancing_moment": device.moments(winding[None])[0, :, 0],
+        "energy": energies(device, winding),
+    }

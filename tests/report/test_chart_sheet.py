@@ -1,0 +1,241 @@
+"""The figure of a chart: bold and dashed, broken lines, fields with their zero, one scale."""
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.colors import to_hex
+
+from proofmass.analytic.chart import Chart, Field, Line, Panel
+from proofmass.report.chart_line import MOST, dressed, thinned, tones
+from proofmass.report.chart_sheet import SLIM, SQUAT, chart_sheet
+from proofmass.report.figures import save
+from proofmass.report.style import KNOWN, RC
+
+
+def drawn(*panels: Panel, **changed: object):
+    """Axes of a chart of such panels, without those of colour bars."""
+    chart = Chart(("x", "m"), ("y", "m"), panels, "Caption.")
+    with rc_context(RC):
+        figure = chart_sheet("Title", replace(chart, **changed))
+    figure.draw_without_rendering()
+    return figure.axes[: len(panels)]
+
+
+def bold(ax) -> list:
+    return [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() > 1.5]
+
+
+def dashed(ax) -> list:
+    return [line for line in ax.lines if line.get_linestyle() == "--"
+            and line.get_linewidth() < 1.0]
+
+
+def words(ax) -> list[str]:
+    return [text.get_text() for text in ax.figure.legends[0].get_texts()]
+
+
+def bump(x0: float = 0.0) -> Line:
+    x = np.linspace(0.0, 1.0, 11)
+    return Line(x, x0 + x * (1 - x), "a bump")
+
+
+def test_stable_is_bold_and_unstable_thin_and_dashed() -> None:
+    ax, = drawn(Panel((bump(), bump(1.0), replace(bump(2.0), stable=False))))
+    assert (len(bold(ax)), len(dashed(ax))) == (2, 1)
+    assert dashed(ax)[0].get_ydata().min() == 2.0
+    assert dashed(ax)[0].get_zorder() < bold(ax)[0].get_zorder()
+    assert words(ax) == ["a bump", "stable", "unstable"]  # one label for both
+    ax, = drawn(Panel((bump(), replace(bump(2.0), stable=False, label="else"))))
+    assert words(ax) == ["a bump", "else"]  # labels tell them apart
+
+
+def test_nan_breaks_a_line() -> None:
+    x = np.array([0.0, 1.0, np.nan, 2.0, np.inf, 3.0])
+    ax, = drawn(Panel((Line(x, np.ones(6)),)))
+    path = ax.lines[0].get_path()
+    assert np.isnan(path.vertices[[2, 4]]).all()
+    strokes = [len(p) for p in path.cleaned(remove_nans=True).to_polygons(closed_only=False)]
+    assert strokes[0] == 2  # from 0 to 1
+    assert ax.get_xlim() == pytest.approx((-0.09, 3.09))  # 3 and 3 % of it at both ends
+
+
+def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
+    t = np.linspace(0.0, 1.0, 20_000)
+    y = np.where((t > 0.3) & (t < 0.31), np.nan, np.sin(9 * t))
+    few = thinned(Line(t, y))
+    assert MOST <= len(few) <= MOST + 6  # rounded up for each piece
+    there, before = np.isfinite(y), np.isfinite(few[:, 1])
+    ends = t[np.flatnonzero(np.diff(there))], few[np.flatnonzero(np.diff(before)), 0]
+    assert ends[0][0] == ends[1][0]  # where it breaks off
+    assert few[-1, 0] == 1.0
+    # chords of 1/500: 81 / (8 * 500^2)
+    assert np.abs(np.interp(t[there], few[before, 0], few[before, 1]) - y[there]).max() < 5e-5
+    assert len(thinned(Line(t, y, points=True))) == t.size
+
+
+def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
+    at = np.zeros(1)
+    ax, = drawn(Panel((Line(at, at, "fold", points=True), Line(np.arange(9.0), np.ones(9),
+                       "saddle", stable=False, points=True))))
+    fold, saddle = ax.lines
+    assert len(saddle.get_xdata()) == 9
+    assert fold.get_markevery() is saddle.get_markevery() is None  # all of them
+    assert fold.get_linestyle() == saddle.get_linestyle() == "None"
+    assert to_hex(fold.get_markerfacecolor()) == to_hex(fold.get_color())
+    assert to_hex(saddle.get_markerfacecolor()) == "#ffffff"
+    assert fold.get_marker() != saddle.get_marker()
+
+
+def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
+    lines = [replace(bump(), label=f"{k}", stable=k % 2 > 0) for k in range(12)]
+    looks = tones(Chart(("x", "m"), ("y", "m"), (Panel(tuple(lines)),), ""))
+    assert len({(look.colour, look.dash) for look in looks.values()}) == 12
+    # black and white: unstable by dashes, stable by markers, five and six of them
+    assert len({looks[f"{k}"].dash for k in range(0, 10, 2)}) == 5
+    assert len({dressed(lines[k], looks[f"{k}"])["marker"] for k in range(1, 12, 2)}) == 6
+    ax, = drawn(Panel(tuple(lines)))
+    marked = [line.get_markevery()[0] for line in ax.lines if line.get_marker() != "None"]
+    assert marked == [1, 0, 1, 0, 1, 0]  # beside those of the next, on 11 points
+    assert not {look.colour for look in looks.values()} & {look.colour for look in KNOWN.values()}
+
+
+def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
+    ax, = drawn(Panel((Line(np.array([0.0, np.pi]), np.array([0.0, 2.0])),)), x=("turn", "rad"),
+                y=("R / R_cr", ""))
+    assert ax.get_xlabel() == "turn [deg]"
+    assert ax.lines[0].get_xdata()[-1] == pytest.approx(180.0)
+    assert {30.0, 90.0, 180.0} <= set(ax.get_xticks().round(9))
+    assert ax.get_ylabel() == "R / R_cr"
+
+
+@pytest.mark.parametrize(("high", "tall"), [(0.7, 0.7), (0.0, SQUAT), (50.0, SLIM)])
+def test_alike_has_one_scale_and_no_slivers(high: float, tall: float) -> None:
+    line = Line(np.array([0.0, 1.0]), np.array([0.0, high]))
+    first, second = drawn(Panel((line,)), Panel((bump(),)) if high else Panel(), alike=True)
+    assert first.get_xlim() == second.get_xlim()
+    assert first.get_ylim() == second.get_ylim()
+    inches = first.get_position().size * first.figure.get_size_inches()
+    metres = [np.ptp(first.get_xlim()), np.ptp(first.get_ylim())]
+    assert inches[1] / inches[0] == pytest.approx(tall)
+    assert inches[0] / metres[0] == pytest.approx(inches[1] / metres[1])
+    assert first.get_ylim()[1] >= high
+
+
+@pytest.mark.parametrize(("count", "grid"), [(1, (1, 1)), (2, (1, 2)), (3, (1, 3)), (4, (2, 2)),
+                                             (5, (2, 3)), (9, (3, 3)), (12, (3, 4))])
+def test_panels_are_a_grid_named_at_its_edges(count: int, grid: tuple[int, int]) -> None:
+    axes = drawn(*[Panel((bump(),), title=f"{k}") for k in range(count)])
+    assert axes[0].get_gridspec().get_geometry() == grid
+    assert [ax.get_title(loc="left") for ax in axes] == [f"{k}" for k in range(count)]
+    assert sum(bool(ax.get_ylabel()) for ax in axes) == grid[0]
+    assert sum(bool(ax.get_xlabel()) for ax in axes) == grid[1]
+
+
+def saddle(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field:
+    """x - 2 y: zero on a line that no grid line runs along; cut off where x > 0.8."""
+    x, y = np.linspace(-1.0, 1.0, 41), np.linspace(-0.4, 0.4, 31)
+    values = times * (x[:, None] - 2 * y)
+    values[x > 0.8] = np.nan
+    return Field(x, y, values, "slope", unit, signed)
+
+
+def zero(ax) -> list[np.ndarray]:
+    """Points of bold contours."""
+    return [path.vertices for c in ax.collections if np.max(c.get_linewidth(), initial=0) > 1.5
+            for path in c.get_paths()]
+
+
+def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
+    ax, = drawn(Panel(field=saddle()))
+    points = np.concatenate(zero(ax))
+    assert len(points) > 20
+    assert np.abs(points[:, 0] - 2 * points[:, 1]).max() < 1e-12  # linear between grid points
+    assert np.ptp(points[:, 1]) == pytest.approx(0.8)
+    assert points[:, 0].max() < 0.8 + 1e-9
+    assert words(ax) == ["zero of slope"]
+    filled = ax.collections[0]
+    assert filled.levels[0] == -filled.levels[-1]
+    assert filled.cmap.name == "PuOr"
+    below, above = filled.cmap(filled.norm([-0.1, 0.1]))
+    assert np.abs(below - above).max() > 0.02  # the colours part there
+
+
+def test_colours_are_where_their_values_are_and_part_at_zero() -> None:
+    field = saddle()
+    ax, = drawn(Panel(field=replace(field, values=field.values + 0.5)))
+    filled = ax.collections[0]
+    assert filled.levels[0] == -filled.levels[-1]  # though the values are not symmetric
+    paths = filled.get_paths()
+    assert len(paths) == len(filled.levels)  # and one beyond
+    for low, high, path in zip(filled.levels[:-1], filled.levels[1:], paths, strict=False):
+        values = path.vertices[path.codes != path.CLOSEPOLY] @ [1.0, -2.0] + 0.5
+        assert np.all((low - 1e-9 <= values) & (values <= high + 1e-9))
+
+
+def test_a_field_without_sign_or_without_zero_has_none() -> None:
+    assert not zero(drawn(Panel(field=saddle(signed=False)))[0])
+    above = saddle()
+    assert not zero(drawn(Panel(field=replace(above, values=above.values + 5.0)))[0])
+
+
+def test_what_is_nan_stays_white() -> None:
+    ax, = drawn(Panel(field=saddle()))
+    right = max(path.vertices[:, 0].max() for path in ax.collections[0].get_paths()
+                if len(path.vertices))
+    assert right == pytest.approx(0.8)
+    assert ax.get_xlim()[1] == pytest.approx(0.8 + 0.03 * 1.8)  # nor does it take room
+    hollow = replace(saddle(), values=np.full((41, 31), np.nan))
+    assert not drawn(Panel(field=hollow))[0].collections
+
+
+def test_panels_of_one_label_share_their_colours_and_others_do_not() -> None:
+    other = replace(saddle(times=100.0), label="other")
+    one, two, three = drawn(*[Panel(field=f) for f in (saddle(), saddle(times=3.0), other)])
+    levels = [ax.collections[0].levels for ax in (one, two, three)]
+    assert np.array_equal(levels[0], levels[1])
+    assert levels[2][-1] > 20 * levels[0][-1]
+
+
+def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -> None:
+    ax, = drawn(Panel((Line(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
+    ax.scatter([], [])  # as contours between grid points may be
+    svg = save(ax.figure, tmp_path / "figure", png=False)
+    groups = [e for e in ElementTree.fromstring(svg).iter() if e.tag.endswith("}g")]
+    assert groups
+    assert all(len(group) for group in groups)
+
+
+def test_a_pole_does_not_bleach_the_rest() -> None:
+    field = saddle()
+    field.values[20, 15] = 1e9
+    ax, = drawn(Panel(field=field))
+    assert ax.collections[0].levels[-1] < 4.0
+    assert ax.collections[0].extend in ("max", "both")
+
+
+def test_a_bar_has_name_and_unit_and_angles_are_in_degrees() -> None:
+    ax, = drawn(Panel(field=saddle("rad/m")))
+    bar = ax.child_axes[0]
+    assert bar.get_ylabel() == "slope [deg/m]"
+    assert bar.get_ylim()[1] > 50.0  # 1.6 rad/m
+
+
+def test_lines_stand_out_from_a_field() -> None:
+    ax, = drawn(Panel((bump(),), saddle()))
+    assert ax.lines[0].get_path_effects()
+    assert not drawn(Panel((bump(),)))[0].lines[0].get_path_effects()
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: Line(np.zeros(3), np.zeros(4)), r"got \(3,\) and \(4,\)"),
+    (lambda: Line(np.zeros((3, 2)), np.zeros((3, 2))), r"a line needs x \(n,\)"),
+    (lambda: Field(np.zeros(3), np.zeros(4), np.zeros((4, 3)), "a", "m"), r"\(4, 3\) at \(3,\)"),
+    (lambda: Chart(("x", "m"), ("y", "m"), (), ""), "1 to 12 panels, got 0"),
+    (lambda: Chart(("x", "m"), ("y", "m"), (Panel(),) * 13, ""), "got 13")])
+def test_what_cannot_be_drawn_is_refused_where_it_is_made(make, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        make()

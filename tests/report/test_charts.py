@@ -1,0 +1,157 @@
+"""Charts: what a sidecar asks for, and what its page shows."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from proofmass.analytic import REFERENCES
+from proofmass.case import load_case
+from proofmass.chart import chart_of, check_charts
+from proofmass.check import Result
+from proofmass.compare import compare
+from proofmass.errors import InputError
+from proofmass.report import drawing, pages, write_report
+from proofmass.view import ChartTable
+from tests.report.test_report import case_of, curves_of, result_of
+
+MODELS = Path(__file__).parents[2] / "models"
+STUB = '''"""A crank that knows two charts."""
+
+import numpy as np
+
+from proofmass.analytic.chart import Chart, Line, Panel
+
+
+def solve(angle, rate=1.0, acceleration=0.0, *, stiffness):
+    return {"moment": stiffness * angle}
+
+
+def energies(*, stiffness: float, turns: int = 1) -> Chart:
+    if turns > 9:
+        raise ValueError(f"turns must be 9 at most, got {turns}")
+    angle = np.linspace(0.0, 6.0 * turns, 7)
+    line = Line(angle, stiffness * angle**2 / 2, "stored <&>")
+    return Chart(("angle", "rad"), ("energy", "J"), (Panel((line,)),), f"Up to {turns} & more.")
+
+
+def broken(*, stiffness: float, weight: float = 1.0) -> Chart:
+    raise IndexError("nothing there")
+'''
+
+
+@pytest.fixture
+def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A sidecar with two charts, the second of a function that fails."""
+    (models / "stubs").mkdir()
+    (models / "stubs" / "charted_crank.py").write_text(STUB)
+    monkeypatch.syspath_prepend(models / "stubs")
+    monkeypatch.setitem(REFERENCES, "charted_crank", "charted_crank")
+    # other processes do not know of it
+    for module in (drawing, pages):
+        monkeypatch.setattr(module, "isolated", lambda function, *args, **limits: function(*args))
+    text = (models / "fourbar.toml").read_text()
+    text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\n[drive]",
+                  text.replace('"fourbar"', '"charted_crank"'))
+    text = re.sub(r"(?s)\[channels\].*", '[channels]\nholding_moment = { equals = "moment",'
+                  ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nof_range = 1e-12\n'
+                  'why = "rounding"\n', text)
+    (models / "fourbar.toml").write_text(text + '''
+[[chart]]
+title = "Energy"
+draw = "energies"
+parameters = { turns = 2 }
+
+[[chart]]
+title = "Lost"
+draw = "broken"
+''')
+    return models / "fourbar.toml"
+
+
+def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
+    case = load_case(stub)
+    line, = chart_of(case, case.chart[0]).lines
+    assert line.y[-1] == 2.0 * 12.0**2 / 2  # the case's stiffness, the chart's turns
+    stiffer = case.chart[0].model_copy(update={"parameters": {"stiffness": 3.0}})
+    case = case.model_copy(update={"chart": (stiffer,)})
+    line, = chart_of(case, stiffer).lines
+    assert line.y[-1] == 3.0 * 6.0**2 / 2  # the chart's instead of the case's
+
+
+def test_counts_stay_whole_numbers() -> None:
+    table = ChartTable(title="t", draw="d", parameters={"n": 3, "x": 3.0, "s": "a", "ends": [0, 1]})
+    assert [type(value) for value in table.parameters.values()] == [int, float, str, tuple]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ('draw = "energies"', 'draw = "energy"', ["chart.0.draw", "'energy'", "broken, energies"]),
+    ('draw = "broken"', 'draw = "solve"', ["chart.1.draw", "no chart 'solve'"]),
+    ("turns = 2", "turn = 2", ["chart.0.parameters.turn", "known: stiffness, turns"]),
+    ("stiffness = 2.0", "", ["energies() also needs stiffness"]),
+    ("turns = 2", "turns = nan", ["chart.0.parameters.turns: ", "finite"]),
+    ("turns = 2", "turns = {}", ["chart.0.parameters.turns: ", "valid"]),
+    ('title = "Lost"', 'titel = "Lost"', ["chart.1", "unknown key 'titel'", "title, draw, param"]),
+    ('title = "Lost"', 'title = ""', ["chart.1.title", "at least 1"]),
+])
+def test_errors_name_the_key_and_what_there_is(stub: Path, old: str, new: str,
+                                               words: list[str]) -> None:
+    text = stub.read_text()
+    assert old in text
+    stub.write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        check_charts(load_case(stub))
+    assert all(word in str(caught.value) for word in ["fourbar.toml", *words]), str(caught.value)
+
+
+def test_check_looks_but_does_not_call(stub: Path) -> None:
+    case = load_case(stub)  # one of whose functions fails
+    assert compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+    stub.write_text(stub.read_text().replace('"broken"', '"burst"'))
+    case = load_case(stub)
+    with pytest.raises(InputError, match=r"chart\.1\.draw"):
+        compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+
+
+def test_complaints_of_the_function_are_those_of_the_sidecar(stub: Path) -> None:
+    stub.write_text(stub.read_text().replace("turns = 2", "turns = 10"))
+    case = load_case(stub)
+    with pytest.raises(InputError, match=r"chart\.0\.parameters: turns must be 9 at most, got 10"):
+        chart_of(case, case.chart[0])
+
+
+def test_a_recorded_curve_has_no_charts() -> None:
+    table = ChartTable(title="t", draw="equilibria")
+    case = load_case(MODELS / "hacksaw_recorded.toml")
+    with pytest.raises(InputError, match="has no chart 'equilibria'; there are: none"):
+        check_charts(case.model_copy(update={"chart": (table,)}))
+
+
+def test_a_page_has_the_chart_and_names_the_one_that_failed(stub: Path, tmp_path: Path) -> None:
+    case = load_case(stub)
+    page = write_report(result_of(case, sweep=0.0), tmp_path / "r").with_name("fourbar.html")
+    text = page.read_text("utf-8")
+    assert 'aria-label="fourbar, Energy, energy over angle: Up to 2 &amp; more."' in text
+    plain = re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
+    assert "<figcaption>Up to 2 &amp; more." in plain
+    assert "“Lost” is not drawn: IndexError: nothing there</p>" in plain
+    assert "stored &lt;&amp;&gt;" in text
+    assert plain.count("<figure>") == 4  # mechanism, chart, overlay, difference: nothing else lost
+    assert plain.index("Charts: ") < plain.index("Sweep: ")
+    figures = page.parent / "figures"
+    assert (figures / "fourbar-chart-1.png").read_bytes().startswith(b"\x89PNG")
+    assert (figures / "fourbar-chart-1.svg").is_file()
+    assert not (figures / "fourbar-chart-2.svg").exists()
+
+
+def test_a_wrong_parameter_is_told_on_the_page_without_folders(stub: Path, tmp_path: Path) -> None:
+    stub.write_text(stub.read_text().replace("turns = 2", "turns = 10"))
+    case = load_case(stub)
+    page = write_report(Result(cases=[case]), tmp_path / "r").with_name("fourbar.html")
+    assert "“Energy” is not drawn: fourbar.toml: chart.0.parameters: turns must" in page.read_text(
+        "utf-8")
+
+
+def test_a_case_without_charts_has_no_section(tmp_path: Path) -> None:
+    page = write_report(Result(cases=[case_of("pendulum")]), tmp_path).with_name("pendulum.html")
+    assert "Charts: " not in page.read_text("utf-8")

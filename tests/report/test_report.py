@@ -1,0 +1,364 @@
+"""The report: its verdicts in words, and its pages."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from markupsafe import escape
+
+from proofmass.case import Case, load_case
+from proofmass.check import Result
+from proofmass.compare import Comparison, compare, reference_for
+from proofmass.errors import InputError
+from proofmass.reference import evaluate
+from proofmass.report import headline, write_report
+from proofmass.report.data import input_rows, inputs, shown, thin
+from proofmass.report.drawing import SHEETS, pictured, tracks
+from proofmass.report.figures import tolerances
+from proofmass.report.paths import path, paths
+from proofmass.report.style import looks
+from proofmass.report.svg import inline
+from proofmass.report.tables import unit_of
+from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
+
+MODELS = Path(__file__).parents[2] / "models"
+EVIL = '<script>alert("x")</script> & crank'
+
+
+def case_of(name: str, n: int = 37, **changed: object) -> Case:
+    case = load_case(MODELS / f"{name}.toml")
+    runs = {k: r.model_copy(update={"n": n}) for k, r in case.run.items()}
+    return case.model_copy(update={"run": runs, **changed})
+
+
+def curves_of(case: Case, kind: str, off: float) -> Curves:
+    """What a solver would find that is off by that share of each curve's range."""
+    run = plan(case, kind, "mujoco")
+    x, state = run.x, run.motion(run.x) if run.drives else None
+    truth = evaluate(case, x, state)
+    channels = {n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x) for n, v in truth.channels.items()
+                if case.channels[n].only in (None, kind)}
+    return Curves(x, channels, drive=state, seconds=0.1, steps=len(x), gap=1e-9,
+                  settings={"timestep": 1e-3})
+
+
+def result_of(case: Case, **off: float) -> Result:
+    """A result of MuJoCo runs (sweep=, duration=) that are off by a share of the range."""
+    result = Result(cases=[case])
+    for kind, share in off.items():
+        curves = curves_of(case, kind, share)
+        result.curves[case.name, kind, "mujoco"] = curves
+        result.comparisons.extend(compare(case, kind, "mujoco", curves))
+    return result
+
+
+def lost(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
+    return [Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
+            for name, c in case.channels.items() if c.only in (None, kind)]
+
+
+@pytest.fixture(scope="module")
+def fourbar() -> Case:
+    case = case_of("fourbar")
+    few = ["coupler.angle", "rocker", "pin.x", "pin.y", "rocker_rate", "holding_moment"]
+    return case.model_copy(update={"channels": {n: case.channels[n] for n in few}})
+
+
+@pytest.fixture(scope="module")
+def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report with everything that can go wrong in it."""
+    folder = tmp_path_factory.mktemp("report")
+    case = fourbar.model_copy(update={"title": EVIL})
+    result = result_of(case, sweep=0.0, duration=1e-3)
+    curves = curves_of(case, "duration", 0.0)
+    broken = dict(curves.channels, rocker=curves.channels["rocker"] * np.nan)
+    del broken["pin.x"]
+    curves = replace(curves, channels=broken, missing={"pin.x": "no such sensor here"})
+    result.curves[case.name, "duration", "mujoco:default"] = curves
+    result.comparisons.extend(compare(case, "duration", "mujoco:default", curves))
+    for kind, outcome in ("duration", "diverged"), ("sweep", "timed out"):
+        result.comparisons.extend(lost(case, kind, "pymunk", outcome))
+    result.comparisons.append(Comparison("loose", "mujoco", "duration", "", "",
+                                         message="no sidecar; it loads and steps"))
+    result.errors.append(InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>"))
+    return write_report(result, folder).parent
+
+
+def test_all_agree(fourbar: Case) -> None:
+    result = result_of(fourbar, sweep=0.0, duration=0.0)
+    assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
+        f"The model is the mechanism: all {len(fourbar.channels)} channels of the sweep agree in "
+        "MuJoCo. "
+        "MuJoCo agrees at dt = 0.97 ms.")
+
+
+def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
+    result = result_of(fourbar, sweep=0.0)
+    curves = curves_of(fourbar, "duration", 3e-2)
+    rows = compare(fourbar, "duration", "mujoco:default", curves)
+    assert ("shown unchecked: MuJoCo default (off by 3% of the range in position and 3% in "
+            "velocity)") in headline(fourbar, [*result.comparisons, *rows])
+
+
+def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
+    """Each kind of quantity apart, and the first samples apart from what follows."""
+    case = case_of("fourbar")
+    curves = curves_of(case, "duration", 0.0)
+    truth = reference_for(case, curves).channels
+    off = {"rocker": 1e-4, "rocker_rate": 1e-3, "rocker_acceleration.z": 2e-3}
+    channels = {name: truth[name] + share * np.ptp(truth[name]) for name, share in off.items()}
+    channels["rocker_acceleration.z"][0] += 0.5 * np.ptp(truth["rocker_acceleration.z"])
+    rows = compare(case, "duration", "mujoco:default", replace(curves, channels=channels))
+    (c,) = (c for c in rows if c.channel == "rocker_acceleration.z")
+    span = np.ptp(truth["rocker_acceleration.z"])
+    assert (c.at, c.error_max) == (0.0, pytest.approx(0.502 * span, rel=1e-9))
+    assert c.error_later == pytest.approx(2e-3 * span, rel=1e-9)
+    assert ("MuJoCo default (off by 1e-4 of the range in position, 0.1% in velocity and 50% in "
+            "acceleration at the start, 0.2% after a tenth of the run)") in headline(case, rows)
+
+
+def test_sweep_differs(fourbar: Case) -> None:
+    text = headline(fourbar, result_of(fourbar, sweep=1e-3, duration=0.0).comparisons)
+    assert text.startswith("The model is not the mechanism: MuJoCo differs in the sweep on ")
+    assert text.endswith("do not look at integrators before this is mended.")
+
+
+def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
+    good = result_of(fourbar, sweep=0.0).comparisons
+    bad = [replace(c, solver="pymunk", outcome="differs", error_max=1.0, message="9 x the allowed")
+           for c in good]
+    text = headline(fourbar, [*good, *bad])
+    assert text.startswith("The model is the mechanism in MuJoCo, not in every solver: pymunk diff")
+
+
+def test_duration_differs(fourbar: Case) -> None:
+    text = headline(fourbar, result_of(fourbar, sweep=0.0, duration=1e-3).comparisons)
+    assert text.startswith(f"The model is the mechanism: all {len(fourbar.channels)} channels")
+    assert "differs over the duration on coupler.angle, rocker, pin.x and 2 more" in text
+
+
+def test_diverged(fourbar: Case) -> None:
+    rows = result_of(fourbar, sweep=0.0).comparisons
+    text = headline(fourbar, [*rows, *lost(fourbar, "duration", "pymunk:default", "diverged")])
+    assert text.endswith("pymunk default diverged over the duration.")
+
+
+def test_no_sweep_and_nothing_run() -> None:
+    case = case_of("pendulum")
+    assert headline(case, result_of(case, duration=0.0).comparisons).startswith(
+        "No sweep, so model and integrator are judged together: MuJoCo agrees")
+    assert headline(case, []).startswith("Not judged")
+
+
+def test_every_channel_and_outcome(report: Path, fourbar: Case) -> None:
+    page = (report / "fourbar.html").read_text(encoding="utf-8")
+    for channel in fourbar.channels:
+        assert f'">{channel} <span class="unit">' in page
+    for outcome in ("✓ agrees", "✗ differs", "○ unchecked", "– unsupported", "⚠ diverged",
+                    "⚠ timed out"):
+        assert outcome in page
+    assert "pymunk is not drawn: diverged. why not" in page
+    assert "no such sensor here" in page
+    assert all(str(escape(t.why)) in page for t in fourbar.tolerance)
+
+
+def test_pages_fetch_nothing_and_name_no_folder(report: Path) -> None:
+    for file in report.glob("*.html"):
+        page = file.read_text(encoding="utf-8")
+        assert not re.search(r"(?:src|href)\s*=\s*[\"']?\s*(?:https?:)?//", page)
+        assert not re.search(r"<script|@import|url\(\s*['\"]?http", page)
+        assert "/home/" not in page
+        assert str(report) not in page
+        assert len(page) < 3e6
+
+
+def test_ids_are_unique_and_links_lead_somewhere(report: Path) -> None:
+    for file in report.glob("*.html"):
+        page = file.read_text(encoding="utf-8")
+        ids = re.findall(r'\sid="([^"]*)"', page)
+        assert len(ids) == len(set(ids))
+        for target in re.findall(r'href="([^"#]+)"', page):
+            assert (report / target).is_file()
+        assert set(re.findall(r'(?:href="|url\()#([\w.-]+)', page)) <= set(ids)
+
+
+def test_special_characters_are_escaped(report: Path) -> None:
+    for name in ("fourbar.html", "index.html"):
+        page = (report / name).read_text(encoding="utf-8")
+        assert "&lt;script&gt;alert(" in page
+        assert "<script" not in page
+    assert "no joint &lt;q&gt;" in (report / "index.html").read_text(encoding="utf-8")
+
+
+def test_index_lists_loose_models_and_faults(report: Path) -> None:
+    page = (report / "index.html").read_text(encoding="utf-8")
+    assert "1 input at fault" in page
+    assert "bad.toml: drive.joint" in page
+    assert "no sidecar; it loads and steps" in page
+    assert page.index("at fault</h2>") < page.index('class="cards"')
+    assert page.index('class="cards"') < page.index("without a sidecar")
+
+
+@pytest.mark.parametrize("name", ["mechanism", *(
+    f"{kind}-{what}" for kind in ("sweep", "duration") for what in SHEETS)])
+def test_figures_as_svg_and_png(report: Path, name: str) -> None:
+    stem = report / "figures" / f"fourbar-{name}"
+    assert "<svg" in stem.with_suffix(".svg").read_text(encoding="utf-8")
+    assert stem.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
+    case = case_of("pendulum")
+    failed = Result(cases=[case], comparisons=lost(case, "duration", "pymunk", "crashed"))
+    page = write_report(failed, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
+    assert "pymunk is not drawn: crashed" in page
+    assert page.count("<figure") == 1  # the mechanism: it needs no solver
+    assert "Not judged" in write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
+    assert "No case was found" in write_report(Result(), tmp_path).read_text(encoding="utf-8")
+
+
+def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
+    case = case_of("pendulum", parameters={"length": 1.0, "mass": 1.0, "gravity": 9.81,
+                                           "amplitude": 0.0})
+    index = write_report(result_of(case, duration=0.0), tmp_path)
+    page = index.with_name("pendulum.html").read_text(encoding="utf-8")
+    assert page.count("<figure") == 3  # mechanism, overlay, difference
+    assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
+
+
+def test_thinning_keeps_spikes_and_ends() -> None:
+    x = np.linspace(0, 1, 5001)
+    y = np.where(x == x[1234], 7.0, np.sin(x))
+    tx, ty = thin(x, y, 300)
+    assert len(tx) <= 302
+    assert (tx[0], tx[-1], ty.max()) == (0.0, 1.0, 7.0)
+
+
+def test_solvers_differ_in_colour_and_without_it() -> None:
+    found = looks(["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "a", "b"])
+    assert len({v.colour for v in found.values()}) == 7
+    assert len({(v.dash, v.marker) for v in found.values()}) == 7
+
+
+def test_inline_svg_escapes_its_label() -> None:
+    assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline('<svg viewBox="0 0 1 1"></svg>', "k",
+                                                            'a <b> "c"')
+
+
+@pytest.mark.parametrize(("name", "words"), [
+    ("fivebar", ["left", "right", "left_crank", "right_coupler", "tip"]),
+    ("hacksaw", ["ray_length", "slider_pin", "crank_pin", "coupler", "slide, dashed: its guide"])])
+def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path: Path) -> None:
+    write_report(Result(cases=[case_of(name)]), tmp_path)
+    svg = (tmp_path / "figures" / f"{name}-mechanism.svg").read_text(encoding="utf-8")
+    found = {w for text in re.findall(r">([^<>]+)</t", svg) for w in (text, text.rstrip(","))}
+    assert set(words) <= found
+
+
+def test_a_path_is_its_two_channels() -> None:
+    case = case_of("fivebar")
+    view, (shape, _) = shown(result_of(case, sweep=0.01), case, "sweep"), pictured(case)
+    assert paths(view, shape) == ["tip"]
+    for curves in (view.curves["mujoco"], view.longest):
+        found = path(curves, "tip", shape)
+        assert np.array_equal(found[:, 0], curves.channels["tip.x"])
+        assert np.array_equal(found[:, 1], curves.channels["tip.y"])
+    assert np.array_equal(tracks([view], shape)["tip"], path(view.longest, "tip", shape))
+
+
+def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
+    fourbar = fourbar.model_copy(update={"channels": {"rocker": fourbar.channels["rocker"]}})
+    result = result_of(fourbar, sweep=0.0)
+    whole = result.curves[fourbar.name, "sweep", "mujoco"]
+    short = replace(whole, x=whole.x[:20], stopped="the loop stays open",
+                    channels={n: c[:20] for n, c in whole.channels.items()},
+                    drive=tuple(part[:, :20] for part in whole.drive or ()))
+    result.comparisons.extend([replace(c, solver="pymunk") for c in result.comparisons])
+    for order in ("mujoco", "pymunk"), ("pymunk", "mujoco"):  # whichever solver comes first
+        for solver, curves in zip(order, (whole, short), strict=True):
+            result.curves[fourbar.name, "sweep", solver] = curves
+        page = write_report(result, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+        assert re.search(r" ends at 190 deg, 20 of 37 samples, .* the loop stays open\.", page)
+        assert page.count(" ends at ") == 1
+
+
+def test_own_numbers_as_reference_and_a_law(report: Path, tmp_path: Path) -> None:
+    case = case_of("peaucellier")
+    write_report(Result(cases=[case]), tmp_path)
+    page = (tmp_path / "peaucellier.html").read_text(encoding="utf-8")
+    assert "It holds the engine to account, not the drawing" in page
+    assert "must = 0.8625 m</span>" in page
+    rows = [replace(c, outcome="agrees") for c in lost(case, "sweep", "mujoco", "diverged")]
+    assert headline(case, rows).startswith("The model moves as its own numbers say: all 9 ch")
+    assert "not the drawing" not in (report / "fourbar.html").read_text(encoding="utf-8")
+
+
+def test_headline_says_why_channels_are_missing(fourbar: Case) -> None:
+    rows = result_of(fourbar, sweep=0.0).comparisons
+    rows[0] = replace(rows[0], outcome="unsupported", message="no inverse dynamics")
+    assert f"{len(rows) - 1} of {len(rows)} channels in MuJoCo (no inverse dynamics)." in headline(
+        fourbar, rows)
+
+
+def test_inputs_of_several_drives() -> None:
+    fivebar, circle = case_of("fivebar"), case_of("fivebar_circle")
+    for case, rows in (fivebar, [["left (drive)", "right (drive)"]]), (circle, [
+            [f"{side}{what} (drive)" for side in ("left", "right")]
+            for what in ("", " rate", " acceleration")]):
+        view = shown(result_of(case, sweep=0.0), case, "sweep")
+        assert input_rows(view, list(inputs(view))) == rows
+
+
+@pytest.mark.parametrize(("derivatives", "drawn"), [
+    ((0, 0), [""]), ((0, 1), ["", " rate"]), ((1, 2), ["", " rate", " acceleration"])])
+def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -> None:
+    case = case_of("triple_rocker")
+    view = shown(result_of(case, sweep=0.0), case, "sweep")
+    for solver, has in zip(("mujoco", "pymunk"), derivatives, strict=True):
+        view.curves[solver] = replace(view.curves["mujoco"], derivatives=has)
+    panels = inputs(view)
+    assert list(panels) == [f"crank{what} (drive)" for what in drawn]
+    for order, (_, moved, _) in enumerate(panels.values()):
+        assert list(moved) == [s for s, c in view.curves.items() if c.derivatives >= order]
+
+
+def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
+    view = shown(result_of(fourbar, sweep=0.0), fourbar, "sweep")
+    view.curves["pymunk"] = view.curves["mujoco"]
+    view.rows.extend([replace(c, solver="pymunk") for c in view.rows])
+    assert list(tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]
+
+
+@pytest.mark.parametrize("file", sorted(MODELS.glob("*.toml")), ids=lambda file: file.stem)
+def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> None:
+    """A docstring tells the page; the remark in the sidecar was written by itself."""
+    case, remarks = load_case(file), dict(re.findall(
+        r"(?m)^(\w+) = \S+ +# (m|kg|m/s2|rad|N m2|N m|N)(?=[,: \n])", file.read_text()))
+    for name, unit in remarks.items():
+        if name in case.parameters:
+            assert unit_of(case, name).replace("^", "") == unit
+    assert [name for name, value in case.parameters.items()
+            if not isinstance(value, str) and not unit_of(case, name)] in ([], ["mode"])
+
+
+def test_the_unit_of_a_parameter_is_told_by_the_docstring() -> None:
+    units = {case: {p: unit_of(case_of(case), p) for p in case_of(case).parameters}
+             for case in ("fourbar", "balancer_sine", "pendulum", "rod_cantilever")}
+    for name, unit in (("crank", "m"), ("crank_mass", "kg"), ("gravity", "m/s^2"), ("mode", "")):
+        assert units["fourbar"][name] == unit
+    assert units["balancer_sine"]["length3"] == "m"  # of "length1, .."
+    assert units["balancer_sine"]["target_moment"] == "N m"
+    assert units["pendulum"] == {
+        "length": "m", "mass": "kg", "gravity": "m/s^2", "amplitude": "rad"}
+    assert units["rod_cantilever"]["force_y"] == "N"
+
+
+def test_parameters_have_units_on_the_page(report: Path) -> None:
+    page = (report / "fourbar.html").read_text(encoding="utf-8")
+    assert "<dt>crank</dt><dd>1 m</dd>" in page
+    assert "<dt>gravity</dt><dd>9.81 m/s²</dd>" in page
+    assert "<dt>mode</dt><dd>1</dd>" in page
+    assert "</code> 0 to 6.28 rad at 1 rad/s" in page

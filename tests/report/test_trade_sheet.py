@@ -1,0 +1,195 @@
+"""The work-precision diagram and its page, from tables alone."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from proofmass.errors import InputError
+from proofmass.report.style import KNOWN, RC
+from proofmass.report.trade_marks import planned, spread
+from proofmass.report.trade_page import write_trade
+from proofmass.report.trade_sheet import FRONT, dressed, trade_sheet, turn_sheet
+from proofmass.studies.row import Row
+from proofmass.studies.trade.trade import Trade, write_study
+from proofmass.studies.trade.verdict import Verdict, front
+from tests.studies.trade.trade_rows import line, study, verdict
+
+NAN = float("nan")
+
+
+def drawn(rows: list[Row], verdicts: list[Verdict]) -> Figure:
+    with rc_context(RC):
+        figure = trade_sheet(rows, verdicts, dressed(rows))
+    figure.draw_without_rendering()
+    return figure
+
+
+def texts(ax) -> list[str]:
+    return [t.get_text() for t in ax.texts if isinstance(t, Annotation)]
+
+
+@pytest.fixture(scope="module")
+def sheet() -> Figure:
+    return drawn(*study())
+
+
+def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
+    assert [ax.get_title("left") for ax in sheet.axes] == [
+        "position", "", "rate", "", "acceleration", ""]
+    assert sheet.axes[-2].get_xlabel() == "wall time of the run [s]"
+    assert all("share of the range" in ax.get_ylabel() for ax in sheet.axes[::2])
+    assert {ax.get_xscale() for ax in sheet.axes} == {ax.get_yscale() for ax in sheet.axes} == {
+        "log"}
+
+
+def test_rods_are_drawn_over_their_segments() -> None:
+    rows = [Row("trade", "rod", "rest", "mujoco", "MuJoCo, segments", "segments", n,
+                {"segments": n}, {"position": 1.0 / n**2}, seconds=1e-3 * n, steps=1)
+            for n in (10, 20, 40)]
+    told = [replace(v, case="rod", line="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
+    left, right = drawn(rows, told).axes
+    assert list(right.lines[0].get_xdata()) == [10, 20, 40]
+    assert right.get_xlabel() == "segments"
+    foot, _, far = np.array(right.patches[0].get_xy())[:3]
+    assert far[0] / foot[0] == 2.0
+    assert left.get_xlabel() == "wall time of the run [s]"
+
+
+def test_no_two_lines_look_the_same() -> None:
+    looks = dressed(study()[0])
+    assert len({(look.marker, look.dash) for look in looks.values()}) == len(looks) == 12
+    for (engine, name), look in looks.items():
+        assert look.colour == KNOWN[engine + ":default" * ("defaults" in name)].colour
+    euler = {look.marker for (_, name), look in looks.items() if " Euler" in name}
+    assert len(euler) == 1
+
+
+def test_nothing_is_over_the_panels_or_cut_off(sheet: Figure) -> None:
+    """The legend stands above the panels; every letter and every cause lies inside the figure."""
+    legend = sheet.legends[0].get_window_extent()
+    whole = sheet.bbox
+    assert legend.x1 <= whole.x1
+    for ax in sheet.axes:
+        assert ax.get_tightbbox().y1 <= legend.y0
+        for text in ax.texts:
+            box = text.get_window_extent()
+            assert whole.x0 <= box.x0
+            assert box.x1 <= whole.x1
+
+
+def test_causes_in_the_margin_do_not_touch(sheet: Figure) -> None:
+    for ax in sheet.axes[1::2]:
+        boxes = sorted((t.get_window_extent() for t in ax.texts
+                        if t.get_window_extent().x0 > ax.bbox.x1), key=lambda box: box.y0)
+        assert len(boxes) >= 3
+        assert all(one.y1 <= two.y0 for one, two in pairwise(boxes))
+
+
+def test_the_front_is_that_of_all_settings(sheet: Figure) -> None:
+    """Brute force: nothing measured is cheaper and closer; filled markers are these."""
+    rows = [row for row in study()[0] if row.outcome == "ran"]
+    best = front(rows, "position")
+    for row in rows:
+        beaten = any(o.seconds <= row.seconds and o.errors["position"] <= row.errors["position"]
+                     and o is not row for o in rows)
+        assert (row in best) == (not beaten)
+    stairs = next(one for one in sheet.axes[0].lines if one.get_color() == FRONT["color"])
+    assert len(stairs.get_xdata()) == len(best)
+    filled = sum(len(one.get_xdata()) for one in sheet.axes[0].lines
+                 if one.get_linestyle() == "None" and one.get_marker() not in ("x", "_"))
+    assert filled == len(best)
+
+
+def test_triangles_have_the_expected_slopes(sheet: Figure) -> None:
+    slopes = []
+    for patch in sheet.axes[1].patches:
+        (x, top), (_, foot), (far, _) = patch.get_path().vertices[:3]
+        slopes.append(np.log(top / foot) / np.log(far / x))
+    assert sorted(slopes) == pytest.approx([1.0, 2.0, 4.0])
+
+
+def test_an_order_that_no_line_shows_has_no_triangle() -> None:
+    figure = drawn(line("flat", order=1.0, scale=1e-6, floor=1e-3), verdict("flat", 4.0))
+    assert not figure.axes[1].patches
+
+
+def test_floors_are_ticks_with_their_causes(sheet: Figure) -> None:
+    ticks = [float(one.get_ydata()[0]) for one in sheet.axes[0].lines if one.get_marker() == "_"]
+    assert sorted(ticks) == pytest.approx(
+        [2e-9, 3e-8, *(2e-4 * (1 + k / 10) for k in range(5))])
+    told = " ".join(texts(sheet.axes[1])).replace("\n", " ")
+    assert "softness of the loop (a c e g i)" in told
+    assert "3e-8 cap of solimp (h)" in told
+
+
+def test_failures_are_crosses_at_the_upper_edge(sheet: Figure) -> None:
+    """A run that came apart has made no steps; those that it should have made are 6.28 s / 16 ms.
+
+    Its wall time is not known: over that it has no place."""
+    left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in sheet.axes[:2])
+    assert not left
+    assert [one.get_xdata()[0] for one in right] == pytest.approx([6.28 / 0.016], abs=1)
+    lost = Row("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")
+    assert planned(lost, [lost]) == 0.0
+
+
+def test_nothing_but_failures_can_be_drawn() -> None:
+    rows = [replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0)
+            for row in line("lost")]
+    assert len(drawn(rows, []).axes) == 2
+
+
+def test_other_knobs_run_from_coarse_to_fine() -> None:
+    rows = [Row("", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9,
+                seconds=1.0) for v in (0.04, 0.02, 0.01)]
+    with rc_context(RC):
+        ax, = turn_sheet(rows, dressed(rows)).axes
+    assert ax.xaxis_inverted()
+    assert ax.get_xlabel() == "time constant of loops, solref [s]"
+    assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
+
+
+def test_spread_keeps_apart() -> None:
+    moved = spread([0.0, 0.0, 0.0, 0.9], [0.1, 0.2, 0.1, 0.1])
+    assert np.diff(moved) == pytest.approx([0.15, 0.15, 0.6])
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rows, verdicts = study()
+    other = [replace(row, case="watt") for row in rows]
+    folder = tmp_path_factory.mktemp("study")
+    write_study(Trade([*rows, *other], rows[:1],
+                      [*verdicts, *(replace(v, case="watt") for v in verdicts)]), folder)
+    return write_trade(folder, folder / "page").first
+
+
+def test_pages_and_files(page: Path) -> None:
+    names = {file.name for file in page.parent.iterdir()}
+    assert {"index.html", "fourbar-duration-trade.html", "watt-duration-trade.html", "trade.csv",
+            "floors.csv", "verdicts.json", "figures"} <= names
+    for stem in ("fourbar-duration-trade", "watt-duration-trade"):
+        for ending in (".svg", ".png"):
+            assert (page.parent / "figures" / (stem + ending)).stat().st_size > 1000
+    assert "http" not in page.read_text().replace("http://www.w3.org", "")
+
+
+def test_the_page_says_what_to_do(page: Path) -> None:
+    text = (page.parent / "fourbar-duration-trade.html").read_text()
+    assert "For position within 1e-4 of its range" in text
+    assert "MuJoCo RK4, solref 8 dt, timestep" in text
+    assert "defaults never get there" in text
+    assert "the loops are open by 0.3 m" in text  # of the run that failed
+    assert "halving solref divides the error by 4.0" in text
+    assert "least of up to 5 in rounds" in text
+
+
+def test_a_folder_without_a_study(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="proofmass trade CASE writes it"):
+        write_trade(tmp_path, tmp_path)

@@ -1,0 +1,284 @@
+"""Views: curves over another x, energies in a stack, other parameter sets beside them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+
+from proofmass.analytic import REFERENCES
+from proofmass.analytic.linkages.fourbar import solve
+from proofmass.case import Case, load_case
+from proofmass.compare import Comparison, compare
+from proofmass.errors import InputError
+from proofmass.report import drawing, pages, write_report
+from proofmass.report.data import shown, ways
+from proofmass.report.mechanism import sprung
+from proofmass.report.style import RC, looks
+from proofmass.report.view_sheet import grouped, view_sheet
+from proofmass.report.views import Viewed, all_viewed, caption, spread, viewed
+from proofmass.seen import Seen
+from proofmass.view import View
+from tests.report.test_report import case_of, curves_of, result_of
+
+OTHER = {"crank": 0.8, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
+LOOP = View(title="Loop", x="rocker", y=("coupler.angle", "holding_moment"))
+STUB = '''"""A crank with a spring in it."""
+
+import numpy as np
+
+
+def solve(angle, rate=1.0, acceleration=0.0, *, stiffness, target="sine", weight=0.0):
+    wanted = {"sine": np.sin, "cosine": np.cos}[target](angle)
+    return {"moment": stiffness * angle, "target": wanted, "lifted": weight * np.cos(angle),
+            "stored": stiffness * angle**2 / 2}
+
+
+def contacts(*, stiffness, **_):
+    return {"spring on its stop": 3.0 / stiffness}
+
+
+def facts(*, stiffness, target="sine", weight=0.0):
+    return {"softness": f"{1 / stiffness:g} rad/Nm"} | ({"load": f"{weight:g} N"} if weight else {})
+'''
+
+
+@pytest.fixture
+def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A sidecar whose reference takes a word and tells places and facts."""
+    (models / "stubs").mkdir()
+    (models / "stubs" / "sprung_crank.py").write_text(STUB)
+    monkeypatch.syspath_prepend(models / "stubs")
+    monkeypatch.setitem(REFERENCES, "sprung_crank", "sprung_crank")
+    # other processes do not know of it
+    for module in (drawing, pages):
+        monkeypatch.setattr(module, "isolated", lambda function, *args, **limits: function(*args))
+    text = (models / "fourbar.toml").read_text()
+    text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\ntarget = "
+                  '"sine"\n[drive]', text.replace('"fourbar"', '"sprung_crank"'))
+    text = re.sub(r"(?s)\[channels\].*", '[channels]\nholding_moment = { equals = "moment",'
+                  ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nof_range = 1e-12\n'
+                  'why = "rounding"\n', text)
+    (models / "fourbar.toml").write_text(text + '''
+[[view]]
+title = "Moment over angle"
+x = "crank"
+y = "holding_moment"
+dashed = "target"
+marks = "contacts"
+
+[[view]]
+title = "Energies"
+x = "crank"
+stack = ["stored", "lifted"]
+unit = "J"
+
+[beside."stiff & heavy"]
+parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
+''')
+    return models / "fourbar.toml"
+
+
+def judged(sidecar: Path) -> list[Comparison]:
+    """Comparisons of what MuJoCo would find if it were perfect."""
+    case = load_case(sidecar)
+    return compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+
+
+def with_views(*views: View, **beside: dict) -> Case:
+    table = case_of("fourbar").model_dump(by_alias=True)
+    table |= {"view": views, "beside": {k: {"parameters": p} for k, p in beside.items()}}
+    return Case(**table)
+
+
+def view_of(case: Case, off: float = 0.0, kind: str = "sweep") -> Viewed:
+    return viewed(shown(result_of(case, **{kind: off}), case, kind), case.view[0])
+
+
+def test_ways_of_a_swing() -> None:
+    x = -np.cos(np.linspace(0, 4 * np.pi, 41))
+    assert ways(x) == [(slice(10 * k, 10 * k + 11), k % 2 == 0) for k in range(4)]
+
+
+def test_ways_pass_over_a_rest_and_over_rounding() -> None:
+    x = np.array([0.0, 1.0, 1.0 + 1e-15, 1.0, 2.0, 2.0])
+    assert ways(x) == [(slice(0, 6), True)]
+    assert len(ways(np.ones(4))) == 1
+
+
+def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
+    case = with_views(LOOP)
+    view, crank = view_of(case, off=0.01), np.linspace(0, 2 * np.pi, 37)
+    truth = solve(crank, **case.parameters)["rocker_angle"]
+    assert np.array_equal(view.over.truth["mujoco"].x, truth)
+    # off by a hundredth of the range, times a sine
+    assert np.abs(view.over.curves["mujoco"].x - truth - 0.01 * np.ptp(truth) * np.sin(9 * crank)
+                  ).max() < 1e-15
+    assert view.loop
+    assert (view.over.x_name, view.over.x_unit) == ("rocker", "deg")
+
+
+def test_a_driven_joint_and_a_quantity_as_x() -> None:
+    by_joint = view_of(with_views(LOOP.model_copy(update={"x": "crank"})))
+    assert by_joint.x == pytest.approx(np.arange(0, 361, 10))
+    assert by_joint.over.x_name == "crank angle"
+    by_name = view_of(with_views(View(title="t", x="rocker_angle", y="coupler_angle")))
+    assert np.array_equal(by_name.x, view_of(with_views(LOOP)).x)
+    assert by_name.own.units == {"rocker_angle": "rad", "coupler_angle": "rad"}
+
+
+def test_a_view_is_of_the_first_run_that_records_it() -> None:
+    case = with_views(LOOP, LOOP.model_copy(update={"y": ("rocker",), "run": "duration"}))
+    runs = [shown(result_of(case, sweep=0.0, duration=0.0), case, k) for k in case.run]
+    assert [v.over.kind for v in all_viewed(case, runs)] == ["sweep", "duration"]
+
+
+def test_panels_hold_the_curves_and_their_difference() -> None:
+    case = with_views(LOOP, other=OTHER)
+    view = view_of(case, off=0.01)
+    with rc_context(RC):
+        coupler, below, moment, _ = view_sheet(view, looks(["mujoco"])).axes
+    reference, out, *_, thin = coupler.lines
+    crank = np.linspace(0, 2 * np.pi, 37)
+    truth = solve(crank, **case.parameters)
+    assert np.array_equal(reference.get_xdata(), np.degrees(truth["rocker_angle"]))
+    assert np.array_equal(reference.get_ydata(), np.degrees(truth["coupler_angle"]))
+    beside = solve(crank, **OTHER)
+    assert np.array_equal(thin.get_xdata(), np.degrees(truth["rocker_angle"]))
+    assert np.array_equal(thin.get_ydata(), np.degrees(beside["coupler_angle"]))
+    assert max(line.get_ydata().max() for line in below.lines[:2]) == pytest.approx(
+        0.01 * np.ptp(truth["coupler_angle"]), rel=0.02)  # the sine's top falls between samples
+    assert [line.get_markerfacecolor() for line in coupler.lines[1:3]] == ["#0072B2", "white"]
+    assert np.all(np.diff(out.get_xdata()) < 0)
+    assert moment.get_ylabel() == "[N·m]"
+
+
+def stacked(**parts: np.ndarray) -> Viewed:
+    """A view of a swing from 0 to 90 degrees and back with made-up parts."""
+    values = {"x": 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61))), **parts}
+    view = View(title="t", x="x", stack=tuple(parts), unit="J", x_unit="rad")
+    over = view_of(with_views(LOOP)).over
+    seen = Seen(values, {"x": "rad"} | dict.fromkeys(parts, "J"), {})
+    return Viewed(view, seen, {}, over.__class__(over.case, over.kind, [], x_name="x",
+                                                 x_unit="deg", x_scale=180 / np.pi))
+
+
+def test_a_flat_sum_is_said_and_drawn_flat() -> None:
+    angle = 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61)))
+    view = stacked(spring=2 * (1 - np.cos(angle)), weight=2 * np.cos(angle))
+    assert spread(view).startswith("2 to 2 J, a spread of ")
+    with rc_context(RC):
+        pile, below = view_sheet(view, {}).axes
+    first, second = (c.get_paths()[0].vertices for c in pile.collections)
+    assert first[:, 1].max() == pytest.approx(2.0)  # 2 (1 - cos 90°)
+    assert second[:, 1].max() == pytest.approx(2.0)  # on top of the first, so up to the sum
+    assert first[:, 0].max() == pytest.approx(90.0)
+    assert np.abs(below.lines[0].get_ydata()).max() < 1e-15
+
+
+def test_what_is_below_zero_goes_downwards() -> None:
+    one, angle = np.ones(61), np.linspace(0, 1, 61)
+    view = stacked(up=2 * one, down=-one, both=angle - 0.5)
+    assert spread(view) == "0.5 to 1.5 J, a spread of 1 J, 100 % of its mean"
+    with rc_context(RC):
+        up, down, both = (c.get_paths()[0].vertices[:, 1]
+                          for c in view_sheet(view, {}).axes[0].collections)
+    assert (up.min(), up.max(), down.min(), down.max()) == (0, 2, -1, 0)
+    assert both.min() == pytest.approx(-1.5)  # below the part that is below zero
+
+
+def test_near_marks_share_their_words() -> None:
+    view = view_of(with_views(View(title="t", x="crank", y="rocker", marks={
+        "c": 2.0, "a": 1.0, "b": 1.0 + 0.02 * np.pi})))
+    assert [list(group) for group in grouped(view)] == [["a", "b"], ["c"]]
+    assert grouped(view)[1]["c"] == pytest.approx(np.degrees(2.0))
+
+
+def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Path) -> None:
+    # a word has no relative change
+    assert set(judged(stub)[0].would_notice) == {"stiffness"}
+    result = result_of(load_case(stub), sweep=0.0)
+    page = write_report(result, tmp_path / "r").with_name("fourbar.html").read_text("utf-8")
+    text = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
+    assert "<dt>target</dt><dd>sine</dd>" in text
+    assert re.search(r'"row">softness</th><td[^>]*>0.5 rad/Nm</td><td[^>]*>0.25 rad/Nm<', text)
+    assert re.search(r'"row">load</th><td[^>]*>—</td><td[^>]*>2 N<', text)
+    assert re.search(r'"row">target</th><td[^>]*>sine</td><td[^>]*>cosine<', text)
+    assert "dashed: target; thin: stiff &amp; heavy; below" in text
+    # 2 (2 pi)^2 / 2, printed to four digits
+    assert "0 to 39.48 J" in text
+    assert "spring on its stop 85.94°" in page  # 3 / 2 rad
+    ids = re.findall(r'\sid="([^"]*)"', page)
+    assert len(ids) == len(set(ids))
+    assert (tmp_path / "r" / "figures" / "fourbar-view-2.png").is_file()
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ('x = "crank"', 'x = "cranck"', ["view.0.x", "'cranck'", "crank", "holding_moment", "stored"]),
+    ('y = "holding_moment"', 'y = "moments"', ["view.0.y", "'moments'", "moment, target"]),
+    ('"stored", "lifted"', '"stored", "lift"', ["view.1.stack", "'lift'", "lifted"]),
+    ('dashed = "target"', 'dashed = "targets"', ["view.0.dashed", "'targets'", "target"]),
+    ('"contacts"', '"contact"', ["view.0.marks", "sprung_crank", "no function 'contact'"]),
+    ('x = "crank"', 'x = "target"\nx_unit = "1"', ["view.0.marks", "first drive", "'target'"]),
+    ('unit = "J"', "", ["view.1.unit", "'stored'", "must be told"]),
+    ('"stored", "lifted"', '"stored", "moment"', ["view.1.stack", "units J, N m"]),
+    ("stiffness = 4.0", "stifness = 4.0", ["beside.'stiff & heavy'.parameters.stifness",
+                                           "stiffness, target, weight"]),
+    ("stiffness = 4.0", "weigth = 4.0", ["beside.'stiff & heavy'.parameters.weigth"]),
+    ('"sine"', '["sine"]', ["parameters.target: ", "valid number"]),
+    ('y = "holding_moment"', "", ["view.0", "either y or stack"]),
+    ('y = "holding_moment"', 'y = ["holding_moment", "moment"]', ["view.0", "one y"]),
+    ('title = "Energies"', 'titel = "Energies"', ["view.1", "unknown key 'titel'", "title, x, y"]),
+    (r"\[\[view\]\].*(?=\[beside)", "", ["beside", "give a [[view]]"]),
+    ('x = "crank"', 'x = "crank"\nrun = "duration"', ["no run.duration records", "holding_moment"]),
+])
+def test_errors_name_the_key_and_what_there_is(stub, old, new, words) -> None:
+    text, hits = re.subn(old, new, stub.read_text(), count=1, flags=re.DOTALL)
+    assert hits
+    if "run.duration" in words[0]:
+        text = text.replace('unit = "N m" }', 'unit = "N m", only = "sweep" }')
+    stub.write_text(text)
+    with pytest.raises(InputError) as caught:
+        judged(stub)
+    assert all(word in str(caught.value) for word in ["fourbar.toml", *words]), str(caught.value)
+
+
+def test_lengths_beside_that_cannot_close_are_named() -> None:
+    case = with_views(LOOP, short=OTHER | {"coupler": 0.1})
+    with pytest.raises(InputError, match=r"beside\.'short'\.parameters"):
+        compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+
+
+def test_a_recorded_curve_has_views_but_no_parameters_beside() -> None:
+    case = load_case(Path("models/hacksaw_recorded.toml"))
+    name, unit = next((c.equals, c.unit) for c in case.channels.values())
+    view = View(title="t", x=case.drive[0].joint, y=name)
+    case = case.model_copy(update={"view": (view,)})
+    found = view_of(case)
+    assert found.own.units[name] == unit
+    table = case.model_dump(by_alias=True) | {"beside": {"a": {"parameters": {"crank": 1.0}}}}
+    with pytest.raises(InputError, match="a recorded curve, which has none"):
+        view_of(Case(**table))
+
+
+def test_solvers_that_lack_the_x_are_not_drawn() -> None:
+    case = with_views(LOOP)
+    result = result_of(case, sweep=0.0)
+    del result.curves[case.name, "sweep", "mujoco"].channels["rocker"]
+    view = viewed(shown(result, case, "sweep"), case.view[0])
+    assert not view.over.curves
+    assert "markers open" in caption(view)
+    assert len(view_sheet(view, looks(["mujoco"])).axes) == 4
+
+
+@pytest.mark.parametrize("stiffness", ["3", "0 2"])
+def test_springs_are_drawn_as_spirals(models, edit, tmp_path, stiffness) -> None:
+    case = load_case(models / "fourbar.toml")
+    assert sprung(case) == set()
+    edit("fourbar.xml", '<joint name="rocker"/>', f'<joint name="rocker" stiffness="{stiffness}"/>')
+    case = load_case(models / "fourbar.toml")
+    assert sprung(case) == {"rocker"}
+    write_report(result_of(case), tmp_path)
+    drawing = (tmp_path / "figures" / "fourbar-mechanism.svg").read_text(encoding="utf-8")
+    assert "spiral: torsion spring" in drawing

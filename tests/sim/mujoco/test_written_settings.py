@@ -1,0 +1,178 @@
+"""Every setting of MuJoCo is in a program and in a snippet as it is in the product's own run."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.drive import motion_source
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.mujoco.model import load
+from proofmass.sim.mujoco.program import write_program
+from proofmass.sim.mujoco.settings import PLACES, MujocoSettings, configure, named_values
+from proofmass.sim.protocol import Run
+from proofmass.solve import simulate
+from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.trade.snippet import pasted, snippet
+from tests.studies.trade.test_program import MODELS, bare
+
+OURS = {"settled", "flex", "defaults"}  # MuJoCo has no words for these
+SAID = sorted(MujocoSettings.model_fields.keys() - OURS)
+SCENE = """<mujoco>
+<option><flag contact="disable" warmstart="enable"/></option><option gravity="0 0 -9"/>
+<default><equality solref="0.03 1.5"/></default>
+<worldbody><body name="a"><joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>
+<geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>
+<equality><connect name="pin" body1="a" anchor="0 0 0"/></equality></mujoco>"""
+
+
+def own(key: str) -> Knob:
+    """A setting as MuJoCo has it by itself."""
+    value: Knob = MujocoSettings.model_fields[key].default
+    return value
+
+
+def others(key: str) -> list[Knob]:
+    """Values of a setting that are not MuJoCo's own: of words all, of others one."""
+    value = own(key)
+    if isinstance(value, str):
+        return [word for word in named_values(key) if word != value.lower()]
+    if isinstance(value, bool):
+        return [not value]
+    if isinstance(value, int):
+        return [value + 3]
+    return [0.7 * value] if isinstance(value, float) else [tuple(0.9 * each for each in value)]
+
+
+EACH = [(key, value) for key in SAID for value in others(key)]
+
+
+def read(model: mujoco.MjModel) -> dict[str, object]:
+    """All options of a compiled model, and the softness of its equalities."""
+    fields = [name for name in dir(model.opt) if not name.startswith("_")]
+    found = {name: np.asarray(getattr(model.opt, name)).tolist() for name in fields}
+    assert {"timestep", "cone", "disableflags", "noslip_iterations"} <= found.keys()
+    return {**found, "solref": model.eq_solref.tolist(), "solimp": model.eq_solimp.tolist()}
+
+
+def asked(settings: dict) -> Run:
+    return Run("duration", np.linspace(0.0, 0.1, 2), (), settings=settings)
+
+
+def in_program(file: Path, settings: dict) -> mujoco.MjModel:
+    """The model of a program."""
+    names: dict = {"__name__": "run"}
+    exec(write_program(file, asked(settings), "", ""), names)
+    return mujoco.MjModel.from_xml_string(names["MODEL"])
+
+
+def in_run(file: Path, settings: dict) -> mujoco.MjModel:
+    """The model that the product steps."""
+    model, _ = load(file, asked(settings))
+    model.opt.timestep = asked(settings).steps(model.opt.timestep)[1]
+    return model
+
+
+def in_snippet(file: Path, settings: dict) -> mujoco.MjModel:
+    """The model with a snippet pasted."""
+    return mujoco.MjModel.from_xml_string(
+        pasted(file, snippet(Setting("mujoco", settings), 1, file)))
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    file = tmp_path / "scene.xml"
+    file.write_text(SCENE)
+    return file
+
+
+def test_every_setting_is_written_or_is_the_product_s_own() -> None:
+    assert PLACES.keys() | OURS == MujocoSettings.model_fields.keys()
+
+
+def test_the_settings_of_mujoco_are_what_it_has_by_itself() -> None:
+    silent = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="a"><joint/><geom size="1"/></body></worldbody><equality>'
+        '<connect body1="a" anchor="0 0 0"/></equality></mujoco>')
+    before = read(silent)
+    configure(silent, {key: own(key) for key in SAID})
+    assert read(silent) == before
+
+
+@pytest.mark.parametrize(("key", "value"), EACH)
+def test_a_setting_is_written_as_it_is_applied(key: str, value: Knob, scene: Path) -> None:
+    """Also put back, in a file that says otherwise: MuJoCo merges options, and flags one by one."""
+    told = in_run(scene, {key: value})
+    assert read(told) != read(in_run(scene, {}))
+    assert read(in_program(scene, {key: value})) == read(told)
+    applied = compile_model(scene)
+    configure(applied, {key: value})
+    assert read(in_snippet(scene, {key: value})) == read(applied)
+    scene.write_text(pasted(scene, snippet(Setting("mujoco", {key: value}), 1, scene)))
+    assert read(compile_model(scene)) == read(applied)
+    assert read(in_program(scene, {})) == read(in_run(scene, {})) == read(told)
+    back = in_run(scene, {key: own(key)})
+    assert read(back) != read(told)
+    assert read(in_program(scene, {key: own(key)})) == read(back)
+    configure(applied, {key: own(key)})
+    assert read(in_snippet(scene, {key: own(key)})) == read(applied)
+
+
+def test_a_snippet_leaves_to_the_sidecar_what_mujoco_has_no_word_for(scene: Path) -> None:
+    every: dict[str, Knob] = {key: others(key)[0] for key in SAID}
+    assert "sidecar" not in snippet(Setting("mujoco", every), 1, scene)
+    assert "settings of the sidecar: settled = True" in snippet(
+        Setting("mujoco", {**every, "settled": True}), 1, scene)
+
+
+SLIDING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbody>
+<geom type="plane" size="9 9 1"/><body name="a" pos="0 0 .1">
+<joint name="x" type="slide" axis="1 0 0" frictionloss=".5"/>
+<joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0"/>
+<geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>
+<sensor><jointpos name="x" joint="x"/><jointpos name="turn" joint="turn"/></sensor>
+<keyframe><key name="start" qvel="1 0 0"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("settings", [
+    {"cone": "elliptic"}, {"cone": "elliptic", "impratio": 10.0}, {"noslip_iterations": 3}])
+def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Path) -> None:
+    """Bit by bit: no step starts its solver from the last, which a look at a sample changes."""
+    file = tmp_path / "sliding.xml"
+    file.write_text(SLIDING)
+
+    def run(settings: dict) -> Run:
+        return Run("duration", np.linspace(0.0, 0.3, 16), ("x", "turn"),
+                   settings={"warmstart": False, **settings})
+
+    wanted = simulate("mujoco", file, run(settings)).channels
+    fewer = dict(list(settings.items())[:-1])
+    without = simulate("mujoco", file, run(fewer)).channels
+    found = bare(write_program(file, run(settings), "", ""), tmp_path)
+    for name, curve in wanted.items():
+        assert found[name].tolist() == curve.tolist()
+        assert np.abs(curve - without[name]).max() > 1e-9  # the last of the settings acts
+
+
+@pytest.mark.parametrize(("changed", "unchanged"), [
+    ({"refsafe": False}, {}), ({"solver": "CG", "iterations": 2},
+                               {"solver": "CG", "iterations": 2, "warmstart": True})])
+def test_a_program_closes_its_loop_as_the_product_s_own_run(changed: dict, unchanged: dict,
+                                                            tmp_path: Path) -> None:
+    """Bit by bit, with a loop of a time constant of one step, or of two iterations a step."""
+    base = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.004, 1.0),
+            "solimp": (0.9999, 0.9999, 0.001), "warmstart": False}
+    case = load_case(MODELS / "fourbar.toml")
+    table = case.run["duration"].model_copy(update={"n": 21})
+    case = case.model_copy(update={"run": {"duration": table}})
+    _, run = Setting("mujoco", {**base, **changed}).applied(case, "duration")
+    _, other = Setting("mujoco", {**base, **unchanged}).applied(case, "duration")
+    motion = motion_source([each.law for each in run.drives], run.x)
+    found = bare(write_program(case.model_path, run, motion, ""), tmp_path)
+    wanted = simulate("mujoco", case.model_path, run).channels
+    without = simulate("mujoco", case.model_path, other).channels
+    for name, curve in wanted.items():
+        assert found[name].tolist() == curve.tolist()
+    assert max(np.abs(curve - without[name]).max() for name, curve in wanted.items()) > 1e-7

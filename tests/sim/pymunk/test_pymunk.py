@@ -1,0 +1,254 @@
+"""The pymunk rebuild: the plane, refusals by name, exact statics, second order in time."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+from proofmass.analytic.linkages import fourbar
+from proofmass.sim.plane import find_plane
+from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
+from proofmass.sim.pymunk.engine import simulate
+
+MODELS = Path(__file__).parents[3] / "models"
+LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
+BAR = '<inertial pos=".5 0 0" mass="1" diaginertia=".01 .1 .1"/>'
+ARM = f'<body name="arm"><joint name="arm"/>{BAR}</body>'
+OFF = '<flag contact="disable"/>'
+
+
+def turning(rate: float = 1.0) -> Drive:
+    return Drive("crank", lambda t: (rate * t, rate + 0 * t, 0 * t))
+
+
+def mjcf(tmp_path: Path, bodies: str, more: str = "", gravity: str = "0 -9.81 0",
+         flag: str = OFF) -> Path:
+    file = tmp_path / "inline.xml"
+    file.write_text(f'<mujoco><compiler angle="radian"/><option gravity="{gravity}">{flag}</option>'
+                    f"<worldbody>{bodies}</worldbody>{more}</mujoco>")
+    return file
+
+
+def fall(file: Path, **run) -> None:
+    simulate(file, Run("duration", np.linspace(0, 0.1, 11), (), **run))
+
+
+def plane_of(file: Path):
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return find_plane(model, data)
+
+
+@pytest.mark.parametrize(("joint", "e1", "e2", "normal"), [
+    ('axis="0 0 1"', (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ('axis="0 -1 0"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    ('axis="1 0 0"', (0, 1, 0), (0, 0, 1), (1, 0, 0)),
+    ('type="slide" axis="0 1 0"', (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ('type="slide" axis="0 0 1"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
+])
+def test_plane(tmp_path, joint, e1, e2, normal):
+    plane = plane_of(mjcf(tmp_path, f"<body><joint {joint}/>{BAR}</body>"))
+    if normal == (0, -1, 0) and "slide" in joint:  # both signs of a slide's normal are as good
+        e2, normal = np.sign(plane.e2[2]) * np.array(e2), np.sign(plane.e2[2]) * np.array(normal)
+    for got, wanted in ((plane.e1, e1), (plane.e2, e2), (plane.normal, normal)):
+        np.testing.assert_allclose(got, wanted, atol=1e-15)  # rounding of a cross product
+
+
+HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></body>'
+
+
+@pytest.mark.parametrize(("bodies", "more", "options", "named"), [
+    (f'<body><joint name="ball" type="ball"/>{BAR}</body>', "", {}, "ball joint 'ball'"),
+    (f'<body><freejoint name="fly"/>{BAR}</body>', "", {}, "free joint 'fly'"),
+    (HINGES.format(BAR, '<joint name="askew" axis="1 0 0"/>'), "", {}, "'askew' leaves the plane"),
+    (HINGES.format(BAR, '<joint name="up" type="slide" axis="0 0 1"/>'), "", {}, "joint 'up'"),
+    (HINGES.format(BAR, '<joint name="s" type="slide"/><joint name="h"/>'), "",
+     {"gravity": "0 0 0"}, "2 joints on body 'b'"),
+    (ARM, '<tendon><fixed name="rope"><joint joint="arm" coef="1"/></fixed></tendon>', {},
+     "tendon 'rope'"),
+    (ARM, "", {"gravity": "0 0 -9.81"}, "gravity"),
+    (ARM.replace('"arm"/>', '"arm" frictionloss=".1"/>'), "", {}, "frictionloss of joint 'arm'"),
+    (ARM.replace('"arm"/>', '"arm" damping="1 2"/>'), "", {}, "polynomial damping of .*'arm'"),
+    (ARM, '<equality><joint name="lock" joint1="arm"/></equality>', {}, "joint equality 'lock'"),
+    (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
+    (ARM, '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>', {},
+     "actuator 'lag'"),
+    (ARM.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
+        "</body>", '<geom name="tip" size=".1" pos="0 -1 0"/></body>'), "", {"flag": ""},
+     "contact of geoms"),
+])
+def test_refused_by_name(tmp_path, bodies, more, options, named):
+    with pytest.raises(Unsupported, match=named):
+        fall(mjcf(tmp_path, bodies, more, **options))
+
+
+def test_geoms_on_one_body_do_not_count_as_contact(tmp_path):
+    bodies = ARM.replace("</body>", '<geom size=".1"/><geom size=".2"/></body>')
+    run = Run("duration", np.linspace(0, 0.1, 11), ())
+    assert simulate(mjcf(tmp_path, bodies, flag=""), run).steps == 51
+
+
+def test_bad_names():
+    model, x = MODELS / "pendulum.xml", np.linspace(0, 0.1, 11)
+    with pytest.raises(BadModel, match=r"'speed'.*angle, rate"):
+        simulate(model, Run("duration", x, ("speed",)))
+    with pytest.raises(BadModel, match=r"'begin'.*start"):
+        simulate(model, Run("duration", x, (), start="begin"))
+    with pytest.raises(BadModel, match=r"'wheel'.*pivot"):
+        simulate(model, Run("duration", x, (), (Drive("wheel", lambda t: (t, t, t)),)))
+
+
+def test_open_start_pose(edit):
+    file = edit("fourbar.xml", "qpos=\"0  1.35", "qpos=\"0  0.35")
+    with pytest.raises(BadModel, match=r"start pose of key 'start' .* loop 'pin' is open by"):
+        simulate(file, Run("sweep", np.linspace(0, 1, 5), (), (turning(),)))
+
+
+ROCKER = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pin.y")
+
+
+def fourbar_errors(dt: float, model: Path = MODELS / "fourbar.xml", kind: str = "duration"):
+    run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),),
+              settings={"timestep": dt})
+    curves = simulate(model, run)
+    truth = fourbar.solve(*(d[0] for d in curves.drive), **LENGTHS)
+    pairs = zip(ROCKER, ("rocker_angle", "rocker_rate", "rocker_acceleration", "coupler_angle",
+                         "pin_y"), strict=True)
+    return [np.abs(curves.channels[mine] - truth[theirs]).max()
+            for mine, theirs in pairs if mine in curves.channels]
+
+
+def test_second_order():
+    coarse, fine = np.array(fourbar_errors(2e-3)), np.array(fourbar_errors(1e-3))
+    # theory 4; both steps are rounded to fit the samples, which moves the ratio by up to a fifth
+    assert np.all((coarse / fine > 3.3) & (coarse / fine < 4.8)), coarse / fine
+    # the gap that Chipmunk's first-order closing leaves: 4e-7 rad at 1 ms
+    assert fine[0] < 1e-6
+
+
+def test_sweep_is_exact():
+    angle, rate, coupler, pin = fourbar_errors(1e-3, kind="sweep")
+    assert max(angle, coupler, pin) < 1e-12  # Newton by the engine, to rounding: 4e-15 measured
+    assert rate < 1e-11  # rounding times the linkage's transmission: 2e-14 measured
+
+
+def test_holding_moment_and_missing_accelerations():
+    run = Run("sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", ROCKER[2]), (turning(),))
+    curves = simulate(MODELS / "fourbar.xml", run)
+    truth = fourbar.solve(curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0,
+                          rocker_mass=2.5)["holding_moment"]
+    # rounding of impulses: 1e-13 N m measured on 20 N m
+    np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10)
+    assert "no accelerations in a sweep" in curves.missing[ROCKER[2]]
+    assert curves.derivatives == 1
+
+
+def test_wrong_length_is_caught(edit):
+    file = edit("fourbar.xml", '"coupler_end" pos="2 0 0"', '"coupler_end" pos="2.001 0 0"')
+    # a millimetre on two metres moves the rocker by 5e-4 rad; 1e-6 is allowed above
+    assert fourbar_errors(2e-3, file)[0] > 1e-4
+
+
+def turned_model(tmp_path: Path) -> Path:
+    """The fourbar turned by 90 degrees about x: into the x-z plane, axes along -y."""
+    text = (MODELS / "fourbar.xml").read_text()
+    text = text.replace('gravity="0 -9.81 0"', 'gravity="0 0 -9.81"')
+    text = text.replace("<joint name=", '<joint axis="0 -1 0" name=')
+    text = re.sub(r'diaginertia="(\S+) (\S+) (\S+)"', r'diaginertia="\1 \3 \2"', text)
+    file = tmp_path / "turned.xml"
+    file.write_text(text)
+    return file
+
+
+@pytest.mark.parametrize("kind", ["sweep", "duration"])
+def test_another_plane_gives_the_same(tmp_path, kind):
+    channels = ("rocker", "rocker_rate", "coupler.angle", "pin.x")
+    run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning(),))
+    there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), (turning(),))
+    flat, upright = simulate(MODELS / "fourbar.xml", run), simulate(turned_model(tmp_path), there)
+    pairs = [*((c, c, 1) for c in channels), ("pin.y", "pin.z", 1),
+             ("coupler_rate.z", "coupler_rate.y", -1)]
+    for mine, theirs, sign in pairs:
+        # the same arithmetic up to the rounding of the projection
+        np.testing.assert_allclose(flat.channels[mine], sign * upright.channels[theirs], atol=1e-9)
+
+
+def test_spring_angle(tmp_path):
+    """Spring against weight: k (q - q_ref) = -m g r cos(crank + q); the crank carries both."""
+    k, ref, weight = 50.0, 0.3, 0.5 * 9.81 * 0.4
+    arm = (f'<body name="crank"><joint name="crank"/>{BAR}<body pos="1 0 0">'
+           f'<joint name="arm" stiffness="{k}" springref="{ref}"/>'
+           '<inertial pos=".4 0 0" mass=".5" diaginertia=".01 .02 .02"/></body></body>')
+    sensor = ('<sensor><jointpos name="arm" joint="arm"/>'
+              '<jointactuatorfrc name="moment" joint="crank"/></sensor>')
+    x = np.array([0.0, 0.2])
+    run = Run("sweep", x, ("arm", "moment"), (Drive("crank", lambda t: (t, 0 * t, 0 * t)),))
+    got = simulate(mjcf(tmp_path, arm, sensor), run).channels
+    q = np.array(got["arm"])
+    # rest is called at moves of 1e-12 a step; slow sinking multiplies that by some ten steps
+    np.testing.assert_allclose(k * (q - ref), -weight * np.cos(x + q), atol=1e-8)
+    carried = 9.81 * (0.5 * np.cos(x) + 0.5 * (np.cos(x) + 0.4 * np.cos(x + q)))
+    np.testing.assert_allclose(got["moment"], carried, atol=1e-8)
+
+
+def test_sliding_spring_oscillates(tmp_path):
+    body = ('<body><joint name="s" type="slide" axis="1 0 0" stiffness="40" springref=".1"/>'
+            '<inertial pos=".2 .3 0" mass=".4" diaginertia=".1 .1 .1"/></body>')
+    sensor = '<sensor><jointpos name="s" joint="s"/></sensor>'
+    run = Run("duration", np.linspace(0, 2, 201), ("s",), settings={"timestep": 1e-3})
+    got = simulate(mjcf(tmp_path, body, sensor), run)
+    # leapfrog's phase lag (w dt)^2 / 24 over 20 rad: 8e-5 of 0.1 m
+    np.testing.assert_allclose(got.channels["s"], 0.1 - 0.1 * np.cos(10 * got.x), atol=2e-5)
+
+
+def test_hinge_rests_on_its_stop(tmp_path):
+    arm = ARM.replace('"arm"/>', '"arm" range="-.2 1"/>')
+    sensor = '<sensor><jointpos name="arm" joint="arm"/></sensor>'
+    run = Run("duration", np.linspace(0, 2, 21), ("arm",))
+    got = simulate(mjcf(tmp_path, arm, sensor), run).channels["arm"]
+    # the joint enters the stop by up to a step's way, 3e-3 rad, and is let out slowly
+    assert np.abs(got[5:] + 0.2).max() < 4e-3
+    assert abs(got[-1] + 0.2) < 1e-4
+
+
+def pendulum(dt: float):
+    channels = ("angle", "rate", "acceleration", "kinetic", "potential")
+    run = Run("duration", np.linspace(0, 4, 201), channels, settings={"timestep": dt})
+    got = simulate(MODELS / "pendulum.xml", run).channels
+    k, w = np.sin(np.pi / 4), np.sqrt(9.81)
+    sn, cn, *_ = ellipj(ellipk(k * k) + w * run.x, k * k)
+    angle = -2 * np.arcsin(k * sn)
+    errors = [got["angle"] - angle, got["rate"] + 2 * k * w * cn,
+              got["acceleration"] + 9.81 * np.sin(angle),
+              got["kinetic"] + got["potential"] - got["kinetic"][0] - got["potential"][0]]
+    return np.array([np.abs(e).max() for e in errors])
+
+
+def test_pendulum():
+    coarse, fine = pendulum(2e-3), pendulum(1e-3)
+    # second order: 4 in theory, also of the energy
+    assert np.all((coarse / fine > 3.7) & (coarse / fine < 4.3)), coarse / fine
+    # 1 ms: the rod is longer by (rate dt)^2 / 2, which gives 3e-5 rad and 1e-4 J
+    assert fine[0] < 5e-5
+    assert fine[3] < 2e-4
+
+
+def test_too_few_iterations_diverge():
+    run = Run("duration", np.linspace(0, 7, 71), ("rocker",), (turning(),),
+              settings={"iterations": 3})
+    with pytest.raises(Diverged, match="lost at time"):
+        simulate(MODELS / "fourbar.xml", run)
+
+
+def test_defaults_are_softer_and_recorded():
+    run = Run("duration", np.linspace(0, 6, 61), ("rocker",), (turning(),),
+              settings={"defaults": True})
+    curves = simulate(MODELS / "fourbar.xml", run)
+    assert curves.settings["iterations"] == 10
+    assert curves.settings["error_bias"] == (1 - 0.1) ** 60
+    gap = simulate(MODELS / "fourbar.xml", Run("duration", run.x, (), (turning(),))).gap
+    assert curves.gap > 10 * gap  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2

@@ -1,0 +1,243 @@
+"""Several ideal drives in pymunk: five-bar, cylinder and boom, serial arm; limits; iterations."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.pymunk.compiled import read_links
+from proofmass.sim.pymunk.engine import simulate
+from proofmass.sim.pymunk.patience import contraction
+from proofmass.sim.pymunk.space import build, put
+
+MODELS = Path(__file__).parents[3] / "models"
+HEAD = ('<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"><flag contact="disable"/>'
+        "</option>")
+G = 9.81
+
+
+def bar(length: float, mass: float) -> str:
+    """A uniform bar along x."""
+    turn = mass * length**2 / 12
+    return (f'<inertial pos="{length / 2} 0 0" mass="{mass}" '
+            f'diaginertia="{turn / 100} {turn} {turn}"/>')
+
+
+FIVEBAR = f"""{HEAD}<worldbody>
+  <body><joint name="left"/>{bar(1, 1)}
+    <body pos="1 0 0"><joint name="rod"/>{bar(2, 2)}<site name="a" pos="2 0 0"/></body></body>
+  <body pos="2 0 0"><joint name="right"/>{bar(1, 1)}
+    <body pos="1 0 0"><joint/>{bar(2, 2)}<site name="b" pos="2 0 0"/></body></body></worldbody>
+  <equality><connect site1="a" site2="b"/></equality>
+  <actuator><motor name="l" joint="left"/><motor name="r" joint="right" gear="-2"/></actuator>
+  <sensor><framepos name="tip" objtype="site" objname="a"/>
+    <framelinvel name="speed" objtype="site" objname="a"/>
+    <framelinacc name="rush" objtype="site" objname="a"/>
+    <actuatorfrc name="l" actuator="l"/><actuatorfrc name="r" actuator="r"/></sensor>
+  <keyframe><key name="start" qpos="1.5708 -.5236 1.5708 .5236"/></keyframe></mujoco>"""
+TIP = ("tip.x", "tip.y", "speed.x", "speed.y", "rush.x", "rush.y")
+
+
+def swing(joint: str, start: float, rate: float, far: float, w: float) -> Drive:
+    """A steady motion and an oscillation."""
+    return Drive(joint, lambda t: (start + rate * t + far * np.sin(w * t),
+                                   rate + far * w * np.cos(w * t), -far * w**2 * np.sin(w * t)))
+
+
+def hold(joint: str, value: float) -> Drive:
+    return Drive(joint, lambda t: (value + 0 * t, 0 * t, 0 * t))
+
+
+BOTH = (swing("left", np.pi / 2, 0.5, 0.1, 2), swing("right", np.pi / 2, -0.3, 0.2, 3))
+
+
+def five_tip(angle):
+    """Upper meeting point of two circles of 2 m about the crank ends; angles (2, n)."""
+    ends = np.stack([np.cos(angle), np.sin(angle)])
+    ends[0, 1] = ends[0, 1] + 2
+    apart = ends[:, 1] - ends[:, 0]
+    rise = np.sqrt(4 / (apart**2).sum(0) - 0.25)
+    return ends.mean(1) + rise * np.stack([-apart[1], apart[0]])
+
+
+def five_weight(angle):
+    """Potential energy: cranks of 1 kg, rods of 2 kg between crank ends and tip."""
+    pins = np.sin(angle)
+    return G * (0.5 * pins.sum(0) + 2 * (0.5 * pins.sum(0) + five_tip(angle)[1]))
+
+
+def along(function, place, rate):
+    return np.imag(function(place + 1e-30j * rate)) / 1e-30
+
+
+def five_truth(place, rate, acceleration):
+    """Tip position, velocity, acceleration (6, n) at a state of the drives."""
+    h = 1e-4  # error h^2 of the central difference: 1e-8
+    late, early = (along(five_tip, place + s * h * rate + 0.5 * h**2 * acceleration,
+                         rate + s * h * acceleration) for s in (1, -1))
+    return np.concatenate([five_tip(place), along(five_tip, place, rate), (late - early) / (2 * h)])
+
+
+@pytest.fixture
+def write(tmp_path):
+    def to_file(text: str) -> Path:
+        file = tmp_path / "inline.xml"
+        file.write_text(text)
+        return file
+    return to_file
+
+
+def test_sweep_of_a_five_bar_with_both_efforts(write):
+    run = Run("sweep", np.linspace(0, 2, 41), (*TIP[:4], "l", "r"), BOTH)
+    got = simulate(write(FIVEBAR), run)
+    truth = five_truth(*got.drive)
+    for k, name in enumerate(TIP[:4]):
+        np.testing.assert_allclose(got.channels[name], truth[k], atol=1e-12)  # rounding
+    units = np.eye(2)[:, :, None] * np.ones(41)
+    left, right = (along(five_weight, got.drive[0], unit) for unit in units)
+    # rounding of impulses: 3e-13 N m measured on 25 N m
+    np.testing.assert_allclose(got.channels["l"], left, atol=1e-11)
+    np.testing.assert_allclose(got.channels["r"], right / -2, atol=1e-11)
+
+
+def five_errors(file: Path, dt: float):
+    run = Run("duration", np.linspace(0, 2, 101), TIP, BOTH, settings={"timestep": dt})
+    got = simulate(file, run)
+    law = np.array([drive.law(run.x)[0] for drive in BOTH])
+    np.testing.assert_allclose(got.drive[0], law, atol=1e-14)  # met to rounding, both
+    truth = five_truth(*got.drive)
+    return np.array([np.abs(got.channels[n] - truth[k]).max() for k, n in enumerate(TIP)])
+
+
+def test_a_five_bar_is_second_order(write):
+    file = write(FIVEBAR)
+    coarse, fine = five_errors(file, 2e-3), five_errors(file, 1e-3)
+    assert np.all(np.log2(coarse / fine) > 1.9), coarse / fine
+    assert fine[:2].max() < 1e-6  # gap of the first-order closing: (rate dt)^2
+
+
+def test_a_drive_may_hold_still(write):
+    run = Run("duration", np.linspace(0, 1, 51), TIP[:4], (BOTH[0], hold("right", 1.5)))
+    got = simulate(write(FIVEBAR), run)
+    np.testing.assert_allclose(got.drive[0][1], 1.5, atol=1e-14)
+    np.testing.assert_allclose(got.drive[1][1], 0.0, atol=1e-11)  # rounding over a step
+    truth = five_truth(*got.drive)
+    for k, name in enumerate(TIP[:4]):
+        np.testing.assert_allclose(got.channels[name], truth[k], atol=1e-5)  # dt^2 at 2 ms
+
+
+CYLINDER = f"""{HEAD}<worldbody>
+  <body><joint name="barrel"/>{bar(1, 2)}
+    <body><joint name="stroke" type="slide" axis="1 0 0"/><site name="eye"/>
+      <inertial pos="0 0 0" mass=".5" diaginertia=".01 .01 .01"/></body></body>
+  <body pos="1 0 0"><joint name="boom"/>{bar(1.5, 3)}<site name="lug" pos="1.5 0 0"/></body>
+  </worldbody><equality><connect site1="eye" site2="lug"/></equality>
+  <actuator><motor name="force" joint="stroke"/></actuator>
+  <sensor><jointpos name="boom" joint="boom"/><jointvel name="boom_rate" joint="boom"/>
+    <user name="boom_rush" objtype="joint" objname="boom" datatype="real" needstage="acc" dim="1"/>
+    <actuatorfrc name="force" actuator="force"/></sensor>
+  <keyframe><key name="start" qpos=".98279 1.80278 1.5708"/></keyframe></mujoco>"""
+
+
+def boom(length):
+    """Boom angle by the law of cosines: base 1 m, boom 1.5 m, cylinder of a length."""
+    return np.pi - np.arccos((1 + 1.5**2 - length**2) / 3)
+
+
+def cylinder_weight(length):
+    """Eye at a height of 1.5 sin(boom); the barrel's centre is 0.5 m along the cylinder."""
+    eye = 1.5 * np.sin(boom(length))
+    return G * (3 * eye / 2 + 0.5 * eye + 2 * 0.5 * eye / length)
+
+
+def test_a_driven_slide_between_moving_links_and_its_force(write):
+    run = Run("sweep", np.linspace(0, 1, 21), ("boom", "boom_rate", "force"),
+              (swing("stroke", 1.8, 0.3, 0.1, 5),))
+    got = simulate(write(CYLINDER), run)
+    place, rate, _ = (part[0] for part in got.drive)
+    # rounding times the boom's transmission and the solver's
+    np.testing.assert_allclose(got.channels["boom"], boom(place), atol=1e-11)
+    np.testing.assert_allclose(got.channels["boom_rate"], along(boom, place, rate), atol=1e-10)
+    np.testing.assert_allclose(got.channels["force"], along(cylinder_weight, place, 1), atol=1e-9)
+
+
+def test_a_driven_slide_between_moving_links_is_second_order(write):
+    file, errors = write(CYLINDER), []
+    for dt in (2e-3, 1e-3):
+        run = Run("duration", np.linspace(0, 1, 51), ("boom", "boom_rate"),
+                  (swing("stroke", 1.8, 0.3, 0.1, 5),), settings={"timestep": dt})
+        got = simulate(file, run)
+        place, rate, _ = (part[0] for part in got.drive)
+        errors.append([np.abs(got.channels["boom"] - boom(place)).max(),
+                       np.abs(got.channels["boom_rate"] - along(boom, place, rate)).max(),
+                       np.abs(place - run.drives[0].law(run.x)[0]).max()])
+    assert np.all(np.log2(np.divide(*errors)) > 1.8), errors
+    assert max(errors[1]) < 1e-5  # (turning of the slide dt)^2 and the gap
+
+
+ARM = f"""{HEAD}<worldbody><body><joint name="shoulder"/>{bar(1, 3)}
+  <body pos="1 0 0"><joint name="elbow"/>{bar(0.8, 2)}
+  <body pos=".8 0 0"><joint name="wrist"/>{bar(0.3, 1)}</body></body></body></worldbody>
+  <sensor><jointactuatorfrc name="m1" joint="shoulder"/><jointactuatorfrc name="m2" joint="elbow"/>
+  <jointactuatorfrc name="m3" joint="wrist"/></sensor></mujoco>"""
+ARM_DRIVES = (swing("shoulder", 0, 1, 0.3, 2), swing("elbow", 0, -1, 0.2, 3), hold("wrist", 0.3))
+
+
+def test_drives_that_share_links_are_met_to_rounding_and_carry_their_own_moments(write):
+    run = Run("sweep", np.linspace(0, 3, 31), ("m1", "m2", "m3"), ARM_DRIVES)
+    got = simulate(write(ARM), run)
+    sums = np.cos(np.cumsum(got.drive[0], axis=0))
+    wrist = G * 0.15 * sums[2]
+    elbow = G * (2 * 0.4 + 0.8) * sums[1] + wrist
+    shoulder = G * (3 * 0.5 + 2 + 1) * sums[0] + elbow
+    for name, moment in zip(("m1", "m2", "m3"), (shoulder, elbow, wrist), strict=True):
+        np.testing.assert_allclose(got.channels[name], moment, atol=1e-10)  # rounding of impulses
+    moved = simulate(write(ARM), Run("duration", run.x, (), ARM_DRIVES))
+    law = np.array([drive.law(run.x)[0] for drive in ARM_DRIVES])
+    # only the last is met exactly in a step, but what lacks is made up for in the next
+    np.testing.assert_allclose(moved.drive[0], law, atol=1e-9)
+
+
+ROCKER = Drive("rocker", lambda x: (x, 1 + 0 * x, 0 * x))
+LIMIT = np.pi - np.arccos((3**2 + 2.5**2 - (2 - 1) ** 2) / (2 * 3 * 2.5))  # folded onto the crank
+
+
+def test_a_sweep_stops_at_a_limit_position_and_keeps_what_it_has():
+    run = Run("sweep", np.linspace(2.25, LIMIT + 0.3, 101), ("rocker", "rocker_rate"), (ROCKER,))
+    got = simulate(MODELS / "fourbar.xml", run)
+    done = got.x.size
+    assert got.x[-1] < LIMIT < run.x[done]
+    assert got.stopped.startswith(f"stopped at rocker = {got.x[-1]:.6g}: the loops cannot be "
+                                  f"closed at rocker = {run.x[done]:.6g}, open by")
+    assert all(part.shape == (1, done) for part in got.drive)
+    np.testing.assert_allclose(got.channels["rocker"], got.x, atol=1e-12)
+    np.testing.assert_allclose(got.channels["rocker_rate"], 1, atol=1e-9)
+
+
+def test_the_gap_beyond_a_limit_is_the_least_one(write):
+    """A cylinder of 2.52 m between points that are at most 2.5 m apart: 0.02 m remain."""
+    drives = (swing("stroke", 2.4, 1, 0, 0),)
+    run = Run("sweep", np.array([0, 0.04, 0.12]), ("boom",), drives)
+    assert simulate(write(CYLINDER), run).stopped.endswith(" = 2.52, open by 0.02 m")
+
+
+def test_a_sweep_that_cannot_begin_is_a_bad_model():
+    run = Run("sweep", LIMIT + np.array([-0.01, 0.02, 0.03]), (), (ROCKER,))
+    with pytest.raises(BadModel, match=r"cannot be closed at rocker = .*, open by"):
+        simulate(MODELS / "fourbar.xml", run)
+
+
+def test_contraction_is_what_the_engine_does():
+    """One step from rest under gravity, with n and 2 n iterations, against very many."""
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "fourbar.xml"))
+    links, speeds = read_links(model, "start", ()), {}
+    # the pins alone leave the linkage free to fall
+    for count in (60, 120, 5000):
+        space = build(links, count, 0.0)
+        put(space, links.pose, np.zeros_like(links.pose))
+        space.step(1e-3)
+        speeds[count] = np.array([[*b.velocity, b.angular_velocity] for b in space.bodies])
+    early, late = (np.abs(speeds[n] - speeds[5000]).max() for n in (60, 120))
+    assert late / early == pytest.approx(contraction(links, links.pose) ** 60, rel=0.05)

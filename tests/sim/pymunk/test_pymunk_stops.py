@@ -1,0 +1,78 @@
+"""Light chains on their stops in pymunk: what its solver needs many iterations for.
+
+Source: S. van Nes, The use of a rigid linkage balancer with torsion springs to realize nonlinear
+moment-angle characteristics, MSc thesis TU Delft 2022.074 (van Nes 2022).
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.design.template import write_case
+from proofmass.sim.protocol import Drive, NotSolved, Run
+from proofmass.sim.pymunk import held as pymunk_held
+from proofmass.sim.pymunk.engine import simulate
+
+# Lines 2119 and 2169 of the thesis's text: preloads that are never released
+LOCKED = {
+    "three": {"length1": 0.4056, "length2": 0.3925, "length3": 0.4953, "rest_angle": 0.8973,
+              "preload2": 0.5217, "low2": 0.0,
+              **{f"stiffness{k}": 2.0217 for k in (1, 2, 3)},
+              **{f"quadratic{k}": -0.958 for k in (1, 2, 3)}},
+    "four": {"length1": 0.25, "length2": 0.2501, "length3": 0.25, "length4": 0.2501,
+             "preload2": 0.6911, "preload3": 0.4107, "low2": 0.0, "low3": 0.0,
+             **{f"stiffness{k}": 2.4835 for k in (1, 2, 3, 4)},
+             **{f"quadratic{k}": -1.5903 for k in (1, 2, 3, 4)}},
+}
+# lengths and springs at random: joint 3 comes to its stop in steps of 1e-12 rad
+SHORT = {"length1": 0.35671057, "length2": 0.3456592, "length3": 0.44842218, "length4": 0.17554,
+         "stiffness1": 4.3498, "stiffness2": 0.2945, "stiffness3": 1.518, "stiffness4": 0.0373,
+         "preload3": 0.6971, "low3": 0.0, "rest_angle": 0.0606, "rest_angle2": -0.308, "mode": -1}
+# the same, of a chain that is straight but for 0.02 rad: a repetition leaves much of an error
+STRAIGHT = {"length1": 0.23149409, "length2": 0.28570825, "length3": 0.20806789,
+            "length4": 0.27494166, "stiffness1": 0.1752, "stiffness2": 0.9795,
+            "stiffness3": 0.7184, "stiffness4": 3.989, "preload2": 0.9402, "low2": 0.0,
+            "high3": 0.967, "mode": -1}
+
+
+def light(folder: Path, parameters, degrees, channels):
+    """Sweep a balancer whose segments have masses of 1 to 4 g, on a pendulum of 1 kg."""
+    file = write_case(folder, "light", title="", source="", parameters=parameters)
+    drive = Drive("pendulum", lambda x: (x, 0 * x, 0 * x))
+    return simulate(file.with_suffix(".xml"),
+                    Run("sweep", np.radians(degrees), channels, (drive,))).channels
+
+
+@pytest.mark.parametrize("name", LOCKED)
+def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
+    """The chain turns with the pendulum as one: M = k1 alpha + A1 alpha^2."""
+    degrees = np.array([5.0, 10.0])
+    got = light(tmp_path, LOCKED[name], degrees, ("winding2", "holding_moment"))
+    k, a, alpha = LOCKED[name]["stiffness1"], LOCKED[name]["quadratic1"], np.radians(degrees)
+    np.testing.assert_allclose(got["winding2"], 0, atol=1e-11)  # left within 1e-12 rad
+    # 1e-12 of the mechanism a step; a chain straight but for 0.02 rad magnifies it
+    np.testing.assert_allclose(got["holding_moment"], alpha * (k + a * alpha), atol=1e-9)
+
+
+def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
+    """Iterations are needed by the ten thousands where a joint comes to its stop."""
+    monkeypatch.setattr(pymunk_held, "PATIENT", 2000)
+    with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
+        light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
+
+
+@pytest.mark.parametrize("doubt", [6, 8])
+def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
+    """Nor may it be what the drive is read in: 1e-16 m over its square is felt as a moment."""
+    monkeypatch.setattr(pymunk_held, "DOUBT", doubt)  # begins anew a hair from the stop, and often
+    got = light(tmp_path, SHORT, np.arange(5.0, 95.0, 5.0), ("winding1", "holding_moment"))
+    # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
+    np.testing.assert_allclose(got["holding_moment"], 4.3498 * got["winding1"], atol=1e-10)
+
+
+def test_a_slow_solver_is_waited_for(tmp_path):
+    """What a repetition changes is less than what is lacking: moves would swing, not end."""
+    got = light(tmp_path, STRAIGHT, [10.0, 20.0], ("winding1", "holding_moment"))
+    # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
+    np.testing.assert_allclose(got["holding_moment"], 0.1752 * got["winding1"], atol=1e-10)

@@ -1,0 +1,61 @@
+"""Small models with rods for the tests, and runs of them in both engines."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.sim.mujoco import engine as with_mujoco
+from proofmass.sim.protocol import Array, Curves, Drive, Rod, Run
+from proofmass.sim.pymunk import engine as with_pymunk
+
+ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}
+FIGURES = json.loads((Path(__file__).parents[1] / "data" / "rod_in_engines.json").read_text())
+PAIR = Path(__file__).parents[2] / "models" / "rfr2_natural.xml"
+CLAMPS = np.radians([40.0, 60.0])
+STEEL = 210e9 * np.pi * 0.0015**4 / 64  # EI [N m2] of the pair's rods
+MODEL = """<mujoco><compiler angle="radian"/><option gravity="{gravity}"><flag contact="disable"/>
+  </option><worldbody><site name="ground"/>{bodies}</worldbody><actuator>{actuators}</actuator>
+  <sensor>{sensors}</sensor><keyframe><key name="start" ctrl="{ctrl}"/></keyframe></mujoco>"""
+
+
+def model(folder: Path, bodies: str = "", actuators: str = "", sensors: str = "", ctrl: str = "",
+          gravity: str = "0 0 0") -> Path:
+    """Write a model."""
+    file = folder / "model.xml"
+    file.write_text(MODEL.format(bodies=bodies, actuators=actuators, sensors=sensors, ctrl=ctrl,
+                                 gravity=gravity))
+    return file
+
+
+def pull(site: str, *gear: float) -> str:
+    """A dead load: force and moment in the world, at a site."""
+    row = " ".join(map(str, [*gear, *[0.0] * (6 - len(gear))]))
+    return f'<motor name="pull" site="{site}" refsite="ground" gear="{row}"/>'
+
+
+def rest(engine: str, file: Path, rods: tuple[Rod, ...], channels: tuple[str, ...],
+         drives: tuple[Drive, ...] = (), samples: int = 2) -> Curves:
+    """A rest, read at so many places along the first rod."""
+    s = np.linspace(0.0, rods[0].length, samples)
+    return ENGINES[engine](file, Run("rest", s, channels, drives, rods=rods))
+
+
+def constant(value: float, x: Array) -> tuple[Array, Array, Array]:
+    """A law that holds a joint."""
+    return np.full(x.shape, value), 0 * x, 0 * x
+
+
+def pair(name: str, segments: int, scheme: str = "half") -> tuple[Rod, Rod]:
+    """The rods of an equilibrium of the pair."""
+    left, right = np.radians(FIGURES["pair"][name]["turns"])
+    made = 1.0, STEEL, segments
+    return (Rod("left", "clamp1", None, *made, ("clamped", "free"), scheme, turn=left),
+            Rod("right", "clamp2", "left.tip", *made, ("clamped", "pinned"), scheme, turn=right))
+
+
+def held() -> tuple[Drive, Drive]:
+    """The pair's motors, held."""
+    one, two = (Drive(f"motor{k}", partial(constant, angle)) for k, angle in enumerate(CLAMPS, 1))
+    return one, two

@@ -1,0 +1,96 @@
+"""What a model's ``<flag>`` disables is as if it were not there, in every engine and run."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import planar
+from proofmass.sim.mujoco import engine as with_mujoco
+from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.pymunk import engine as with_pymunk
+
+MODEL = """<mujoco><compiler angle="radian"/>
+<option gravity="{gravity}" integrator="RK4"><flag contact="disable" {flag}/></option><worldbody>
+  <body name="a"><joint name="a"/><inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/>
+    <site name="a_end" pos="1 0 0"/></body>
+  <body name="b" pos="3 0 0"><joint name="b" {joint}/>
+    <inertial pos="0 -.5 0" mass="1" diaginertia=".1 .1 .1"/><site name="end" pos="0 -1 0"/></body>
+</worldbody><equality>{loop}</equality><actuator><motor name="motor" joint="a"/>
+  <motor name="load" joint="b" {load}/></actuator><sensor><jointpos name="b" joint="b"/>
+  <framelinacc name="acc" objtype="site" objname="end"/><e_potential name="energy"/>
+  <actuatorfrc name="hold" actuator="motor"/></sensor>
+<keyframe><key name="start" qpos=".1 .2" ctrl="0 {ctrl}"/></keyframe></mujoco>"""
+PLAIN = {"gravity": "1 -9 0", "joint": 'stiffness="2" springref=".1"', "loop": "", "load": "",
+         "ctrl": ".3"}
+LOOP = '<connect name="loop" site1="a_end" site2="end"/>'
+STOP = ' limited="true" range=".19 .21"'
+RUB = ' frictionloss="3"'
+WITH_AND_WITHOUT = {
+    "gravity": ({}, {"gravity": "0 0 0"}),
+    "spring": ({}, {"joint": ""}),
+    "damper": ({"joint": PLAIN["joint"] + ' damping=".5"'}, {}),
+    "limit": ({"joint": PLAIN["joint"] + STOP}, {}),
+    "frictionloss": ({"joint": PLAIN["joint"] + RUB}, {}),
+    "equality": ({"loop": LOOP}, {}),
+    "constraint": ({"joint": PLAIN["joint"] + STOP + RUB, "loop": LOOP}, {}),
+    "actuation": ({}, {"ctrl": "0"}),
+    "clampctrl": ({"load": 'ctrllimited="true" ctrlrange="-.1 .1"'}, {}),
+}
+ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}
+DRIVE = Drive("a", lambda x: (0.1 + x, 1 + 0 * x, 0 * x))
+RUNS = {
+    "duration": Run("duration", np.linspace(0, 0.5, 11), ("b", "acc.x", "acc.y", "energy")),
+    "sweep": Run("sweep", np.linspace(0, 1, 5), ("b", "energy", "hold"), (DRIVE,)),
+    "settled": Run("sweep", np.linspace(0, 0.2, 2), ("b", "energy", "hold"), (DRIVE,),
+                   settings={"settled": True}),
+}
+
+
+def written(tmp_path, name, changed, flag=""):
+    file = tmp_path / f"{name}.xml"
+    file.write_text(MODEL.format(**{**PLAIN, **changed}, flag=f'{flag}="disable"' if flag else ""))
+    return file
+
+
+@pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
+@pytest.mark.parametrize(("engine", "kind"), [
+    ("mujoco", "duration"), ("pymunk", "duration"), ("mujoco", "sweep"), ("pymunk", "sweep"),
+    ("mujoco", "settled")])
+def test_what_is_disabled_is_as_if_it_were_not_there(engine, kind, flag, tmp_path):
+    there, absent = WITH_AND_WITHOUT[flag]
+    one, two = (ENGINES[engine](file, RUNS[kind]) for file in (
+        written(tmp_path, "disabled", there, flag), written(tmp_path, "absent", absent)))
+    for name in RUNS[kind].channels:
+        np.testing.assert_allclose(one.channels[name], two.channels[name], rtol=0, atol=1e-12,
+                                   err_msg=name)  # the same numbers, but for the order of sums
+
+
+@pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
+def test_the_planar_reference_leaves_out_what_is_disabled(flag, tmp_path):
+    there, absent = WITH_AND_WITHOUT[flag]
+    one, two = (planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+                for file in (written(tmp_path, "disabled", there, flag),
+                             written(tmp_path, "absent", absent)))
+    for name in RUNS["duration"].channels:
+        np.testing.assert_array_equal(one[name], two[name], err_msg=name)
+
+
+@pytest.mark.parametrize("limits", [
+    'ctrllimited="true" ctrlrange="-.1 .1"', 'forcelimited="true" forcerange="-.1 .1"'])
+def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
+    one, two = (planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+                for file in (written(tmp_path, "limited", {"load": limits}),
+                             written(tmp_path, "less", {"ctrl": ".1"})))
+    np.testing.assert_array_equal(one["b"], two["b"])
+
+
+def test_the_planar_reference_names_an_actuator_that_is_no_motor_on_a_joint(tmp_path):
+    file = written(tmp_path, "servo", {})
+    file.write_text(file.read_text().replace('<motor name="load"', '<position name="servo"'))
+    with pytest.raises(ValueError, match="actuator 'servo' is no motor on a joint"):
+        planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+
+
+def test_disabled_sensors_are_named(tmp_path):
+    with pytest.raises(Unsupported, match='sensor="disable"'):
+        with_mujoco.simulate(written(tmp_path, "blind", {}, "sensor"), RUNS["duration"])

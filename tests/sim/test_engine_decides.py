@@ -1,0 +1,118 @@
+"""The engine decides every verdict: one that does nothing, or has stiffer springs, never agrees."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import pymunk
+import pytest
+
+from proofmass.case import Case, load_case
+from proofmass.check import FAILURES
+from proofmass.compare import compare
+from proofmass.drive import check_driven
+from proofmass.errors import InputError
+from proofmass.reference import compiled
+from proofmass.sim.mujoco import model as mujoco_model
+from proofmass.sim.protocol import BadModel
+from proofmass.sim.pymunk.links import Joint
+from proofmass.solve import plan, simulate
+
+MODELS = Path(__file__).parents[2] / "models"
+CASES = {file.stem: load_case(file) for file in sorted(MODELS.glob("*.toml"))}
+RUNS = [(name, kind, solver) for name, case in CASES.items()
+        for kind, run in case.run.items() for solver in run.solvers]
+MUJOCO = ("mj_step", "mj_step1", "mj_step2", "mj_forward", "mj_fwdPosition", "mj_fwdVelocity",
+          "mj_fwdActuation", "mj_inverse", "mj_kinematics", "mj_jacDot", "mj_fullM")
+"""All that `sim` asks MuJoCo to compute of a pose, with steps and without."""
+LOST = (InputError, BadModel, *FAILURES)
+
+
+def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[str]:
+    """Outcomes of the channels that have a tolerance; that of the run where it gives no curves."""
+    run = replace(plan(case, kind, solver), **changed)
+    try:
+        curves = simulate(solver.partition(":")[0], case.model_path, run)
+        check_driven(run, curves)
+    except LOST as error:
+        return {FAILURES.get(type(error), "bad input")}
+    monkeypatch.undo()  # the reference may read the model by the engine's own functions
+    return {c.outcome for c in compare(case, kind, solver, curves, detectable=False)
+            if c.allowed > 0}
+
+
+def checked(name: str, kind: str, solver: str) -> bool:
+    """Whether any channel of a run has a tolerance."""
+    case = CASES[name]
+    return any(case.tolerance_for(kind, solver, c) for c in case.channels_of(kind))
+
+
+def stopped(monkeypatch, engine: str) -> None:
+    """Let an engine do nothing: its data stay as they are."""
+    if engine == "pymunk":
+        monkeypatch.setattr(pymunk.Space, "step", lambda space, dt: None)
+    else:
+        for name in MUJOCO:
+            monkeypatch.setattr(mujoco, name, lambda *_, **__: None)
+
+
+@pytest.mark.parametrize(("name", "kind", "solver"), [r for r in RUNS if checked(*r)])
+def test_an_engine_that_does_nothing_never_agrees(name, kind, solver, monkeypatch):
+    compiled(CASES[name])
+    stopped(monkeypatch, solver.partition(":")[0])
+    found = outcomes(CASES[name], kind, solver, monkeypatch)
+    assert found & {"differs", "diverged", "crashed", "unsupported", "bad input"}
+
+
+def springs(name: str) -> bool:
+    """Whether a case has springs."""
+    return bool(CASES[name].rod) or bool(compiled(CASES[name]).jnt_stiffness.any())
+
+
+def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
+    """Make all springs of an engine 1 % stiffer; what to change of the run."""
+    force, begin = Joint.spring_force, mujoco_model.begin
+
+    def begun(model, run):
+        model.jnt_stiffness *= 1.01
+        model.jnt_stiffnesspoly *= 1.01
+        return begin(model, run)
+
+    monkeypatch.setattr(Joint, "spring_force", lambda joint, value: 1.01 * force(joint, value))
+    monkeypatch.setattr(mujoco_model, "begin", begun)
+    if not solver.endswith(":flex"):
+        return {}
+    return {"rods": tuple(replace(rod, stiffness=1.01 * rod.stiffness)
+                          for rod in CASES[name].rods)}
+
+
+SPRINGS = [run for run in RUNS if springs(run[0]) and checked(*run)]
+QUICK = ("balancer_sine", "balancer4_sine", "rod_cantilever", "rod_pinned", "rfr2_natural")
+SLOW = {run for run in SPRINGS if run[0] == "rfr2_driven"
+        or (run[2] not in ("mujoco", "mujoco:flex") and run[0] not in QUICK)}
+"""What takes seconds, and has its like among the others."""
+
+
+def fewer(case: Case, kind: str) -> Case:
+    """A tenth of the places of a balancer's sweep: each rests by itself, and errors are smooth."""
+    run = case.run[kind]
+    if case.reference != "balancer":
+        return case
+    return case.model_copy(update={"run": {kind: run.model_copy(update={"n": run.n // 10})}})
+
+
+def differs(name: str, kind: str, solver: str, monkeypatch) -> None:
+    found = outcomes(fewer(CASES[name], kind), kind, solver, monkeypatch,
+                     **stiffened(monkeypatch, name, solver))
+    assert "differs" in found
+
+
+@pytest.mark.parametrize(("name", "kind", "solver"), [r for r in SPRINGS if r not in SLOW])
+def test_springs_1_percent_stiffer_differ(name, kind, solver, monkeypatch):
+    differs(name, kind, solver, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "kind", "solver"), sorted(SLOW))
+def test_springs_1_percent_stiffer_differ_in_long_runs(name, kind, solver, monkeypatch):
+    differs(name, kind, solver, monkeypatch)

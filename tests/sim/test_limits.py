@@ -1,0 +1,59 @@
+"""Sweeps that meet a limit position or hold something twice: said, and nothing lost."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.check import check
+from proofmass.mobility import mobility
+
+MODELS = Path(__file__).parents[2] / "models"
+
+LIMIT = np.arccos((4 + 9 - 4.5**2) / 12)
+"""Crank angle [rad] at which coupler and rocker of (2, 2, 2.5, 3) are in line: 2.219516."""
+
+
+@pytest.mark.parametrize("reference", ["fourbar", "planar"])
+@pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
+def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, edit, keep_solver):
+    edit("triple_rocker.toml", r"from = -2.0\nto = 2.0 .*\nperiod = 8.0", "from = -2.0\nto = 2.6")
+    keep_solver("triple_rocker.toml", solver)
+    if reference == "planar":
+        edit("triple_rocker.toml", r'(?s)reference = "fourbar"\n.*\[drive\]',
+             'reference = "planar"\n[drive]')
+        edit("triple_rocker.toml", r'(?m)^("?)([\w.]+)\1 = \{ equals = "\w+"',
+             r'"\2" = { equals = "\2"')
+    result = check([models / "triple_rocker.toml"])
+    assert result.exit_code == 2
+    curves = result.curves["triple_rocker", "sweep", solver]
+    assert curves.x.size == np.searchsorted(np.linspace(-2.0, 2.6, 201), LIMIT)
+    kept = [c for c in result.comparisons if c.run == "sweep"]
+    assert {c.outcome for c in kept} <= {"agrees", "unsupported"}
+    assert "agrees" in {c.outcome for c in kept}
+    said = next(str(e) for e in result.errors if "sweep ends at sample" in str(e))
+    assert f"the {solver} sweep ends at sample {curves.x.size} of 201, which are kept" in said
+    assert "crank = 2.2" in said
+    assert "open by" in said
+
+
+@pytest.mark.parametrize(("name", "freedoms"), {
+    "fourbar": 1, "fivebar": 2, "slider_crank": 1, "inverted_slider_crank": 2,  # as printed
+    "inverted_slider_crank_classic": 1, "threeprr": 3, "watt": 1, "stephenson": 1,
+    "peaucellier": 1,  # Gruebler: 3 (n - 1) - 2 pairs, with n links and as many single pairs
+    "pendulum": 1, "change_point": 1}.items())
+def test_mobility_is_grueblers(name, freedoms):
+    """The printed ones: B. Diaz Lozano 2019, text lines 1180, 2320, 3023, 3450."""
+    assert mobility(load_case(MODELS / f"{name}.toml")) == freedoms
+
+
+@pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
+def test_over_constrained_loops_are_named(solver, models, edit, keep_solver):
+    """A second pin in the place of the first holds nothing that is not held."""
+    edit("fourbar.xml", r'(<connect name="pin" .*/>)',
+         r'\1\n    <connect name="again" site1="coupler_end" site2="rocker_end"/>')
+    keep_solver("fourbar.toml", solver)
+    result = check([models / "fourbar.toml"])
+    assert result.exit_code == 2
+    assert any("over-constrained" in str(e) and "'again'" in str(e) for e in result.errors)

@@ -1,0 +1,120 @@
+"""The drawing of a mechanism: its poses, its lines, and what is not drawn."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.check import Result
+from proofmass.drive import Steady
+from proofmass.reference import evaluate
+from proofmass.report import write_report
+from proofmass.report.drawing import pictured
+from proofmass.report.families import families
+from proofmass.report.svg import compact
+from proofmass.sim.picture_poses import picture
+from proofmass.sim.protocol import Drive, Run
+
+MODELS = Path(__file__).parents[2] / "models"
+BARE = """<mujoco>
+  <worldbody>
+    <body name="arm">
+      <joint name="hub" axis="0 1 0"/>
+      <inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
+      <body name="rod" pos="2 0 0">
+        <joint name="knee" axis="0 1 0"/>
+        <inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>
+        <site name="tip" pos="1.5 0 0"/>
+      </body>
+    </body>
+    {more}
+  </worldbody>
+  <sensor><framepos name="tip" objtype="site" objname="tip"/></sensor>
+</mujoco>"""
+
+
+def test_poses_are_those_of_the_closed_form() -> None:
+    case = load_case(MODELS / "fourbar.toml")
+    shape, note = pictured(case)
+    assert shape is not None
+    assert note == ""
+    assert np.degrees(shape.inputs[0]) == pytest.approx([0, 60, 120, 180, 240, 300])
+    truth = evaluate(case, shape.x, (shape.inputs, np.ones_like(shape.inputs), 0 * shape.inputs))
+    pin = next(m for m in shape.marks if m.kind == "pin")
+    # Newton closes the loop to 1e-13 m
+    assert pin.at == pytest.approx(
+        np.stack([truth.channels["pin.x"], truth.channels["pin.y"]], axis=1), abs=1e-11)
+    assert [m.name for m in shape.marks if m.driven] == ["crank"]
+    assert [m.name for m in shape.marks if m.ground] == ["crank", "rocker"]
+
+
+def test_a_swing_is_drawn_on_its_way_there() -> None:
+    shape, _ = pictured(load_case(MODELS / "triple_rocker.toml"))
+    assert shape is not None
+    assert shape.inputs[0, [0, -1]] == pytest.approx([-2, 2])
+    way = np.diff(shape.inputs[0])
+    # even over the way, not over time, as far as the poses at hand allow: 60 for half a cosine,
+    # the longest of which is pi/120 of the way
+    assert np.abs(way - way.mean()).max() <= np.pi / 120 * way.sum()
+
+
+def test_bodies_without_geoms_are_lines_between_their_joints(tmp_path: Path) -> None:
+    (tmp_path / "bare.xml").write_text(BARE.format(more=""))
+    run = Run("duration", np.linspace(0, 0.1, 3), ())
+    shape = picture(tmp_path / "bare.xml", run, count=3)
+    assert shape.axes == ("x", "z")
+    assert [np.ptp(link.outlines[0][0], axis=0) for link in shape.links] == [
+        pytest.approx([2.0, 0.0]), pytest.approx([1.5, 0.0])]
+
+
+def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
+    text = BARE.replace('"knee"', '"knee" stiffness="2" springref="20"').format(more="")
+    (tmp_path / "bare.xml").write_text(text.replace("<worldbody>", '<option gravity="0 0 0"/>'
+                                                    "<worldbody>"))
+    law = Steady(0.0, 1.0, x_is_time=False)
+    shape = picture(tmp_path / "bare.xml", Run("sweep", np.linspace(0, 1, 3), (), (
+        Drive("hub", law),)), count=5)
+    arm, rod = (np.diff(link.outlines[0], axis=1)[:, 0] for link in shape.links)
+    bend = arm[:, 0] * rod[:, 1] - arm[:, 1] * rod[:, 0], (arm * rod).sum(axis=1)
+    assert (shape.stopped, len(shape.x)) == ("", 5)
+    # about +y, so clockwise in the drawing; Newton ends within 1e-8 rad of the rest
+    assert np.degrees(np.arctan2(*bend)) == pytest.approx(np.full(5, -20.0), abs=1e-6)
+
+
+def test_what_leaves_the_plane_is_not_drawn_and_named(tmp_path: Path) -> None:
+    (tmp_path / "bare.xml").write_text(BARE.format(
+        more='<body><joint name="askew" axis="1 0 0"/><geom size="1"/></body>'))
+    (tmp_path / "bare.toml").write_text((MODELS / "pendulum.toml").read_text(encoding="utf-8"))
+    case = load_case(tmp_path / "bare.toml")
+    page = write_report(Result(cases=[case]), tmp_path).with_name("bare.html").read_text(
+        encoding="utf-8")
+    assert "The mechanism is not drawn: hinge joint &#39;askew&#39; leaves the plane" in page
+    assert not (tmp_path / "figures" / "bare-mechanism.svg").exists()
+
+
+def test_index_goes_by_reference_with_what_is_wrong_first() -> None:
+    names = ("hacksaw_recorded", "pendulum", "hacksaw", "fourbar", "fivebar")
+    cases = [load_case(MODELS / f"{name}.toml") for name in names]
+    cards = [{"name": c.name, "state": "bad" if c.name == "pendulum" else "good"} for c in cases]
+    found = families(cases, cards)
+    assert [f["name"] for f in found] == ["pendulum", "fivebar", "fourbar", "hacksaw",
+                                          "recorded curves"]
+
+
+def test_compact_svg_keeps_the_numbers_in_its_words() -> None:
+    text = '<svg viewBox="0 0 9 9"><text x="1.234567">0.7783 J</text></svg>'
+    assert compact(text) == '<svg viewBox="0 0 9 9"><text x="1.23">0.7783 J</text></svg>'
+
+
+def test_compact_svg_keeps_its_lines() -> None:
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0, 500, (200, 2))
+    path_text = "M" + "L".join(f" {x:.6f} {y:.6f} \n" for x, y in points)
+    short = compact(f'<svg viewBox="0 0 9 9"><path d="{path_text}"/></svg>')
+    start, steps = re.findall(r'd="M([^l]*)l([^"]*)"', short)[0]
+    moves = np.array(re.findall(r"-?[\d.]+", steps), float).reshape(-1, 2)
+    found = np.cumsum(np.vstack([np.array(start.split(), float), moves]), axis=0)
+    # half of a tenth, the last digit kept
+    assert np.abs(found - points).max() <= 0.05 + 1e-9

@@ -1,0 +1,116 @@
+"""The snap in the engines: chains of links, their folds, and their way to the other side."""
+
+from functools import cache, partial
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.rod_snap import marks, solve
+from proofmass.analytic.rods.shooting import integrate
+from proofmass.case import load_case
+from proofmass.check import check
+from proofmass.sim.protocol import Drive, Rod, Run
+from tests.conftest import MODELS
+from tests.independent.rods import chain_rod
+from tests.independent.rods.chain import chain
+from tests.sim.rod_models import ENGINES, STEEL
+
+MODEL = MODELS / "rod_snap.xml"
+NAMES = "tip.angle", "holding_moment", "energy"
+
+
+@cache
+def fold():
+    """The motor's angle at the rod's fold."""
+    return marks(distance=0.8)["snaps to the left"]
+
+
+def turned(angles, x):
+    """A law through angles of the motor, one at each whole x."""
+    return np.interp(x, np.arange(len(angles)), angles), 0.0 * x, 0.0 * x
+
+
+def swept(file, engine, degrees, segments, **settings):
+    """The engine at angles of the motor, from 80 degrees on."""
+    angles = np.radians([80.0, *degrees])
+    rods = (Rod("rod", "clamp", "pin", 1.0, STEEL, segments, ("clamped", "pinned"), turn=-2.1),)
+    run = Run("sweep", np.arange(float(angles.size)), NAMES,
+              (Drive("motor", partial(turned, angles)),), rods=rods, settings=settings)
+    return ENGINES[engine](file, run)
+
+
+def of_chain(degrees, segments):
+    """Moments and energies of chains, each seeded with the rod's directions."""
+    truth, c = swing(degrees), chain(segments, stiffness=STEEL)
+    rod = integrate(truth["force_x"], truth["force_y"], -truth["holding_moment"],
+                    theta0=np.radians(degrees), stiffness=STEEL, nodes=81)
+    seeds = np.array([np.interp(c.station, rod.s, theta) for theta in rod.theta.T])
+    clamps = np.stack([0.0 * truth["side"], 0.0 * truth["side"], np.radians(degrees)], axis=-1)
+    rest = chain_rod.pinned(c, clamps, (0.8, 0.0), seed=seeds)
+    assert (rest.curvatures[:, 0] > 0.0).all()
+    return -rest.root_moment, rest.energy
+
+
+def swing(degrees):
+    """The reference."""
+    return solve(np.radians(degrees), distance=0.8, stiffness=STEEL)
+
+
+def test_a_sweep_without_time_ends_at_the_fold():
+    """MuJoCo's poses at rest: where it stops converges to a* with the square of the links."""
+    ends = []
+    for n in (10, 20, 40):
+        found = swept(MODEL, "mujoco", [40.0, 0.0, -40.0, -80.0], n)
+        assert found.x.size == 4
+        assert found.stopped.startswith("the equilibrium becomes unstable beyond motor = ")
+        ends.append(float(found.stopped.rpartition(" = ")[2]))
+    off = np.array(ends) + fold()
+    np.testing.assert_allclose(np.log2(off[:-1] / off[1:]), 2.0, atol=0.05)  # h^4, six digits
+    assert (4.0 * ends[2] - ends[1]) / 3.0 == pytest.approx(-fold(), abs=3e-6)  # the same
+
+
+@pytest.mark.parametrize(("engine", "settings", "atol"), [
+    ("pymunk", {}, 1e-11),  # rest to 1e-12 of the model, over its softness
+    pytest.param("mujoco", {"settled": True}, 1e-5, marks=pytest.mark.slow)])  # soft loops
+def test_engines_snap_where_their_chain_does(engine, settings, atol):
+    """Down and up again with ten links: on every shape the chain's own equilibrium."""
+    degrees = [80.0, 30.0, -20.0, -45.0, -62.0, -80.0, -30.0, 20.0, 45.0, 62.0]
+    found = swept(MODEL, engine, degrees[1:], 10, **settings).channels
+    assert (np.sign(found["tip.angle"]) == [-1, -1, -1, -1, 1, 1, 1, 1, 1, -1]).all()
+    moment, energy = of_chain(degrees, 10)
+    np.testing.assert_allclose(found["holding_moment"], moment, atol=atol)
+    np.testing.assert_allclose(found["energy"], energy, atol=atol)
+
+
+@pytest.mark.slow
+def test_shapes_converge_on_both_sides_of_a_snap():
+    """Errors of direction, moment and energy go with the square of the links, in pymunk."""
+    degrees = [80.0, 20.0, -30.0, -70.0, -20.0, 30.0]
+    truth = swing(degrees)
+    found = [swept(MODEL, "pymunk", degrees[1:], n).channels for n in (8, 16)]
+    for channel, name in zip(NAMES, ("tip_angle", "holding_moment", "energy"), strict=True):
+        coarse, fine = (np.abs(curves[channel] - truth[name]) for curves in found)
+        np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)  # h^4 of eight links
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ("segments = 40", 'segments = 40\nscheme = "naive"'),
+    ("distance = 0.8 ", "distance = 0.79 "),
+    ("turn = -2.1", "turn = 2.1")])  # wound into a loop
+@pytest.mark.slow
+def test_a_wrong_rod_is_found(old, new, edit):
+    """Another pin, a soft clamp, another equilibrium."""
+    edit("rod_snap.toml", '"mujoco:settled", "pymunk"', '"pymunk"')
+    edit("rod_snap.toml", r'\[settings."mujoco:settled"\]\nsettled = true\n', "")
+    edit("rod_snap.toml", "n = 43 ", "n = 9 ")
+    file = edit("rod_snap.toml", old, new)
+    assert [c.outcome for c in check([file]).comparisons].count("differs") > 0
+
+
+def test_no_sample_falls_between_the_folds_of_rod_and_chain():
+    """A sample there would be on one side in the engines and on the other in the reference."""
+    case = load_case(MODELS / "rod_snap.toml")
+    drive, n = case.drive[0], case.run["sweep"].n
+    angle = np.abs(drive.start * np.cos(2.0 * np.pi * np.arange(n) / (n - 1)))
+    assert drive.to == -drive.start
+    assert np.degrees(np.abs(angle - fold())).min() > 4.0

@@ -1,0 +1,241 @@
+"""Rods in the scene: chains of links at rest in both engines, against chains and against rods."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.assembly import assembly
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import BadModel, Rod
+from tests.independent.rods import chain_rod
+from tests.independent.rods.chain import chain, points
+from tests.independent.rods.chain_assembly import settle
+from tests.sim.rod_models import (
+    CLAMPS,
+    ENGINES,
+    FIGURES,
+    PAIR,
+    STEEL,
+    held,
+    model,
+    pair,
+    pull,
+    rest,
+)
+
+EACH = pytest.mark.parametrize("engine", ENGINES)
+FREE, PINNED = ("clamped", "free"), ("clamped", "pinned")
+PLACES = "r.x", "r.y"
+BENT = '<site name="pin" pos="0.8 0.1 0"/>'  # the pin of Pérez Gámiz 2018, annex II line 1640
+# both engines end where nothing moves by 1e-12 of the model; stiffness brings that to moments
+TIGHT = {"x": 1e-12, "y": 1e-12, "angle": 1e-11, "moment": 1e-10}
+
+
+def cantilever(n: int, scheme: str = "half") -> Rod:
+    """L = EI = 1, clamped at the ground."""
+    return Rod("r", "ground", None, 1.0, 1.0, n, FREE, scheme)
+
+
+def tip(engine, folder, alpha, n, scheme="half"):
+    """Where its tip is under a load across."""
+    file = model(folder, actuators=pull("r.tip", 0, alpha), ctrl="1")
+    found = rest(engine, file, (cantilever(n, scheme),), PLACES)
+    return np.array([found.channels[name][-1] for name in PLACES])
+
+
+@EACH
+@pytest.mark.parametrize("scheme", ["half", "double", "naive"])
+@pytest.mark.parametrize("n", [2, 7, 20])
+def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
+    """Vertices, directions and moments of all links, against the chain's own equilibrium."""
+    load = np.array([-2.0, 3.0, 0.5])
+    file = model(tmp_path, actuators=pull("r.tip", *load[:2], 0, 0, 0, load[2]), ctrl="1",
+                 sensors='<framepos name="middle" objtype="site" objname="r.middle"/>')
+    names = (*(f"r.{part}" for part in TIGHT), "middle.x", "middle.y")
+    c = chain(n, scheme=scheme)
+    truth = chain_rod.free(c, force=load[:2], moment=load[2])
+    ends = points(c, np.zeros(3), truth.angle)
+    rod = cantilever(n, scheme)
+    found = rest(engine, file, (rod,), names, samples=2 * n + 1).channels  # every h / 2
+    joints, links = slice(1, None, 2) if scheme == "half" else slice(0, -1, 2), slice(2, None, 2)
+    if scheme != "half":
+        ends, links = ends[1:], slice(1, None, 2)
+    vertices = [0, *range(1, 2 * n, 2), 2 * n] if scheme == "half" else slice(0, None, 2)
+    bends = np.diff(truth.angle, prepend=0.0) * c.spring
+    for name, values, where in (("x", ends[:, 0], vertices), ("y", ends[:, 1], vertices),
+                                ("angle", truth.angle, links), ("moment", bends, joints)):
+        np.testing.assert_allclose(found[f"r.{name}"][where], values, atol=TIGHT[name])
+    for axis in "xy":
+        np.testing.assert_allclose(found[f"middle.{axis}"], found[f"r.{axis}"][n], atol=TIGHT["x"])
+
+
+@EACH
+@pytest.mark.parametrize("row", FIGURES["cantilever"]["rows"], ids=lambda row: str(row["alpha"]))
+def test_orders_and_the_limit_of_a_cantilever(engine, row, tmp_path):
+    """Errors of the tip from 10, 20 and 40 links, and the limit that the last two point to."""
+    truth = np.array([1.0 - row["u"], row["w"]])
+    tips = np.array([tip(engine, tmp_path, row["alpha"], n) for n in (10, 20, 40)])
+    errors = np.linalg.norm(tips - truth, axis=1)
+    orders = np.log2(errors[:-1] / errors[1:])
+    np.testing.assert_allclose(orders, 2.0, atol=0.1)  # what h^4 adds with ten links
+    limit = tips[2] + (tips[2] - tips[1]) / 3.0
+    np.testing.assert_allclose(limit, truth, atol=1e-6)  # h^4: 1/16 of it from 20 to 40 links
+
+
+def test_a_chain_that_mujoco_holds_in_sparse_matrices(tmp_path):
+    """From 60 freedoms on it chooses them itself; the rows of the loop are the same."""
+    n, file = 70, model(tmp_path, BENT)
+    rod = Rod("r", "ground", "pin", 1.0, 1.0, n, PINNED, turn=2.0)
+    found = rest("mujoco", file, (rod,), ("r.angle",), samples=n + 1).channels["r.angle"]
+    truth = chain_rod.pinned(chain(n), (0, 0, 0), (0.8, 0.1), seed=found[1:] + 1e-3)
+    np.testing.assert_allclose(found[1:], truth.angle, atol=1e-11)  # as TIGHT
+
+
+def test_a_naive_clamp_is_of_first_order(tmp_path):
+    """The negative control: half a cell of the rod is as soft as a whole one."""
+    tips = [tip("mujoco", tmp_path, 2.0, n, "naive") for n in (20, 40, 80)]
+    row = FIGURES["cantilever"]["rows"][1]
+    errors = np.linalg.norm(np.array(tips) - [1.0 - row["u"], row["w"]], axis=1)
+    orders = np.log2(errors[:-1] / errors[1:])
+    np.testing.assert_allclose(orders, 1.0, atol=0.1)  # what h^2 adds
+    assert errors[1] > 50 * np.linalg.norm(tip("mujoco", tmp_path, 2.0, 40)
+                                           - [1.0 - row["u"], row["w"]])
+
+
+@EACH
+@pytest.mark.parametrize("turn", [1.25, -1.04])
+def test_a_pinned_rod_rests_on_the_side_of_its_arc(engine, turn, tmp_path):
+    """Both stable shapes between a clamp and a pin, against the chain seeded with the same arc."""
+    rod = Rod("r", "ground", "pin", 1.0, 0.16493361431346418, 20, PINNED, turn=turn)
+    found = rest(engine, model(tmp_path, BENT), (rod,), (*PLACES, "r.angle"), samples=21).channels
+    c = chain(20, stiffness=rod.stiffness)
+    truth = chain_rod.pinned(c, (0, 0, 0), (0.8, 0.1), seed=found["r.angle"][1:] + 1e-3)
+    np.testing.assert_allclose(found["r.angle"][1:], truth.angle, atol=1e-11)  # as TIGHT
+    assert truth.curvatures[0] > 0
+    assert found["r.angle"][-1] == pytest.approx(turn, abs=0.01)  # the chain's h^2
+    assert np.hypot(found["r.x"][-1] - 0.8, found["r.y"][-1] - 0.1) < 1e-14
+
+
+@EACH
+@pytest.mark.parametrize("name", ["S1", "S2", "S3", "S4"])
+def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
+    """Table 7 of the document and the two it lacks; turns of the arcs choose among them."""
+    truth, names = FIGURES["pair"][name], ("pin.x", "pin.y", "moment1", "moment2", "energy")
+    shape = tuple(f"{rod}.angle" for rod in ("left", "right"))
+    runs = {n: rest(engine, PAIR, pair(name, n), (*names, *shape), held(), n + 1).channels
+            for n in ((20, 40) if engine == "mujoco" else (20,))}
+    bodies = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=STEEL)
+    seed = [runs[20][angle][1:] + 1e-4 for angle in shape]
+    own = settle(bodies, CLAMPS, seed=seed, segments=20, force=(0.3, -0.1))
+    assert own.curvatures[0] > 0
+    values = [*own.pose, *-own.root_moment, own.energy]  # the motors hold against the rods
+    # as TIGHT, over the softness of the pair
+    np.testing.assert_allclose([runs[20][n][0] for n in names], values, atol=1e-11)
+    if engine == "mujoco":
+        limit = [(4 * runs[40][n][0] - runs[20][n][0]) / 3 for n in names]
+        exact = [*truth["pin"], *np.negative(truth["m0"]), truth["energy"]]
+        np.testing.assert_allclose(limit, exact, atol=2e-5)  # what h^4 leaves of moments
+
+
+@pytest.mark.parametrize("kept", ["clamped", "pinned"])
+def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_path):
+    """A rod on a body without a joint, turned and aside, and the clamped link of a rod."""
+    rod, models = Rod("r", "foot", "pin", 1.0, 1.0, 3, (kept, "pinned"), turn=1.0), []
+    file = model(tmp_path, '<body name="b" pos="1 2 0" euler="0 0 1"><site name="foot"/></body>'
+                 '<site name="pin" pos="1.3 2.8 0"/>')
+    for word in ("false", "true"):
+        file.write_text(file.read_text().replace("<compiler ", f'<compiler fusestatic="{word}" '))
+        models.append(compile_model(file, [rod]))
+        file.write_text(file.read_text().replace(f'fusestatic="{word}" ', ""))
+    one, two = models
+    assert [one.body(b).name for b in range(one.nbody)] == [
+        two.body(b).name for b in range(two.nbody)]
+    np.testing.assert_array_equal(one.key_qpos, two.key_qpos)
+    np.testing.assert_array_equal(one.body_pos, two.body_pos)
+
+
+def test_rods_follow_each_other_into_the_keys(tmp_path):
+    """Own joints keep their values in every key; rods get arcs, closed at their supports."""
+    body = ('<body name="b"><joint name="{0}"/><geom size="0.1"/><site name="{0}.site" '
+            'pos="0.1 0 0"/></body>')
+    file = model(tmp_path, body.format("one") + body.format("two").replace('"b"', '"c"'))
+    text = file.read_text().replace('<key name="start" ctrl=""/>',
+                                    '<key name="start" qpos="0.3 0.2"/><key name="b"/>')
+    file.write_text(text)
+    rods = (Rod("r", "one.site", None, 1.0, 1.0, 4, FREE, turn=1.0),
+            Rod("q", "two.site", "r.tip", 1.5, 1.0, 3, PINNED, "double", turn=2.0))
+    found = compile_model(file, rods)
+    value = dict(zip([found.joint(j).name for j in range(found.njnt)], found.key_qpos.T,
+                     strict=True))
+    assert value["one"].tolist() == [0.3, 0.0]
+    assert value["two"].tolist() == [0.2, 0.0]
+    np.testing.assert_allclose([value[f"r.{k}"] for k in range(1, 5)], 0.25, rtol=1e-15)
+    assert found.body("q.1").mass[0] == pytest.approx(0.01 / 3, rel=1e-14)
+    assert [found.joint(f"q.{k}").stiffness[0] for k in (1, 2, 3)] == [4.0, 2.0, 2.0]
+    assert found.equality("q").name == "q"
+
+
+@EACH
+def test_a_clamp_at_the_far_end_is_two_pins_and_a_slider(engine, tmp_path):
+    """An S between two clamps: its halves are rods from a clamp to a pin in the middle."""
+    whole = Rod("r", "ground", "far", 1.0, 1.0, 20, ("clamped", "clamped"))
+    half = Rod("r", "ground", "pin", 0.5, 1.0, 10, PINNED, turn=0.3)
+    file = model(tmp_path, '<site name="far" pos="0.9 0.4 0"/><site name="pin" pos="0.45 0.2 0"/>')
+    names = (*PLACES, "r.angle", "r.moment")
+    long, short = (rest(engine, file, (rod,), names, samples=rod.segments + 1).channels
+                   for rod in (whole, half))
+    for name, atol in zip(names, TIGHT.values(), strict=True):
+        np.testing.assert_allclose(long[name][:10], short[name][:10], atol=atol)
+    # point symmetry about the middle
+    np.testing.assert_allclose(long["r.angle"], long["r.angle"][::-1], atol=1e-11)  # as TIGHT
+    assert long["r.angle"][-1] == pytest.approx(0.0, abs=1e-13)
+
+
+@EACH
+def test_a_rod_pinned_at_both_ends_is_half_of_a_wave(engine, tmp_path):
+    """Its half is a cantilever that is loaded along: P L^2 / EI of one is a quarter of it."""
+    rod = Rod("r", "ground", "far", 1.0, 1.0, 20, ("pinned", "pinned"), turn=-2.0)
+    file = model(tmp_path, '<site name="far" pos="0.5 0 0"/>')
+    found = rest(engine, file, (rod,), (*PLACES, "r.angle", "r.moment"), samples=21).channels
+    height, bend = found["r.y"][10], found["r.moment"][10]
+    force = -bend / height  # the only force, along the line of the pins
+    load = model(tmp_path, actuators=pull("r.tip", -force), ctrl="1")
+    half = Rod("r", "ground", None, 0.5, 1.0, 10, FREE, turn=1.0)
+    there = rest(engine, load, (half,), PLACES).channels
+    assert force > np.pi**2  # beyond Euler's load
+    # a chain's middle link has the moment of its neighbours; rounding, over the half's softness
+    assert (there["r.x"][-1], there["r.y"][-1]) == pytest.approx((0.25, height), abs=1e-10)
+
+
+@EACH
+@pytest.mark.parametrize(("euler", "force"), [("1.5707963267948966 0 0", (0, 0, 3)),
+                                              ("0 0 0.7", (0, 3, 0))])
+def test_rods_bend_in_the_plane_of_their_site(engine, euler, force, tmp_path):
+    """Another plane, and another direction in the plane: the same shape, turned."""
+    site = f'<site name="clamp" pos="0.1 0.2 0.3" euler="{euler}"/>'
+    file = model(tmp_path, site, pull("r.tip", *force), ctrl="1")
+    rod = Rod("r", "clamp", None, 1.0, 1.0, 10, FREE)
+    names = "r.x", "r.y", "r.z", "r.angle"
+    found = rest(engine, file, (rod,), names, samples=11).channels
+    turn = 0.7 if force[1] else 0.0
+    truth = chain_rod.free(chain(10), (0, 0, turn), force=(0, 3))
+    x, y = (found["r.x"] - 0.1, found["r.y" if force[1] else "r.z"] - (0.2 if force[1] else 0.3))
+    np.testing.assert_allclose([x[-1], y[-1]], truth.tip, atol=1e-12)  # as TIGHT
+    np.testing.assert_allclose(found["r.angle"][1:], truth.angle, atol=1e-11)  # as TIGHT
+
+
+@EACH
+def test_a_rod_hangs_under_its_own_weight(engine, tmp_path):
+    """Links weigh their share: the chain under a dead load on its length."""
+    file = model(tmp_path, gravity="0 -10 0")
+    rod = Rod("r", "ground", None, 1.0, 1.0, 20, FREE, mass=0.3)
+    found = rest(engine, file, (rod,), PLACES).channels
+    truth = chain_rod.free(chain(20), line=(0.0, -3.0)).tip
+    np.testing.assert_allclose([found[n][-1] for n in PLACES], truth, atol=1e-12)  # as TIGHT
+
+
+def test_a_rest_that_is_not_stable_is_refused(tmp_path):
+    """A straight start between clamps is led to the S, which snaps to one side."""
+    rod = Rod("r", "ground", "far", 1.0, 1.0, 20, ("clamped", "clamped"))
+    file = model(tmp_path, '<site name="far" pos="0.8 0.2 0"/>')
+    with pytest.raises(BadModel, match="unstable equilibrium"):
+        rest("mujoco", file, (rod,), PLACES)

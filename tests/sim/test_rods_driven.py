@@ -1,0 +1,204 @@
+"""Rods that motors bend, dead loads on rods and on rigid links, and bad input."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+from proofmass.check import check
+from proofmass.cli import app
+from proofmass.sim.protocol import BadRod, Drive, Rod, Run, Unsupported
+from tests.sim.rod_models import CLAMPS, ENGINES, FIGURES, PAIR, held, model, pair, pull, rest
+from tests.verdicts import verdicts
+
+EACH = pytest.mark.parametrize("engine", ENGINES)
+ARM = '<body name="arm"><joint name="arm"/><inertial pos="1 0 0" mass="2" ' \
+      'diaginertia="0.1 0.1 0.1"/><site name="end" pos="1 0 0"/></body>'
+
+
+@pytest.fixture
+def unloaded(tmp_path: Path) -> Path:
+    """The pair without its load."""
+    file = tmp_path / "unloaded.xml"
+    file.write_text(PAIR.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
+    return file
+
+
+def sweep(engine: str, file: Path, segments: int, x: list[float], way: float = 1.0):
+    """From S2 at x = -1 to where the line begins, at 0; from there motor 1 turns by `way` x."""
+    begin = np.radians(FIGURES["pair"]["line"]["motors"])
+
+    def law(k):
+        def angle(x):
+            there = begin[k] + np.minimum(x, 0.0) * (begin[k] - CLAMPS[k])
+            return there + way * np.maximum(x, 0.0) * (k == 0), 0 * x, 0 * x
+        return angle
+
+    drives = tuple(Drive(f"motor{k + 1}", law(k)) for k in (0, 1))
+    run = Run("sweep", np.array([-1.0, 0.0, *x]), ("pin.x", "pin.y", "moment1"), drives,
+              rods=pair("S2", segments))
+    return ENGINES[engine](file, run)
+
+
+def test_a_motor_bends_a_pair_of_rods(unloaded):
+    """Along the document's line, in the limit of many links."""
+    line = FIGURES["pair"]["line"]
+    coarse, fine = (sweep("mujoco", unloaded, n, line["turn"]).channels for n in (20, 40))
+    for k, name in enumerate(("pin.x", "pin.y")):
+        limit = (4 * fine[name] - coarse[name])[2:] / 3
+        # given to 1e-6; what h^4 leaves
+        np.testing.assert_allclose(limit, np.array(line["pin"])[:, k], atol=5e-6)
+
+
+def test_both_engines_turn_the_pair_alike():
+    """The same chains, ten links a rod."""
+    drives = Drive("motor1", lambda x: (CLAMPS[0] + x, 1 + 0 * x, 0 * x)), held()[1]
+    run = Run("sweep", np.linspace(0, 0.3, 4), ("pin.x", "pin.y", "moment1"), drives,
+              rods=pair("S4", 10))
+    one, two = (simulate(PAIR, run).channels for simulate in ENGINES.values())
+    for name, curve in one.items():
+        np.testing.assert_allclose(two[name], curve, atol=1e-11)  # rest to 1e-12, softness
+
+
+@pytest.mark.slow
+def test_a_sweep_ends_at_the_fold(unloaded):
+    """Where the equilibrium becomes unstable; the place goes with the square of the links."""
+    fold, ends = FIGURES["pair"]["fold"]["turn"], []
+    for n in (20, 40):
+        found = sweep("mujoco", unloaded, n, [0.3, 0.5], way=-1.0)
+        assert "becomes unstable beyond motor1 = " in found.stopped
+        ends.append(float(found.stopped.split("motor1 = ")[1].split(",")[0]))
+    begin = np.radians(FIGURES["pair"]["line"]["motors"])[0]
+    # spoken to 6 digits, given to 5; what h^4 leaves
+    assert (4 * ends[1] - ends[0]) / 3 - begin == pytest.approx(fold, abs=2e-5)
+
+
+@EACH
+def test_a_dead_load_on_a_link_keeps_its_direction(engine, tmp_path):
+    """Holding moment of an arm: minus F x r, minus M, at every angle."""
+    hold = '<motor name="hold" joint="arm"/>'
+    file = model(tmp_path, ARM, hold + pull("end", 3, -4, 0, 0, 0, 0.5),
+                 '<actuatorfrc name="hold" actuator="hold"/>'
+                 '<actuatorfrc name="pull" actuator="pull"/>', ctrl="0 2")
+    x = np.linspace(-1.0, 2.0, 7)
+    run = Run("sweep", x, ("hold", "pull"), (Drive("arm", lambda x: (x, 1 + 0 * x, 0 * x)),))
+    found = ENGINES[engine](file, run).channels
+    np.testing.assert_allclose(found["hold"], -2 * (0.5 - 4 * np.cos(x) - 3 * np.sin(x)),
+                               atol=1e-12)  # rounding; pymunk rests to 1e-12 of the model
+    np.testing.assert_allclose(found["pull"], 2.0)
+
+
+@EACH
+def test_a_loaded_arm_swings(engine, tmp_path):
+    """A dead load in time, against the integrated equation of motion."""
+    file = model(tmp_path, ARM, pull("end", 3, -4, 0, 0, 0, 0.5),
+                 '<jointpos name="angle" joint="arm"/>', ctrl="1")
+    t = np.linspace(0.0, 2.0, 21)
+    found = ENGINES[engine](file, Run("duration", t, ("angle",), settings={"timestep": 1e-3}))
+
+    def motion(_, z):
+        return [z[1], (0.5 - 4 * np.cos(z[0]) - 3 * np.sin(z[0])) / 2.1]
+
+    truth = solve_ivp(motion, (0, 2), [0, 0], t_eval=t, rtol=1e-11, atol=1e-11).y[0]
+    # MuJoCo's Euler is of first order in its 1 ms, pymunk of second
+    np.testing.assert_allclose(found.channels["angle"], truth,
+                               atol={"mujoco": 3e-3, "pymunk": 1e-6}[engine])
+
+
+def test_loads_out_of_the_plane_are_refused(tmp_path):
+    """By pymunk; MuJoCo carries them."""
+    file = model(tmp_path, ARM, pull("end", 0, 0, 1), ctrl="1")
+    run = Run("duration", np.linspace(0, 1, 3), ())
+    with pytest.raises(Unsupported, match="actuator 'pull' leaves the plane"):
+        ENGINES["pymunk"](file, run)
+
+
+def test_a_load_on_the_ground_does_nothing(tmp_path):
+    """Its site hangs on no link."""
+    file = model(tmp_path, ARM, pull("ground", 1), '<jointpos name="angle" joint="arm"/>', ctrl="1")
+    found = ENGINES["pymunk"](file, Run("duration", np.linspace(0, 1, 3), ("angle",)))
+    assert not found.channels["angle"].any()
+
+
+RODS = {
+    "stiffness": ({"stiffness": -1.0}, "stiffness", "-1 must be positive"),
+    "length": ({"length": 0.0}, "length", "0 must be positive"),
+    "segments": ({"segments": 1}, "segments", "two or more"),
+    "scheme": ({"scheme": "mid"}, "scheme", "half, double, naive"),
+    "too short": ({"length": 0.5}, "length", "supports are 0.806226 m apart"),
+    "no site": ({"start": "grond"}, "from", "no site 'grond'; there are: ground, pin"),
+    "no far site": ({"end": "pni"}, "to", "no site 'pni'"),
+    "later rod": ({"end": "q.tip"}, "to", "rod 'q' must stand before it"),
+    "clamped scheme": ({"ends": ("clamped", "clamped"), "scheme": "naive"}, "scheme", "use half"),
+}
+
+
+@pytest.mark.parametrize(("change", "key", "words"), RODS.values(), ids=RODS)
+def test_bad_rods_are_named(change, key, words, tmp_path):
+    """Which rod, what of it, and what would be right."""
+    good = {"name": "r", "start": "ground", "end": "pin", "length": 1.0, "stiffness": 1.0,
+            "segments": 5, "ends": ("clamped", "pinned")}
+    file = model(tmp_path, '<site name="pin" pos="0.8 0.1 0"/>')
+    other = Rod("q", "ground", None, 1.0, 1.0, 5, ("clamped", "free"))
+    with pytest.raises(BadRod, match=words) as raised:
+        rest("mujoco", file, (Rod(**good | change), other), ())
+    assert raised.value.args[:2] == ("r", key)
+    assert str(raised.value).startswith(f"rod 'r': {key}: ")
+
+
+SIDECARS = {
+    "stiffness": (r"stiffness = 0.16\d*\nsegments", "stiffness = -1.0\nsegments",
+                  ["rod.rod.stiffness", "greater than 0"]),
+    "segments": ("segments = 40", "segments = 1", ["rod.rod.segments", "greater than or equal"]),
+    "scheme": ("segments = 40", 'scheme = "mid"', ["rod.rod.scheme", "'half'"]),
+    "unknown key": ("segments = 40", "links = 40", ["rod.rod", "'links'", "segments"]),
+    "too short": (r"length = 1.0\nstiffness = 0.16\d*\nsegments",
+                  "length = 0.8\nstiffness = 0.1\nsegments", ["rod.rod.length", "0.806226 m"]),
+    "unknown site": ('from = "clamp"', 'from = "clamps"',
+                     ["rod.rod.from", "'clamps'", "pin, clamp"]),
+    "no far site": ('to = "pin"\n', 'ends = ["clamped", "pinned"]\n', ["rod.rod", "give to"]),
+    "free but held": ('to = "pin"', 'to = "pin"\nends = ["clamped", "free"]', ["leave out to"]),
+    "beyond its end": ("n = 21", "n = 21\nuntil = 1.5", ["until", "shortest rod, 1 m"]),
+    "unknown part": (r'"rod.x" =', '"rod.phi" =', ["channels.rod.phi", "rod.x, .y, .z, .angle"]),
+    "no rod": (r"(?s)\[rod.rod\].*?\n\n", "", ["run.rest", "[rod.NAME]"]),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "words"), SIDECARS.values(), ids=SIDECARS)
+def test_bad_sidecars_are_named(old, new, words, edit):
+    """File and key, and exit code 2."""
+    file = edit("rod_pinned.toml", old, new, count=1)
+    result = check([file])
+    assert result.exit_code == 2
+    assert len(result.errors) == 1
+    for word in ("rod_pinned.", *words):
+        assert word in str(result.errors[0])
+
+
+def test_the_command_line_says_it_in_a_line(edit):
+    """Exit code 2 and no traceback."""
+    file = edit("rod_pinned.toml", "length = 1.0\nstiffness", "length = 0.8\nstiffness", count=2)
+    result = CliRunner().invoke(app, ["check", str(file)])
+    assert result.exit_code == 2
+    assert "rod.rod.length" in result.output
+    assert "Traceback" not in result.output
+
+
+def test_gravity_asks_for_a_mass(tmp_path):
+    """A light default would be a load that nobody told."""
+    file = model(tmp_path, gravity="0 -9.81 0")
+    with pytest.raises(BadRod, match="mass: missing"):
+        rest("mujoco", file, (Rod("r", "ground", None, 1.0, 1.0, 5, ("clamped", "free")),), ())
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    (r"length = 1.0\nstiffness = 1.0\nsegments", "length = 1.0\nstiffness = 1.02\nsegments"),
+    (r"length = 1.0\nstiffness = 1.0\nsegments", "length = 1.01\nstiffness = 1.0\nsegments"),
+    ("segments = 40", 'segments = 40\nscheme = "naive"')])
+def test_a_wrong_rod_is_found(old, new, edit):
+    """Stiffer, longer, or with a soft clamp: beyond what its links explain."""
+    file = edit("rod_cantilever.toml", old, new)
+    edit("rod_cantilever.toml", "n = 41", "n = 41\nuntil = 1.0")
+    assert {c.solver for c in verdicts(file) if c.outcome == "differs"} == set(ENGINES)

@@ -1,0 +1,234 @@
+"""Three rods on a platform in both engines: 3RFR at rest, 3PFR driven, rigid ends; wrong models."""
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.rod_platform import Problem, standing
+from proofmass.case import load_case
+from proofmass.check import check
+from proofmass.compare import compare
+from proofmass.errors import InputError
+from proofmass.reference import evaluate
+from proofmass.sim.protocol import Drive, Rod
+from proofmass.solve import plan, solve
+from tests.analytic.rods.rod_assembly_cases import DATA, EI
+from tests.independent.rods.chain_assembly import settle
+from tests.sim.rod_models import ENGINES, constant, model, rest
+from tests.verdicts import verdicts
+
+MODELS = Path(__file__).parents[2] / "models"
+CHAINS = {row["name"]: row for row in json.loads(
+    (Path(__file__).parents[1] / "data" / "rod_chain.json").read_text())["3RFR"]["equilibria"]}
+EACH = pytest.mark.parametrize("engine", ENGINES)
+MOTORS = tuple(np.radians(DATA["rfr3"]["inputs_deg"]).tolist())
+PLACE = "platform.x", "platform.y", "phi"
+HOLDS = "moment1", "moment2", "moment3"
+POSE = "0.0165 0.0206 1.2"  # of the platform, in the key
+KEYS = {"S1": (POSE, (-0.53, -0.94, -1.05), 2),
+        "S2": ("0.0068 0.0111 -1.39", (-0.2, -0.61, -0.68), 1)}
+
+
+def at_rest(engine: str, name: str, segments: int, folder: Path):
+    """A solution of Table 8 in an engine, from the platform's pose and the turns of its rods."""
+    case, (pose, turns, _) = load_case(MODELS / "rfr3.toml"), KEYS[name]
+    text, model = case.model_path.read_text(), folder / "rfr3.xml"
+    assert POSE in text
+    model.write_text(text.replace(POSE, pose))
+    run = plan(case, "rest", engine)
+    rods = tuple(replace(rod, segments=segments, turn=turn)
+                 for rod, turn in zip(run.rods, turns, strict=True))
+    found = ENGINES[engine](model, replace(run, rods=rods, x=np.linspace(0.0, 1.0, segments + 1)))
+    return found.channels
+
+
+def chains(s, load, segments: int):
+    """The chains' own equilibrium next to one of the rods."""
+    shapes = [lambda arc, k=k: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
+    return settle(s.assembly, s.inputs, seed=shapes, segments=segments, force=load)
+
+
+@pytest.mark.parametrize(("engine", "name", "segments"), [
+    ("mujoco", "S1", 10), ("mujoco", "S1", 20), ("mujoco", "S2", 10), ("mujoco", "S2", 20),
+    ("pymunk", "S1", 10), ("pymunk", "S2", 10)])
+def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
+    """Where the chains' equations have them, and where another computation has."""
+    found = at_rest(engine, name, segments, tmp_path)
+    s = standing(Problem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
+                 KEYS[name][2])
+    own = chains(s, [0.0, 0.5], segments)
+    values = [found[channel][0] for channel in (*PLACE, *HOLDS, "energy")]
+    # both engines rest to 1e-12 of the model, over the platform's softness
+    np.testing.assert_allclose(values, [*own.pose, *-own.root_moment, own.energy], rtol=0,
+                               atol=1e-10)
+    for k, rod in enumerate(("left", "right", "top")):
+        np.testing.assert_allclose(found[f"{rod}.angle"][1:], own.angle[k], rtol=0, atol=1e-10)
+    row = CHAINS[name]["half"][str(segments)]
+    assert values[:2] == pytest.approx(row[:2], abs=5.1e-7)  # its digits
+    assert np.degrees(values[2]) == pytest.approx(row[2], abs=5.1e-5)
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
+    coarse, fine = (at_rest("mujoco", name, n, tmp_path) for n in (20, 40))
+    s = standing(Problem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
+                 KEYS[name][2])
+    limit = [(4 * fine[c][0] - coarse[c][0]) / 3 for c in (*PLACE, *HOLDS, "energy")]
+    exact = [*s.pose, *-s.moment, s.energy.sum()]
+    np.testing.assert_allclose(limit, exact, rtol=0, atol=5e-6)  # what h^4 leaves
+
+
+@EACH
+def test_sliders_lead_the_platform(engine):
+    """Every sample of the driven case, against the chains' equilibria followed from the first."""
+    case = load_case(MODELS / "pfr3.toml")
+    run = plan(case, "sweep", engine)
+    run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
+    found = ENGINES[engine](case.model_path, run).channels
+    turns, way = (0.0, 2 * np.pi / 3, -2 * np.pi / 3), run.motion(run.x)[0].T
+    s = standing(Problem(0.5, 1.0, 1.0, EI, turns, turns, tuple(way[0].tolist()),
+                         (0.3, -0.2, 0.0), 1), 1)
+    own = chains(s, [0.3, -0.2], 10)
+    guides = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    for k, slides in enumerate(way):
+        own = settle(s.assembly, slides, seed=own.angle, segments=10, force=[0.3, -0.2])
+        values = [found[channel][k] for channel in (*PLACE, "force1", "force2", "force3", "energy")]
+        wanted = [*own.pose, *-(own.force * guides).sum(axis=-1), own.energy]
+        # rest to 1e-12, softness; pymunk's forces: rounding of a gap over a step's square, mass
+        np.testing.assert_allclose(values, wanted, rtol=0, atol=5e-9)
+
+
+END = """<body name="end{0}" pos="{1} {2} 0"><joint name="end{0}"/><inertial pos="0 0 0" mass="0.1"
+  diaginertia="1e-3 1e-3 1e-3"/><site name="end{0}" pos="-0.1 0 0"/></body>"""
+SLIDER = """<body name="slider{0}" pos="{1} {2} 0" euler="0 0 {3}"><joint name="slider{0}"
+  type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/>
+  <site name="clamp{0}"/></body>"""
+PLATFORM = """<body name="along"><joint name="x" type="slide" axis="1 0 0"/><geom size="0.1"/>
+  <body name="across"><joint name="y" type="slide" axis="0 1 0"/><geom size="0.1"/>
+  <body name="platform"><joint name="phi"/><geom size="0.1"/>{}</body></body></body>"""
+
+
+def test_rigid_ends_and_the_start_pose_of_the_program(tmp_path):
+    """Rods clamped into rigid ends that are pinned to the platform: no force along the guides."""
+    row, turns = DATA["pfr3"]["recomputed"][0], np.radians([0.0, 120.0, -120.0])
+    out = np.radians([-150.0, -30.0, 90.0])
+    ends = "".join(END.format(k, 0.2 * np.cos(a), 0.2 * np.sin(a)) for k, a in enumerate(out))
+    sliders = "".join(SLIDER.format(k, np.cos(a), np.sin(a), turn)
+                      for k, (a, turn) in enumerate(zip(out, turns, strict=True)))
+    hold = "".join(f'<motor name="hold{k}" joint="slider{k}"/>' for k in range(3))
+    read = "".join(f'<actuatorfrc name="hold{k}" actuator="hold{k}"/>' for k in range(3))
+    file = model(tmp_path, PLATFORM.format(ends) + sliders, hold,
+                 read + '<jointpos name="phi" joint="phi"/>')
+    tip = np.radians(row["tip_turn_deg"])
+    qpos = [0.0, 0.0, np.pi / 3, *(turns + tip - np.pi / 3), *[row["slide"]] * 3]
+    text = file.read_text().replace('ctrl=""', f'qpos="{" ".join(map(str, qpos))}"')
+    file.write_text(text.replace("<option ", '<option jacobian="dense" '))
+    drives = tuple(Drive(f"slider{k}", partial(constant, row["slide"])) for k in range(3))
+    names, found = ("phi", "hold0", "hold1", "hold2"), []
+    for n in (20, 40):
+        rods = tuple(Rod(f"r{k}", f"clamp{k}", f"end{k}", 1.0, EI, n, ("clamped", "clamped"),
+                         turn=tip) for k in range(3))
+        curves = rest("mujoco", file, rods, names, drives).channels
+        found.append(np.array([curves[name][0] for name in names]))
+        assert np.ptp(found[-1][1:]) < 1e-11
+    limit = (4 * found[1] - found[0]) / 3
+    assert np.degrees(limit[0]) == pytest.approx(60.0, abs=1e-4)  # seven digits of the slide
+    assert abs(found[0][1]) > 1e-5
+    assert np.abs(limit[1:]).max() < 5e-8  # N; the same, and h^4
+
+
+def quick(edit, name: str) -> Path:
+    """The case in MuJoCo alone, a sweep at its ends and in the middle."""
+    if name == "pfr3":
+        edit("pfr3.toml", "n = 9", "n = 3")
+    return edit(f"{name}.toml", r'solvers = \["mujoco", "pymunk"\]', 'solvers = ["mujoco"]')
+
+
+WRONG = {
+    "side": ("rfr3.xml", r'pos="0.1 -0.0577', 'pos="0.102 -0.0577'),
+    "clamp angle": ("rfr3.xml", "3.141592653589793 -1.047", "3.16 -1.047"),
+    "one rod stiffer": ("rfr3.toml", r"stiffness = 0.052186\d+\nsegments = 20\nturn = -1.05",
+                        "stiffness = 0.0527\nsegments = 20\nturn = -1.05"),
+    "load": ("rfr3.xml", 'gear="0 0.5', 'gear="0 0.505'),
+    "slider's place": ("pfr3.xml", 'pos="0 1 0"', 'pos="0 0.995 0"'),
+    "guide's direction": ("pfr3.xml", "0 0 -2.0943951", "0 0 -2.11"),
+    "platform": ("pfr3.xml", r'name="pin2" pos="0.25', 'name="pin2" pos="0.26'),
+    "slider's motion": ("pfr3.toml", "force_y = -0.2", "force_y = -0.21"),
+}
+
+
+QUICK = "guide's direction"
+
+
+@pytest.mark.parametrize(("file", "old", "new"), [
+    pytest.param(*change, id=what, marks=[pytest.mark.slow] * (what != QUICK))
+    for what, change in WRONG.items()])
+def test_a_wrong_mechanism_differs(file, old, new, edit):
+    name = file.partition(".")[0]
+    sidecar = quick(edit, name)
+    edit(file, old, new)
+    if new == "3.16 -1.047":  # the motor that is held there
+        edit("rfr3.toml", "from = 3.141592653589793\nto = 3.141592653589793",
+             "from = 3.16\nto = 3.16")
+    assert "differs" in {c.outcome for c in verdicts(sidecar)}
+
+
+def mirror(edit, name: str, half: float) -> Path:
+    """The first two pins of the platform in each other's place, and MuJoCo alone."""
+    edit(f"{name}.xml", rf'name="pin1" pos="-{half}', f'name="pin1" pos="+{half}')
+    edit(f"{name}.xml", rf'name="pin2" pos="{half}', f'name="pin2" pos="-{half}')
+    return quick(edit, name)
+
+
+def test_a_mirrored_platform_is_refused(edit):
+    """The rods of Table 8 do not reach its pins."""
+    found = check([mirror(edit, "rfr3", 0.1)])
+    assert found.exit_code == 2
+    assert "its supports are 1.139" in str(found.errors[0])
+
+
+def test_a_mirrored_platform_differs(edit):
+    """Assembled in a root that the program accepts: another equilibrium, or none that stands."""
+    row = next(np.array(row["pins"]) for row in DATA["pfr3_closures"]["pins"] if row["mirrored"])
+    (x, y), side = row.mean(axis=0), row[0] - row[1]
+    edit("pfr3.xml", "0.0022 -0.0016 1.744", f"{x} {y} {np.arctan2(side[1], side[0])}")
+    found = verdicts(mirror(edit, "pfr3", 0.25))
+    assert {c.outcome for c in found if c.channel in PLACE} == {"differs"}
+
+
+def test_the_misprinted_angle_does_not_agree(edit):
+    """theta2 = 0 as printed: the rods come to rest elsewhere, or nowhere."""
+    sidecar = quick(edit, "rfr3")
+    edit("rfr3.toml", "from = 3.141592653589793\nto = 3.141592653589793", "from = 0.0\nto = 0.0")
+    assert {c.outcome for c in verdicts(sidecar) if c.channel == "phi"} == {"differs"}
+
+
+def test_another_equilibrium_is_named(edit):
+    """The start pose of a sweep is that of mode 2, the sidecar has mode 1."""
+    file = edit("pfr3.xml", "0.0022 -0.0016 1.744", "0.0158 -0.0081 -1.388")
+    for turn, other in ((0.41, 1.30), (0.47, 1.41), (0.42, 1.26)):
+        edit("pfr3.toml", f"turn = {turn}", f"turn = {other}")
+    edit("pfr3.toml", "segments = 10", "segments = 40")  # or what is left of h^2 hides it
+    edit("pfr3.toml", "n = 9", "n = 3")
+    case = load_case(file.with_suffix(".toml"))
+    curves = solve(case, "sweep", "mujoco")
+    with pytest.raises(InputError, match=r"assembles the model in mode \+2"):
+        compare(case, "sweep", "mujoco", curves)
+
+
+def test_what_a_comparison_would_notice():
+    """Small changes of every parameter that is a length, an angle or a stiffness."""
+    case = load_case(MODELS / "rfr3.toml")
+    found = compare(case, "rest", "mujoco", solve(case, "rest", "mujoco"))
+    least: dict[str, float] = {}
+    for c in found:
+        for key, change in c.would_notice.items():
+            least[key] = min(change.size, least.get(key, np.inf))
+    assert set(least) >= {"side", "radius", "theta1", "theta2", "theta3", "length", "stiffness",
+                          "force_y"}
+    assert max(least.values()) < 0.02
+    assert evaluate(case, np.array([0.0, 1.0]), None).channels["phi"][0] > 1.0

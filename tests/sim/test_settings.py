@@ -1,0 +1,153 @@
+"""Settings of engines are checked before anything runs: bad ones are named, with their key."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.check import check
+from proofmass.sim.mujoco.engine import check_settings as mujoco_settings
+from proofmass.sim.mujoco.model import may_touch, rubs
+from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepped_with
+from proofmass.sim.protocol import BadSetting
+from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
+from proofmass.studies.trade.axes import lines
+
+WRONG = {
+    "solref = [0.002, 1, 1]": "solref: give a time constant",
+    'solref = "0.002 one"': "solref: '0.002 one' is no list of numbers",
+    "solref = [0.002, -1]": "solref: give a time constant",
+    "solimp = [0.9, 1.5]": "solimp: give up to five numbers: dmin and dmax in",
+    "iterations = 0": "iterations: Input should be greater than or equal to 1, not 0",
+    "iterations = 2.5": "iterations: Input should be a valid integer",
+    "timestep = 0": "timestep: Input should be greater than 0",
+    "timestep = inf": "timestep: Input should be a finite number",
+    'timestep = "1e-3"': "timestep: Input should be a valid number",
+    'cone = "round"': "cone: known: pyramidal, elliptic, not 'round'",
+    "impratio = 0": "impratio: Input should be greater than 0",
+    "noslip_iterations = -1": "noslip_iterations: Input should be greater than or equal to 0",
+    "refsafe = 0": "refsafe: Input should be a valid boolean",
+    "tolerance = true": "tolerance: Input should be a valid number",
+    "settled = 1": "settled: Input should be a valid boolean",
+    'integrator = "RK5"': "integrator: known: euler, rk4, ",
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_setting_is_bad_input_once_and_nothing_runs(models, edit, wrong):
+    file = models / "pendulum.toml"
+    file.write_text(f'{file.read_text()}\n[settings.mujoco]\n{wrong}\n')
+    result = check([file])
+    assert result.exit_code == 2
+    assert result.comparisons == []
+    [error] = map(str, result.errors)
+    assert f'pendulum.toml: settings.mujoco.{WRONG[wrong]}' in error
+
+
+def test_pymunk_states_its_own():
+    pymunk_settings({"timestep": 1e-3, "iterations": 10, "error_bias": 0.0, "defaults": True})
+    for wrong in ({"error_bias": 2.0}, {"iterations": 0}, {"iterations": 2**30},
+                  {"solref": (0.02, 1.0)}):
+        with pytest.raises(BadSetting, match=next(iter(wrong))):
+            pymunk_settings(wrong)
+
+
+def test_numbers_may_be_spelled_as_in_mjcf():
+    assert MujocoSettings.read({"solref": "0.002 1"}).solref == (0.002, 1.0)
+    mujoco_settings({"solref": [-1000, -10], "solimp": "0.9 0.95", "integrator": "RK4"})
+
+
+FALLING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>
+<worldbody>{floor}<body name="a" pos="0 0 {height}">
+<joint name="x" type="slide" axis="1 0 0" {rub}/><joint name="z" type="slide" axis="0 0 1"/>
+<joint name="turn" axis="0 1 0"/>
+<geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>{loop}
+<keyframe><key name="start" qvel="1 0 0"/></keyframe></mujoco>"""
+FLOOR = '<geom type="plane" size="1 1 1"/>'
+LOOP = '<equality><connect body1="a" anchor="0 0 0" solref="2e-3 1"/></equality>'
+
+
+def scene(option="", flag="", rub="", floor="", loop="", height="0.5"):
+    return mujoco.MjModel.from_xml_string(FALLING.format(
+        option=option, flag=flag, rub=rub, floor=floor, loop=loop, height=height))
+
+
+def fallen(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, 300)
+    return data.qpos.copy()
+
+
+@pytest.mark.parametrize(("settings", "option", "flag", "there"), [
+    ({"refsafe": False}, "", '<flag refsafe="disable"/>', {"loop": LOOP}),
+    ({"warmstart": False}, ' solver="CG" iterations="2"', '<flag warmstart="disable"/>',
+     {"floor": FLOOR, "height": "0.1"}),
+    ({"cone": "elliptic", "impratio": 10.0}, ' cone="elliptic" impratio="10"', "",
+     {"floor": FLOOR, "height": "0.1"}),
+    ({"noslip_iterations": 3}, ' noslip_iterations="3"', "", {"floor": FLOOR, "height": "0.1"})])
+def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, there):
+    """And they act: without them the body is elsewhere."""
+    plain = ' solver="CG" iterations="2"' if "CG" in option else ""
+    read, own = scene(option, flag, **there), scene(plain, **there)
+    before = fallen(own)
+    configure(own, settings)
+    assert np.array_equal(fallen(own), fallen(read))
+    assert not np.array_equal(fallen(own), before)
+    assert all(stepped_with(own)[key] == value if not isinstance(value, str)
+               else str(stepped_with(own)[key]).lower() == value
+               for key, value in settings.items())
+    configure(own, dict.fromkeys(settings.keys() & {"refsafe", "warmstart"}, True))
+    assert "refsafe" not in stepped_with(own)
+
+
+def test_what_may_touch_and_what_rubs_is_known():
+    assert not may_touch(scene())
+    assert may_touch(scene(floor=FLOOR))
+    assert not may_touch(scene(floor=FLOOR, flag='<flag contact="disable"/>'))
+    assert not rubs(scene())
+    assert rubs(scene(rub='frictionloss="1"'))
+    assert not rubs(scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>'))
+
+
+@pytest.mark.parametrize(("change", "axes"), [
+    ("", set()), ('rub', {"noslip_iterations"}),
+    ('touch', {"noslip_iterations", "impratio"})])
+def test_a_study_turns_what_acts(models, edit, change, axes):
+    if change == "rub":
+        edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" frictionloss="0.1"/>')
+    if change == "touch":
+        edit("pendulum.xml", "<worldbody>", '<worldbody><geom type="plane" size="9 9 9"/>')
+        edit("pendulum.xml", '<flag contact="disable"/>', "")
+        edit("pendulum.xml", '<geom ', '<geom contype="1" conaffinity="1" ')
+    found = {line.axis for line in lines(load_case(models / "pendulum.toml"), "duration")}
+    assert found - {"timestep", "iterations", "error_bias"} == axes
+
+
+def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
+    found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "duration")}
+    off = next(line for name, line in found.items() if "refsafe off" in name)
+    step = off.settings[0].knobs["timestep"]
+    assert all(s.knobs["refsafe"] is False and s.knobs["solref"][0] < 2 * step
+               for s in off.settings)
+    cold = next(line for name, line in found.items() if "without warm start" in name)
+    assert all(s.knobs["warmstart"] is False for s in cold.settings)
+
+
+def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
+    edit("threeprr_circle.toml", r"(?m)(\[drive.parameters\]\n)centre_x", r"\1center_x")
+    edit("fivebar_circle.toml", r"(?m)(\[drive.parameters\]\n)center_x", r"\1centre_x")
+    result = check([models / "threeprr_circle.toml", models / "fivebar_circle.toml"])
+    first, second = map(str, result.errors)
+    assert "threeprr_circle.toml: drive.0.parameters.center_x: circle() has no such parameter; " \
+        "did you mean 'centre_x'? known: centre_x, centre_y, radius" in first
+    assert "fivebar_circle.toml: drive.parameters: " in second
+    assert "'center_x'" in second
+    assert result.comparisons == []
+
+
+def test_a_slip_in_the_sidecar_is_told_once_and_in_the_sidecar(models, edit):
+    edit("fourbar.toml", 'joint = "crank"', 'joint = "cranck"')
+    [error] = map(str, check([models / "fourbar.toml"]).errors)
+    assert error.endswith("fourbar.toml: drive.joint: fourbar.xml has no joint 'cranck'; did you "
+                          "mean 'crank'? there are: crank, coupler, rocker")

@@ -1,0 +1,342 @@
+"""Diet: known ballast goes, what matters stays, and the model that is left does the same."""
+
+import csv
+import re
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.case import load_case
+from proofmass.cli import app
+from proofmass.compare import compare
+from proofmass.solve import plan
+from proofmass.studies.diet.cut import flatten
+from proofmass.studies.diet.diet import Diet, Search
+from proofmass.studies.diet.draft import Draft, read
+from proofmass.studies.diet.scene import Scene, scene_of, watched
+from proofmass.studies.diet.slim import all_digits, shortest, write
+from proofmass.studies.diet.trial import most_iterations
+
+CORE = """
+<mujoco model="core">
+  <option timestep="0.002" integrator="implicitfast" {option}/>
+  <asset>{asset}</asset>
+  <worldbody>
+    {world}
+    <geom name="table" type="box" size="1 1 .1" pos="0 3 -.12"/>
+    <body name="ball" pos="0 3 0.1">
+      <freejoint name="ball"/>
+      <geom name="ball" size=".1" mass="1"/>
+    </body>
+    <body name="arm" pos="0 0 1">
+      <joint name="arm" axis="0 1 0"/>
+      <geom name="arm" type="capsule" size=".02" fromto="0 0 0 .4 0 0" mass="1" {mask}/>
+      <site name="tip" pos=".5 0 0"/>
+    </body>
+    <body name="brace" pos="1.1 0 .2">
+      <joint name="slide" type="slide" axis="1 0 0"/><joint name="brace" axis="0 1 0"/>
+      <geom name="brace" type="capsule" size=".02" fromto="0 0 0 -.45 0 .6" mass="1" {mask}/>
+      <site name="brace_tip" pos="-.6 0 .8"/>
+    </body>
+  </worldbody>
+  <equality><connect name="pin" site1="tip" site2="brace_tip"/>{loop}</equality>
+  <actuator>{actuator}</actuator>
+  <sensor>
+    <jointpos name="angle" joint="arm"/><jointvel name="rate" joint="arm"/>
+    <framepos name="ball" objtype="xbody" objname="ball"/>
+  </sensor>
+  <keyframe><key name="start" qpos="0 3 0.1 1 0 0 0 0 0 0 {idle}"/>{key}</keyframe>
+</mujoco>
+"""
+NOTHING = dict.fromkeys(("option", "asset", "world", "loop", "actuator", "idle", "key"), "")
+LEAN = {**NOTHING, "mask": 'contype="0" conaffinity="0"'}
+BALLAST = {
+    "option": 'tolerance="0" iterations="200"',
+    "asset": '<mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
+             '<texture name="sky" type="2d" builtin="checker" width="64" height="64"/>'
+             '<material name="paint" texture="sky"/>',
+    "world": '<light name="sun"/><camera name="eye"/><site name="mark"/>'
+             '<geom name="floor" type="plane" size="9 9 .1" pos="0 0 -20"/>'
+             '<geom name="boulder" type="mesh" mesh="rock" pos="40 0 0" contype="0" '
+             'conaffinity="0" material="paint"/>'
+             '<body name="plate" pos="0 -60 0"><geom name="plate" size=".1"/></body>',
+    "loop": '<weld name="weld" body1="plate" body2="world"/>',
+    "actuator": '<motor name="motor" joint="arm"/>',
+    "key": '<key name="other"/>', "mask": ""}
+IDLE = ('<body name="idle" pos="0 -50 0" gravcomp="1"><joint name="idle" armature="1e6"/>'
+        '<geom name="idle" size=".1" mass="1"/></body></worldbody>')
+LISTS = ("joints", "bodies", "geoms", "equalities", "actuators", "sensors", "keys", "lights",
+         "cameras", "meshes", "textures", "materials", "sites")
+
+
+def model(folder: Path, **parts: str) -> Path:
+    """A model with a ball on a table and a loop of two bars that fall."""
+    file = folder / "scene.xml"
+    file.write_text(CORE.format(**{**LEAN, **parts}))
+    return file
+
+
+def padded(folder: Path) -> Path:
+    """The same with what it does not need."""
+    file = model(folder, **{**BALLAST, "idle": "0"})
+    file.write_text(file.read_text().replace("</worldbody>", IDLE))
+    return file
+
+
+def searched(file: Path, seconds: float = 0.3, **how: bool) -> tuple[Scene, Diet]:
+    """A diet without timings."""
+    scene = scene_of(file, seconds)
+    return scene, Search(scene, rounds=0, **how).run()
+
+
+def names(spec: mujoco.MjSpec) -> dict[str, set[str]]:
+    """What there is in a model."""
+    return {kind: {element.name for element in getattr(spec, kind)} for kind in LISTS}
+
+
+@pytest.fixture(scope="module")
+def stripped(tmp_path_factory) -> tuple[Scene, Diet]:
+    return searched(padded(tmp_path_factory.mktemp("diet")), blind=True)
+
+
+def test_ballast_goes_and_the_core_stays(stripped, tmp_path):
+    spec, core = stripped[1].slim.spec, names(mujoco.MjSpec.from_file(str(model(tmp_path))))
+    core["geoms"] -= {"arm", "brace"}  # drawn, and blind
+    assert names(spec) == core
+    assert spec.option.tolerance == 1e-8
+    assert {(g.name, g.contype) for g in spec.geoms} == {("ball", 1), ("table", 1)}
+
+
+def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
+    # nothing of the core is known to the diet: its own motion is the independent truth
+    slim, core = stripped[1].slim.compiled(), mujoco.MjModel.from_xml_path(str(model(tmp_path)))
+    poses = []
+    for m in (slim, core):
+        data = mujoco.MjData(m)
+        mujoco.mj_resetDataKeyframe(m, data, 0)
+        mujoco.mj_step(m, data, 150)
+        poses.append(data.qpos.copy())
+    assert np.abs(np.subtract(*poses)).max() < 1e-9  # rounding, grown over 150 steps
+    assert np.abs(poses[0][7:]).max() > 0.1  # and it does move
+
+
+@pytest.mark.parametrize(("kind", "name"), [
+    ("contact of geom", "ball"), ("contact of geom", "table"), ("equality", "pin"),
+    ("body", "ball"), ("body", "brace")])
+def test_what_matters_is_kept(stripped, kind, name):
+    entry = next(e for e in stripped[1].entries if (e.kind, e.name) == (kind, name))
+    assert entry.outcome == "matters"
+    assert entry.worst[2] > 1
+
+
+def test_nothing_is_left_to_remove(stripped, tmp_path):
+    file = tmp_path / "slim.xml"
+    write(stripped[1].slim, file)
+    _, again = searched(file, blind=True)
+    assert not [e for e in again.entries if e.outcome == "harmless"]
+
+
+def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
+    _, found = searched(model(tmp_path))
+    assert {e.name for e in found.entries if e.outcome == "drawn"} == {"2: arm, brace"}
+    assert names(found.slim.spec)["geoms"] == {"table", "ball", "arm", "brace"}
+
+
+def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
+    case = load_case(Path(__file__).parents[3] / "models" / "fourbar.toml")
+    run = plan(case, "duration", "mujoco")
+    watch = watched(case, run, "mujoco", read(case.model_path))
+    found = [c for c in compare(case, "duration", "mujoco", watch.before) if c.allowed > 0]
+    assert len(found) > 5
+    for c in found:
+        rounding = 1e-9 * max(float(np.abs(v).max()) for v in watch.before.channels.values())
+        left = (c.allowed - c.error_max) / 10
+        assert left > rounding  # which every channel may move by as well
+        assert watch.allowed[c.channel] == pytest.approx(np.full(run.x.size, left), rel=1e-9)
+
+
+def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):
+    # a mutation: with a loose tolerance the ball loses its table
+    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING", 1e6)
+    _, found = searched(model(tmp_path))
+    assert "pin" not in names(found.slim.spec)["equalities"]
+
+
+def test_a_diet_that_ignores_channels_is_noticed(tmp_path):
+    file = model(tmp_path)
+    file.write_text(re.sub(r"<framepos.*?/>", "", file.read_text()))
+    _, found = searched(file)
+    assert "ball" not in names(found.slim.spec)["bodies"]
+    assert "pin" in names(found.slim.spec)["equalities"]
+
+
+def test_without_sensors_everything_that_moves_is_watched(tmp_path):
+    file = padded(tmp_path)
+    file.write_text(re.sub(r"<sensor>.*</sensor>", "", file.read_text(), flags=re.DOTALL))
+    _, found = searched(file, blind=True)
+    assert names(found.slim.spec)["joints"] == {"ball", "arm", "slide", "brace"}
+    written = tmp_path / "slim.xml"
+    write(found.slim, written)
+    assert mujoco.MjModel.from_xml_path(str(written)).nsensor == 0
+
+
+FLYING = """
+<mujoco>
+  <option gravity="0 0 0" {wind}/>
+  <worldbody><body name="disc" pos="1 2 3" euler="0 0 30">
+    <freejoint/><geom type="box" size=".3 .1 .02" contype="0" conaffinity="0"/>
+  </body></worldbody>
+  <keyframe><key name="start" qpos="1.5 2.5 3 0 0 0 1" qvel="{speed} 0 0 2"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("speed", "planar"), [("1 2 0", True), ("1 2 0.1", False)])
+def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar):
+    file = tmp_path / "disc.xml"
+    file.write_text(FLYING.format(speed=speed, wind=""))
+    scene, found = searched(file, 1.0)
+    slim = found.slim.compiled()
+    assert slim.nv == (3 if planar else 6)
+    data = mujoco.MjData(slim)
+    mujoco.mj_resetDataKeyframe(slim, data, 0)
+    steps = scene.watches[0].before.steps
+    mujoco.mj_step(slim, data, steps)
+    mujoco.mj_kinematics(slim, data)
+    # free flight: straight on, and turning at its own rate; integrated exactly by any first order
+    x, y, z = map(float, speed.split())
+    t = steps * slim.opt.timestep
+    assert data.xpos[1] == pytest.approx([1.5 + x * t, 2.5 + y * t, 3 + z * t], abs=1e-12)
+    assert data.xmat[1][:2] == pytest.approx([np.cos(np.pi + 2 * t), -np.sin(np.pi + 2 * t)],
+                                             abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "balancer4_sam", "rod_pinned"])
+def test_a_model_is_written_with_all_its_digits(tmp_path, name):
+    from proofmass.case import load_case
+    rods = load_case(f"models/{name}.toml").rods
+    draft, file = Draft(Path(f"models/{name}.xml"), rods), tmp_path / f"{name}.xml"
+    write(draft, file)
+    before, after = draft.compiled(), Draft(file, rods).compiled()
+    for field in ("qpos0", "key_qpos", "key_ctrl", "body_inertia", "jnt_stiffness", "eq_solref",
+                  "geom_quat"):
+        assert np.array_equal(getattr(before, field), getattr(after, field)), field
+
+
+def test_the_digits_are_put_back():
+    spec = mujoco.MjSpec.from_string('<mujoco><option timestep="0.00123456789"/></mujoco>')
+    spec.compile()
+    with all_digits():
+        assert "0.00123456789" in shortest(spec.to_xml())
+    assert "0.00123457" in spec.to_xml()
+
+
+def test_sidecars_say_what_a_model_is_for(models, edit):
+    # two cases of one model: both keys stay; a sensor that no channel reads goes
+    edit("pendulum.toml", r'kinetic = .*\n', "")
+    (models / "other.toml").write_text((models / "pendulum.toml").read_text().replace(
+        "\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1))
+    edit("pendulum.xml", r"<keyframe>", '<keyframe><key name="other" qpos="1"/>'
+                                        '<key name="third"/>')
+    scene, found = searched(models / "pendulum.xml")
+    assert {w.name for w in scene.watches} == {"pendulum duration", "other duration"}
+    left = names(found.slim.spec)
+    assert left["keys"] == {"start", "other"}
+    assert "kinetic" not in left["sensors"]
+    assert "potential" in left["sensors"]
+
+
+def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    # timings are not looked at
+    monkeypatch.setattr("proofmass.studies.diet.trial.own_core", nullcontext)
+    monkeypatch.setattr("proofmass.studies.diet.trial.SPAN", 0.0)
+    file, slim = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "slim.xml"
+    for _ in range(2):
+        answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])
+        assert answer.exit_code == 0, answer.output
+        monkeypatch.setattr(Search, "ran", None)  # the second time nothing is run again
+        monkeypatch.setattr("proofmass.studies.diet.diet_command.finish", lambda *_: None)
+    assert "sun" not in slim.read_text()
+    assert not list(slim.parent.glob("*.part*"))
+    rows = list(csv.DictReader(slim.with_suffix(".csv").read_text().splitlines()))
+    light = [row for row in rows if row["kind"] == "light"]
+    assert {row["channel"] for row in light} >= {"angle", "rate", "ball[2]"}
+    assert all(float(row["moved_over_allowed"]) == 0 for row in light)
+    assert int(light[0]["bytes_before"]) > int(light[0]["bytes_after"])
+
+
+def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
+    file = tmp_path / "disc.xml"
+    file.write_text(FLYING.format(speed="1 2 0", wind="").replace("<worldbody>", """
+        <asset><material name="steel" rgba=".5 .5 .5 1"/></asset>
+        <default><geom material="steel"/></default><worldbody>"""))
+    _, found = searched(file)
+    write(found.slim, tmp_path / "slim.xml")
+    slim = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
+    assert slim.nmat == 0
+    assert slim.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
+
+
+@pytest.mark.parametrize("usual", ["", '<tendon material="red"/>',
+                                   '<default class="rope"><tendon material="red"/></default>'])
+def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
+    """A material goes from the geom, and stays where a tendon is made of it."""
+    file, own = tmp_path / "rope.xml", 'class="rope"' if "class" in usual else ""
+    file.write_text(f"""<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="steel"/>
+      </asset><default><geom material="steel"/>{usual}</default><worldbody>
+      <site name="top" pos="0 0 1"/><body name="bob"><joint name="bob"/>
+      <geom size=".1" pos="0 .5 0"/><site name="low" pos="0 .5 0"/></body></worldbody>
+      <tendon><spatial name="rope" {own} stiffness="5"><site site="top"/><site site="low"/>
+      </spatial></tendon></mujoco>""")
+    slim = read(file).without(partial(flatten, name="steel"))
+    if usual:
+        with pytest.raises(ValueError, match="tendon 'rope' is made of it"):
+            slim.without(partial(flatten, name="red"))
+    else:
+        slim = slim.without(partial(flatten, name="red"))
+    write(slim, tmp_path / "slim.xml")
+    found = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
+    assert [found.material(k).name for k in range(found.nmat)] == ["red"] * bool(usual)
+    assert found.tendon_matid[0] == (0 if usual else -1)
+
+
+@pytest.mark.parametrize(("loops", "iterations"), [(False, 0), (True, 1)])
+def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations):
+    # Newton's first step ends in the minimum of what is quadratic, as soft equalities alone are
+    text = model(tmp_path).read_text()
+    text = text.replace("<freejoint", "<!-- <freejoint").replace('name="ball"/>\n      <geom',
+                                                                  'name="ball"/> -->\n      <geom')
+    text = text.replace("0 3 0.1 1 0 0 0 ", "")
+    (tmp_path / "bars.xml").write_text(text if loops else re.sub("<connect.*?/>", "", text))
+    scene = scene_of(tmp_path / "bars.xml", 0.1)
+    watch = scene.watches[0]
+    assert most_iterations(scene.draft.compiled(), watch.brief, 1e-8) == iterations
+
+
+WRONG = {
+    "missing": (None, "no such model"),
+    "not XML": ("<mujoco><worldbody></mujoco>", "XML"),
+    "does not compile": ('<mujoco><sensor><jointpos joint="none"/></sensor></mujoco>', "'none'"),
+    "diverges": ('<mujoco><option timestep="1"/><worldbody><body><joint stiffness="1e9"/>'
+                 '<geom size="1"/></body></worldbody><keyframe><key qpos="1"/></keyframe></mujoco>',
+                 "diverged")}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_bad_input_is_one_line(tmp_path, wrong):
+    text, word = WRONG[wrong]
+    file = tmp_path / "scene.xml"
+    if text:
+        file.write_text(text)
+    answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(tmp_path / "slim.xml")])
+    assert answer.exit_code == 2
+    assert word in answer.output
+    assert "scene.xml" in answer.output
+    assert "Traceback" not in answer.output
+    assert len(answer.output.strip().splitlines()) == 1
+    assert not (tmp_path / "slim.xml").exists()

@@ -1,0 +1,145 @@
+"""What a diet leaves moves as it promises, held against bare MuJoCo in a process of its own.
+
+`tests/studies/diet/diet_bare.py` knows nothing of proofmass: it steps the file as it was and the
+file that a diet wrote from the same start.  Each kind of promise is broken once on purpose, and is
+noticed.
+"""
+
+import json
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.studies.diet.cut import set_option
+from proofmass.studies.diet.diet import Diet, Search
+from proofmass.studies.diet.draft import Draft
+from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.slim import write
+from tests.studies.diet.test_diet import BALLAST, model
+
+BARE = Path(__file__).with_name("diet_bare.py")
+FAT = Path(__file__).parents[3] / "docs" / "fourbar_fat.xml"
+DOUBLE = """<mujoco><option timestep="0.0005" integrator="RK4" tolerance="1e-14" iterations="200"/>
+<worldbody>
+  <body name="upper"><joint name="upper" axis="0 1 0"/><geom type="capsule" size=".02" mass="1"
+    fromto="0 0 0 0 0 -.5" contype="0" conaffinity="0"/>
+    <body name="lower" pos="0 0 -.5"><joint name="lower" axis="0 1 0" damping="0.01"/>
+      <geom type="capsule" size=".02" mass="1" fromto="0 0 0 0 0 -.5" contype="0" conaffinity="0"/>
+    </body>
+  </body>
+  <body name="far" pos="0 50 0">
+    <joint name="far" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+  </body>
+</worldbody>
+<sensor><e_potential name="potential"/><e_kinetic name="kinetic"/></sensor>
+<keyframe><key name="start" qpos="1 0.3 1"/></keyframe></mujoco>"""
+
+
+def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str, dict[str, float]]:
+    """What `tests/studies/diet/diet_bare.py` measures; no site, no path of this project."""
+    asked = {"files": [str(before), str(after)], "seconds": seconds, **more}
+    done = subprocess.run([sys.executable, "-I", str(BARE), json.dumps(asked)],
+                          capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def slimmed(file: Path, folder: Path, seconds: float, **more: object) -> tuple[Diet, Path]:
+    """A diet, and the file that it wrote."""
+    found = Search(scene_of(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
+    return found, written(found.slim, folder)
+
+
+def written(draft: Draft, folder: Path, name: str = "slim") -> Path:
+    """The file of a draft."""
+    write(draft, folder / f"{name}.xml")
+    return folder / f"{name}.xml"
+
+
+def changed(found: Diet) -> list[str]:
+    """The options that a diet has changed."""
+    return [e.name for e in found.entries if e.kind == "option" and e.outcome == "harmless"]
+
+
+def test_a_scene_without_its_ballast_moves_to_rounding(tmp_path):
+    file = model(tmp_path, **{**BALLAST, "option": ""})
+    found, slim = slimmed(file, tmp_path, 0.3)
+    assert sum(e.outcome == "harmless" for e in found.entries) >= 10
+    assert changed(found) == []
+    shown = bare(file, slim, 0.3, joints=["arm", "brace"], bodies=["ball"])
+    for name, part in shown.items():  # of a ball's y and x nothing but rounding is there
+        assert part["moved"] <= 1e-9 * max(part["size"], 1e-3), name
+    assert shown["arm"]["range"] > 0.1
+    # a mutation: the loop is cut as well
+    wrong = written(found.slim.without(lambda d: d.drop("equalities", "pin")), tmp_path, "wrong")
+    assert bare(file, wrong, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
+
+
+def test_what_was_allowed_too_much_shows_in_the_bare_engine(tmp_path, monkeypatch):
+    # a mutation of the diet itself: changes up to all of a channel's size are called rounding
+    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING", 1.0)
+    file = model(tmp_path, **{**BALLAST, "option": ""})
+    _, slim = slimmed(file, tmp_path, 0.3)
+    assert bare(file, slim, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
+
+
+def test_a_fat_four_bar_of_which_the_crank_is_watched(tmp_path):
+    found, slim = slimmed(FAT, tmp_path, 1.0, watch=("crank",))
+    left = mujoco.MjModel.from_xml_path(str(slim))
+    assert [left.body(b).name for b in range(1, left.nbody)] == ["crank", "coupler", "rocker"]
+    assert (left.opt.tolerance, left.opt.iterations) == (1e-8, 100)
+    shown = bare(FAT, slim, 1.0, joints=["crank"])["crank"]
+    # the promise: off the fine solution by no more than 1.1 times what the fat model is
+    assert shown["after"] <= 1.1 * shown["before"]
+    assert shown["moved"] <= 1e-6 * shown["size"]
+    assert shown["range"] > 0.1
+    # mutations: a step that the diet refused, and the pin
+    longer = written(found.slim.without(partial(set_option, name="timestep", value=0.002)),
+                     tmp_path, "longer")
+    assert bare(FAT, longer, 1.0, joints=["crank"])["crank"]["after"] > 1.5 * shown["before"]
+    loose = written(found.slim.without(lambda d: d.drop("equalities", "pin")), tmp_path, "loose")
+    assert bare(FAT, loose, 1.0, joints=["crank"])["crank"]["moved"] > 0.01
+
+
+def test_a_step_as_long_as_the_error_allows(tmp_path):
+    file = tmp_path / "double.xml"
+    file.write_text(DOUBLE)
+    allowed = 1e-5
+    found, slim = slimmed(file, tmp_path, 2.0, watch=("upper", "lower"), error=allowed)
+    left = mujoco.MjModel.from_xml_path(str(slim))
+    assert left.nq == 2
+    assert left.opt.timestep >= 0.004
+    assert left.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4  # others are of first order
+    assert (left.opt.tolerance, left.opt.iterations) == (1e-8, 100)
+    span = 2.0 - 2.0 % (16 * left.opt.timestep)
+    shown = bare(file, slim, span, joints=["upper", "lower"], samples=round(
+        span / (16 * left.opt.timestep)) + 1)
+    for name, part in shown.items():
+        assert part["after"] <= allowed * part["range"], name
+    # a mutation: four times the step that was found, 256 times the error of RK4
+    step = 4 * left.opt.timestep
+    wrong = written(found.slim.without(partial(set_option, name="timestep", value=step)), tmp_path,
+                    "wrong")
+    worse = bare(file, wrong, span, joints=["upper", "lower"], samples=round(
+        span / (16 * left.opt.timestep)) + 1)
+    assert max(part["after"] / part["range"] for part in worse.values()) > allowed
+
+
+def test_nothing_is_coarser_than_it_was_unless_that_is_allowed(tmp_path):
+    """Without --error a step is as long as the model's own error is not exceeded."""
+    file = tmp_path / "double.xml"
+    file.write_text(DOUBLE.replace('integrator="RK4"', 'integrator="implicitfast"'))
+    found, slim = slimmed(file, tmp_path, 0.5, watch=("upper",))
+    assert mujoco.MjModel.from_xml_path(str(slim)).opt.timestep == 0.0005
+    refused = [e for e in found.entries if e.name.startswith("time step")]
+    assert [e.outcome for e in refused] == ["matters"]
+    # implicitfast is of first order: twice the step has twice the error, of 1.1 that is allowed
+    assert refused[0].worst[2] == pytest.approx(2 / 1.1, rel=0.1)
+    shown = bare(file, slim, 0.5, joints=["upper"])["upper"]
+    assert shown["after"] <= 1.1 * shown["before"]
+    assert np.isfinite(shown["before"])
+    assert shown["before"] > 0

@@ -1,0 +1,82 @@
+"""Own models: nothing is left in them that a diet finds; what it watches of a case."""
+
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.case import load_case
+from proofmass.compare import compare, reference_for
+from proofmass.solve import plan, simulate
+from proofmass.studies.diet.cut import set_option
+from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.options import integrators, steps, tolerances
+from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.slim import write
+from tests.conftest import MODELS
+
+OWN = sorted(MODELS.glob("*.xml"))
+
+
+def gone(file: Path) -> list[str]:
+    """What a diet takes out of a model."""
+    found = Search(scene_of(file, 1.0), rounds=0, tune=False).run()
+    return [e.title for e in found.entries if e.outcome == "harmless"]
+
+
+@pytest.mark.parametrize("file", [MODELS / "pendulum.xml", *(
+    pytest.param(f, marks=pytest.mark.slow) for f in OWN if f.stem != "pendulum")],
+    ids=lambda file: file.stem)
+def test_own_models_have_nothing_left_to_remove(file):
+    assert gone(file) == []
+
+
+def test_a_light_in_an_own_model_is_found(models, edit):
+    edit("pendulum.xml", "<worldbody>", '<worldbody><light name="sun"/>')
+    assert gone(models / "pendulum.xml") == ["light sun"]
+
+
+def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
+    """The closed form of the pendulum, and not the model's own fine solution, decides."""
+    edit("pendulum.toml", r"until = 10\.0", "until = 1.0")
+    edit("pendulum.toml", r"n = 1001", "n = 26")
+    edit("pendulum.xml", 'timestep="1e-3"', 'timestep="1.25e-4"')
+    file, case = models / "pendulum.xml", load_case(models / "pendulum.toml")
+    scene = scene_of(file, 1.0)
+    found = Search(scene, rounds=0).run()
+    step = mujoco.MjModel.from_xml_path(str(file)).opt.timestep
+    longer = found.slim.compiled().opt.timestep
+    assert longer >= 2 * step
+    write(found.slim, file)
+    run = plan(case, "duration", "mujoco")
+    for c in compare(case, "duration", "mujoco", simulate("mujoco", file, run)):
+        before = scene.watches[0].before.channels[c.channel]
+        truth = reference_for(case, scene.watches[0].before).channels[c.channel]
+        error = float(np.abs(before - truth).max())
+        assert c.outcome == "agrees"
+        # by a tenth of what is left of the tolerance, or by rounding of a number where it is 1e-10
+        assert c.error_max <= error + max(0.1 * (c.allowed - error),
+                                          1e-12 * float(np.abs(before).max()))
+    refused = [e for e in found.entries if e.kind == "option" and e.outcome == "matters"]
+    assert any(e.name.startswith("time step") for e in refused)
+
+
+def test_what_a_sidecar_sets_itself_is_not_tried(models, edit):
+    with (models / "pendulum.toml").open("a") as sidecar:
+        sidecar.write('\n[settings.mujoco]\ntimestep = 1e-3\nintegrator = "RK4"\n')
+    scene = scene_of(models / "pendulum.xml", 1.0)
+    assert not steps(scene.draft, scene)
+    assert not integrators(scene.draft, scene)
+    assert tolerances(scene.draft.without(partial(set_option, name="tolerance", value=0.0)), scene)
+
+
+def test_every_setting_of_a_case_is_watched(models, edit):
+    edit("pendulum.toml", r'solvers = \["mujoco", ', 'solvers = ["mujoco", "mujoco:fine", ')
+    with (models / "pendulum.toml").open("a") as sidecar:
+        sidecar.write('\n[settings."mujoco:fine"]\ntimestep = 5e-4\n')
+    scene = scene_of(models / "pendulum.xml", 1.0)
+    assert [w.name for w in scene.watches] == ["pendulum duration", "pendulum duration, fine"]
+    steps = [w.before.steps for w in scene.watches]
+    assert steps[1] > 1.5 * steps[0]

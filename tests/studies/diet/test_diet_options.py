@@ -1,0 +1,148 @@
+"""Options of the engine in a diet: what is tried, what is taken, and what the clock decides."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from proofmass.studies.diet import diet, options
+from proofmass.studies.diet.cut import set_option
+from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.draft import Draft
+from proofmass.studies.diet.scene import Scene, scene_of
+from proofmass.studies.diet.trial import Cost, Pace
+from tests.studies.diet.test_diet import model
+
+FALLING = """<mujoco><option timestep="{step}" integrator="{integrator}" {more}/><worldbody>
+  <body name="bob" pos="0 0 1"><joint name="bob" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" contype="0" conaffinity="0"/></body>
+  </worldbody></mujoco>"""
+
+
+def falling(folder: Path, step: float = 1e-3, integrator: str = "RK4", more: str = "") -> Path:
+    """A pendulum that is let go."""
+    file = folder / "falling.xml"
+    file.write_text(FALLING.format(step=step, integrator=integrator, more=more))
+    return file
+
+
+def set_to(draft: Draft, **values: float) -> Draft:
+    """A draft with other options."""
+    for name, value in values.items():
+        draft = draft.without(partial(set_option, name=name, value=value))
+    return draft
+
+
+def names(rungs: options.Rungs, draft: Draft, scene: Scene) -> list[str]:
+    """What is tried, in words."""
+    return [rung.name for rung in rungs(draft, scene)]
+
+
+def test_the_cheapest_value_is_tried_first(tmp_path):
+    scene = scene_of(falling(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
+    own = scene.draft
+    assert names(options.tolerances, own, scene) == [
+        "tolerance 1e-14 to 1e-8", "tolerance 1e-14 to 1e-10", "tolerance 1e-14 to 1e-12"]
+    assert names(options.caps, own, scene) == ["iterations 200 to 100"]
+    assert names(options.searches, own, scene) == []
+    assert names(options.searches, set_to(own, ls_iterations=60), scene) == [
+        "ls_iterations 60 to 50"]
+    assert names(options.integrators, own, scene) == [
+        "integrator RK4 to Euler", "integrator RK4 to implicitfast"]
+    euler = set_to(own, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
+    assert names(options.integrators, euler, scene) == []
+    assert names(options.solvers, own, scene) == []  # there is nothing to solve
+    assert names(options.cones, own, scene) == []
+    assert names(options.cones, set_to(own, cone=1), scene) == ["cone elliptic to pyramidal"]
+    assert names(options.jacobians, own, scene) == ["jacobian auto to sparse"]
+    assert (options.work(own), options.work(euler)) == (4000.0, 1000.0)
+    loops = scene_of(model(tmp_path), 0.1)
+    assert names(options.solvers, loops.draft, loops) == [
+        "solver Newton to CG", "solver Newton to PGS"]
+
+
+def test_steps_fit_between_samples(tmp_path):
+    scene = scene_of(falling(tmp_path, step=1e-3), 5.0)
+    width = float(scene.watches[0].bound.run.x[1])
+    assert width == pytest.approx(0.04)  # 40 steps, of 126 samples
+    found = [rung.cut.keywords["value"] for rung in options.steps(scene.draft, scene)]
+    assert found == pytest.approx([0.04, 0.02, 0.04 / 3, 0.008, 0.004, 0.002])
+    longest = set_to(scene.draft, timestep=0.04)
+    assert options.steps(longest, scene) == []
+
+
+def test_the_way_with_less_work_is_taken(tmp_path):
+    """RK4 with a longer step, or another integrator with the step as it is: by what is allowed."""
+    file = falling(tmp_path, step=1e-3)
+    for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
+        scene = scene_of(file, 1.0, (), error)
+        found = Search(scene, rounds=0).run()
+        slim = found.slim.compiled()
+        assert mujoco.mjtIntegrator(slim.opt.integrator).name == f"mjINT_{integrator}"
+        assert options.work(found.slim) < 4000.0
+        assert found.tuned
+        assert found.whole.worst[2] <= 1
+    kept = Search(scene, rounds=0, tune=False).run()
+    assert kept.slim.compiled().opt.timestep == 1e-3
+    assert not kept.tuned
+    assert not [e for e in kept.entries if e.kind == "option"]
+
+
+@pytest.mark.parametrize(("saved", "outcome"), [((0.1, 0.2, 0.3), "harmless"),
+                                                ((-0.1, 0.2, 0.3), "no gain"),
+                                                ((-0.3, -0.2, -0.1), "no gain")])
+def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, saved, outcome):
+    """A Jacobian that is kept another way changes nothing, and is taken if it saves time."""
+    monkeypatch.setattr(diet, "paced", lambda models, run, rounds, limit: Pace(
+        (Cost(2.0, 3), Cost(1.0, 2)), saved))
+    scene = scene_of(falling(tmp_path), 0.2)
+    now, entries = Search(scene, rounds=9).optioned(scene.draft)
+    entry = entries[-1]
+    assert (entry.name, entry.outcome) == ("jacobian auto to sparse", outcome)
+    assert entry.saved == saved
+    sparse = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+    assert (now.spec.option.jacobian == sparse) == (outcome == "harmless")
+
+
+def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_path):
+    """A ball that bounces is off its fine solution long before the run ends."""
+    file = tmp_path / "ball.xml"
+    file.write_text("""<mujoco><option timestep="0.004" tolerance="1e-14"/><worldbody>
+      <geom type="plane" size="9 9 .1"/><body pos="0 0 0.3"><freejoint/>
+      <geom size=".1" solref="-20000 0"/></body></worldbody></mujoco>""")
+    scene = scene_of(file, 1.0)
+    assert scene.watches[0].bound is None
+    assert "Options may move a channel by no more than a feature may" in scene.said[-1]
+    found = Search(scene, rounds=0).run()
+    assert found.slim.compiled().opt.timestep == 0.004
+    assert found.slim.compiled().opt.tolerance == 1e-8
+
+
+def test_a_bound_that_allows_anything_is_noticed(tmp_path):
+    """A mutation: with a loose bound the step is as long as there is room for."""
+    scene = scene_of(falling(tmp_path), 1.0)
+    watch = scene.watches[0]
+    loose = replace(watch, bound=replace(watch.bound, allowed=dict.fromkeys(
+        watch.bound.allowed, 1e9)))
+    strict = Search(scene, rounds=0).run().slim.compiled().opt.timestep
+    found = Search(replace(scene, watches=(loose,)), rounds=0).run().slim.compiled()
+    assert found.opt.timestep == pytest.approx(float(watch.bound.run.x[1]))
+    assert found.opt.timestep > strict
+
+
+def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
+    """The last look takes out features that are there, and not an empty set of them."""
+    asked = []
+    tried = Search.tried
+
+    def noted(self, now, feature, tuned=False):
+        asked.append((feature.kind, feature.name))
+        return tried(self, now, feature, tuned)
+
+    monkeypatch.setattr(Search, "tried", noted)
+    Search(scene_of(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
+    whole = [k for k, (kind, _) in enumerate(asked) if kind == "all of these"]
+    assert whole[-1] == len(asked) - 1
+    assert len(whole) == 2  # what goes in the first round together, and what is left at the end

@@ -1,0 +1,136 @@
+"""Times of a diet: their intervals hold what they should, on samples and on real features."""
+
+from math import comb, inf
+from pathlib import Path
+from random import Random
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.studies.diet import trial
+from proofmass.studies.diet.diet import ROUNDS
+from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.trial import clocked, median_interval, race, saved
+
+PENDULUM = """<mujoco><option timestep="0.001"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
+  <geom size=".1" pos="0.3 0 0" contype="0" conaffinity="0"/></body>{more}</worldbody>
+  <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+CROWD = "".join(f'<body pos="{k} 9 0"><joint axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'
+                for k in range(20))
+
+
+def noisy_ratios(rng: np.random.Generator, effect: float, n: int = ROUNDS) -> list[float]:
+    """Ratios of times as a shared machine gives them: skewed, with a fifth of them disturbed."""
+    def times(factor: float) -> np.ndarray:
+        own = 1 + 0.03 * rng.exponential(size=n)
+        return factor * own * np.where(rng.random(n) < 0.2, 1 + 2 * rng.random(n), 1.0)
+
+    return list(times(1 - effect) / times(1.0))
+
+
+@pytest.mark.parametrize("n", [8, 9, 15, 16, 50])
+def test_an_interval_is_the_narrowest_that_the_sign_test_allows(n):
+    values = list(range(n))
+    low, _, high = median_interval(values)
+    k = int(low) + 1
+    assert high == n - k
+
+    def missed(k: int) -> float:
+        return 2 * sum(comb(n, i) for i in range(k)) / 2**n
+
+    assert missed(k) <= 0.01 < missed(k + 1)
+
+
+def test_few_values_bound_nothing():
+    assert median_interval(range(7)) == (-inf, 3.0, inf)
+    assert median_interval(range(8)) == (0, 3.5, 7)
+
+
+def test_ten_null_features_in_ten_trials():
+    """Nothing is taken for a change where there is none: 0 is within in nine of ten at least."""
+    rng = np.random.default_rng(7)
+    found = [saved(noisy_ratios(rng, 0.0)) for _ in range(10)]
+    assert sum(low <= 0 <= high for low, _, high in found) >= 9
+
+
+def test_the_interval_holds_the_effect_as_often_as_it_says():
+    # 99 % asked for, 99.26 % of 15 pairs by the sign test; 1000 trials are within 3 sigma of that
+    rng = np.random.default_rng(8)
+    for effect in (0.0, 0.2):
+        found = [saved(noisy_ratios(rng, effect)) for _ in range(1000)]
+        holds = np.mean([low <= effect <= high for low, _, high in found])
+        assert holds >= 0.9926 - 3 * np.sqrt(0.0074 * 0.9926 / 1000)
+
+
+def test_an_effect_of_two_fifths_is_seen_through_the_noise():
+    rng = np.random.default_rng(9)
+    found = [saved(noisy_ratios(rng, 0.4)) for _ in range(10)]
+    assert sum(low > 0 for low, _, _ in found) >= 9
+    assert np.median([middle for _, middle, _ in found]) == pytest.approx(0.4, abs=0.03)
+
+
+def test_a_narrower_interval_would_take_noise_for_a_change():
+    """A mutation: the quartiles, which miss in half of all trials as they say."""
+    rng = np.random.default_rng(7)
+    missed = 0
+    for _ in range(100):
+        low, _, high = median_interval(noisy_ratios(rng, 0.0), level=0.5)
+        missed += not low <= 1 <= high
+    assert missed > 20
+
+
+def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
+    """A machine that gets slower and slower does not show in the ratio; one that costs twice does.
+    """
+    asked = []
+
+    def run(model, run):
+        asked.append(model)
+        data = type("Data", (), {"nbuffer": 1, "maxuse_arena": 2})
+        curves = type("Curves", (), {"steps": 10})
+        return (1 + 0.1 * (len(asked) // 2)) * {"one": 2.0, "two": 1.0}[model], curves, data
+
+    monkeypatch.setattr(trial, "clocked", run)
+    monkeypatch.setattr(trial.mujoco, "mj_sizeModel", lambda model: 3)
+    found = race(("one", "two"), None, 15, 0.0)  # type: ignore[arg-type]
+    low, middle, high = found.saved
+    assert middle == pytest.approx(0.5, abs=0.05)
+    assert 0.4 < low <= high < 0.6
+    pairs = [asked[k:k + 2] for k in range(0, len(asked), 2)]
+    assert len(pairs) == 16
+    assert all(set(pair) == {"one", "two"} for pair in pairs)
+    assert len({pair[0] for pair in pairs}) == 2
+    assert [c.size for c in found.costs] == [6, 6]
+    order = [pair[0] == "one" for pair in pairs]
+    lot = Random(0)
+    assert order == [lot.sample((0, 1), 2)[0] == 0 for _ in pairs]
+
+
+def compiled(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
+    """A pendulum, with more in its scene, and its run."""
+    file = folder / "pendulum.xml"
+    file.write_text(PENDULUM.format(more=more))
+    scene = scene_of(file, 1.0)
+    return scene.draft.compiled(), scene.longest.run
+
+
+def test_the_time_of_a_run_is_that_of_the_processor(tmp_path):
+    model, run = compiled(tmp_path, "")
+    seconds, curves, _ = clocked(model, run)
+    assert 0 < seconds < 10
+    assert curves.steps == 1000
+
+
+@pytest.mark.slow
+def test_a_null_feature_and_one_of_known_cost_on_this_machine(tmp_path):
+    """A/A: no change is measured in nine of ten trials; twenty more bodies are seen every time."""
+    lean, run = compiled(tmp_path, "")
+    same = [race((lean, lean), run, ROUNDS, 0.2).saved for _ in range(10)]
+    assert sum(low <= 0 <= high for low, _, high in same) >= 9
+    fat, _ = compiled(tmp_path, CROWD)
+    costs = [min(clocked(model, run)[0] for _ in range(5)) for model in (lean, fat)]
+    for _ in range(3):
+        low, middle, _ = race((fat, lean), run, ROUNDS, 0.2).saved
+        assert low > 0
+        assert middle == pytest.approx(1 - costs[0] / costs[1], abs=0.15)

@@ -1,0 +1,200 @@
+"""What is watched of a scene without a sidecar: all, or what is named; what does not act on it."""
+
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.isolate import TimedOut
+from proofmass.sim.mujoco.coupling import independent_groups
+from proofmass.sim.protocol import Run
+from proofmass.studies.diet import scene as scenes
+from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.scene import scene_of
+from tests.studies.diet.test_diet_bare import bare, written
+
+FAR = """<mujoco><option timestep="0.002"/>
+<worldbody>
+  <geom name="floor" type="plane" size="99 99 .1" pos="0 0 -5"/>
+  <body name="crank" pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
+    <geom type="capsule" size=".02" mass="1" fromto="0 0 0 .4 0 0"/><site name="tip" pos=".4 0 0"/>
+  </body>
+  <body name="far" pos="50 0 1"><joint name="far" axis="0 1 0"/>
+    <geom type="capsule" size=".02" mass="1" fromto="0 0 0 .8 0 0"/>
+  </body>
+  <body name="rock" pos="-50 0 1"><geom size=".1" mass="9"/></body>
+</worldbody>
+{tie}
+<sensor>{sensors}</sensor>
+</mujoco>"""
+ENERGIES = '<e_potential name="potential"/><e_kinetic name="kinetic"/>'
+TIE = '<equality><joint name="tie" joint1="hinge" joint2="far"/></equality>'
+
+
+def far(folder: Path, sensors: str = "", tie: str = "") -> Path:
+    """A crank, another one 50 m away, and a rock that does not move."""
+    file = folder / "far.xml"
+    file.write_text(FAR.format(sensors=sensors, tie=tie))
+    return file
+
+
+def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
+    """The bodies that a diet leaves, and what it says of what was watched."""
+    scene = scene_of(file, 0.3, **more)  # type: ignore[arg-type]
+    found = Search(scene, rounds=0, tune=False).run()
+    return {b.name for b in found.slim.spec.bodies} - {"world"}, scene.said
+
+
+def test_all_that_moves_is_kept_and_what_does_not_act_on_it_is_named(tmp_path):
+    bodies, said = left(far(tmp_path))
+    assert bodies == {"crank", "far"}  # the rock weighs, and neither moves nor is touched
+    assert said[0].startswith("Watched, since no sidecar, no sensor and no --watch says")
+    assert "2 groups of bodies move without acting on each other" in said[1]
+    assert "crank; far." in said[1]
+    assert "--watch NAME" in said[1]
+
+
+def test_a_body_that_does_not_move_is_not_kept_for_its_potential_energy(tmp_path):
+    bodies, said = left(far(tmp_path, ENERGIES))
+    assert bodies == {"crank", "far"}
+    assert "all sensors of the model, potential and kinetic" in said[0]
+    assert "known up to a constant" in said[1]
+    # a mutation: its height is counted
+    before = scenes.levelled
+    scenes.levelled = lambda curves, names: curves
+    try:
+        assert "rock" in left(far(tmp_path, ENERGIES))[0]
+    finally:
+        scenes.levelled = before
+
+
+@pytest.mark.parametrize("name", ["hinge", "crank", "tip", "angle"])
+def test_what_is_named_is_all_that_decides(tmp_path, name):
+    """A joint, a body, a site or a sensor; the energies of all are asked for by nobody."""
+    file = far(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
+    scene = scene_of(file, 0.3, (name,))
+    found = Search(scene, rounds=0, tune=False).run()
+    assert {b.name for b in found.slim.spec.bodies} == {"world", "crank"}
+    assert scene.said[0].startswith("Watched: ")
+    assert name in scene.said[0]
+    slim = written(found.slim, tmp_path)
+    shown = bare_angle(file, slim)
+    assert shown <= 1e-12
+    sensors = mujoco.MjSpec.from_file(str(slim)).sensors
+    assert [s.name for s in sensors] == (["angle"] if name == "angle" else [])
+
+
+def bare_angle(one: Path, two: Path) -> float:
+    """How far the hinge of two files differs in bare MuJoCo [rad]."""
+    shown = bare(one, two, 0.3, joints=["hinge"])["hinge"]
+    assert shown["range"] > 0.1
+    return shown["moved"]
+
+
+def test_what_acts_on_what_is_named_stays(tmp_path):
+    """A mutation of the scene: what is 50 m away is tied to the crank."""
+    file = far(tmp_path, tie=TIE)
+    bodies, _ = left(file, watch=("crank",))
+    assert bodies == {"crank", "far"}
+    assert len(left(file)[1]) == 2  # of groups nothing is said, for there is one
+
+
+def test_a_name_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match=r"far\.xml: --watch: no joint, body, site or sensor is "
+                       r"called 'crnk'; did you mean 'crank'\? there are: hinge, far, crank, rock"):
+        scene_of(far(tmp_path), 0.3, ("crnk",))
+    answer = CliRunner().invoke(app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o",
+                                      str(tmp_path / "slim.xml")])
+    assert answer.exit_code == 2
+    assert "did you mean 'crank'?" in answer.output.replace("\n", " ")
+    assert "Traceback" not in answer.output
+
+
+def test_channels_of_a_sidecar_can_be_watched(models, edit):
+    edit("pendulum.toml", r"until = 10\.0", "until = 0.5")
+    edit("pendulum.toml", r"n = 1001", "n = 26")
+    file = models / "pendulum.xml"
+    scene = scene_of(file, 1.0, ("angle",))
+    assert list(scene.watches[0].allowed) == ["angle"]
+    assert scene.read == {"angle"}
+    found = Search(scene, rounds=0, tune=False).run()
+    assert [s.name for s in found.slim.spec.sensors] == ["angle"]
+    with pytest.raises(InputError, match="did you mean 'rate'"):
+        scene_of(file, 1.0, ("rat",))
+    with pytest.raises(InputError, match=r"--error: its sidecar states what an error may be"):
+        scene_of(file, 1.0, (), 1e-3)
+
+
+@pytest.mark.parametrize("error", ["nan", "inf"])
+def test_an_error_is_a_number(tmp_path, error):
+    with pytest.raises(InputError, match=rf"--error: {error} is no share of a range"):
+        scene_of(far(tmp_path), 0.3, (), float(error))
+
+
+def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
+    """Each TOML is read in a worker: a pipe is no file, and what takes too long is left out."""
+    file = far(tmp_path)
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
+    (tmp_path / "other.toml").write_text('model = "other.xml"')
+    assert list(scenes.sidecars(file)) == []
+    asked = []
+
+    def late(function, *args, timeout):
+        asked.append((function.__name__, args[0].name))
+        raise TimedOut("no answer")
+
+    monkeypatch.setattr(scenes, "isolated", late)
+    monkeypatch.setattr(scenes, "load", lambda path, strict: path.name)
+    (tmp_path / "far.toml").write_text("")
+    assert list(scenes.sidecars(file)) == ["far.toml"]  # it has the name of the model
+    assert asked == [("model_named", f"{name}.toml") for name in ("deep", "far", "other", "pipe")]
+
+
+TREES = """<mujoco><option jacobian="{jacobian}" gravity="0 0 -9.81"/><worldbody>
+  <geom type="plane" size="9 9 .1"/>
+  <body name="a" pos="0 0 1"><joint name="a" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/>
+    <site name="a" pos=".1 0 0"/></body>
+  <body name="b" pos="5 0 1"><joint name="b"/><geom size=".1" pos="0 .3 0"/>
+    <site name="b" pos="0 .1 0"/></body>
+  <body name="low" pos="9 0 .1"><freejoint/><geom size=".1"/></body>
+  <body name="high" pos="9 0 .29"><freejoint/><geom size=".1"/></body>
+</worldbody>{tie}</mujoco>"""
+TIES = {
+    "": False, TIE.replace("hinge", "a").replace('"far"', '"b"'): True,
+    '<tendon><fixed><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed></tendon>': True,
+    '<tendon><spatial stiffness="1"><site site="a"/><site site="b"/></spatial></tendon>': True,
+    '<actuator><position site="a" refsite="b" gear="1 0 0 0 0 0"/></actuator>': True,
+    '<actuator><motor joint="a"/><motor joint="b"/></actuator>': False}
+
+
+@pytest.mark.parametrize("jacobian", ["dense", "sparse"])
+@pytest.mark.parametrize("tie", TIES)
+def test_groups_are_what_nothing_joins(tie, jacobian):
+    """A ball that stands on another touches it; one on the floor touches what does not move."""
+    text = TREES.format(tie=tie, jacobian=jacobian)
+    run = Run("passive", np.linspace(0, 0.2, 11), ())
+    found = independent_groups(mujoco.MjModel.from_xml_string(text), run)
+    assert found == ([["a", "b"]] if TIES[tie] else [["a"], ["b"]]) + [["low", "high"]]
+
+
+@pytest.mark.parametrize("tie", TIES)
+def test_what_is_joined_feels_a_push_on_the_other(tie):
+    """The same by a push in bare MuJoCo: who is in another group does not feel it at all."""
+    found = []
+    for push in (0.0, 1.0):
+        model = mujoco.MjModel.from_xml_string(TREES.format(tie=tie, jacobian="dense"))
+        data = mujoco.MjData(model)
+        if model.nu:
+            data.ctrl[:] = 1.0
+        data.qvel[model.joint("b").dofadr[0]] = push
+        mujoco.mj_step(model, data, 100)
+        found.append(data.qpos[model.joint("a").qposadr[0]])
+    felt = abs(found[1] - found[0]) > 1e-9
+    slack = "<fixed>" in tie  # a tendon without a spring, a limit or a motor passes nothing on
+    assert felt == (TIES[tie] and not slack), found

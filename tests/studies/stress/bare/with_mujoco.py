@@ -1,0 +1,387 @@
+"""Limits of MuJoCo, measured with MuJoCo and NumPy alone.
+
+    python -I tests/bare/with_mujoco.py                       # all of them, as JSON
+    python -I tests/bare/with_mujoco.py "pendulum, Euler"     # one
+
+Nothing of proofmass is imported: what `proofmass stress` says of MuJoCo must hold here as well.
+The models of mechanisms are the files in `models/`; springs are written here.  A run is lost when
+MuJoCo warns, when it is not finite, when a loop is open by a tenth of the model's extent, or when
+a position is off by a tenth of its range.  Every position is looked at after every step.
+"""
+
+import cmath
+import json
+import math
+import sys
+from functools import cache, partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+MODELS = Path(__file__).parents[4] / "models"
+WITHIN = 2e-3  # share of a limit to which it is bisected
+LOST = 0.1
+GRAVITY = 9.81
+WARNINGS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
+            mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+def limit(lost, low, high):
+    """Where something is lost first: strides of a quarter from `low` on, then halves."""
+    stride = 1.25 if high > low else 0.8
+    assert not lost(low)
+    while not lost(low * stride):
+        low *= stride
+        assert (low < high) is (stride > 1), "not lost at all"
+    high = low * stride
+    while max(high / low, low / high) > 1 + WITHIN:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if lost(middle) else (middle, high)
+    return math.sqrt(low * high)
+
+
+def warned(data):
+    """Whether MuJoCo has put a run back to its start, or says that it is not finite."""
+    return any(data.warning[w].number for w in WARNINGS)
+
+
+def off(found, wanted):
+    """Largest error of some curves (n, curves), as a share of the range of the true ones."""
+    if not np.isfinite(found).all():
+        return math.inf
+    return float((np.abs(found - wanted).max(axis=0) / np.ptp(wanted, axis=0)).max())
+
+
+def stepped(model, steps, read, start=lambda model, data: None):
+    """What `read` gives of the state before the first step and after each; None if it is lost."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    start(model, data)
+    rows = [read(data)]
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        if warned(data):
+            return None
+        rows.append(read(data))
+    assert math.isclose(data.time, steps * model.opt.timestep, rel_tol=1e-9)  # what was taken
+    return np.array(rows)
+
+
+def ahead(y, step, rate):
+    """A state some way along its rate."""
+    return [p + step * q for p, q in zip(y, rate, strict=True)]
+
+
+def integrate(slope, y, step, count):
+    """Runge and Kutta's method: states (count + 1, len(y))."""
+    rows = [y]
+    for _ in range(count):
+        a = slope(y)
+        b = slope(ahead(y, 0.5 * step, a))
+        c = slope(ahead(y, 0.5 * step, b))
+        d = slope(ahead(y, step, c))
+        y = [p + step / 6 * (q + 2 * r + 2 * s + t)
+             for p, q, r, s, t in zip(y, a, b, c, d, strict=True)]
+        rows.append(y)
+    return np.array(rows)
+
+
+# -- a pendulum, let go where it is level
+
+
+def swing(x, speed):
+    """Angle of a pendulum at times x, by Jacobi's elliptic functions.
+
+    sin(angle / 2) = -k cd(w t, k) with k = sin(pi / 4); cd by descending Landen steps.
+    """
+    moduli = [math.sqrt(0.5)]
+    while moduli[-1] > 1e-9:
+        rest = math.sqrt(1 - moduli[-1] ** 2)
+        moduli.append((1 - rest) / (1 + rest))
+    quarter = math.pi / 2 * np.prod([1 + k for k in moduli[1:]])
+    u = speed * np.asarray(x) + quarter  # cd(u) = sn(u + K)
+    s = np.sin(u / np.prod([1 + k for k in moduli[1:]]))
+    for k in reversed(moduli[1:]):
+        s = (1 + k) * s / (1 + k * s**2)
+    return -2 * np.arcsin(math.sqrt(0.5) * s)
+
+
+def pendulum(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
+    """How far off the pendulum's angle is."""
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
+    model.opt.timestep = step
+    model.opt.gravity[:] *= gravity
+    if integrator:
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    steps = round(seconds / step)
+    found = stepped(model, steps, lambda data: data.qpos.copy())
+    if found is None:
+        return math.inf
+    x = step * np.arange(steps + 1)
+    return off(found, swing(x, math.sqrt(GRAVITY * gravity))[:, None])
+
+
+def pendulum_step(integrator):
+    """Largest time step [s] of ten seconds."""
+    return limit(lambda h: pendulum(integrator, h) > LOST, 0.02, 2.0)
+
+
+def pendulum_gravity():
+    """How many times gravity may be, at 1 ms with RK4."""
+    return limit(lambda g: pendulum(gravity=g) > LOST, 100.0, 1e5)
+
+
+def pendulum_spring(seconds=0.1, step=1e-3):
+    """The stiffest spring in the pivot [N m/rad], of 1 kg m2, over a tenth of a second with RK4."""
+    def lost(stiffness):
+        model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
+        model.jnt_stiffness[0] = stiffness
+        found = stepped(model, round(seconds / step), lambda data: data.qpos.copy())
+        if found is None:
+            return True
+        each = 40  # fine steps of the truth in one that is tried
+        true = integrate(lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
+                         [-math.pi / 2, 0.0], step / each, each * round(seconds / step))
+        return off(found, true[::each, :1]) > LOST
+    return limit(lost, 1e5, 1e7)
+
+
+# -- a four-bar: crank 1, coupler 2, rocker 2.5, ground 3 m; 1 kg/m
+
+
+BARS = 1.0, 2.0, 2.5, 3.0
+
+
+def closed(crank):
+    """Angles of coupler and rocker in the open mode."""
+    a, b, c, ground = BARS
+    pin = cmath.rect(a, crank)
+    gap = ground - pin
+    angle = cmath.phase(gap) + math.acos((b**2 + abs(gap) ** 2 - c**2) / (2 * b * abs(gap)))
+    return angle, cmath.phase(pin + cmath.rect(b, angle) - ground)
+
+
+def energies(crank):
+    """Inertia (1, at unit speed of the crank) and potential energy of a pose."""
+    a, b, c, _ = BARS
+    beta, gamma = closed(crank)
+    # a i e^(ia) + b i e^(ib) b' = c i e^(ic) c'
+    beta_rate = a * math.sin(crank - gamma) / (b * math.sin(gamma - beta))
+    gamma_rate = a * math.sin(crank - beta) / (c * math.sin(gamma - beta))
+    middle = cmath.rect(a, crank) * 1j + cmath.rect(b / 2, beta) * 1j * beta_rate
+    inertia = (a**3 / 3 + b * abs(middle) ** 2 + b**3 / 12 * beta_rate**2
+               + c**3 / 3 * gamma_rate**2)
+    height = (a * a / 2 * math.sin(crank) + b * (a * math.sin(crank) + b / 2 * math.sin(beta))
+              + c * c / 2 * math.sin(gamma))
+    return inertia, GRAVITY * height
+
+
+def slope(y):
+    """Lagrange's equation of the one coordinate; derivatives of the energies by differences."""
+    crank, rate = y
+    h = 1e-5
+    (more, up), (less, down) = energies(crank + h), energies(crank - h)
+    return rate, -(0.5 * (more - less) * rate**2 + up - down) / (2 * h) / energies(crank)[0]
+
+
+FINE = 2.5e-4  # [s]
+
+
+@cache
+def released():
+    """Angle and speed of the crank, let go at rest, at times FINE apart."""
+    return integrate(slope, [0.0, 0.0], FINE, round(2.3 / FINE))
+
+
+def places(crank):
+    """Rocker, direction of the coupler, and where the pin is."""
+    pairs = np.array([closed(angle) for angle in crank])
+    coupler, rocker = np.unwrap(pairs, axis=0).T
+    return np.column_stack([rocker, coupler, 3 + 2.5 * np.cos(rocker), 2.5 * np.sin(rocker)])
+
+
+def between(x):
+    """The crank at times, by a cubic between two of those that are known."""
+    place, rate = released().T
+    k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
+    s = x / FINE - k
+    return (place[k] * (1 + 2 * s) * (1 - s) ** 2 + FINE * rate[k] * s * (1 - s) ** 2
+            + place[k + 1] * s**2 * (3 - 2 * s) + FINE * rate[k + 1] * s**2 * (s - 1))
+
+
+def fourbar(step, integrator=None):
+    """The four-bar's model."""
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "fourbar.xml"))
+    model.opt.timestep = step
+    if integrator:
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    return model
+
+
+def looked(data):
+    """The positions that are judged, and how far the loop is open."""
+    crank, coupler, rocker = data.qpos
+    pin = cmath.rect(1.0, crank) + cmath.rect(2.0, crank + coupler)
+    end = 3.0 + cmath.rect(2.5, rocker)
+    return rocker, crank + coupler, end.real, end.imag, abs(pin - end), crank
+
+
+def apart(model, rows):
+    """Whether a run is lost before any truth is asked."""
+    return (rows is None or not np.isfinite(rows).all()
+            or rows[:, 4].max() > LOST * model.stat.extent)
+
+
+def fourbar_step(integrator, seconds=2.0):
+    """Largest time step [s] of a four-bar that is let go."""
+    def lost(step):
+        model, steps = fourbar(step, integrator), round(seconds / step)
+        rows = stepped(model, steps, looked)
+        if apart(model, rows):
+            return True
+        return off(rows[:, :4], places(between(step * np.arange(steps + 1)))) > LOST
+    return limit(lost, 2e-3, 1.0)
+
+
+def driven(step, integrator=None, times=1.0):
+    """Whether a turn of the crank at so many rad/s is lost, with a flywheel that nothing slows."""
+    model = fourbar(step, integrator)
+    model.dof_armature[0] = 1e12
+
+    def start(model, data):
+        h = 1e-6
+        (b, c), (beta, gamma) = closed(-h), closed(h)
+        rates = np.array([1.0, (beta - b) / (2 * h) - 1.0, (gamma - c) / (2 * h)])
+        place = data.qpos.copy()
+        mujoco.mj_setConst(model, data)  # how stiff a loop is depends on what it moves
+        data.qpos[:], data.qvel[:] = place, times * rates
+    rows = stepped(model, round(2 * math.pi / times / step), looked, start)
+    return apart(model, rows) or off(rows[:, :4], places(rows[:, 5])) > LOST
+
+
+def fourbar_speed():
+    """How many times as fast as 1 rad/s a crank may turn once, at 1 ms with RK4."""
+    return limit(lambda times: driven(1e-3, times=times), 20.0, 5e3)
+
+
+def driven_step(integrator):
+    """Largest time step [s] of one turn at 1 rad/s."""
+    return limit(lambda step: driven(step, integrator), 0.01, 3.0)
+
+
+def fourbar_energy(integrator, most=100_000, share=0.01):
+    """Steps of 1 ms after which a four-bar that is let go is off by a hundredth in energy.
+
+    Over the largest kinetic energy; the first swing, which has it, is let pass.
+    """
+    model = fourbar(1e-3, integrator)
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    largest, drift, first = 0.0, 0.0, None
+    for k in range(most):
+        mujoco.mj_step(model, data)  # the energies of where the step began
+        potential, kinetic = data.energy.tolist()
+        total = potential + kinetic
+        first = total if first is None else first
+        largest, drift = max(largest, kinetic), max(drift, abs(total - first))
+        if k > 2000 and drift > share * largest:
+            return k
+    return math.inf
+
+
+# -- a spring and a damper on one coordinate, of unit inertia
+
+
+def oscillator(rest="", kind="hinge", stiffness=0.0, damping=0.0, gravity="0 0 0", flag=""):
+    """A body on a spring and a damper, a thousandth out of its place."""
+    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+  <option gravity="{gravity}"><flag contact="disable" {flag}/></option>
+  <worldbody><body pos="1 0 0">
+    <joint name="joint" type="{kind}" axis="0 0 1" stiffness="{stiffness}" damping="{damping}"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+  {rest or '<keyframe><key qpos="0.001"/></keyframe>'}</mujoco>""")
+
+
+def grows(model, step, integrator, what="qpos", steps=3000, bound=1.0):
+    """Whether what is begun small is large after many steps."""
+    model.opt.timestep = step
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    largest = 0.0
+    for k in range(steps):
+        mujoco.mj_step(model, data)
+        if warned(data) or not abs(value := float(getattr(data, what)[0])) < 1e6:
+            return True
+        largest = max(largest, abs(value)) if k > 0.75 * steps else 0.0
+    return largest > bound
+
+
+def spring_step(integrator, zeta, flag=""):
+    """Largest dt omega of a spring."""
+    return limit(lambda z: grows(oscillator(stiffness=1.0, damping=2 * zeta, flag=flag), z,
+                                 integrator), 0.3, 50.0)
+
+
+def hung_gravity(integrator):
+    """Largest gravity dt2 / L of a point mass that hangs."""
+    def lost(gravity):
+        model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+  <option gravity="0 {-gravity!r} 0"/><worldbody><body><joint axis="0 0 1"/>
+  <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body></worldbody>
+  <keyframe><key qpos="1e-6"/></keyframe></mujoco>""")
+        return grows(model, 1.0, integrator, bound=1e-3)
+    return limit(lost, 0.5, 50.0)
+
+
+def servo_gain(integrator):
+    """Largest dt kv / I of a velocity servo."""
+    rest = ('<actuator><velocity joint="joint" kv="1"/></actuator>'
+            '<keyframe><key qpos="0" qvel="0.001"/></keyframe>')
+    return limit(lambda z: grows(oscillator(rest), z, integrator, "qvel"), 0.3, 50.0)
+
+
+def loop_softness(integrator):
+    """Largest dt / timeconst of an equality, without refsafe."""
+    def lost(ratio):
+        model = oscillator('<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>'
+                           '<keyframe><key qpos="0.001"/></keyframe>', "slide",
+                           gravity="0 0 1e-3", flag='refsafe="disable"')
+        model.eq_solref[0] = 1 / ratio, 1.0
+        return grows(model, 1.0, integrator)
+    return limit(lost, 0.3, 50.0)
+
+
+LIMITS = {
+    **{f"pendulum, {name}": partial(pendulum_step, name)
+       for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")},
+    "pendulum, gravity": pendulum_gravity,
+    "pendulum, spring": pendulum_spring,
+    **{f"fourbar_released, {name}": partial(fourbar_step, name)
+       for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")},
+    "fourbar, drive speed": fourbar_speed,
+    "fourbar, Euler": partial(driven_step, "Euler"),
+    "fourbar, RK4": partial(driven_step, "RK4"),
+    "fourbar_released, energy, Euler": partial(fourbar_energy, "Euler"),
+    "fourbar_released, energy, implicit": partial(fourbar_energy, "implicit"),
+    "spring, ζ = 0, Euler": partial(spring_step, "Euler", 0.0),
+    "spring, ζ = 0.3, Euler": partial(spring_step, "Euler", 0.3),
+    "spring, ζ = 1, Euler": partial(spring_step, "Euler", 1.0),
+    "spring, ζ = 1, explicit damping, Euler": partial(spring_step, "Euler", 1.0,
+                                                      'eulerdamp="disable"'),
+    "spring, ζ = 0.3, implicitfast": partial(spring_step, "implicitfast", 0.3),
+    "spring, ζ = 0, RK4": partial(spring_step, "RK4", 0.0),
+    "spring, ζ = 1, RK4": partial(spring_step, "RK4", 1.0),
+    "hung pendulum, Euler": partial(hung_gravity, "Euler"),
+    "hung pendulum, RK4": partial(hung_gravity, "RK4"),
+    "velocity servo, Euler": partial(servo_gain, "Euler"),
+    "velocity servo, RK4": partial(servo_gain, "RK4"),
+    "loop with refsafe off, Euler": partial(loop_softness, "Euler"),
+    "loop with refsafe off, RK4": partial(loop_softness, "RK4"),
+}
+
+
+if __name__ == "__main__":
+    print(json.dumps({name: LIMITS[name]() for name in sys.argv[1:] or LIMITS}))

@@ -1,0 +1,325 @@
+"""Extremes of cases: bisection, changed models, silent failures, tables, commands."""
+
+import re
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.cli import app
+from proofmass.isolate import TimedOut
+from proofmass.report.stress_page import write_stress
+from proofmass.report.stress_sheet import stress_sheet
+from proofmass.sim.mjcf import compile_model
+from proofmass.studies import rescaled
+from proofmass.studies.measure import observe
+from proofmass.studies.run import pool
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.stress import singular
+from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect
+from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.size import resized, sizes
+from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
+from proofmass.studies.stress.ways import longer
+
+
+@pytest.mark.parametrize(("start", "reach", "edge"), [(0.1, 1e4, 37.0), (10.0, 1e-9, 2e-5)])
+def test_a_boundary_is_between_its_sides(start, reach, edge):
+    up = reach > start
+    holds, breaks, failure = bisect(
+        lambda x: Failure("gone", Limit.UNSTABLE, True) if (x > edge) is up else None, start, reach)
+    assert sorted([holds, edge, breaks])[1] == edge
+    assert max(breaks / holds, holds / breaks) <= 1.01
+    assert failure == ("gone", "unstable", True)
+
+
+def test_what_never_holds_and_what_always_does():
+    never = Sought("", "", "", "", "", 1.0, 9.0,
+                   lambda x: Tried(Failure("no", Limit.UNSTABLE))).find()
+    assert np.isnan(never.measured)
+    assert np.isnan(never.ratio)
+    assert never.failure == "at 1 already: no"
+    always = Sought("", "", "", "", "", 1.0, 9.0, lambda x: Tried(), theory=np.inf).find()
+    assert (always.holds, always.measured, always.ratio) == (9.0, np.inf, 1.0)
+    assert np.isnan(replace(always, theory=2.0).ratio)
+    assert Sought("", "", "", "", "", 1.0, 0.1, lambda x: Tried(), theory=0.0).find().ratio == 1.0
+
+
+def test_a_reset_is_heard(stand):
+    """MuJoCo puts everything back and goes on; only its warning tells."""
+    case = stand("pendulum").case
+    failure = stand("pendulum", integrator="Euler").lost(case, timestep=1e-3, tolerance=0.0)
+    assert failure is None
+    held = stand("fourbar", integrator="RK4")
+    run = held.case.run["duration"].model_copy(update={"n": 3})
+    far = held.case.model_copy(update={"run": {"duration": run}})
+    failure = held.lost(far, timestep=3.0)
+    assert failure
+    assert "MuJoCo warning" in failure.message
+    assert not failure.silent
+
+
+def test_an_open_loop_is_seen_though_all_is_finite(stand):
+    """An impedance of a half leaves half of the acceleration that gravity gives the open loop."""
+    failure = stand("fourbar").lost(stand("fourbar").case, solref=(50.0, 1.0), solimp=(0.5, 0.5))
+    assert failure
+    assert "came open" in failure.message
+    assert failure.silent
+
+
+def test_a_run_that_is_finite_and_wrong_is_lost(stand):
+    """Steps of half a second on a pendulum of two, in which no loop can come open."""
+    pendulum = stand("pendulum", integrator="Euler")
+    run = pendulum.case.run["duration"].model_copy(update={"n": 21})
+    coarse = pendulum.case.model_copy(update={"run": {"duration": run}})
+    failure = pendulum.lost(coarse, timestep=0.5)
+    assert failure
+    assert failure.message.startswith("position off by")
+    assert failure.silent
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+@pytest.mark.parametrize("factor", [3e-6, pytest.param(1e6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "kind"), [
+    ("slider_crank", "duration"), ("slider_crank", "sweep"), ("fourbar_released", "duration"),
+    ("balancer_sine", "sweep")])
+def test_scaled_mechanisms_have_scaled_curves(stand, name, kind, engine, factor):
+    """Masses as they are, gravity with the lengths: errors are those at the mechanism's own size.
+
+    Hinges and a slide; a free motion, whose truth reads the larger model itself; springs.
+    """
+    held = stand(name, engine, kind)
+    run = held.case.run[kind]
+    brief = {"n": 11, "until": run.until and run.until / 4}
+    few = held.case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
+    assert resized(replace(held, case=few), 0.0, factor).failure is None
+
+
+def test_places_within_a_micrometre_of_their_body_are_its_origin(stand):
+    """The crank's centre, 0.5 m away, is at 1.9e-6 of its size.
+
+    Its weight is gone then, which the holding moment shows, though not by a tenth of its range.
+    """
+    held = stand("fourbar", "mujoco", "sweep")
+    few = held.case.run["sweep"].model_copy(update={"n": 11})
+    held = replace(held, case=held.case.model_copy(update={"run": {"sweep": few}}))
+    smaller = next(s for s in sizes(held) if s.reach < 1)
+    assert smaller.theory == pytest.approx(2e-6)
+    assert smaller.trial(2.1e-6).failure is None
+    failure = smaller.trial(1.9e-6).failure
+    assert failure
+    assert failure.message.startswith("effort off by 0.0")
+    assert failure.limit == Limit.INACCURATE
+    assert failure.silent
+
+
+def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stand):
+    """The model is read by MuJoCo for both engines; Chipmunk was not asked."""
+    held = stand("pendulum", "pymunk")
+    smaller = next(s for s in sizes(held) if s.reach < 1)
+    assert np.isnan(smaller.theory)
+    found = smaller.find()
+    assert (found.limit, found.found, found.silent) == (Limit.OURS, False, False)
+    assert 10**-0.5 <= found.holds <= 1.1 * 10**-0.5
+    assert np.isnan(found.measured)
+    assert "MuJoCo, which reads the model for pymunk" in found.failure
+
+
+def test_a_scale_that_forgets_something_is_noticed(stand):
+    """Lengths without gravity: the pendulum swings at another pace."""
+    held = stand("pendulum")
+    larger = rescaled.larger(held.case, held.models, 4.0)
+    assert held.lost(larger) is None
+    forgotten = rescaled.with_model(
+        larger, held.models,
+        lambda root: rescaled.set_gravity(root, compile_model(larger.model_path), 0.25))
+    assert held.lost(forgotten)
+    assert held.lost(larger.model_copy(update={"channels": held.case.channels})) is None
+    crank = stand("slider_crank")
+    larger = rescaled.larger(crank.case, crank.models, 4.0)
+    assert crank.lost(larger.model_copy(update={"channels": crank.case.channels}))
+
+
+@pytest.mark.parametrize(("engine", "factor"), [("mujoco", 1e6), ("pymunk", 1e-6)])
+def test_stronger_springs_need_proportional_moments(stand, engine, factor):
+    held = stand("balancer_sine", engine, "sweep")
+    few = held.case.model_copy(update={"run": {
+        "sweep": held.case.run["sweep"].model_copy(update={"n": 10})}})
+    assert held.lost(rescaled.stiffer(few, held.models, factor)) is None
+    wrong = rescaled.stiffer(few, held.models, factor).model_copy(
+        update={"channels": few.channels})
+    assert held.lost(wrong).message.startswith("effort off by")
+
+
+def test_the_least_inertia_bounds_the_size(stand):
+    """1e-14 kg m2 times s^2 against MuJoCo's 1e-15: s = 0.316."""
+    sought, skipped = extremes(stand("pendulum").case, stand("pendulum").store)
+    smaller = next(s for s in sought if s.knob == "all lengths smaller" and s.engine == "mujoco")
+    assert smaller.theory == pytest.approx(10**-0.5)
+    found = smaller.find()
+    assert found.ratio == pytest.approx(1.0, abs=0.01)
+    assert (found.limit, found.silent) == (Limit.REFUSED, False)
+    assert "mjMINVAL" in found.failure
+    assert "stiffness: there is no spring and no rod" in skipped
+    assert {s.knob for s in sought} == {
+        "time step", "gravity", "spring in pivot", "all lengths larger", "all lengths smaller",
+        "steps", "steps until the energy is off by 1 %"}
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_limit_positions_come_from_the_reference(stand, engine):
+    """The crank of (2, 2, 2.5, 3), at first at -2 rad, stops at arccos((4 + 9 - 4.5^2) / 12)."""
+    held = stand("triple_rocker", engine)
+    case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
+        update={"n": 41})}})
+    way = next(singular.limits(replace(held, case=case)))
+    assert way.knob == "drive's way"
+    assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
+    assert way.trial(0.99 * way.theory).failure is None
+    assert way.trial(1.01 * way.theory).failure
+
+
+@pytest.mark.slow
+def test_a_model_with_another_limit_position_is_noticed(stand):
+    """A rocker longer by 2 % turns on by 1 %; angles and moments are off before that."""
+    held = stand("triple_rocker")
+
+    def change(root):
+        next(s for s in root.iter("site") if s.get("name") == "rocker_end").set("pos", "2.55 0 0")
+    case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
+        update={"n": 41})}})
+    wrong = rescaled.with_model(case, held.models, change)
+    sought = next(s for s in extremes(wrong, held.store)[0] if s.knob == "drive's way")
+    found = sought.find()
+    assert found.ratio < 0.99
+    assert "off by" in found.failure
+
+
+def test_boundaries_that_begin_alike_do_not_meet(stand):
+    """Eight threads change the same model at once; none finds a file of another gone."""
+    held = stand("fourbar")
+    for factor in np.linspace(2.0, 3.0, 20).tolist():
+        change = partial(rescaled.heavier, held.case, held.models)
+        with ThreadPoolExecutor(8) as threads:
+            assert len({case.model for case in threads.map(change, [factor] * 8)}) == 1
+
+
+def test_a_long_run_turns_on_or_goes_to_and_fro(stand):
+    turned = longer(stand("fourbar").case, 3.0, 2 * np.pi)
+    assert turned.drive[0].to == pytest.approx(6 * np.pi)
+    assert turned.drive[0].rate == 1.0
+    both = longer(stand("fivebar").case, 3.0, 2 * np.pi)  # which keep their ratio
+    assert [drive.to for drive in both.drive] == pytest.approx([6 * np.pi, 12 * np.pi])
+    slid = longer(stand("threeprr").case, 3.0, 1.0)
+    assert (slid.drive[0].to, slid.drive[0].period) == (stand("threeprr").case.drive[0].to, 2.0)
+    assert slid.run["duration"].until == 3.0
+
+
+def test_a_case_is_run_as_its_first_solver_is_set(stand, monkeypatch):
+    """The snapping rod's mujoco:settled falls where its plain sweep ends."""
+    held, stands = stand("rod_snap", kind="sweep"), []
+    monkeypatch.setattr("proofmass.studies.stress.extremes.AXES",
+                        (lambda one: stands.append(one) or (),))
+    extremes(held.case, held.store)
+    assert [one.setting for one in stands] == [Setting("mujoco", {"settled": True}),
+                                               Setting("pymunk", {})]
+
+
+def test_a_reference_that_is_late_is_not_the_engines_fault(stand, monkeypatch):
+    held, words = stand("pendulum"), "no answer in 60 s"
+
+    def late(function, *arguments, timeout):
+        if function is observe:
+            raise TimedOut(words)
+        return function(*arguments)
+    monkeypatch.setattr("proofmass.studies.stress.stand.isolated", late)
+    failure = held.lost(held.case)
+    assert failure.message == f"no reference: {words}; the engine has its run"
+
+    def never(function, *arguments, timeout):
+        raise TimedOut(words)
+    monkeypatch.setattr("proofmass.studies.stress.stand.isolated", never)
+    failure = held.lost(held.case, timestep=2e-3)
+    assert failure.message == f"timed out: {words}"
+
+
+def test_trials_are_made_once(tmp_path):
+    tried = []
+
+    def trial(x):
+        tried.append(x)
+        return Tried(Failure("beyond", Limit.UNSTABLE, True) if x > 3.0 else None, x / 2)
+
+    sought = Sought("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
+    with pool(1) as workers:
+        first = stress([kept(sought, Store(tmp_path))], workers)
+        assert first[0].step == first[0].holds / 2
+        count = len(tried)
+        assert stress([kept(sought, Store(tmp_path))], workers) == first
+        assert len(tried) == count > 5
+        stress([kept(replace(sought, knob="other"), Store(tmp_path))], workers)
+    assert len(tried) == 2 * count
+
+
+def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
+    rows = [Boundary("spring, \"soft\"", "mujoco", "Euler", "dt ω", "1", 0.1, 10.0, 1.99, 2.005,
+                     1.99, 2.0, "2 √(1 + ζ²)", Limit.UNSTABLE, "grew, without a word", True),
+            Boundary("spring, hard", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0,
+                     theory=np.inf, law="implicit"),
+            Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
+                     limit=Limit.INACCURATE, failure="at 1 already: no"),
+            Boundary("fourbar", "pymunk", "as in the model", "size", "times", 1.0, 1e-6, 0.1,
+                     0.099, limit=Limit.REFUSED, failure="refused: too small"),
+            Boundary("fourbar", "pymunk", "as in the model", "steps", "1", 100.0, 1e6, 1000.0,
+                     1009.0, 1e-3, limit=Limit.OURS,
+                     failure="no reference: none in 60 s; the engine has its run")]
+    write_boundaries(rows, tmp_path / "stress.csv")
+    assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
+    page = write_stress(tmp_path, tmp_path).first.read_text(encoding="utf-8")
+    table = (tmp_path / "stress.columns.md").read_text(encoding="utf-8")
+    assert "2 of 2 boundaries that theory knows were measured within 2%" in page
+    assert "1 of 1 boundaries are passed in silence" in page
+    assert "unstable, <strong>in silence</strong>: grew, without a word" in page
+    assert "not known beyond 1000" in page
+    for limit in Limit:
+        assert f"{limit}: {limit.sentence}" in table
+        assert f"{limit}: {limit.sentence}" in page.replace("&#39;", "'")
+    assert "fourbar" in page
+    assert [row.found for row in rows] == [True, False, False, True, False]
+    assert [row.unknown for row in rows] == [False, False, False, False, True]
+    drawing = (tmp_path / "figures" / "fourbar-stress.svg").read_text(encoding="utf-8")
+    grounds = re.findall(r'<pattern.*?<rect[^>]* fill="(#\w+)".*?stroke: (#\w+)', drawing,
+                         re.DOTALL)
+    assert grounds  # of the bars and in the legend, each other than the lines on it
+    assert all(ground != lines for ground, lines in grounds)
+    for some, here in ((rows[:2], False), (rows[2:], True)):
+        told = [text.get_text() for text in stress_sheet(some).legends[0].get_texts()]
+        assert ("not known beyond" in told) == here
+    assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["nowhere.toml"], "nowhere.toml: no such file"),
+    (["fourbar.xml"], "neither"), (["--only", "colour"], "--only colour: no such knob")])
+def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fourbar.txt").write_text("")
+    arguments = ["fourbar.txt" if a == "fourbar.xml" else a for a in arguments]
+    result = CliRunner().invoke(app, ["stress", *arguments])
+    assert result.exit_code == 2
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_command_finds_writes_and_goes_on(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        result = CliRunner().invoke(app, ["stress", "--only", "crank", "-o", "out"])
+        assert result.exit_code == 0, result.output
+        assert "law" in (tmp_path / "out" / "stress.columns.md").read_text(encoding="utf-8")
+    assert [round(b.ratio, 1) for b in read_boundaries(tmp_path / "out" / "stress.csv")] == [1, 1]

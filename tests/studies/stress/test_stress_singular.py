@@ -1,0 +1,201 @@
+"""Bars that come into line, rods that snap, springs and energies of cases, beside what is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.rod_snap import marks
+from proofmass.reference import compiled
+from proofmass.studies import rescaled
+from proofmass.studies.measure import Found, Task
+from proofmass.studies.reread import reread
+from proofmass.studies.setting import Setting
+from proofmass.studies.stress import closing, energy, singular, stiffness, theory
+from proofmass.studies.stress.boundary import Failure, Limit, bisect
+from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.stand import tried
+
+
+def test_grashof_knows_the_shortest_rocker(stand):
+    """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
+    held = stand("fourbar")
+    case = reread(held.case)
+    link = closing.last_link(case)
+    assert link == ("rocker_end",)
+    assert closing.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
+    assert closing.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
+
+
+@pytest.mark.slow
+def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
+    """They come in line, one on the other, where the crank pins are nearest."""
+    held = stand("fivebar")
+    left = np.linspace(0.0, 2 * np.pi, 1_000_001)
+    nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
+    shortest = (3.5 - nearest) / 4.0
+    case, link = reread(held.case), closing.last_link(held.case)
+    assert closing.unclosed(case, link, "duration", held.models, shortest * 1.001) is None
+    assert closing.unclosed(case, link, "duration", held.models, shortest * 0.999)
+
+
+@pytest.mark.parametrize(("name", "kind", "farthest"), [
+    ("fourbar", "sweep", 1.0 + 3.0),  # over the ends of coupler and rocker: crank and ground
+    ("fivebar", "duration", np.abs(2 * np.exp(1j * (a := np.linspace(0.0, 2 * np.pi, 100_001)))
+                                   - 2 - np.exp(2j * a)).max())])
+def test_arms_reach_as_far_as_their_ends_are_apart(stand, name, kind, farthest):
+    """Both links by the same share shorter, until they are stretched."""
+    held = stand(name)
+    case, arm = reread(held.case), closing.last_arm(held.case)
+    model = compiled(case)
+    shortest = farthest / sum(np.linalg.norm(model.site(link).pos) for link in arm)
+    assert closing.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
+    assert closing.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
+
+
+def test_an_arm_is_what_nothing_else_holds_or_drives(stand):
+    """Not the legs of a platform that two loops hold, nor the bar of a slide, nor a driven one."""
+    assert closing.last_arm(stand("watt").case) == ("output_end", "second_end")
+    for name in ("threeprr", "slider_crank", "inverted_slider_crank"):
+        assert not closing.last_arm(stand(name).case), name
+
+
+@pytest.mark.parametrize("name", [
+    "fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
+def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
+    """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
+    held = stand(name)
+    held = replace(held, case=reread(held.case))
+    arm = closing.last_arm(held.case)
+    shortest = {"fourbar": 8 / 9, "fivebar": 2 / 3}[name]
+    shares = np.geomspace(2e-3, 3e-5, 4)
+    found = [tried(Task(closing.shortened(held.case, arm, held.models, shortest * (1 + share)),
+                        "duration", held.setting, "stress"), held.store) for share in shares]
+    ratio = [one.errors["position"] / one.invariants["gap"] for one in found]
+    # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
+    assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
+
+
+def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
+    """With 5e-4 of their length to spare; an open loop is then in the other mode for nothing."""
+    held = stand("fourbar")
+    held = replace(held, case=reread(held.case))
+    soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
+    link, arm = closing.last_link(held.case), closing.last_arm(held.case)
+    for links, length in ((link, 0.8), (arm, 8 / 9)):
+        assert singular.sparing(held, links, length, 5e-4).failure is None
+        failure = singular.sparing(soft, links, length, 5e-4).failure
+        assert failure
+        assert failure.silent
+
+
+def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(stand, monkeypatch):
+    """We did not find the pose; the drive's own way ends at a limit position, which is none."""
+    held, answer = stand("fourbar", kind="sweep"), Found(outcome="stopped", message="no pose")
+    monkeypatch.setattr("proofmass.studies.stress.stand.tried", lambda *_: answer)
+    held = replace(held, case=reread(held.case))
+    assert singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
+        "stopped: no pose", Limit.OURS)
+    assert held.tried(held.case).failure == Failure("stopped: no pose", Limit.UNSTABLE)
+
+
+def test_the_reference_snaps_at_its_fold(stand):
+    """Found from curves there and back, against the equation of the fold."""
+    case = stand("rod_snap", kind="sweep").case
+    fold = marks(distance=0.8)["snaps to the left"] + case.drive[0].start
+    holds, breaks, _ = bisect(lambda far: singular.unreturned(case, far), 0.2, 2.7, 1e-9)
+    assert np.sqrt(holds * breaks) == pytest.approx(fold, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
+    """MuJoCo's chains of 10 and 20 links; Richardson's limit is the rod's own fold."""
+    held = stand("rod_snap", kind="sweep")
+    fold = marks(distance=0.8)["snaps to the left"] + held.case.drive[0].start
+    ends = []
+    for pieces in (10, 20):
+        chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
+        holds, breaks, failure = bisect(
+            lambda far, chain=chain: singular.snapped(chain, far).failure, 0.99 * fold,
+            1.01 * fold, 1e-4)
+        assert "unstable" in failure.message
+        ends.append(np.sqrt(holds * breaks))
+    # bisected to 1e-4, of which Richardson makes 5/3
+    assert (4 * ends[1] - ends[0]) / 3 == pytest.approx(fold, rel=2e-4)
+    assert abs(ends[0] - fold) > 1e-3
+
+
+@pytest.mark.slow
+def test_a_rod_of_another_length_snaps_elsewhere(stand):
+    """2 % longer in the engine alone: its ends are nearer for it, and the fold is elsewhere."""
+    held = stand("rod_snap", kind="sweep", segments=10)
+    start = held.case.drive[0].start
+    right, wrong = (marks(distance=distance)["snaps to the left"] + start
+                    for distance in (0.8, 0.8 / 1.02))
+    rod = held.case.rod["rod"].model_copy(update={"length": 1.02})
+    longer = held.case.model_copy(update={"rod": {"rod": rod}})
+    assert abs(wrong / right - 1) > 0.01
+    middle = np.sqrt(right * wrong)
+    theirs = replace(held, case=longer)
+    assert bool(singular.snapped(held, middle).failure) is not bool(
+        singular.snapped(theirs, middle).failure)
+
+
+def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
+    (sought,) = stiffness.stiffnesses(stand("pendulum", integrator="Euler"))
+    assert sought.reach == pytest.approx(1e12 * sought.start)
+    assert sought.trial(0.95 * sought.theory).failure is None
+    failure = sought.trial(1.05 * sought.theory).failure
+    assert failure
+    assert failure.message.startswith("position off by")
+
+
+@pytest.mark.parametrize(("swing", "holds", "breaks"), [
+    (0.05, 0.98, 1.03), pytest.param(0.5, 1.03, 2.0, marks=pytest.mark.slow)])
+def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, breaks):
+    """Its bodies go straight ahead in a step, which is off by the square of its angle, (dt w A)^2.
+
+    So small swings hold as far as those of one coordinate, 0.3 % further here, others elsewhere.
+    """
+    held = stand("pendulum", "pymunk")
+
+    def change(root):
+        for key in root.iter("key"):
+            key.set("qpos", repr(swing))
+    held = replace(held, case=rescaled.with_model(held.case, held.models, change))
+    (sought,) = stiffness.stiffnesses(held)
+    steps = min(held.seconds / held.step, stiffness.BRIEF)
+    inertia = stiffness.last_hinge(held.case)[1]
+    theirs = inertia * (theory.stiffest("pymunk", steps) / held.step) ** 2
+    assert sought.trial(holds * theirs).failure is None
+    assert sought.trial(breaks * theirs).failure
+
+
+def test_stiffest_is_where_the_phase_is_off():
+    """z^3 / 24 a step with semi-implicit steps, begun with the velocity of half a step before."""
+    z = theory.stiffest("pymunk", 10_000)
+    assert 10_000 * z**3 / 24 == pytest.approx(2 * np.arcsin(0.1), rel=0.01)
+
+
+def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
+    """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
+    held = stand("pendulum", integrator="RK4")
+    case = stiffness.with_spring(energy.weighed(held.case, held.models), held.models,
+                                 stiffness.last_hinge(held.case)[0],
+                                 (0.3 / held.step) ** 2)
+    steps = theory.faded_after("RK4", 0.3, 0.99)
+    assert energy.drifted(held, case, {}, 0.95 * steps).failure is None
+    failure = energy.drifted(held, case, {}, 1.05 * steps).failure
+    assert failure
+    assert failure.message.startswith("energy off by 0.01")
+
+
+def test_what_applies_is_found_from_the_case(stand):
+    """No loop, no drive: neither bars in line nor folds; a load: no energy."""
+    held = stand("pendulum")
+    _, skipped = extremes(held.case, held.store)
+    assert "bars in line: no such links in a driven loop" in skipped
+    assert "stretched arm: no such links in a driven loop" in skipped
+    assert "fold: no rod that a single drive bends" in skipped
+    _, skipped = extremes(stand("rod_cantilever").case, held.store)
+    assert any(why.startswith("energy: ") for why in skipped)

@@ -1,0 +1,133 @@
+"""Limits of stability: closed forms, the engines' own maps, and boundaries as measured."""
+
+import mujoco
+import numpy as np
+import pymunk
+import pytest
+
+from proofmass.studies.stress import specimens, theory
+from proofmass.studies.stress.boundary import Sought
+from proofmass.studies.stress.proven import MUJOCO, probes
+from proofmass.studies.stress.specimens import stepping, wheel
+
+PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
+QUICK = ["spring on a hinge, ζ = 0.3, Euler, dt ω", "spring on a hinge, ζ = 1, implicitfast, dt ω",
+         "spring on a hinge, ζ = 0, RK4, dt ω", "spring on a hinge, ζ = 0.3, discrete, dt ω",
+         "spring on a hinge, ζ = 1, explicit damping, Euler, dt ω",
+         "velocity servo, Euler, dt kv/I",
+         "loop with refsafe off, Euler, dt/solref", "hung pendulum, Euler, gravity dt²/L",
+         "column of 4 segments, at rest, load L²/EI",
+         "four-bar 2, 2, 2.5, 3 to its limit position, sweep, crank"]
+
+
+def near(sought: Sought) -> bool:
+    """Within 2 % of theory, of which bisection takes up to 0.5.
+
+    The rest is how long a model is stepped: what grows slowly is lost a little beyond the limit.
+    """
+    found = sought.find()
+    if sought.knob in ("dt ω", "dt √(k/m)", "dt kv/I"):
+        assert found.step == pytest.approx(found.holds, rel=1e-12)  # what the engine took
+    return abs(found.ratio - 1.0) <= 0.02
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_boundaries_are_where_theory_says(name):
+    assert near(PROBES[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in PROBES if n not in QUICK])
+def test_all_other_boundaries_are_where_theory_says(name):
+    assert near(PROBES[name])
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
+    """Stiffness enters the limit by its root: 0.8 moves it by 12 %."""
+    text = wheel(factor)
+    wrong = Sought("", "mujoco", "", "", "1", 0.5, 10.0,
+                   lambda z: stepping("mujoco", text, z, {"integrator": "Euler"}), theory=2.0)
+    assert wrong.find().ratio == pytest.approx(factor**-0.5, rel=0.01)
+    assert not near(wrong)
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.05, 0.3, 1.0, 3.0])
+def test_limits_have_closed_forms(zeta):
+    """The roots of |trace| = 1 + determinant, by hand."""
+    root = np.sqrt(1 + zeta**2)
+    assert theory.limit(theory.euler, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
+    assert theory.limit(theory.euler_explicit, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
+    assert theory.limit(theory.discrete, zeta) == np.inf
+
+
+def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
+    """z^2 = 2 + 2 exp(2 zeta z) has a double root where u = 2 + 2 exp(-u), 4 zeta^2 = u exp(-u)."""
+    u = 2.0
+    for _ in range(60):
+        u = 2 + 2 * np.exp(-u)
+    edge = np.sqrt(u * np.exp(-u)) / 2
+    assert edge == pytest.approx(0.2457, abs=1e-4)
+    assert np.isfinite(theory.limit(theory.chipmunk, 0.99 * edge))
+    assert theory.limit(theory.chipmunk, 1.01 * edge) == np.inf
+    z = theory.limit(theory.chipmunk, 0.1)
+    assert z**2 == pytest.approx(2 + 2 * np.exp(0.2 * z), rel=1e-6)
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("z", [0.5, 2.5])
+@pytest.mark.parametrize("integrator", MUJOCO)
+def test_maps_are_those_of_mujoco(integrator, z, zeta):
+    model = mujoco.MjModel.from_xml_string(wheel(1.0, 2 * zeta))
+    model.opt.timestep = z
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    columns = []
+    for place, rate in ((1.0, 0.0), (0.0, 1.0 / z)):
+        data = mujoco.MjData(model)
+        data.qpos[0], data.qvel[0] = place, rate
+        mujoco.mj_step(model, data)
+        columns.append((data.qpos[0], z * data.qvel[0]))
+    found = np.array(columns).T
+    assert found == pytest.approx(theory.MAPS[integrator](z, zeta), abs=1e-12)
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("z", [0.5, 2.5])
+def test_map_is_that_of_chipmunk(z, zeta):
+    columns = []
+    for place, rate in ((1.0, 0.0), (0.0, 1.0 / z)):
+        space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
+        body.angle, body.angular_velocity = place, rate
+        spring = pymunk.DampedRotarySpring(space.static_body, body, 0.0, 1.0, 2 * zeta)
+        space.add(body, spring)
+        space.step(z)
+        columns.append((body.angle, z * body.angular_velocity))
+    found = np.array(columns).T
+    assert found == pytest.approx(theory.chipmunk(z, zeta), abs=1e-12)
+
+
+def test_a_row_of_masses_has_the_frequencies_of_its_compiled_model():
+    """Highest one of K against MuJoCo's mass matrix, in the joints' own coordinates."""
+    model = mujoco.MjModel.from_xml_string(specimens.chain(7))
+    data, inertia = mujoco.MjData(model), np.zeros((7, 7))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, inertia)
+    squares = np.linalg.eigvals(np.linalg.solve(inertia, np.diag(model.jnt_stiffness)))
+    assert np.sqrt(squares.real.max()) == pytest.approx(theory.chain_frequency(7), rel=1e-12)
+
+
+@pytest.mark.parametrize("segments", [2, 4, 9])
+def test_henckys_load_is_the_least_eigenvalue_of_the_chain(segments):
+    """Moments of a half-ended chain about its joints: k (t_j - t_j-1) against P h sin t, linear."""
+    n, h = segments, 1.0 / segments
+    bending = np.zeros((n, n))
+    for joint in range(n):  # between links joint and joint + 1; link 0 is clamped
+        difference = np.zeros(n)
+        difference[joint] = 1.0
+        if joint:
+            difference[joint - 1] = -1.0
+        bending += np.outer(difference, difference) / h
+    lengths = np.full(n, h)
+    lengths[-1] = h / 2
+    loads = np.linalg.eigvals(np.linalg.solve(np.diag(lengths), bending))
+    assert loads.real.min() == pytest.approx(theory.hencky(segments), rel=1e-12)

@@ -1,0 +1,33 @@
+"""Quick tasks for tests of studies: a pendulum of half a second in steps of 10 ms and less."""
+
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from proofmass.case import load_case
+from proofmass.studies.measure import Task
+from proofmass.studies.setting import Setting
+
+MODELS = Path(__file__).parents[2] / "models"
+STEPS = 0.01, 0.005, 0.0025, 0.002, 0.001
+LINES = (("mujoco", {"integrator": "Euler"}), ("mujoco", {"integrator": "RK4"}),
+         ("mujoco", {"integrator": "implicitfast"}), ("pymunk", {"iterations": 10}))
+
+
+def tasks(models: Path = MODELS) -> list[Task]:
+    """Four lines of five steps."""
+    case = load_case(models / "pendulum.toml")
+    short = case.run["duration"].model_copy(update={"until": 0.5, "n": 51})
+    case = case.model_copy(update={"run": {"duration": short}})
+    return [Task(case, "duration", Setting(engine, {**knobs, "timestep": step}), "trade",
+                 f"{engine} {' '.join(map(str, knobs.values()))}", "timestep", step)
+            for engine, knobs in LINES for step in STEPS]
+
+
+@pytest.fixture(autouse=True)
+def own_locks(tmp_path_factory, monkeypatch):
+    """Processors that no study outside of the test, which may last, can keep from it."""
+    folder = str(tmp_path_factory.mktemp("locks"))
+    monkeypatch.setenv("TMPDIR", folder)
+    monkeypatch.setattr(tempfile, "tempdir", folder)

@@ -1,0 +1,301 @@
+"""Studies as commands: killed at any moment, interrupted, and on a cluster, they give one table."""
+
+import contextlib
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from proofmass.cli import app
+from proofmass.command import answering
+from proofmass.errors import InputError
+from proofmass.sim.mjcf import read_tree
+from proofmass.studies import run as runs
+from proofmass.studies.measure import Found
+from proofmass.studies.store import Store
+from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
+
+ROOT = Path(__file__).parents[2]
+FAT = """<mujoco>
+  <option timestep="2e-3"/>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <body>
+      <joint name="pivot" axis="0 1 0"/>
+      <geom size="0.05" pos="0 0 -1"/>
+      <geom name="painted" size="0.02" mass="0" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <sensor><jointpos name="angle" joint="pivot"/></sensor>
+  <keyframe><key name="start" qpos="1.5"/></keyframe>
+</mujoco>"""
+ASKED = {"trade": "trade case.toml", "stress": "stress --only kv",
+         "diet": "diet fat.xml --seconds 0.1", "choose": "choose case.toml --error 1e-5"}
+KILLED = "trade", "stress", "diet"
+TABLES = {"trade": ("trade.csv", "floors.csv", "verdicts.json"), "stress": ("stress.csv",),
+          "diet": ("fat.csv", "fat.xml")}
+FOLDERS = {"choose": "trade"}  # of runs, where they are not called like the command
+KEPT = {"trade": "trade keeps the runs", "choose": "trade keeps the runs",
+        "stress": "stress keeps the runs", "diet": "what was tried is kept"}
+MEASURED = "seconds", "repeats", "shared", "bytes"
+"""How columns begin that no two runs have alike: clocks; an arena's use goes with its alignment."""
+ALIVE = 10.0  # s, in which workers end whose study was killed: the longest run here takes 2 s
+
+# Python that is put before a command: files are written in place and take time, or runs are made
+# that are kept already, or cannot be made.
+IN_PLACE = """
+import os, time
+def replace(half, file):
+    data = open(half, "rb").read()
+    with open(file, "wb") as stream:
+        stream.write(data[:len(data) // 2])
+        stream.flush()
+        time.sleep(0.1)
+        stream.write(data[len(data) // 2:])
+os.replace = replace
+"""
+NO_RUNS = {
+    "trade": "from proofmass.studies import run; run.measure = None",
+    "stress": "from proofmass.studies import specimens; specimens.isolated = None",
+    "diet": """
+from proofmass.studies.diet.diet import Search
+ran = Search.ran
+Search.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
+"""}  # a diet tries the model that it has written, and keeps nothing of that
+FORGETS = "from proofmass.studies.store import Store; Store.load = lambda *_: None"
+
+
+@pytest.fixture
+def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]:
+    """Makes a folder with a short case, and a model without one."""
+    edit("pendulum.toml", "until = 10.0 ", "until = 0.5 ")
+    edit("pendulum.toml", "n = 1001", "n = 51")
+
+    def make(name: str) -> Path:
+        (folder := tmp_path / name).mkdir()
+        for kind in ("toml", "xml"):
+            (folder / f"case.{kind}").write_bytes((models / f"pendulum.{kind}").read_bytes())
+        (folder / "fat.xml").write_text(FAT)
+        return folder
+
+    return make
+
+
+def begin(what: str, folder: Path, before: str = "", more: str = "") -> subprocess.Popen:
+    """A command, as the shell starts it: in a process group of its own."""
+    code = f"{before}\nfrom proofmass.__main__ import main; main()"
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *ASKED[what].split(), *more.split()], cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def finish(what: str, folder: Path, before: str = "", more: str = "") -> None:
+    """Let a command run to its end."""
+    command = begin(what, folder, before, more)
+    said = command.communicate()[1]
+    assert command.returncode == 0, said
+
+
+def kept(what: str, folder: Path) -> dict[str, int]:
+    """The records that a study has kept so far, by when they were written [ns].
+
+    Curves are written before their record: without one they are of a run that is made again.
+    """
+    there = folder / FOLDERS.get(what, what) / "runs"
+    return {file.name: file.stat().st_mtime_ns for file in there.glob("*.json")}
+
+
+def wholes(what: str, folder: Path) -> None:
+    """Read all that is kept; a file that is not whole raises."""
+    for file in (folder / what / "runs").glob("*"):
+        if file.suffix == ".json":
+            json.loads(file.read_text(encoding="utf-8"))
+        elif file.suffix == ".npz":
+            with np.load(file) as arrays:
+                dict(arrays)
+
+
+def told(what: str, folder: Path) -> list:
+    """The tables of a study without what is measured anew in every run."""
+    found = list[object]()
+    for name in TABLES[what]:
+        text = (folder / what / name).read_text(encoding="utf-8")
+        found.append(text if not name.endswith(".csv") else [
+            {k: v for k, v in row.items() if not k.startswith(MEASURED)}
+            for row in csv.DictReader(text.splitlines())])
+    return found
+
+
+def ended(group: int, within: float) -> bool:
+    """Whether no process of a group is left after so many seconds."""
+    late = time.monotonic() + within
+    while time.monotonic() < late:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def undisturbed(what: str, folder: Path) -> float:
+    """Seconds that a study takes."""
+    start = time.monotonic()
+    finish(what, folder)
+    return time.monotonic() - start
+
+
+def killed(what: str, folder: Path, moment: float, alone: bool, before: str = "",
+           how: signal.Signals = signal.SIGKILL) -> bool:
+    """Kill a study, by itself or with its workers, so late; whether it was still at work."""
+    there, study = kept(what, folder), begin(what, folder, before)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        study.wait(moment)
+    if late := study.poll() is not None:
+        assert study.returncode == 0, study.communicate()[1]
+    else:
+        (os.kill if alone else os.killpg)(study.pid, how)
+    study.communicate(timeout=5)
+    assert ended(study.pid, ALIVE), "workers outlive their study"
+    wholes(what, folder)
+    assert kept(what, folder).items() >= there.items(), "what was kept is made again"
+    return not late
+
+
+def same_after(what: str, kills: int, place: Callable[[str], Path], before: str = "",
+               how: signal.Signals = signal.SIGKILL) -> None:
+    """A study that is killed again and again gives the tables of one that is left alone.
+
+    Moments are spread over the length of an undisturbed study.  One that got to its end before its
+    moment has the same tables already, and another takes its place.
+    """
+    whole, dice, fresh = place("whole"), random.Random(6), (place(f"torn {k}") for k in count())
+    length = undisturbed(what, whole)
+    moments = [(k + dice.random()) / kills * length for k in range(kills)]
+    dice.shuffle(moments)
+    broken = next(fresh)
+    for number, moment in enumerate(moments):
+        while not killed(what, broken, moment, bool(number % 2), before, how):
+            assert told(what, broken) == told(what, whole)
+            broken, moment = next(fresh), 0.9 * moment
+    finish(what, broken)
+    assert told(what, broken) == told(what, whole)
+    finish(what, broken, NO_RUNS[what])
+    assert told(what, broken) == told(what, whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", KILLED)
+def test_a_study_killed_ten_times_gives_the_same_table(what, place):
+    same_after(what, 10, place)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", KILLED)
+def test_a_study_interrupted_ten_times_gives_the_same_table(what, place):
+    """No worker that the interrupt ends is taken for an engine that crashed."""
+    same_after(what, 10, place, how=signal.SIGINT)
+
+
+@pytest.mark.slow
+def test_files_written_in_place_would_be_found_out(place):
+    with pytest.raises(json.JSONDecodeError):
+        same_after("stress", 10, place, IN_PLACE)
+
+
+@pytest.mark.slow
+def test_a_store_that_forgets_would_be_found_out(place):
+    with pytest.raises(AssertionError, match="made again"):
+        same_after("trade", 10, place, FORGETS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", KILLED)
+def test_a_cluster_gives_the_table_that_this_machine_gives(what, place, address):
+    near, far = place("near"), place("far")
+    finish(what, near)
+    finish(what, far, more=f"--dask {address}")
+    assert told(what, far) == told(what, near)
+
+
+@pytest.mark.slow
+def test_choose_measures_on_a_cluster_what_trade_measures_here(place, address):
+    near, far = place("near"), place("far")
+    finish("choose", far, more=f"--dask {address}")
+    finish("trade", far, NO_RUNS["trade"])
+    finish("trade", near)
+    assert told("trade", far) == told("trade", near)
+
+
+@pytest.mark.parametrize("what", ASKED)
+def test_a_cluster_that_is_not_there_is_one_line(what, place, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.chdir(place("here"))
+    monkeypatch.setattr(runs, "CONNECT", "100ms")
+    answer = CliRunner().invoke(app, [*ASKED[what].split(), "--dask", "tcp://127.0.0.1:9"])
+    assert answer.exit_code == 2
+    assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in answer.stderr
+    assert answer.stderr.count("\n") == 1
+    assert not answer.stdout
+
+
+def test_a_file_that_something_else_cut_short_is_bad_input(tmp_path):
+    Store(tmp_path).file("key", 0).write_text('{"found": {"err')
+    with pytest.raises(InputError, match=r"key\.0\.json: not what a study wrote there; delete it"):
+        Store(tmp_path).load("key", 0)
+
+
+@pytest.mark.parametrize("what", ["trade", *(pytest.param(other, marks=pytest.mark.slow)
+                                             for other in ("stress", "diet", "choose"))])
+def test_an_interrupt_is_one_line_that_says_what_is_kept(what, place):
+    study = begin(what, folder := place("here"))
+    while study.poll() is None and not kept(what, folder):
+        time.sleep(0.01)
+    os.killpg(study.pid, signal.SIGINT)  # as a terminal does
+    shown, said = study.communicate(timeout=5)
+    assert said.strip() == f"stopped; {KEPT[what]}: the same command goes on from there"
+    assert study.returncode == 130
+    assert not shown
+    assert ended(study.pid, ALIVE)
+
+
+def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, capsys):
+    begun, held = zipfile.ZipFile.open, ExitStack()
+
+    def interrupt(packed, *args, **options):
+        held.push(packed)
+        held.push(begun(packed, *args, **options))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # whose file then raises ValueError
+    found = Found(curves={"x": np.zeros(3)})
+    with held, pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+        Store(tmp_path).save("key", 0, None, found, 1.0)
+    assert ended.value.exit_code == 130
+    assert capsys.readouterr().err.startswith("stopped; runs are kept")
+
+
+def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
+    """As one with a byte between its elements that XML does not have, which MuJoCo passes over."""
+    file = tmp_path / "fat.xml"
+    file.write_bytes(FAT.replace("<worldbody>", "°<worldbody>").encode("latin-1"))
+    with pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+        read_tree(file)
+    assert ended.value.exit_code == 2
+    assert capsys.readouterr().err.startswith("error: fat.xml: to be changed it must be")

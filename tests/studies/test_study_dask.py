@@ -1,0 +1,46 @@
+"""Studies on a Dask cluster: a real one, of two processes on this machine."""
+
+from concurrent.futures import Executor
+from dataclasses import replace
+
+import pytest
+
+from proofmass.errors import InputError
+from proofmass.studies.run import pool, run
+from proofmass.studies.store import Store
+from tests.studies.study_tasks import tasks
+
+distributed = pytest.importorskip("distributed")
+
+
+def values(store: Store, workers: Executor | None) -> list[tuple]:
+    """What does not depend on clocks."""
+    return [(one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
+            for one in run(tasks(), store, workers, repeats=1)]
+
+
+def test_a_cluster_gives_what_this_machine_gives(tmp_path, address):
+    with pool(dask=address) as cluster:
+        far = values(Store(tmp_path / "far"), cluster)
+    assert far == values(Store(tmp_path / "here"), None)
+    assert far == values(Store(tmp_path / "far"), None)  # and it was stored here
+
+
+def test_both_workers_are_used(address):
+    with pool(dask=address) as cluster:
+        names = {future.result() for future in [cluster.submit(slowly) for _ in range(8)]}
+    assert len(names) == 2
+
+
+def slowly() -> str:
+    """Takes long enough for another worker to take the next."""
+    import time
+
+    time.sleep(0.2)
+    return str(distributed.get_worker().address)
+
+
+def test_bad_input_comes_back_from_a_cluster(tmp_path, address):
+    wrong = replace(tasks()[0], setting=tasks()[0].setting.but(integrator="Simpson"))
+    with pytest.raises(InputError, match="known: euler"), pool(dask=address) as cluster:
+        run([wrong], Store(tmp_path), cluster)

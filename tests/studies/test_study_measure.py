@@ -1,0 +1,236 @@
+"""What a run of a study gives: errors as shares of a range, invariants, failures, wall times."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import Case, load_case
+from proofmass.compare import reference_for
+from proofmass.drive import State
+from proofmass.errors import InputError
+from proofmass.isolate import Crashed, TimedOut
+from proofmass.reference import evaluate, grid, laws
+from proofmass.sim.protocol import Array, Curves, Diverged, Unsupported
+from proofmass.solve import simulate
+from proofmass.strict import Kind
+from proofmass.studies import core, measure
+from proofmass.studies import truth as truths
+from proofmass.studies.core import own_core, pinned
+from proofmass.studies.measure import Task, not_finite, observe, shares
+from proofmass.studies.run import row
+from proofmass.studies.setting import Setting
+from proofmass.studies.truth import truth
+from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
+
+MODELS = Path(__file__).parents[2] / "models"
+PENDULUM = load_case(MODELS / "pendulum.toml")
+FOURBAR = load_case(MODELS / "fourbar.toml")
+EULER = Setting("mujoco", {"integrator": "Euler"})
+LIMITED = pytest.mark.skipif(not core.cores(), reason="runs are not pinned here")
+
+
+def driven(case: Case, kind: Kind, x: Array) -> State:
+    """The state of a drive that does what its law says."""
+    value, rate, acceleration = laws(case, kind)[0](x)
+    return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))
+
+
+def seen(step: float, setting: Setting = EULER) -> measure.Found:
+    """The pendulum in MuJoCo, ten seconds from the horizontal."""
+    return observe(Task(PENDULUM, "duration", setting.but(timestep=step)), False, None)
+
+
+def test_errors_are_shares_of_the_range_of_the_reference():
+    x = grid(PENDULUM, "duration")
+    exact = evaluate(PENDULUM, x, None).channels
+    off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
+    found = shares(PENDULUM, "duration", Curves(x, off))
+    assert found == {"position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # from side to side
+                     "energy": pytest.approx(0.01, rel=1e-6)}
+
+
+def test_of_several_channels_of_a_kind_the_worst_counts():
+    x = grid(FOURBAR, "duration")
+    state = driven(FOURBAR, "duration", x)
+    exact = evaluate(FOURBAR, x, state).channels
+    places = [name for name, c in FOURBAR.channels.items() if c.unit in ("rad", "m")]
+    assert len(places) > 2
+    for worst in places:
+        off = {n: y + (2e-3 if n == worst else 1e-3) * np.ptp(y) for n, y in exact.items()}
+        found = shares(FOURBAR, "duration", Curves(x, off, drive=state))
+        assert found["position"] == pytest.approx(2e-3, rel=1e-9)
+        assert found["rate"] == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_errors_are_told_at_the_state_the_drive_really_had():
+    x = grid(FOURBAR, "duration")
+    value, rate, acceleration = driven(FOURBAR, "duration", x)
+    late = value - 1e-3, rate, acceleration
+    exact = evaluate(FOURBAR, x, late).channels
+    assert max(shares(FOURBAR, "duration", Curves(x, exact, drive=late)).values()) == 0.0
+
+
+def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(models, monkeypatch):
+    def count(case, curves):
+        asked.append(case.parameters)
+        return reference_for(case, curves)
+
+    asked: list[dict] = []
+    monkeypatch.setattr(truths, "reference_for", count)
+    case, x = load_case(models / "fourbar.toml"), grid(FOURBAR, "duration")
+    state = driven(FOURBAR, "duration", x)
+    late = state[0] - 1e-3, *state[1:]
+    longer = case.model_copy(update={"parameters": {**case.parameters, "crank": 1.01}})
+    settled = case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})
+    for _ in range(2):
+        for one, drive in ((case, state), (settled, state), (case, late), (longer, state)):
+            curves = Curves(x, {}, drive=drive)
+            found, fresh = truth(one, curves), reference_for(one, curves).channels
+            assert all(np.array_equal(found[name], fresh[name]) for name in fresh)
+    assert len(asked) == 3
+    os.utime(case.model_path, (0, 0))
+    truth(case, curves)
+    assert len(asked) == 4
+
+
+def test_curves_that_are_constant_have_no_share():
+    case = load_case(MODELS / "peaucellier.toml")
+    x = grid(case, "sweep")
+    state = driven(case, "sweep", x)
+    curves = {n: y + 1.0 for n, y in evaluate(case, x, state).channels.items()
+              if isinstance(case.channels[n].equals, float)}
+    assert curves
+    assert shares(case, "sweep", Curves(x, curves, drive=state)) == {}
+
+
+@pytest.mark.parametrize("step", [0.01, 0.0025])
+def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(step):
+    # H - h/2 p V'(q) stays to second order, so H is off by the largest h/2 p V' = h/2 sqrt(2 g)
+    # max(sin q sqrt(cos q)) g, at cos q = 1/sqrt(3); K is g at most.  The next order is h omega.
+    drift = step / 2 * np.sqrt(2 * 9.81) * np.sqrt(2 / 3 / np.sqrt(3))
+    assert seen(step).invariants["energy"] == pytest.approx(drift, rel=step * np.sqrt(9.81))
+
+
+def test_gap_is_told_and_energy_is_none_where_something_drives():
+    found = observe(Task(FOURBAR, "duration", Setting("mujoco", {"timestep": 4e-3})), False, None)
+    assert set(found.invariants) == {"gap"}
+    assert 0 < found.invariants["gap"] < 1e-3
+
+
+def test_a_pendulum_that_is_braked_keeps_no_energy(models, edit):
+    edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" damping="0.1"/>')
+    braked = Task(load_case(models / "pendulum.toml"), "duration", EULER)
+    assert "energy" not in observe(braked, False, None).invariants
+
+
+def test_steps_and_seconds_are_those_of_the_engine():
+    found = seen(0.01)
+    assert found.steps == 1000
+    assert 0 < found.seconds < 60
+    again = observe(Task(PENDULUM, "duration", EULER.but(timestep=0.01)), True, None)
+    assert (again.steps, again.errors, again.complete) == (1000, {}, True)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
+    """Whole steps lead from sample to sample: 18 in the 17.45 ms of this case, not 17.45."""
+    task = Task(FOURBAR, "duration", Setting(engine, {"timestep": 1e-3}))
+    found = observe(task, False, None)
+    assert found.step == pytest.approx(2 * np.pi / 360 / 18, rel=1e-12)
+    assert row(task, [found], timed=False).step == found.step
+    swept = observe(Task(FOURBAR, "sweep", Setting(engine)), False, None)
+    assert np.isnan(swept.step)
+
+
+@pytest.mark.parametrize(("error", "outcome"), [
+    (Diverged("lost"), "diverged"), (Unsupported("a hinge"), "unsupported"),
+    (Crashed("signal 6"), "crashed"), (TimedOut("no answer"), "timed out")])
+def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(measure, "isolated", fail)
+    found = measure.measure(Task(PENDULUM, "duration", EULER), False, 5.0)
+    assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
+
+
+def test_what_the_model_or_a_knob_is_to_blame_for_is_bad_input(monkeypatch):
+    wrong = Task(PENDULUM, "duration", Setting("mujoco", {"speed": 3}))
+    monkeypatch.setattr(measure, "isolated", lambda function, *args, **_: function(*args))
+    with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
+        measure.measure(wrong, False, 60.0)
+    with pytest.raises(InputError):
+        observe(wrong, False, None)
+
+
+def test_curves_that_are_not_finite_have_no_errors(monkeypatch):
+    curves = Curves(np.arange(3.0), {"a": np.zeros(3), "b": np.array([0.0, np.nan, np.inf])})
+    assert not_finite(curves.channels) == "b at sample 1"
+    monkeypatch.setattr(measure, "simulate", lambda *_: curves)
+    found = observe(Task(PENDULUM, "duration", EULER), False, None)
+    assert (found.outcome, found.message, found.errors) == ("not finite", "b at sample 1", {})
+
+
+def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypatch):
+    case = load_case(MODELS / "double_rocker.toml")
+    x = grid(case, "duration")
+    away = np.full((1, x.size), np.pi), np.ones((1, x.size)), np.zeros((1, x.size))
+    monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, {}, drive=away))
+    found = observe(Task(case, "duration", EULER), False, None)
+    assert found.outcome == "no reference"
+    assert found.message
+
+
+def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
+    x = grid(PENDULUM, "duration")
+    exact = evaluate(PENDULUM, x, None).channels
+    monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, exact))
+    monkeypatch.setattr(measure, "truth", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)})
+    found = observe(Task(PENDULUM, "duration", EULER), False, None)
+    assert (found.outcome, found.errors) == ("no reference", {})
+    assert found.message == "rate at sample 101"
+
+
+def test_a_sweep_that_ends_early_is_told(monkeypatch):
+    x = grid(PENDULUM, "duration")[:9]
+    part = Curves(x, evaluate(PENDULUM, x, None).channels, stopped="a limit")
+    monkeypatch.setattr(measure, "simulate", lambda *_: part)
+    found = observe(Task(PENDULUM, "duration", EULER), False, None)
+    assert (found.outcome, found.message, found.complete) == ("stopped", "a limit", True)
+
+
+@LIMITED
+def test_a_processor_is_given_to_one_run_at_a_time(monkeypatch):
+    monkeypatch.setattr(core, "cores", lambda: [0, 1])
+    with own_core() as one, own_core() as other:
+        assert {one, other} == {0, 1}
+        monkeypatch.setattr(core.time, "sleep", lambda _: (_ for _ in ()).throw(TimeoutError))
+        with pytest.raises(TimeoutError), own_core():
+            pass
+    with own_core() as again:
+        assert again in (0, 1)
+
+
+@LIMITED
+def test_a_process_is_pinned_for_a_run_only(monkeypatch):
+    def look(*run):
+        where.append(os.sched_getaffinity(0))
+        return simulate(*run)
+
+    before, where = os.sched_getaffinity(0), list[set[int]]()
+    monkeypatch.setattr(measure, "simulate", look)
+    with pinned(min(before)):
+        assert os.sched_getaffinity(0) == {min(before)}
+    assert os.sched_getaffinity(0) == before
+    assert observe(Task(PENDULUM, "duration", EULER), False, min(before)).pinned
+    assert where == [{min(before)}]
+    assert os.sched_getaffinity(0) == before
+
+
+def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
+    monkeypatch.setattr(core, "cores", list)
+    with own_core() as none:
+        assert none is None
+    assert not seen(0.01).pinned

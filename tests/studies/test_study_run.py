@@ -1,0 +1,272 @@
+"""Running studies: rounds, resuming, interrupts, and SIGKILL at any moment."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from proofmass.case import load_case
+from proofmass.errors import InputError
+from proofmass.sim.protocol import Curves
+from proofmass.studies import measure, truth
+from proofmass.studies import run as runs
+from proofmass.studies.measure import Found, shares
+from proofmass.studies.row import NAN, Row
+from proofmass.studies.run import pool, reference_of, row, run
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.table import read_table
+from tests.studies.study_tasks import MODELS, own_locks, tasks  # noqa: F401, a fixture of all tests
+
+STUDY = """
+import sys
+from pathlib import Path
+from proofmass.studies.run import pool, run
+from proofmass.studies.store import Store
+from proofmass.studies.table import write_table
+from proofmass.sim.protocol import Curves
+from tests.studies.study_tasks import tasks
+
+folder = Path(sys.argv[1])
+with pool(jobs=2) as workers:
+    rows = run(tasks()[:int(sys.argv[2])], Store(folder), workers, repeats=1)
+write_table(rows, folder / "trade.csv")
+"""
+FEW = tasks()[:2]
+
+
+class Here:
+    """An executor that does nothing beside: results are there at once, calls are kept."""
+
+    def __init__(self):
+        self.calls: list[tuple] = []
+
+    def submit(self, function, *args):
+        self.calls.append(args)
+        future: Future = Future()
+        try:
+            future.set_result(function(*args))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+def found(seconds: float, **changed: object) -> Found:
+    return replace(Found({"position": 1e-3}, {"gap": 0.0}, seconds, 10, True, 0.5, "x"), **changed)
+
+
+@pytest.fixture
+def timed(monkeypatch):
+    """Runs that take seconds from a list, and nothing in truth."""
+    def take(*seconds):
+        left = iter(seconds)
+        monkeypatch.setattr(runs, "measure", lambda task, again, timeout: found(next(left)))
+    return take
+
+
+def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, timed):
+    timed(*[1.0] * 6)
+    workers = Here()
+    run(FEW, Store(tmp_path), workers, repeats=2, timeout=7.0)
+    assert [(task.value, again) for task, again, _ in workers.calls] == [
+        (step, again) for again in (False, True, True) for step in (0.01, 0.005)]
+    assert {limit for *_, limit in workers.calls} == {7.0}
+
+
+def test_seconds_are_the_least_of_the_repeats_without_the_first_run(tmp_path, timed):
+    timed(0.1, 0.5, 0.3, 0.4)
+    one, = run(FEW[:1], Store(tmp_path), Here(), repeats=3)
+    assert (one.seconds, one.repeats) == (0.3, (0.5, 0.3, 0.4))
+
+
+def test_a_long_run_is_not_repeated_and_says_so(tmp_path, timed):
+    timed(3.0, 1.9, 1.8, 1.7)
+    long, short = run(FEW, Store(tmp_path), Here(), repeats=2, patience=2.0)
+    assert long.repeats == (3.0,)
+    assert short.repeats == (1.8, 1.7)
+
+
+def test_without_repeats_nothing_is_timed(tmp_path, timed):
+    timed(0.1)
+    one, = run(FEW[:1], Store(tmp_path), Here(), repeats=0)
+    assert (one.seconds, one.repeats) == (0.1, ())
+
+
+def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
+    timed(0.1)
+    twin = replace(FEW[0], line="another", axis="integrator", value=NAN)
+    workers = Here()
+    rows = run([FEW[0], twin], Store(tmp_path), workers, repeats=0)
+    assert len(workers.calls) == 1
+    assert [(one.line, one.axis) for one in rows] == [("mujoco Euler", "timestep"),
+                                                      ("another", "integrator")]
+
+
+def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
+    timed(*[0.1] * 5)
+    first = run(FEW[:1], Store(tmp_path), Here(), repeats=1)
+    seen, workers = [], Here()
+    rows = run(FEW, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told))
+    assert rows[:1] == first
+    assert [(task.value, again) for task, again, _ in workers.calls] == [(0.005, False),
+                                                                         (0.005, True)]
+    assert seen[-1][1:] == (4, 4)
+    assert run(FEW, Store(tmp_path), Here(), repeats=1) == rows  # nothing is left to take
+
+
+def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
+    store = Store(tmp_path)
+    for one, task in zip(run(FEW, store, repeats=0), FEW, strict=True):
+        kept = store.curves(one.key)
+        curves = Curves(kept["x"], {name.removeprefix("channel."): values
+                                    for name, values in kept.items() if name != "x"})
+        assert shares(task.case, "duration", curves) == one.errors
+
+
+def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch):
+    """It is evaluated once, into a file; workers that come later read it."""
+    limits = []
+
+    def isolated(function, *args, timeout, **_):
+        limits.append((function.__name__, timeout))
+        return function(*args)
+
+    monkeypatch.setattr(measure, "isolated", isolated)
+    plain = [measure.measure(task, False, 9.0).errors for task in FEW]
+    limits.clear()
+    rows = run(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
+    assert [row.errors for row in rows] == plain
+    assert limits == [("write_truth", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
+    file, = tmp_path.glob("*.truth.npz")
+    monkeypatch.setattr(truth, "known", {})
+    monkeypatch.setattr(truth, "reference_for", None)
+    third = tasks()[2]
+    assert run([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
+    assert reference_of(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
+    driven = replace(third, case=load_case(MODELS / "fourbar.toml"))
+    assert reference_of(driven, Store(tmp_path)) is None
+
+
+def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
+    lost = Found(outcome="diverged", message="lost at 1 s")
+    monkeypatch.setattr(runs, "measure", lambda task, again, timeout:
+                        found(0.1) if task.value == 0.005 else lost)
+    bad, good = run(FEW, Store(tmp_path), Here(), repeats=2)
+    assert (bad.outcome, bad.message) == ("diverged", "lost at 1 s")
+    assert (bad.errors, bad.repeats) == ({}, ())
+    assert (good.outcome, len(good.repeats)) == ("ran", 2)
+
+
+def test_a_repeat_that_fails_is_a_failure():
+    one = row(FEW[0], [found(0.1), found(0.2), Found(outcome="crashed", message="signal 6")], True)
+    assert (one.outcome, one.message, one.repeats) == ("crashed", "repeat 2: signal 6", (0.2,))
+
+
+def test_an_interrupt_keeps_what_is_done(tmp_path, timed):
+    def stop(label, done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    timed(*[0.1] * 5)
+    with pytest.raises(KeyboardInterrupt):
+        run(tasks()[:5], Store(tmp_path), Here(), repeats=0, progress=stop)
+    assert len(list(tmp_path.glob("*.json"))) == 3
+
+
+def test_bad_input_ends_a_study(tmp_path):
+    wrong = replace(FEW[0], setting=FEW[0].setting.but(integrator="Simpson"))
+    with pool(1) as workers, pytest.raises(InputError, match=r"known: euler, .*'Simpson'"):
+        run([wrong], Store(tmp_path), workers)
+
+
+def test_a_cluster_that_is_not_there_is_one_line(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(runs, "CONNECT", "100ms")
+    with pytest.raises(ValueError, match=r"--dask tcp://127.*host:8786") as told, \
+            pool(dask="tcp://127.0.0.1:9"):
+        pass
+    assert "\n" not in str(told.value)
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match=r"pip install proofmass\[dask\]"), pool(dask="tcp://a:1"):
+        pass
+
+
+def begin(folder: Path, count: int) -> subprocess.Popen:
+    """A study of so many tasks in a process group of its own."""
+    return subprocess.Popen([sys.executable, "-c", STUDY, str(folder), str(count)],
+                            cwd=Path(__file__).parents[2], start_new_session=True,
+                            stderr=subprocess.PIPE, text=True)
+
+
+def files(folder: Path) -> dict[str, int]:
+    """Finished runs, by when they were written [ns]."""
+    return {one.name: one.stat().st_mtime_ns for one in folder.glob("*.json")}
+
+
+def killed(folder: Path, count: int, after: int, later: float, how: signal.Signals) -> str:
+    """Begin a study and stop it so much later than so many more runs are there; what it said."""
+    there, study = len(files(folder)), begin(folder, count)
+    while study.poll() is None and len(files(folder)) < there + after:
+        time.sleep(1e-3)
+    time.sleep(later)
+    os.killpg(study.pid, how)
+    return study.communicate(timeout=60)[1]
+
+
+def untimed(folder: Path) -> list[str]:
+    """The rows of a study without what was measured by clocks."""
+    return [repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN))
+            for one in read_table(folder / "trade.csv")]
+
+
+def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
+    """A study that is killed again and again gives the table of one that is left alone."""
+    torn, whole, dice = tmp_path / "torn", tmp_path / "whole", random.Random(seed)
+    torn.mkdir()
+    before = files(torn)
+    for _ in range(kills):
+        killed(torn, count, dice.randint(1, 2 * count // (kills + 1)), dice.uniform(0, 0.02),
+               signal.SIGKILL)
+        now = files(torn)
+        assert now.items() >= before.items()  # what was there is not made again
+        before = now
+        assert not (torn / "trade.csv").exists()
+    for folder in (torn, whole):
+        assert begin(folder, count).communicate()[1] == ""
+    assert files(torn).items() >= before.items()
+    assert {one.stem for one in torn.glob("*.npz")} == {one.split(".")[0] for one in files(torn)}
+    assert files(torn).keys() == files(whole).keys()
+    assert len(files(torn)) == 2 * count
+    assert untimed(torn) == untimed(whole)
+
+
+@pytest.mark.slow
+def test_a_study_killed_ten_times_gives_the_same_table(tmp_path):
+    same_after(10, 20, tmp_path)
+
+
+def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
+    said = killed(tmp_path, 8, 2, 0.0, signal.SIGINT)  # the workers get it as well
+    assert "KeyboardInterrupt" in said
+    assert begin(tmp_path, 8).communicate()[1] == ""
+    assert [one.outcome for one in read_table(tmp_path / "trade.csv")] == ["ran"] * 8
+
+
+def test_runs_side_by_side_are_those_one_after_the_other(tmp_path):
+    def rows(jobs: int) -> list[Row]:
+        with ThreadPoolExecutor(jobs) as workers:
+            return run(tasks(), Store(tmp_path / str(jobs)), workers, repeats=0)
+
+    one, two = ([(r.errors, r.invariants, r.steps, r.outcome) for r in rows(n)] for n in (1, 2))
+    assert one == two
+    assert all(errors for errors, *_ in one)

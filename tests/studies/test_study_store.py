@@ -1,0 +1,174 @@
+"""The store of studies and their tables: whole files, keys that tell apart what differs."""
+
+import json
+import os
+from dataclasses import replace
+
+import pytest
+
+from proofmass.case import load_case
+from proofmass.errors import InputError
+from proofmass.files import write_whole
+from proofmass.studies import store as stores
+from proofmass.studies.measure import Found, Task
+from proofmass.studies.row import NAN, Row
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store, key_of
+from proofmass.studies.table import COLUMNS, read_table, table, write_table
+from tests.studies.study_tasks import tasks
+
+TASK = tasks()[0]
+FOUND = Found({"position": 1e-3}, {"gap": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
+LATE = Found(outcome="timed out", message="no answer in 5 s")
+ROWS = [Row("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 1e-3,
+            {"timestep": 1e-3, "integrator": "RK4", "solref": (0.02, 1.0), "defaults": True},
+            {"position": 0.1 + 0.2}, {"gap": 0.0}, 0.1, 7, (0.1, 0.25), True, 0.5, "x 2"),
+        Row("trade", "pendulum", "duration", "pymunk", "a, \"b\"", "iterations", NAN,
+            {"iterations": 10, "word": "8"}, outcome="diverged", message="lost at\ntime 1 s")]
+
+
+def test_what_was_saved_is_loaded(tmp_path):
+    kept = Store(tmp_path / "new" / "store")
+    assert kept.load("key", 0) is None
+    kept.save("key", 0, TASK, FOUND, 5.0)
+    assert Store(kept.folder).load("key", 0) == FOUND
+    assert kept.load("key", 1) is None
+    assert kept.load("other", 0) is None
+
+
+def test_a_run_that_was_given_up_is_made_again_with_more_time_only(tmp_path):
+    kept = Store(tmp_path)
+    kept.save("key", 0, TASK, LATE, 5.0)
+    assert repr(kept.load("key", 0, timeout=5.0)) == repr(LATE)
+    assert kept.load("key", 0, timeout=6.0) is None
+
+
+@pytest.mark.parametrize("record", [
+    "[]", "{}", '{"timeout": 5}', '{"found": {}, "timeout": "long"}', "[" * 100_000,
+    '{"found": {"errors": 3}, "timeout": 5}', '{"found": {"colour": 1}, "timeout": 5}'])
+def test_a_record_that_something_else_wrote_is_one_line(tmp_path, record):
+    kept = Store(tmp_path)
+    kept.file("key", 0).write_text(record)
+    with pytest.raises(InputError, match=r"key\.0\.json: not what a study wrote there; delete it"):
+        kept.load("key", 0)
+
+
+def test_curves_that_something_else_wrote_are_one_line(tmp_path):
+    (tmp_path / "key.npz").write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"key\.npz: not what a study wrote there; delete it"):
+        Store(tmp_path).curves("key")
+
+
+@pytest.mark.parametrize("when", ["fsync", "replace"])
+def test_an_interrupted_write_leaves_the_old_file_or_none(tmp_path, monkeypatch, when):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    kept, file = Store(tmp_path), tmp_path / "old.json"
+    write_whole(file, "old")
+    monkeypatch.setattr(os, when, stop)
+    with pytest.raises(KeyboardInterrupt):
+        kept.save("key", 0, TASK, FOUND, 5.0)
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(file, "new")
+    monkeypatch.undo()
+    assert kept.load("key", 0) is None
+    assert [one.name for one in tmp_path.glob("*.json")] == ["old.json"]
+    assert file.read_text() == "old"
+
+
+def test_only_old_halves_are_removed(tmp_path):
+    old, young = tmp_path / "a.json.1.part", tmp_path / "b.json.1.part"
+    for half in (old, young):
+        half.touch()
+    os.utime(old, (0, 0))
+    Store(tmp_path)
+    assert [half.name for half in tmp_path.glob("*.part")] == [young.name]
+
+
+def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
+    case = TASK.case
+    run = case.run["duration"].model_copy(update={"timeout": 5.0, "solvers": ("pymunk",)})
+    same = [
+        replace(TASK, study="choose", line="another", axis="integrator", value=NAN),
+        replace(TASK, case=case.model_copy(update={"title": "", "source": "", "tolerance": ()})),
+        replace(TASK, case=case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})),
+        replace(TASK, case=case.model_copy(update={"run": {"duration": run}}))]
+    assert {key_of(task) for task in same} == {key_of(TASK)}
+
+
+def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
+    def key(**changed):
+        return key_of(replace(TASK, case=TASK.case.model_copy(update=changed)))
+
+    run = TASK.case.run["duration"].model_copy(update={"until": 0.6})
+    keys = [key_of(TASK), *(key_of(task) for task in tasks()[1:]),
+            key_of(replace(TASK, setting=TASK.setting.but(tolerance=1e-6))),
+            key(parameters={**TASK.case.parameters, "length": 1.001}), key(run={"duration": run})]
+    edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
+    keys.append(key_of(tasks(models)[0]))
+    monkeypatch.setattr(stores, "versions", lambda engine: {engine: "9.9"})
+    keys.append(key_of(TASK))
+    monkeypatch.undo()
+    monkeypatch.setattr(stores, "sources", lambda: "other code")
+    keys.append(key_of(TASK))
+    assert len(set(keys)) == len(keys)
+
+
+def test_the_same_model_in_another_place_has_the_same_key(models, edit):
+    edit("pendulum.xml", "<!--", "<!-- It swings.")
+    assert key_of(tasks(models)[0]) == key_of(TASK)
+
+
+def test_keys_tell_recorded_curves_apart(models):
+    def key():
+        case = load_case(models / "hacksaw_recorded.toml")
+        return key_of(Task(case, next(iter(case.run)), Setting("mujoco")))
+
+    before, file = key(), next(models.glob("*.csv"))
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:-1], lines[-1].replace("1", "2")]) + "\n")
+    assert key() != before
+
+
+def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
+    task = Task(load_case(TASK.case.file.parent / "rod_cantilever.toml"), "rest",
+                Setting("mujoco", {"segments": 10}))
+    assert key_of(task) != key_of(replace(task, setting=task.setting.but(segments=20)))
+    with pytest.raises(InputError, match="segments"):
+        key_of(replace(task, setting=task.setting.but(segments=1)))
+
+
+def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
+    file = tmp_path / "trade.csv"
+    write_table(ROWS, file)
+    assert repr(read_table(file)) == repr(ROWS)  # NaN equals nothing
+    described = (tmp_path / "trade.columns.md").read_text()
+    for column in table(ROWS).splitlines()[0].split(","):
+        assert f"| `{column.partition('.')[0]}" in described
+        assert column.partition(".")[0] in COLUMNS
+
+
+def test_what_is_no_table_is_bad_input(tmp_path):
+    file = tmp_path / "trade.csv"
+    with pytest.raises(InputError, match=r"trade\.csv: no table there"):
+        read_table(file)
+    file.write_text(table(ROWS).replace("engine", "solver"))
+    with pytest.raises(InputError, match="not the table of a study: no column 'engine'"):
+        read_table(file)
+
+
+def test_a_table_is_written_as_parquet_where_that_is_possible(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    write_table(ROWS, tmp_path / "trade.csv")
+    columns = parquet.read_table(tmp_path / "trade.parquet").to_pydict()
+    assert columns["error.position"] == [0.1 + 0.2, None]
+    assert columns["outcome"] == ["ran", "diverged"]
+
+
+def test_records_tell_what_they_are_of(tmp_path):
+    Store(tmp_path).save("key", 2, TASK, FOUND, 5.0)
+    record = json.loads((tmp_path / "key.2.json").read_text())
+    assert record["case"] == "pendulum"
+    assert record["knobs"] == TASK.setting.knobs
+    assert {"mujoco", "numpy", "proofmass"} <= set(record["versions"])

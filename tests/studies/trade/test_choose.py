@@ -1,0 +1,590 @@
+"""Choosing: the cheapest setting that holds, what turns the choice, lines that can be pasted."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pymunk
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.analytic.linkages import pendulum
+from proofmass.case import Case, load_case
+from proofmass.cli import app
+from proofmass.isolate import TimedOut
+from proofmass.reference import compiled
+from proofmass.sim.mujoco.settings import configure
+from proofmass.sim.protocol import Diverged, Unsupported
+from proofmass.solve import plan
+from proofmass.studies.row import Row
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.choose import (
+    MARGIN,
+    Cannot,
+    beside,
+    best,
+    choose,
+    default,
+    enough,
+    floor_at,
+    printed,
+    words,
+)
+from proofmass.studies.trade.choose_command import solver_for
+from proofmass.studies.trade.finer import Limits
+from proofmass.studies.trade.search import search
+from proofmass.studies.trade.snippet import pasted, snippet
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
+from tests.studies.trade.trade_rows import line, study, verdict
+
+MODELS = Path(__file__).parents[3] / "models"
+
+
+@pytest.fixture
+def fourbar() -> Case:
+    return load_case(MODELS / "fourbar.toml")
+
+
+def holds(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
+    """A run that gives again what was measured."""
+    return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.knobs))
+
+
+def chosen(case: Case, rows: list[Row], wanted: float, **asked: object):
+    return choose(case, "duration", rows, wanted, **{"verify": holds, **asked})
+
+
+def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
+    """Of 100 h^2 with 6.28e-5 / h seconds the largest step with 2 * 100 h^2 <= 1e-4 is 0.5 ms."""
+    rows = [*line("slow", cost=1e-4), *line("quick"), *line("poor", order=1.0)]
+    found = chosen(fourbar, rows, 1e-4)
+    assert (found.row.line, found.row.value) == ("quick", 0.0005)
+    assert MARGIN * found.row.errors["position"] <= 1e-4 < MARGIN * 100 * 0.001**2
+
+
+@pytest.mark.parametrize("changed", [
+    {"errors": {"position": 1.0001e-4 / MARGIN}}, {"errors": {"position": nan}}, {"errors": {}},
+    {"errors": {"position": inf}}, {"outcome": "diverged"}, {"seconds": nan}])
+def test_what_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> None:
+    rows = [replace(row, **changed) if row.value == 0.0005 else row for row in line("quick")]
+    assert chosen(fourbar, rows, 1e-4).row.value == 0.00025
+
+
+@pytest.mark.parametrize("errors", [(2e-4, 1e-6), (1e-6, 2e-4), (nan, 1e-6), (1e-6, nan)])
+def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tuple) -> None:
+    def lucky(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
+        check = holds(case, kind, row, of, wanted)
+        return replace(check, fresh=errors[0], shifted=errors[1]) if row.value == 0.0005 else check
+
+    found = chosen(fourbar, line("quick"), 1e-4, verify=lucky)
+    assert found.row.value == 0.00025
+    assert len(found.refused) == 1
+    assert found.refused[0].startswith("quick, timestep 0.5 ms")
+
+
+def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
+    rows, verdicts = study()
+    both = {e: chosen(fourbar, rows, 1e-6, engine=e, verdicts=verdicts).row.engine
+            for e in ("mujoco", "pymunk")}
+    assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
+    steps = [chosen(fourbar, line("quick"), 1e-3, of=of).row.value
+             for of in ("position", "rate", "acceleration")]
+    assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
+
+
+def test_beside_the_defaults(fourbar: Case) -> None:
+    """First order, 0.05 h: 2.5e-5 at 0.5 ms, where 100 h^2 is 1.6e-3: nothing to compare yet."""
+    plain = line("plain", order=1.0, scale=0.05, defaults=True, integrator="Euler")
+    tuned = line("tuned", cost=1e-6)
+    assert all(map(default, plain))
+    assert not any(map(default, tuned))
+    found = chosen(fourbar, [*plain, *tuned], 1e-4)  # both at h with error 2.5e-5
+    assert found.row.line == "tuned"
+    assert found.ratio == pytest.approx(5.0, rel=0.01)  # 1 ms against 0.5 ms, a tenth of the price
+    alone = chosen(fourbar, plain, 1e-4)
+    assert (alone.ratio, alone.beside) == (1.0, "these are the engine's defaults, refined")
+
+
+@pytest.mark.parametrize(("order", "scale"), [(1.0, 0.1), (2.0, 1600.0)])
+def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scale: float) -> None:
+    """6.25e-6 off at 1/16 ms; to 5e-7 a factor 12.5 is left, its root in steps of second order."""
+    plain = line("plain", order=order, scale=scale, defaults=True)
+    assert plain[-1].errors["position"] == pytest.approx(6.25e-6)
+    tuned = line("tuned", cost=1e-6)
+    found = chosen(fourbar, [*plain, *tuned], 1e-6)
+    cost = 12.5 ** (1 / order) * plain[-1].seconds
+    assert found.ratio == pytest.approx(cost / found.row.seconds)
+    assert np.isnan(chosen(fourbar, [plain[-1], *tuned], 1e-6).ratio)  # no order: no guess
+    risen = [replace(plain[-2], errors={"position": 1e-6}), plain[-1]]
+    assert np.isnan(chosen(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
+
+
+def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
+    """They are at the level of that floor by chance, and fall on."""
+    plain = line("plain", order=1.0, scale=0.1, defaults=True)
+    level = plain[-1].errors["position"]
+    others = verdict("other", 2.0, level, "iterations")
+    found = chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6, verdicts=others)
+    assert "never" not in found.beside
+    assert found.ratio > 1
+    own = verdict("plain", 1.0, level, "iterations")
+    assert "never get there" in chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6,
+                                       verdicts=own).beside
+
+
+def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
+    """Those at 1 ms were lucky: the price of the defaults is that of a half or a quarter of it."""
+    plain = line("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
+    tuned = line("tuned", cost=1.5e-6)
+
+    def lucky(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
+        check = holds(case, kind, row, of, wanted)
+        return replace(check, shifted=1.0) if (row.line, row.value) == ("plain", 0.001) else check
+
+    found = chosen(fourbar, [*plain, *tuned], 1e-4, verify=lucky)
+    assert (found.row.line, found.row.value, found.ratio) == ("plain", 0.0005, 1.0)
+    dear = [replace(row, seconds=5 * row.seconds) if row.value == 0.0005 else row for row in plain]
+    found = chosen(fourbar, [*dear, *tuned], 1e-4, verify=lucky)
+    assert found.row.line == "tuned"
+    assert found.ratio == pytest.approx(dear[6].seconds / found.row.seconds)
+
+
+def test_a_floor_is_named(fourbar: Case) -> None:
+    rows, verdicts = study()
+    mine = [row for row in rows if row.engine == "mujoco"]
+    found = chosen(fourbar, mine, 1e-4, verdicts=verdicts)
+    assert "defaults never get there: the error floor is 2e-4, softness of the loop" in found.beside
+    assert np.isnan(found.ratio)
+    with pytest.raises(Cannot, match=r"the best, MuJoCo RK4, solref 8 dt.* the error floor is "
+                       r"3e-8, cap of solimp; halving solref divides the error by 4.0"):
+        chosen(fourbar, mine, 1e-9, verdicts=verdicts)
+    # 100 h^2 with 6.28e-5 / h seconds: to 0.8 * 5e-10, h = 2e-6 s and 31 s
+    needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
+    with pytest.raises(Cannot, match=needs + "proofmass choose measures finer steps"):
+        chosen(fourbar, line("quick"), 1e-9)
+    with pytest.raises(Cannot, match=needs + "--longest is 30$"):
+        chosen(fourbar, line("quick"), 1e-9, limits=Limits(longest=30.0))
+    with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
+        chosen(fourbar, line("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
+    lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
+    with pytest.raises(Cannot, match=r"^no setting ran, of \d+: \d+ diverged; the first, "
+                       r"[^;]*: diverged: open by 1 m$"):
+        chosen(fourbar, lost, 1e-3)
+
+
+def test_many_reasons_are_two(fourbar: Case) -> None:
+    """A reason of its own for each setting, such as the time at which it was lost."""
+    lost = [replace(row, outcome=outcome, message=f"lost at {k} s", errors={}) for k, (row, outcome)
+            in enumerate(zip(line("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False))]
+    with pytest.raises(Cannot) as why:
+        chosen(fourbar, lost, 1e-3)
+    first, second = str(why.value).split("; ")
+    assert first == f"no setting ran, of {len(lost)}: " + ", ".join(
+        f"{n} {word}" for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")],
+                                            reverse=True))
+    assert second == "the first, quick, timestep 16 ms: diverged: lost at 0 s"
+    other = [replace(row, errors={"rate": 1.0}) for row in line("quick")]
+    with pytest.raises(Cannot, match="ran without position errors"):
+        chosen(fourbar, other, 1e-3)
+    with pytest.raises(Cannot, match="no setting was measured"):
+        chosen(fourbar, [], 1e-3)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "hacksaw", "pendulum", "slider_crank_inclined"])
+def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
+    """Each solver of the run that has settings, with what `check` runs it with."""
+    case = load_case(MODELS / f"{name}.toml")
+    step = compiled(case).opt.timestep
+    tried = [(s.engine, s.knobs) for line in lines(case, "duration") for s in line.settings]
+    for solver in case.run["duration"].solvers:
+        engine, _, variant = solver.partition(":")
+        if variant != "default":
+            own = {name: tuple(value) if isinstance(value, list) else value
+                   for name, value in plan(case, "duration", solver).settings.items()}
+            assert (engine, {"timestep": step, **own}) in tried
+
+
+@pytest.fixture
+def stiff(models: Path, edit: Callable[..., Path]) -> Path:
+    """A slider-crank with a plunger of 1e-7 kg, whose loop has to be stiff to drag it along.
+
+    The pin's time constant acts on the mass of both sides, which is that of the plunger, and
+    gravity pulls the coupler by 10 N: its own settings are Euler at 0.1 ms with 0.2 ms.
+    """
+    edit("slider_crank.xml", 'mass="1.5"', 'mass="1e-7"')
+    edit("slider_crank.xml", 'diaginertia="0.01 0.01 0.01"', 'diaginertia="1e-9 1e-9 1e-9"')
+    edit("slider_crank.xml", "1e-3", "1e-4")
+    edit("slider_crank.xml", "RK4", "Euler")
+    edit("slider_crank.xml", 'solref="0.005 1"', 'solref="0.0002 1"')
+    edit("slider_crank.toml", r"slider_mass = 1\.5", "slider_mass = 1e-7")
+    edit("slider_crank.toml", r'"mujoco", "mujoco:default", "pymunk", "pymunk:default"', '"mujoco"')
+    return edit("slider_crank.toml", r"(?s)\[\[tolerance\]\].*",
+                '[[tolerance]]\nof_range = 1e-3\nwhy = "other steps are lost"\n')
+
+
+@pytest.mark.slow
+def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
+    """Where most other steps are lost."""
+    folder = stiff.parent / "trade"
+    rows = search(load_case(stiff), "position", 5e-3, Store(folder / "runs"), repeats=0)
+    assert "MuJoCo, as in the model" in {row.line for row in rows if row.outcome == "ran"}
+    assert len({row.line for row in rows if row.outcome != "ran"}) > 10
+    found = CliRunner().invoke(app, ["choose", str(stiff), "--error", "1e-2", "--store",
+                                     str(folder)])
+    assert found.exit_code == 0, found.output
+
+
+KNOBS = [{"timestep": 1e-3 / 3, "integrator": "EULER", "solver": "cg", "iterations": 7,
+          "tolerance": 0.0},
+         {"solref": (0.02 / 3, 1.0), "solimp": (0.9999, 0.9999, 0.001)},
+         {"solref": (0.03,)}, {"solimp": (0.99, 0.999)},
+         {"integrator": "discrete"}, {"defaults": True}, {"defaults": True, "timestep": 1e-5}]
+
+
+@pytest.mark.parametrize("knobs", KNOBS)
+@pytest.mark.parametrize("own", ["", ' solref="0.5 2"', ' class="soft"',
+                                 ' class="soft" solref="0.5 2" solimp="0.8 0.9 0.002 0.4 3"'])
+def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) -> None:
+    """The compiled options are, to the last bit, what `configure` writes."""
+    file = tmp_path / "fourbar.xml"
+    text = (MODELS / "fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
+    soft = ('<default><default class="soft"><equality solref="0.3 3" solimp="0.7 0.8 0.003"/>'
+            '</default></default><worldbody>')
+    file.write_text(text.replace("<worldbody>", soft, 1))
+    lines = snippet(Setting("mujoco", knobs), 0, file)
+    merged = mujoco.MjModel.from_xml_string(pasted(file, lines))
+    wanted = mujoco.MjModel.from_xml_path(str(file))
+    configure(wanted, {k: v for k, v in knobs.items() if k != "solver"})
+    if "solver" in knobs:
+        wanted.opt.solver = mujoco.mjtSolver.mjSOL_CG
+    for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian"):
+        assert getattr(merged.opt, name) == getattr(wanted.opt, name), name
+    assert np.array_equal(merged.eq_solref, wanted.eq_solref)
+    assert np.array_equal(merged.eq_solimp, wanted.eq_solimp)
+    wins = "class" in own or {"solref", "defaults"} & set(knobs)
+    softens = {"solref", "solimp", "defaults"} & set(knobs)
+    assert ("in itself" in lines) == bool(own and wins and softens)
+
+
+def test_lines_for_pymunk_step_a_space() -> None:
+    space = pymunk.Space()
+    body = pymunk.Body(1.0, 1.0)
+    pin = pymunk.PivotJoint(body, space.static_body, (0.0, 0.0))
+    space.add(body, pin)
+    knobs = {"timestep": 0.25, "iterations": 37, "error_bias": 0.5}
+    exec(snippet(Setting("pymunk", knobs), 9), {"space": space})
+    assert (space.iterations, pin.error_bias, space.current_time_step) == (37, 0.5, 0.25)
+    body.velocity = 1.0, 0.0
+    free = pymunk.Space()
+    loose = pymunk.Body(1.0, 1.0)
+    loose.velocity = 1.0, 0.0
+    free.add(loose)
+    exec(snippet(Setting("pymunk", knobs), 9), {"space": free})
+    assert loose.position.x == pytest.approx(9 * 0.25)  # as many steps as asked for
+
+
+def test_segments_are_the_sidecars() -> None:
+    for engine in ("mujoco", "pymunk"):
+        text = snippet(Setting(engine, {"segments": 40}), 1)
+        assert "every rod of the sidecar: segments = 40" in text
+        assert text.startswith(("#", "<!--"))
+
+
+def test_a_free_motion_starts_later_on_the_same_motion() -> None:
+    """The state that a shifted run starts from is the closed form's at that time."""
+    case = load_case(MODELS / "pendulum.toml")
+    angle, rate = state_at(case, 0.3)
+    truth = pendulum.solve(0.3, length=1.0, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
+    # by the general solver, at 3e-14 a step
+    assert angle == pytest.approx(truth["angle"], abs=1e-12)
+    assert rate == pytest.approx(truth["rate"], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", [
+    "fourbar", "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)])
+def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
+    case = load_case(MODELS / f"{name}.toml")
+    case = case.model_copy(update={"run": {"duration": case.run["duration"].model_copy(
+        update={"n": 101, "until": None if case.drive else 1.0})}})
+    row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3,
+              {"timestep": 2e-3, "integrator": "RK4"})
+    curves = shifted(case, "duration", Setting("mujoco", row.knobs))
+    whole, _ = fresh(case, "duration", Setting("mujoco", row.knobs), 0)
+    width = whole.x[1] - whole.x[0]
+    assert curves.x == pytest.approx(whole.x[:-1] + PART * width, abs=1e-12)
+    check = verify(case, "duration", row, "position", 1e-6)
+    assert 0 < check.fresh < 1e-6  # README: RK4 at 1 ms is 1e-8 off, and 16 times that at 2 ms
+    assert 0 < check.shifted < 1e-6
+    assert check.shifted != check.fresh
+    assert check.used.knobs["timestep"] == whole.settings["timestep"]
+
+
+def test_no_other_start_is_said() -> None:
+    case = load_case(MODELS / "hacksaw_recorded.toml")
+    with pytest.raises(Unsupported, match="recorded curve"):
+        shifted(case, "duration", Setting("mujoco"))
+    with pytest.raises(Unsupported, match="a rest has one start"):
+        shifted(load_case(MODELS / "rod_cantilever.toml"), "rest", Setting("mujoco"))
+
+
+def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
+    """One iteration a step leaves loops open."""
+    row = Row("trade", "fourbar", "duration", "pymunk", "", "iterations", 1.0,
+              {"timestep": 0.0174, "iterations": 1, "error_bias": 0.0}, steps=361)
+    check = verify(fourbar, "duration", row, "position", 1e9)
+    assert np.isnan([check.fresh, check.shifted]).all()
+    assert not check.holds(1e9)
+
+
+def test_printed_with_its_evidence(fourbar: Case) -> None:
+    """All of it can be pasted: comments, then elements that MuJoCo reads."""
+    rows = line("tuned", integrator="RK4")
+    text = printed(chosen(fourbar, rows, 1e-4), fourbar)
+    assert "position within 1e-4 of its range" in text
+    merged = mujoco.MjModel.from_xml_string(pasted(MODELS / "fourbar.xml", text))
+    assert merged.opt.timestep == 0.0005
+    knobs = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
+    rows = [replace(row, engine="pymunk", knobs=knobs) for row in rows]
+    exec(printed(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
+
+
+@pytest.mark.parametrize(("asked", "right"), [
+    ("pendulum.toml --error 0", "between 0 and 1, such as 1e-5"),
+    ("pendulum.toml --error nan", "between 0 and 1, such as 1e-5"),
+    ("pendulum.toml --error 1e-5 --budget -1", "--budget -1: give a number of seconds above 0"),
+    ("pendulum.toml --error 1e-5 --longest nan", "--longest nan: give a number of seconds above"),
+    ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
+    ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
+    ("pendulum.toml --error 1e-5 --drive servo", "no drive moves in time; leave it out"),
+    ("fourbar.toml --error 1e-5 --drive rope", "servo, equality; pymunk has gear, motor"),
+    ("fourbar.toml --error 1e-5 --drive gear --solver mujoco", "mujoco has flywheel, servo,"),
+    ("pendulum.toml --error 1e-5 -o run.txt", "the name of a Python program, such as run.py"),
+    ("pendulum.toml --error 1e-5 -o nowhere/run.py", "there is no folder nowhere"),
+    ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time"),
+    ("fourbar.toml --error 1e-5 --run sweep -o run.py", "the sweep of fourbar has no time"),
+    ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
+def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
+    words = asked.split()
+    found = CliRunner().invoke(app, ["choose", str(MODELS / words[0]), *words[1:],
+                                     "--store", str(tmp_path)])
+    assert found.exit_code == 2
+    assert right in found.stderr
+    assert found.stderr.count("\n") == 1
+    assert not found.stdout
+
+
+def test_a_drive_names_its_engine(fourbar: Case) -> None:
+    """Where only one of the case's engines can move drives so."""
+    assert solver_for(fourbar, "duration", "gear", "") == "pymunk"
+    assert solver_for(fourbar, "duration", "servo", "") == "mujoco"
+    assert solver_for(fourbar, "duration", "servo", "mujoco") == "mujoco"
+    assert solver_for(fourbar, "duration", "", "") == ""
+
+
+def test_fewer_iterations_come_first() -> None:
+    """Though the clock says otherwise by a little; not before what is cheaper by its step."""
+    one = line("a")[0]
+    rows = [replace(one, line=name, seconds=seconds, knobs={"timestep": step, "iterations": count})
+            for name, seconds, step, count in (("many", 0.10, 1e-3, 10), ("few", 0.11, 1e-3, 3),
+                                               ("coarse", 0.05, 2e-3, 30))]
+    assert [row.line for row in enough(rows, "position", 1.0)] == ["coarse", "few", "many"]
+
+
+@pytest.mark.slow
+def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
+    """RK4 falls with h^4: it is the cheapest by far; rounding keeps it from 1e-17."""
+    edit("pendulum.toml", r"until = 10.0 ", "until = 1.0 ")
+    file = edit("pendulum.toml", "n = 1001", "n = 21")
+    asked = ["choose", str(file), "--solver", "mujoco", "--store", str(tmp_path / "study")]
+    found = CliRunner().invoke(app, [*asked, "--error", "1e-6"])
+    assert found.exit_code == 0, found.stderr
+    merged = mujoco.MjModel.from_xml_string(pasted(file.with_suffix(".xml"), found.stdout))
+    assert merged.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert 1e-3 < merged.opt.timestep <= 0.05
+    found = CliRunner().invoke(app, [*asked, "--error", "1e-17"])
+    assert found.exit_code == 1
+    assert "no measured setting has position within 1e-17" in found.stderr
+    assert "of --budget 300 s, --longest 30 s a run" in found.stderr
+    assert not found.stdout
+
+
+def at(line: str = "", error: float = 1e-5, value: float = 1e-3, seconds: float = 1.0,
+       engine: str = "mujoco", outcome: str = "ran", message: str = "", **knobs: object) -> Row:
+    return Row("trade", "fourbar", "duration", engine, line, "timestep", value,
+               {"timestep": value, **knobs}, {"position": error}, {}, seconds, 70,
+               outcome=outcome, message=message)
+
+
+def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
+    return Verdict("fourbar", "duration", engine, line, kind, floor=floor, cause="softness",
+                   evidence="halving it divides the error by 4")
+
+
+@pytest.mark.parametrize(("floors", "found"), [
+    ([floor_of("own", 2.0)], 0),  # a line falls to its own floor, however far it is
+    ([floor_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
+    ([floor_of("other", 2.8)], 0), ([floor_of("other", 3.2)], None), ([floor_of("other", 1.4)], 0),
+    ([floor_of("other", 1.2)], None), ([floor_of("own", nan)], None),
+    ([floor_of("own", 2.0, "pymunk")], None), ([floor_of("own", 2.0, kind="rate")], None),
+    ([floor_of("other", 2.0), floor_of("own", 9.0)], 1),
+    ([floor_of("other", 2.8), floor_of("another", 1.8)], 1),
+    ([floor_of("other", 1.4), floor_of("another", 2.2)], 1)])
+def test_the_floor_that_a_setting_is_at(floors: list[Verdict], found: int | None) -> None:
+    assert floor_at(at("own", 2.0), "position", iter(floors)) == (
+        None if found is None else floors[found])
+
+
+def test_settings_that_are_enough_have_a_margin_of_two() -> None:
+    rows = [at("dear", 5e-5, seconds=2.0), at("cheap", 5e-5), at("off", 5.1e-5),
+            at("untimed", seconds=0.0), at("lost", outcome="stopped")]
+    assert [row.line for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
+    assert enough(rows, "rate", 1e-4) == []
+
+
+def test_why_none_is_enough() -> None:
+    """The best, and its floor with the evidence."""
+    rows = [at("poor", 1e-3), at("fine", 1.23e-5, 1e-4), at("none", nan), at("lost", 0.0,
+                                                                          outcome="stopped")]
+    short = ("no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
+             "best, fine, timestep 0.1 ms, is 1.2e-5 off")
+    none = "no line of settings falls with its step at its end, so none promises to get there"
+    assert best(rows, "position", 1.27e-6, []) == (short, none)
+    assert best(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
+        f"{short}: the error floor is 1.2e-5, softness", "halving it divides the error by 4",
+        none)
+    assert best([], "position", 1.0, []) == ("no setting was measured",)
+    lost = [at("one", nan), at("two", outcome="diverged", message="why"),
+            at("three", outcome="diverged")]
+    assert best(lost[1:], "rate", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
+    assert best(lost, "rate", 1.0, []) == (
+        "no setting ran, of 3: 2 diverged, 1 ran without rate errors",
+        "the first, one, timestep 1 ms: ran")
+
+
+def test_what_the_defaults_would_cost() -> None:
+    """Seconds of a setting that takes 0.5 s and of the defaults, refined to a half of 1e-4."""
+    tuned = at("tuned", seconds=0.5)
+
+    def of(*rows: Row, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
+        return beside([tuned, *rows], tuned, "position", 1e-4, floors)
+
+    def plain(error: float, value: float, seconds: float = 2.0, **more) -> Row:
+        return at("plain", error, value, seconds, defaults=True, **more)
+
+    nothing = "the defaults were not measured, or did not run"
+    for row in (at(), plain(1e-5, 1e-3, engine="pymunk"), plain(nan, 1e-3),
+                plain(1e-5, 1e-3, outcome="stopped")):
+        assert of(row) == (nothing, pytest.approx(nan, nan_ok=True))
+    assert of(plain(4e-5, 1e-3, 2.345), plain(1e-5, 5e-4, 4.0)) == (
+        "4.7 times cheaper than the engine's defaults refined to the same error, "
+        "2.3 s at timestep 1 ms", 4.69)
+    # of second order: 3.2e-3 is 64 times half of 1e-4, so 8 times as many steps
+    coarse, fine = plain(1.28e-2, 2e-3), plain(3.2e-3, 1e-3)
+    text, ratio = of(coarse, fine, plain(9e-1, 4e-3))
+    assert ratio == pytest.approx(8 * 2.0 / 0.5)
+    assert text == ("the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms; of order "
+                    "2 they would take 16 s, 32 times as long")
+    text, ratio = of(plain(1.3e-2, 2e-3), fine)
+    order = np.log2(1.3e-2 / 3.2e-3)  # 2.02: 7.8 times as many steps
+    assert ratio == pytest.approx(64 ** (1 / order) * 4.0)
+    assert text.endswith("of order 2 they would take 16 s, 31 times as long")
+    short = "the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms"
+    assert of(fine) == (short, pytest.approx(nan, nan_ok=True))
+    flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order of less than a half
+    assert of(flat, fine) == (short, pytest.approx(nan, nan_ok=True))
+    assert of(coarse, fine, floors=(floor_of("plain", 3.2e-3), floor_of("other", 3.2e-3))) == (
+        "the engine's defaults never get there: the error floor is 3.2e-3, softness",
+        pytest.approx(nan, nan_ok=True))
+    assert of(coarse, fine, floors=(floor_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
+    near, nearer = plain(5.6e-5 * 4, 2e-3), plain(5.6e-5, 1e-3)  # 5e-5 is needed
+    for floor, never in ((5.1e-5, True), (4.9e-5, False)):
+        said = of(near, nearer, floors=(floor_of("plain", floor),))[0]
+        assert ("never get there" in said) is never
+    assert beside([fine], fine, "position", 1e-4, ()) == (
+        "these are the engine's defaults, refined", 1.0)
+
+
+def test_only_the_step_may_differ_from_the_defaults() -> None:
+    assert default(at(defaults=True))
+    assert default(at(defaults=True, integrator="Euler"))
+    assert not default(at(defaults=True, integrator="RK4"))
+    assert not default(at(defaults=True, iterations=3))
+    assert not default(at())
+
+
+def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
+    """What has no time has no program; both errors are kept."""
+    used = Setting("mujoco", {"segments": 20})
+    module = sys.modules[fresh.__module__]
+    found = {"again": (1.0, used), "elsewhere": 2.0}
+    monkeypatch.setattr(module, "limited", lambda case, kind, function, *told, least=0.0: (
+        found[function.__name__]))
+    assert verify(fourbar, "rest", at(), "rate", 3.0) == Check(1.0, 2.0, "", used)
+    poor = verify(fourbar, "rest", at(), "rate", 0.5)
+    assert (poor.fresh, poor.again, poor.words) == (1.0, False, "run again with the lines below 1")
+
+    def fails(error):
+        def call(case, kind, function, *told, least=0.0):
+            if function.__name__ == "again":
+                return 1.0, used
+            raise error
+        return call
+
+    monkeypatch.setattr(module, "limited", fails(Unsupported("a rest has one start")))
+    check = verify(fourbar, "rest", at(), "rate", 1.0)
+    assert (check.fresh, check.note, check.used) == (1.0, "a rest has one start", used)
+    assert np.isnan(check.shifted)
+    assert check.holds(1.0)
+    assert not check.holds(0.9)
+    assert Check(1.0, 2.0, "", used).holds(2.0)
+    for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
+        monkeypatch.setattr(module, "limited", fails(why))
+        check = verify(fourbar, "rest", at(), "rate", 1.0)
+        assert (check.fresh, check.note, check.lost) == (1.0, "", str(why))
+        assert check.words.endswith(f"from a shifted start: {why}")
+        assert not check.holds(9.0)
+
+
+def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
+    rows = [at("lucky", 1.23e-5, 2e-3, 0.25), at("tuned", 2.34e-5, 1e-3, 0.512)]
+    asked = []
+
+    def check(case, kind, row, of, wanted):
+        asked.append((case, kind, of))
+        return Check(*((3.14e-5, 4.14e-4) if row.line == "lucky" else (2.22e-5, 4.56e-5)), "",
+                     Setting("mujoco", {"timestep": 1e-3}))
+
+    found = choose(fourbar, "duration", rows, 1.27e-4, verify=check)
+    assert asked == [(fourbar, "duration", "position")] * 2
+    assert words(found, fourbar) == [
+        "fourbar, duration: position within 1.3e-4 of its range",
+        "tuned, timestep 1 ms: 2.3e-5 off in 0.51 s, 70 steps",
+        "run again with the lines below 2.2e-5; 4.6e-5 from a shifted start",
+        "the defaults were not measured, or did not run",
+        "lucky, timestep 2 ms is 1.2e-5 off, but run again with the lines below 3.1e-5; "
+        "4.1e-4 from a shifted start"]
+    once = replace(found, check=replace(found.check, note="a rest -- has one"), refused=())
+    assert words(once, fourbar)[2] == (
+        "run again with the lines below 2.2e-5; from a shifted start: a rest -- has one")
+    chaotic = replace(once, motion="chaotic: errors are judged up to 15 s")
+    assert words(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"
+    assert "\n  chaotic: errors are judged up to 15 s\n" in printed(chaotic, fourbar)
+    text = printed(once, fourbar)
+    assert text.startswith("<!--\n  fourbar, duration: position within 1.3e-4 of its range\n")
+    assert "a rest - has one\n" in text  # two dashes would end the comment
+    assert "\n-->\n<option" in text
+    assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
+    assert "from a\n    shifted start\n-->" in printed(found, fourbar)
+    planar = replace(once, row=replace(once.row, engine="pymunk"), check=replace(
+        once.check, used=Setting("pymunk", {"timestep": 1e-3})))
+    assert printed(planar, fourbar).startswith("# fourbar, duration: ")
+    with pytest.raises(Cannot) as why:
+        choose(fourbar, "duration", rows[:1], 1e-4, verify=check)
+    assert str(why.value) == f"{words(found, fourbar)[-1]}; no setting was measured"

@@ -1,0 +1,467 @@
+"""Programs that run without proofmass: what they give, and that it is what they say."""
+
+import ast
+import csv
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipk
+
+from proofmass.case import Case, load_case
+from proofmass.drive import EXACT, InProportion, Law, Steady, Swing, motion_source
+from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
+from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
+from proofmass.solve import simulate
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.trade.program import (
+    Ran,
+    imposed,
+    program,
+    read_curves,
+    run_program,
+    tried,
+    written,
+)
+
+MODELS = Path(__file__).parents[3] / "models"
+COARSE = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.032, 1.0),
+          "solimp": (0.9999, 0.9999, 0.001)}
+
+
+def short(name: str, n: int = 21, until: float | None = None) -> Case:
+    """A case with a few samples of its duration."""
+    case = load_case(MODELS / f"{name}.toml")
+    table = case.run["duration"].model_copy(update={"n": n, **({"until": until} if until else {})})
+    return case.model_copy(update={"run": {"duration": table}})
+
+
+def bare(text: str, folder: Path) -> dict[str, np.ndarray]:
+    """The curves that a program writes in a bare interpreter, in an empty folder."""
+    file = folder / "run.py"
+    file.write_text(text)
+    subprocess.run([sys.executable, "-I", str(file), "out.csv"], cwd=folder, check=True,
+                   capture_output=True)
+    with (folder / "out.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def imports(text: str) -> set[str]:
+    """Modules that a program imports."""
+    nodes = list(ast.walk(ast.parse(text)))
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    return names | {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
+
+
+@pytest.mark.parametrize("name", ["fourbar", "pendulum", "fourbar_released", "hacksaw",
+                                  "slider_crank"])
+def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
+    """The same steps from the same state.
+
+    Forward passes at the samples give the solver another start: it ends within its tolerance,
+    1e-10 to 1e-8 of the forces, which the stiff loops turn into accelerations.
+    """
+    case, setting = short(name), Setting("mujoco", COARSE)
+    text = written(case, setting, IMPOSED[0], "A head\nwith \"\"\" and \\ in it.")
+    assert imports(text) == {"csv", "sys", "time", "mujoco", "numpy"}
+    assert "proofmass" not in text
+    found = bare(text, tmp_path)
+    case, run = setting.applied(case, "duration")
+    wanted = simulate("mujoco", case.model_path, run)
+    assert list(found) == ["t", *wanted.channels]
+    assert found["t"] == pytest.approx(wanted.x, abs=1e-12)
+    for channel, curve in wanted.channels.items():
+        assert found[channel] == pytest.approx(curve, abs=1e-6 * max(1e-3, np.ptp(curve))), channel
+
+
+def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
+    """Against Jacobi's elliptic functions, written out here; RK4 at 10 ms is 1e-7 off."""
+    case = short("pendulum", 101, 2.0)
+    found = bare(written(case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}),
+                         IMPOSED[0], ""), tmp_path)
+    k, w = math.sin(math.pi / 4), math.sqrt(9.81)  # released from the horizontal
+    sn = ellipj(ellipk(k**2) - w * found["t"], k**2)[0]
+    exact = -2 * np.arcsin(k * sn)
+    assert np.ptp(exact) > 3.0
+    assert found["angle"] == pytest.approx(exact, abs=3e-7 * np.pi)
+    assert np.abs(found["angle"] - exact).max() > 1e-10  # it is the engine's motion, not ours
+
+
+@pytest.mark.parametrize(("drive", "position"), [
+    (Imposed("flywheel"), 1e-5), (Imposed("servo", 2.0), 3e-5), (Imposed("equality", 0.5), 3e-5)])
+def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_path: Path) -> None:
+    """Against the two circles of its joints, written out here: the crank turns at 1 rad/s.
+
+    implicitfast at 1 ms: a servo of gain 2 lets the crank lag by its load over kp, 1e-5 rad.
+    """
+    case = short("fourbar", 91)
+    setting = Setting("mujoco", {**COARSE, "timestep": 1e-3, "integrator": "implicitfast",
+                                 "solref": (4e-3, 1.0)})
+    found = bare(written(case, setting, drive, ""), tmp_path)
+    t = found["t"]
+    assert t[-1] == pytest.approx(2 * np.pi)
+    crank = np.array([np.cos(t), np.sin(t)])
+    d = crank - np.array([[3.0], [0.0]])  # from the rocker's pin to the crank's
+    far = np.hypot(*d)
+    along = (2.5**2 - 2.0**2 + far**2) / (2 * far)
+    turn = np.unwrap(np.arctan2(d[1], d[0]))
+    rocker = turn - np.arccos(along / 2.5)  # the open mode
+    assert np.ptp(rocker) > 0.5
+    off = np.abs(found["rocker"] - rocker).max() / np.ptp(rocker)
+    assert 0 < off < position
+
+
+def test_a_servo_of_too_high_a_gain_is_lost() -> None:
+    """RK4 is explicit in the damper: kv h / I = 2 gain above 2.8 throws the crank away."""
+    case, setting = short("fourbar"), Setting("mujoco", COARSE)
+    text = written(case, setting, Imposed("servo", 2.0), "")
+    ran = run_program(case, setting, text, 30.0)
+    assert not ran.errors
+    assert "mjWARN_BADQ" in ran.failure
+
+
+def swinging(x, far):
+    """A law that is no formula: value, rate and acceleration."""
+    return far * np.sin(x) ** 3, 3 * far * np.sin(x) ** 2 * np.cos(x), far * (
+        6 * np.sin(x) * np.cos(x) ** 2 - 3 * np.sin(x) ** 3)
+
+
+LEADER = Swing(0.3, 1.7, 2.5)
+LAWS = {
+    "steady": [Steady(0.5, -2.0, x_is_time=True)],
+    "swing": [LEADER],
+    "in proportion": [LEADER, InProportion(LEADER, 0.3, -0.5, 2.0)],
+    "table": [Law(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)]}
+
+
+@pytest.mark.parametrize("laws", LAWS.values(), ids=LAWS)
+def test_a_written_motion_is_the_law(laws: list) -> None:
+    """To rounding where it is a formula; a table is exact at its times and within `EXACT` between
+    in value, and to its own order, two and four more digits less, in rate and acceleration."""
+    x = np.linspace(0.0, 3.0, 41)
+    names: dict = {"np": np}
+    exec(motion_source(laws, x), names)
+    t = np.linspace(0.0, 3.0, 1001)
+    wanted = np.array([np.broadcast_arrays(*law(t)) for law in laws])
+    for k, within in enumerate((10 * EXACT, 1e-8, 1e-5)):
+        found = names["motion"](t)[k]
+        assert found.shape == (len(laws), t.size)
+        assert found == pytest.approx(wanted[:, k], abs=within)
+    assert names["motion"](np.array([0.7]))[0].shape == (len(laws), 1)
+
+
+def test_a_free_motion_has_no_law() -> None:
+    assert motion_source([], np.linspace(0.0, 1.0, 3)) == ""
+
+
+def test_a_law_that_is_written_wrongly_is_noticed() -> None:
+    """A swing of half the period, in a program that is held against the right one."""
+    case, setting = short("fourbar", 41), Setting("mujoco", COARSE)
+    text = written(case, setting, IMPOSED[0], "")
+    good = run_program(case, setting, text, 30.0)
+    assert 0 < good.errors["position"] < 1e-5
+    assert good.steps > 0
+    assert good.seconds > 0
+    wrong = text.replace("0.0 + 1.0 * t", "0.0 + 1.001 * t").replace(
+        "data.qvel[:] = [", "data.qvel[:] = 1.001 * np.array([", 1)
+    head, _, tail = wrong.partition("1.001 * np.array([")
+    wrong = head + "1.001 * np.array([" + tail.replace("]", "])", 1)
+    assert run_program(case, setting, wrong, 30.0).errors["position"] > 1e-3
+
+
+@pytest.mark.parametrize(("broken", "said"), [
+    ("import csv", "nothing = 1 /"), ("def main", "def other")])
+def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
+    case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
+    text = written(case, setting, IMPOSED[0], "").replace(broken, said, 1)
+    ran = run_program(case, setting, text, 30.0)
+    assert not ran.errors
+    assert "Error" in ran.failure
+
+
+def test_a_program_that_does_not_end_is_ended() -> None:
+    case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
+    text = written(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
+    assert run_program(case, setting, text, 1.0) == Ran(failure="no end after 1 s")
+
+
+def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:
+    """Until the setting, the drive or the sidecar is another."""
+    case, store = short("pendulum"), Store(tmp_path)
+    setting = Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"})
+    first = tried(case, setting, IMPOSED[0], store, 30.0)
+    assert tried(case, setting, IMPOSED[0], store, 30.0) == first
+    assert len(list(tmp_path.glob("*.program.json"))) == 1
+    finer = tried(case, setting.but(timestep=0.005), IMPOSED[0], store, 30.0)
+    assert finer.errors["position"] < first.errors["position"] / 8
+    assert len(list(tmp_path.glob("*.program.json"))) == 2
+
+
+def test_samples_at_other_times_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "curves.csv"
+    file.write_text("t,angle\n0.0,1.0\n0.5,2.0\n1.1,3.0\n")
+    run = Run("duration", np.array([0.0, 0.5, 1.0]), ("angle",))
+    with pytest.raises(ValueError, match="other times"):
+        read_curves(file, run)
+    found = read_curves(file, replace(run, x=np.array([0.0, 0.5, 1.1])))
+    assert found.channels["angle"].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
+    """Includes are put in place, also those of included files, and meshes keep their place."""
+    (tmp_path / "part.xml").write_text(
+        '<mujocoinclude><include file="inner.xml"/><body name="a"><joint name="a"/>'
+        '<geom type="mesh" mesh="m" mass="1"/></body></mujocoinclude>')
+    (tmp_path / "inner.xml").write_text('<mujocoinclude><site name="s"/></mujocoinclude>')
+    whole = tmp_path / "whole.xml"
+    whole.write_text('<mujoco><compiler meshdir="shapes"/><asset><mesh name="m" file="m.stl"/>'
+                     '</asset><worldbody><include file="part.xml"/></worldbody><keyframe>'
+                     '<key name="start" qpos="0"/></keyframe></mujoco>')
+    root = expanded(whole)
+    assert root.find(".//include") is None
+    assert [child.tag for child in root.find("worldbody") or []] == ["site", "body"]
+    mesh = root.find(".//mesh")
+    assert mesh is not None
+    assert mesh.get("file") == str((tmp_path / "shapes" / "m.stl").resolve())
+    assert root.find("keyframe") is None
+
+
+def test_what_no_program_can_be_written_for_is_named() -> None:
+    rod = load_case(MODELS / "rod_cantilever.toml")
+    run = Run("duration", np.linspace(0.0, 1.0, 3), (), rods=rod.rods)
+    with pytest.raises(Unsupported, match="rods"):
+        write_program(rod.model_path, run, "", "")
+    case = short("fourbar")
+    _, run = Setting("mujoco", COARSE).applied(case, "duration")
+    with pytest.raises(ValueError, match="known: flywheel, servo, equality"):
+        write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
+
+
+PID = ('<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>'
+       '</instance></plugin></extension>')
+HELD = '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" biastype="none"/>'
+
+
+@pytest.mark.parametrize(("hand", "key", "refused"), [
+    ('<position name="hand" joint="crank" kp="100"/>', "", True),
+    ('<velocity name="hand" joint="crank" kv="100"/>', "", True),
+    ('<plugin name="hand" joint="crank" plugin="mujoco.pid" instance="pid"/>', "", True),
+    (HELD, ' act="3"', True), (HELD, "", False),
+    ('<motor name="hand" joint="crank" damping="1"/>', ' ctrl="0 5"', False),
+    ('<position name="hand" joint="rocker" kp="100"/>', "", False)])
+def test_a_servo_beside_another_of_the_model_is_refused(hand: str, key: str, refused: bool,
+                                                        edit) -> None:
+    """A position actuator of 100 N m/rad puts the rocker off by 4e-4 of its range where a servo
+    drives at 1 ms, and by 1e-6 with a flywheel, an equality, or in the product's own run."""
+    edit("fourbar.xml", '<motor name="motor" joint="crank"/>',
+         f'<motor name="motor" joint="crank"/>{hand}')
+    edit("fourbar.xml", '<key name="start"', f'<key name="start"{key}')
+    model = edit("fourbar.xml", "<worldbody>", (PID if "pid" in hand else "") + "<worldbody>")
+    _, run = Setting("mujoco", COARSE).applied(short("fourbar"), "duration")
+    simulate("mujoco", model, run)
+    for drive in (Imposed("flywheel"), Imposed("equality", 0.25)):
+        assert "MODEL" in write_program(model, run, "", "", drive)
+    if not refused:
+        assert "MODEL" in write_program(model, run, "", "", Imposed("servo", 0.5))
+        return
+    said = "a servo on joint 'crank', which the model's actuator 'hand' pushes as well"
+    with pytest.raises(Unsupported, match=said):
+        write_program(model, run, "", "", Imposed("servo", 0.5))
+
+
+@pytest.mark.parametrize(("options", "kind", "said"), [
+    ('<flag actuation="disable"/>', "servo", 'servo, is off: the model has <flag actuation="dis'),
+    ('<flag equality="disable"/>', "equality", 'equality, is off: the model has <flag equality="'),
+    ('<flag constraint="disable"/>', "equality", "has <flag constraint="),
+    ('', "servo", "servo, is off: the model disables the actuators of group 0")])
+def test_a_drive_that_the_model_disables_is_refused(options: str, kind: str, said: str,
+                                                    tmp_path) -> None:
+    model = tmp_path / "arm.xml"
+    group = "" if options else 'actuatorgroupdisable="0"'
+    model.write_text(f'''<mujoco><option {group}>{options}</option><worldbody><body>
+      <joint name="arm"/><geom size=".1" pos="1 0 0"/></body></worldbody>
+      <keyframe><key name="start"/></keyframe></mujoco>''')
+    times = np.linspace(0.0, 1.0, 11)
+    run = Run("duration", times, (), (Drive("arm", lambda x: (x, 1.0 + 0.0 * x, 0.0 * x)),))
+    assert "MODEL" in write_program(model, run, "", "", Imposed("flywheel"))
+    with pytest.raises(Unsupported, match=said):
+        write_program(model, run, "", "", Imposed(kind, 0.5))
+
+
+def test_free_motions_have_one_program() -> None:
+    assert imposed(load_case(MODELS / "pendulum.toml"), "mujoco") == IMPOSED[:1]
+    assert imposed(load_case(MODELS / "fourbar.toml"), "mujoco") == IMPOSED
+
+
+def test_a_program_is_written_in_a_worker() -> None:
+    case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
+    assert program(case, setting, IMPOSED[0], "a head") == written(case, setting, IMPOSED[0],
+                                                                   "a head")
+
+
+def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
+    """Against one equation in the crank's angle, from energies, integrated here.
+
+    T = J(a) a'^2 / 2 with J by central differences of the closed pose; no constraint solver.
+    """
+    case = short("fourbar_released", 21, 0.4)
+    found = bare(written(case, Setting("mujoco", {**COARSE, "timestep": 1e-3,
+                                                  "solref": (8e-3, 1.0)}), IMPOSED[0], ""),
+                 tmp_path)
+    truth = released(found["t"], 0.0)
+    assert np.ptp(truth) > 0.1
+    assert found["rocker"] == pytest.approx(truth, abs=1e-5 * np.ptp(truth))
+
+
+def released(t: np.ndarray, start: float) -> np.ndarray:
+    """The rocker of the four-bar 1, 2, 2.5, 3 of uniform bars, 1 kg/m, its crank let go."""
+    def pose(a):
+        crank = np.array([math.cos(a), math.sin(a)])
+        d = crank - [3.0, 0.0]
+        far = math.hypot(*d)
+        along = (2.5**2 - 2.0**2 + far**2) / (2 * far)
+        rocker = math.atan2(d[1], d[0]) % (2 * math.pi) - math.acos(along / 2.5)
+        pin = np.array([3.0, 0.0]) + 2.5 * np.array([math.cos(rocker), math.sin(rocker)])
+        coupler = math.atan2(*(pin - crank)[::-1])
+        middle = (np.array([3.0, 0.0]) + pin) / 2
+        return np.array([*(crank / 2), a, *((crank + pin) / 2), coupler, *middle, rocker])
+
+    mass = np.array([1.0, 1.0, 1 / 12, 2.0, 2.0, 2 * 4 / 12, 2.5, 2.5, 2.5 * 6.25 / 12])
+    weight = np.zeros(9)
+    weight[[1, 4, 7]] = -9.81 * mass[[1, 4, 7]]
+
+    def moves(a, h=1e-4):
+        p = [pose(a + k * h) for k in (-2, -1, 1, 2)]
+        first = (p[0] - 8 * p[1] + 8 * p[2] - p[3]) / (12 * h)
+        second = (-p[0] + 16 * p[1] - 30 * pose(a) + 16 * p[2] - p[3]) / (12 * h**2)
+        return first, second
+
+    def rates(_, y):
+        first, second = moves(y[0])
+        force = weight @ first - (mass * first) @ second * y[1] ** 2
+        return [y[1], force / ((mass * first) @ first)]
+
+    cranks = solve_ivp(rates, (0.0, t[-1]), [start, 0.0], t_eval=t, rtol=1e-10, atol=1e-12).y[0]
+    return np.array([pose(a)[8] for a in cranks])
+
+
+ODD = """
+<mujoco model='an "odd" é'>
+  <compiler meshdir="shapes"/>
+  <option timestep="1.234e-3" integrator="RK4" gravity="0 -9.81 0">
+    <flag contact="disable"GRAVITY/>
+  </option>
+  <default>
+    <joint damping="0.3 0.1 0.2" armature="0.05" frictionloss="0.01"/>
+    <position gear="3" ctrlrange="-1 1" dampratio="1"/>
+    <equality active="false" solref="0.005 1" solimp="0.9999 0.9999 0.001"/>
+    <default class="sprung"><joint stiffness="3 1" springref="20"/></default>
+  </default>
+  <asset><mesh file="m.stl"/></asset>
+  <worldbody>
+    <body name="crank">
+      <joint name="cr'an&quot;k é"/>
+      <inertial pos="0.5 0 0" mass="1" diaginertia="0.001 0.0833 0.0833"/>
+      <body name="coupler" pos="1 0 0">
+        <joint name="coupler" class="sprung" range="-160 160"/>
+        <geom type="mesh" mesh="m" mass="2"/>
+        <site name="coupler_end" pos="2 0 0"/>
+      </body>
+    </body>
+    <include file="rocker.xml"/>
+  </worldbody>
+  <equality>
+    <connect name="pin" active="true" site1="coupler_end" site2="rocker_end"/>
+  </equality>
+  <actuator>
+    <motor name="motor" joint="cr'an&quot;k é"/>
+    <motor name="load" joint="rocker" gear="2"/>
+    <general name="slow" joint="rocker" dyntype="integrator" gainprm="1" biastype="none"/>
+  </actuator>
+  <sensor>
+    <jointpos name='ro"ck\\, é' joint="rocker"/>
+    <framelinacc name="acc" objtype="site" objname="rocker_end"/>
+  </sensor>
+  <keyframe>
+    <key name="start" qpos="0 1.3502630658740633 2.2459278597319283" ctrl="0 4 0.5" act="3"/>
+  </keyframe>
+</mujoco>"""
+ROCKER = """
+<mujocoinclude>
+  <body name="rocker" pos="3 0 0">
+    <joint name="rocker"/>
+    <inertial pos="1.25 0 0" mass="2.5" diaginertia="0.001 1.3 1.3"/>
+    <site name="rocker_end" pos="2.5 0 0"/>
+  </body>
+</mujocoinclude>"""
+
+
+def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
+    """A model with classes, a mesh, an include, loads with a state, and names to be quoted."""
+    (folder / "shapes").mkdir()
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
+    faces = [np.append(np.zeros(3, "<f4"), corners[[*face]]).astype("<f4").tobytes() + b"\0\0"
+             for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    (folder / "shapes" / "m.stl").write_bytes(bytes(80) + b"\4\0\0\0" + b"".join(faces))
+    (folder / "rocker.xml").write_text(ROCKER)
+    (folder / "odd.xml").write_text(ODD.replace("GRAVITY", gravity), encoding="utf-8")
+    drives = (Drive("cr'an\"k é", Steady(0.0, rate, x_is_time=True)),) if rate else ()
+    return folder / "odd.xml", Run("duration", np.linspace(0.0, 0.5, 21),
+                                   ('ro"ck\\, é', "acc.y"), drives=drives)
+
+
+@pytest.mark.parametrize(("gravity", "rate"), [("", 1.0), (' gravity="disable"', 1.0), ("", 0.0)])
+def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
+        gravity: str, rate: float, tmp_path: Path) -> None:
+    """Bit by bit; and it needs none of the model's files."""
+    model, run = odd(tmp_path, gravity, rate)
+    motion = motion_source([each.law for each in run.drives], run.x)
+    text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
+    wanted = simulate("mujoco", model, run)
+    for file in (model, tmp_path / "rocker.xml", tmp_path / "shapes" / "m.stl"):
+        file.unlink()
+    assert str(tmp_path) not in text
+    found = bare(text, tmp_path)
+    for name, curve in wanted.channels.items():
+        assert found[name].tolist() == curve.tolist()
+    assert run_channels(tmp_path / "out.csv", run) == list(run.channels)
+
+
+def run_channels(file: Path, run: Run) -> list[str]:
+    """Names that proofmass finds in a file of curves."""
+    return list(read_curves(file, replace(run, drives=())).channels)
+
+
+@pytest.mark.parametrize("drive", [Imposed("servo", 0.5), Imposed("equality", 0.25)])
+def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_path: Path) -> None:
+    """Neither a gear nor a range of actuators, nor equalities that are not active: each of them
+    leaves the crank 0.1 rad behind or more."""
+    model, run = odd(tmp_path)
+    motion = motion_source([each.law for each in run.drives], run.x)
+    found = bare(write_program(model, run, motion, "", drive), tmp_path)
+    wanted = simulate("mujoco", model, run).channels['ro"ck\\, é']
+    assert np.ptp(wanted) > 0.1
+    assert found['ro"ck\\, é'] == pytest.approx(wanted, abs=1e-3)
+
+
+def test_long_lines_of_a_model_are_broken(tmp_path: Path) -> None:
+    model, run = odd(tmp_path)
+    text = write_program(model, replace(run, drives=()), "", "")
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_large_files_of_a_model_are_named_by_their_place(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, run = odd(tmp_path, rate=0.0)
+    monkeypatch.setattr("proofmass.sim.mujoco.program.CARRIED", 100)
+    text = write_program(model, run, "", "")
+    assert str(tmp_path / "shapes" / "m.stl") in text
+    assert bare(text, tmp_path)["t"].size == run.x.size

@@ -1,0 +1,376 @@
+"""Programs that run a duration in pymunk on their own: against `simulate`, and against mathematics.
+
+A program runs in an interpreter of its own (``python -I``), in an empty folder, so that nothing of
+this project is at hand there.
+"""
+
+import ast
+import csv
+import doctest
+import re
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipk
+
+from proofmass import reference
+from proofmass.case import Case, load_case
+from proofmass.drive import Swing, motion_source
+from proofmass.sim import program_text
+from proofmass.sim.protocol import (
+    Array,
+    BadSetting,
+    Curves,
+    Diverged,
+    Drive,
+    Imposed,
+    Run,
+    Unsupported,
+)
+from proofmass.sim.pymunk import program as pymunk_program
+from proofmass.sim.pymunk.engine import simulate
+from proofmass.sim.pymunk.program import IMPOSED, write_program
+
+MODELS = Path(__file__).parents[3] / "models"
+ALL = sorted(file.stem for file in MODELS.glob("*.toml")
+             if "pymunk" in getattr(load_case(file).run.get("duration"), "solvers", ()))
+QUICK = ("pendulum", "fourbar_released", "fourbar", "slider_crank", "threeprr", "hacksaw",
+         "double_rocker", "inverted_slider_crank_held")
+MODULES = {"csv", "math", "sys", "time", "numpy", "pymunk"}
+SAMPLES = 21
+EXACT = {"iterations": 1000, "error_bias": 0.0}  # of chains without loops: solved to rounding
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a program left: its text, its curves, the number of steps that it told."""
+
+    text: str
+    x: Array
+    curves: dict[str, Array]
+    steps: int
+
+
+def started(folder: Path, text: str) -> subprocess.CompletedProcess:
+    """Run a program in a new folder."""
+    folder.mkdir()
+    (folder / "run.py").write_text(text, encoding="utf-8")
+    return subprocess.run([sys.executable, "-I", "run.py"], cwd=folder, capture_output=True,
+                          text=True)
+
+
+def ran(folder: Path, text: str) -> Ran:
+    """Run a program to its end, and read what it wrote."""
+    done = started(folder, text)
+    assert (done.returncode, done.stderr) == (0, "")
+    with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
+        head, *rows = csv.reader(stream)
+    x, *columns = np.array(rows, float).T
+    told = re.fullmatch(r"(\d+) steps in (\S+) s; curves in curves.csv\n", done.stdout)
+    assert told is not None
+    assert float(told[2]) > 0
+    assert head[0] == "t"
+    return Ran(text, x, dict(zip(head[1:], columns, strict=True)), int(told[1]))
+
+
+def assert_alike(got: dict[str, Array], wanted: dict[str, Array], share: float) -> None:
+    """Curves of the same names in the same order, alike to a share of their range."""
+    assert list(got) == list(wanted)
+    for name, curve in wanted.items():
+        size = float(np.ptp(curve)) or float(np.abs(curve).max()) or 1.0
+        np.testing.assert_allclose(got[name], curve, atol=share * size, rtol=0, err_msg=name)
+
+
+def motion_of(run: Run) -> str:
+    """Source of the motion of a run."""
+    return motion_source([drive.law for drive in run.drives], run.x)
+
+
+def run_of(case: Case, samples: int = SAMPLES) -> Run:
+    """The first samples of a case's duration in pymunk."""
+    drives = tuple(Drive(d.joint, law) for d, law in
+                   zip(case.drive, reference.laws(case, "duration"), strict=True))
+    return Run("duration", reference.grid(case, "duration")[:samples],
+               tuple(case.channels_of("duration")), drives, case.start,
+               case.settings.get("pymunk", {}), case.rods)
+
+
+def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tuple[Ran, Curves]:
+    """Curves of a run and of its program with the settings that the run used."""
+    wanted = simulate(case.model_path, run)
+    run = replace(run, settings=wanted.settings)
+    motion = motion_of(run)
+    text = write_program(case.model_path, run, motion, case.title, drive)
+    return ran(folder / "bare", text), wanted
+
+
+@pytest.mark.parametrize("name", [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL])
+def test_a_program_does_what_simulate_does(name, tmp_path):
+    case = load_case(MODELS / f"{name}.toml")
+    got, wanted = both(case, run_of(case), tmp_path)
+    np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding of a shortened grid
+    assert got.steps == wanted.steps
+    # Rounding of laws (numpy's cosine and that of math) and of points, 1e-15 m or rad, which an
+    # acceleration divides by dt^2 = 1e-6 s2.
+    assert_alike(got.curves, wanted.channels, 1e-9)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "inverted_slider_crank"])
+def test_motors_do_what_gears_do(name, tmp_path):
+    case = load_case(MODELS / f"{name}.toml")
+    got, wanted = both(case, run_of(case), tmp_path, Imposed("motor"))
+    assert "SimpleMotor" in got.text
+    assert "GearJoint" not in got.text.partition("drives = [")[2]
+    still = {n: c for n, c in wanted.channels.items() if case.channels[n].unit in ("rad", "m")}
+    # 1e-13 m in the ends of grooves, 100 extents away
+    assert_alike({n: got.curves[n] for n in still}, still, 1e-11)
+    # .. which an acceleration divides by dt^2 = 1e-6 s2, over ranges of 0.02
+    assert_alike(got.curves, wanted.channels, 1e-5)
+
+
+def test_a_motor_does_not_drift(tmp_path):
+    """A hundred turns, by rates that are corrected at every step, in few iterations."""
+    file = tmp_path / "wheel.xml"
+    inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    file.write_text(planar(f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
+                           f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
+                           '<jointpos name="value" joint="wheel"/>'
+                           '<framexaxis name="way" objtype="xbody" objname="wheel"/>'))
+    run = Run("duration", np.linspace(0, 10, 11), ("value", "way.angle"),
+              (Drive("wheel", lambda t: (4 + 20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
+              settings={"timestep": 1e-3, "iterations": 10, "error_bias": 0.0})
+    motion = "def motion(t):\n    return 4 + 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
+    text = write_program(file, run, motion, "", Imposed("motor"))
+    got, truth = ran(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
+    # 1e-13 rad of rounding at 600 rad, corrected in the next step
+    np.testing.assert_allclose(got["value"], truth, atol=1e-11)
+    np.testing.assert_allclose(got["way.angle"], 2 * np.pi - truth, atol=1e-11)  # from (-pi, pi]
+    # the mutation: the angle of now, which the step moves on by 0.06 rad before the motor pushes
+    late, hits = re.subn(r" \+ TIMESTEP \* \(b\.angular_velocity - .*\)", "", text)
+    assert hits == 1
+    assert abs(ran(tmp_path / "late", late).curves["value"] - truth).max() > 0.01
+
+
+def planar(bodies: str, sensors: str = "", more: str = "", qpos: str = "", qvel: str = "",
+           ctrl: str = "", gravity: str = "0 -9.81 0") -> str:
+    """An MJCF without contact, its start pose in a key."""
+    key = "".join(f' {name}="{text}"' for name, text in
+                  (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl)) if text)
+    return (f'<mujoco><compiler angle="radian"/><option gravity="{gravity}">'
+            f'<flag contact="disable"/></option><worldbody>{bodies}</worldbody>{more}'
+            f'<sensor>{sensors}</sensor><keyframe><key name="start"{key}/></keyframe></mujoco>')
+
+
+# In the x-z plane with its normal along -y, about which two hinges turn backwards; springs of all
+# kinds, a damper, limits, constant loads on hinges and a slide, two pulls on one site, an armature,
+# a body on the ground, names that Python cannot have for variables, and two that the program has.
+RICH = planar(
+    '<body name="time"><joint name="lift &#34;1&#34;" type="slide" axis="0.6 0 0.8" '
+    ' stiffness="40 3 2" springref="0.1" limited="true" range="-0.2 0.21"/>'
+    ' <inertial pos="0 0 0" mass="1.5" diaginertia=".1 .1 .1"/>'
+    ' <body name="2nd arm"><joint name="arm" axis="0 -1 0" stiffness="5" springref="0.3" '
+    '  damping="0.2"/><inertial pos="0.4 0.1 0" mass="1" diaginertia=".01 .05 .05"/>'
+    '  <site name="tip" pos="0.8 0 0.1" euler="0.1 0.2 0.3"/></body>'
+    ' <body><joint name="flap" axis="0 1 0" pos="0 0 0.1" stiffness="2 1 3" limited="true" '
+    '  range="-0.5 0.4"/><inertial pos="-0.3 0 0.1" mass="0.7" diaginertia=".01 .03 .03"/></body>'
+    '</body>'
+    '<body name="ground"><joint name="wheel" axis="0 1 0" armature="0.02" '
+    ' stiffness="0.4" springref="0.9"/>'
+    ' <inertial pos="0.1 0 0" mass="1" diaginertia=".01 .01 .01"/>'
+    ' <body name="rail"><joint name="rail" type="slide" axis="1 0 0.2" stiffness="30" '
+    '  springref="-0.05" damping="0.5"/>'
+    '  <inertial pos="0.2 0 0.3" mass="0.4" diaginertia=".01 .01 .01"/></body></body>'
+    '<body name="post" pos="1 0 2"><inertial pos="0 0 1" mass="3" diaginertia="1 1 1"/></body>'
+    '<site name="here"/>',
+    '<jointpos name="arm" joint="arm"/><jointvel name="flap_rate" joint="flap"/>'
+    '<user name="lift_acc" objtype="joint" objname="lift &#34;1&#34;" dim="1"/>'
+    '<jointpos name="lift, &#34;m&#34;" joint="lift &#34;1&#34;"/>'
+    '<jointvel name="rail_rate" joint="rail"/><jointpos name="rail" joint="rail"/>'
+    '<framepos name="tip" objtype="site" objname="tip"/>'
+    '<framelinvel name="tip_v" objtype="site" objname="tip"/>'
+    '<framelinacc name="tip_a" objtype="site" objname="tip"/>'
+    '<framexaxis name="pointer" objtype="site" objname="tip"/>'
+    '<framexaxis name="way" objtype="xbody" objname="2nd arm"/>'
+    '<frameangvel name="turning" objtype="xbody" objname="2nd arm"/>'
+    '<frameangacc name="spin" objtype="xbody" objname="2nd arm"/>'
+    '<e_potential name="potential"/><e_kinetic name="kinetic"/>'
+    '<actuatorfrc name="push" actuator="push"/><jointactuatorfrc name="moment" joint="arm"/>',
+    '<actuator><motor name="push" joint="lift &#34;1&#34;"/><motor name="twist" joint="arm"/>'
+    '<motor name="turn" joint="flap"/>'
+    ' <general name="pull" site="tip" refsite="here" gear="1 0 -2 0 0.3 0"/>'
+    ' <general name="pull 2" site="tip" refsite="here" gear="0 0 1 0 0 0"/></actuator>',
+    qpos="0.05 0.4 0.1 0.2 0.1", qvel="0.3 0 1 2 0", ctrl="-3 0.7 0.4 0.5 0.2",
+    gravity="0.5 0 -9.81")
+CHANNELS = ("arm", "flap_rate", "lift_acc", 'lift, "m"', "rail_rate", "rail", "potential",
+            "kinetic", "push", "moment", "way.angle",
+            *(f"{name}.{part}" for part in "xyz"
+              for name in ("tip", "tip_v", "tip_a", "pointer", "turning", "spin")))
+WHEEL = Drive("wheel", Swing(0.2, 1.0, 0.7))
+
+
+@pytest.mark.parametrize("drives", [(), (WHEEL,)])
+def test_springs_limits_loads_and_all_channels(drives, tmp_path):
+    file = tmp_path / "rich.xml"
+    file.write_text(RICH)
+    run = Run("duration", np.linspace(0, 0.5, 51), CHANNELS, drives,
+              settings={"timestep": 2e-3, **EXACT})
+    wanted = simulate(file, run)
+    assert set(wanted.channels) == set(CHANNELS)
+    text = write_program(file, run, motion_of(run), "")
+    got = ran(tmp_path / "bare", text)
+    # the program's linear springs are Chipmunk's own: 1e-14 m of rounding in ends of springs 100
+    # extents away, which an acceleration divides by dt^2
+    assert_alike(got.curves, wanted.channels, 1e-7)
+    # the mutation: stops are reached, so that without them the motion is another
+    free, hits = re.subn(r"space\.add\(pymunk\.(RotaryLimit|Slide)Joint\([^#]*?\)\)\n", "", text)
+    assert hits == 2
+    gone = ran(tmp_path / "free", free).curves['lift, "m"']
+    assert abs(gone - got.curves['lift, "m"']).max() > 0.01
+
+
+def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
+    """theta = -2 asin(k sn(K + w t, k)) of a point mass from the horizontal; second order."""
+    run, errors = Run("duration", np.linspace(0, 10, 101), ("angle",)), []
+    k, w = np.sin(np.pi / 4), np.sqrt(9.81)
+    truth = -2 * np.arcsin(k * ellipj(ellipk(k**2) + w * run.x, k**2)[0])
+    for dt in (2e-3, 1e-3):
+        text = write_program(MODELS / "pendulum.xml", replace(
+            run, settings={"timestep": dt, "iterations": 10, "error_bias": 0.0}), "", "")
+        errors.append(abs(ran(tmp_path / f"{dt}", text).curves["angle"] - truth).max())
+    # (w dt)^2 / 24 of the period, a phase of 1e-5 rad after 10 s, and some more of a wide swing
+    assert errors[1] < 1e-4
+    # terms of third order take 10 % at 4 ms, 5 % at 2 ms, 2.5 % at 1 ms
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.08)
+
+
+ARM, BLOCK = 0.8, 1.5  # kg
+LOADED = planar(
+    f'<body><joint name="arm" axis="0 -1 0" stiffness="6 2 3" springref="0.3"/><inertial '
+    f' pos="0.4 0 0.1" mass="{ARM}" diaginertia=".01 .05 .05"/>'
+    '<site name="tip" pos="1 0 0"/></body>'
+    f'<body><joint name="block" type="slide" axis="0.6 0 -0.8" stiffness="20" springref="-0.1"/>'
+    f' <inertial pos="3 0 0" mass="{BLOCK}" diaginertia=".01 .01 .01"/></body><site name="here"/>',
+    '<jointpos name="arm" joint="arm"/><jointpos name="block" joint="block"/>',
+    '<actuator><motor name="push" joint="block"/><motor name="twist" joint="arm"/>'
+    '<general name="pull" site="tip" refsite="here" gear="1 0 -2 0 0.3 0"/></actuator>',
+    qpos="0.2 0.1", qvel="0.5 -0.3", ctrl="4 0.7 0.9", gravity="1 0 -9.81")
+
+
+def loaded(_, state):
+    """Rates of the arm's angle and the block's way and of their rates, in three dimensions."""
+    angle, way, angle_rate, way_rate = state
+    gravity, normal, along = np.array([1, 0, -9.81]), np.array([0, -1, 0]), np.array([.6, 0, -.8])
+    turn = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0],
+                     [np.sin(angle), 0, np.cos(angle)]])  # about -y
+    centre, tip = turn @ [0.4, 0, 0.1], turn @ [1, 0, 0]
+    wound, stretched = angle - 0.3, way + 0.1
+    moment = normal @ (np.cross(centre, ARM * gravity) + np.cross(tip, 0.9 * np.array([1, 0, -2]))
+                       + 0.9 * np.array([0, 0.3, 0]))
+    moment += 0.7 - wound * (6 + 2 * wound + 3 * wound**2)
+    force = BLOCK * gravity @ along - 20 * stretched + 4
+    return angle_rate, way_rate, moment / (0.05 + ARM * centre @ centre), force / BLOCK
+
+
+def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
+    """Second order towards DOP853."""
+    file = tmp_path / "loaded.xml"
+    file.write_text(LOADED)
+    run, errors = Run("duration", np.linspace(0, 2, 41), ("arm", "block")), []
+    truth = solve_ivp(loaded, (0, 2), [0.2, 0.1, 0.5, -0.3], "DOP853", run.x, rtol=1e-12,
+                      atol=1e-12).y[:2]
+    for dt in (4e-3, 2e-3):
+        text = write_program(file, replace(run, settings={"timestep": dt, **EXACT}), "", "")
+        curves = ran(tmp_path / f"{dt}", text).curves
+        errors.append(abs(np.array([curves["arm"], curves["block"]]) - truth).max(axis=1))
+    assert (errors[1] < 1e-4).all()  # (w dt)^2 / 24 of the phase of 10 rad, w some 5 rad/s
+    np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.15)  # terms of third order
+
+
+def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
+    """The free four-bar at 0.2 ms against its equations of motion: 1.1e-6 and 4.3e-4 of range.
+
+    That is its first second.  The error of a start without the step before it is of first order,
+    that of the program of second: their ratio is 74 at 1 ms, 375 at 0.2 ms, 750 at 0.1 ms.
+    """
+    case = load_case(MODELS / "fourbar_released.toml")
+    run = replace(run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100,
+                                               "error_bias": 0.0})
+    truth = reference.evaluate(case, run.x, None).channels
+    text = write_program(case.model_path, run, "", "")
+    place = "for body, ((x, y, angle)"
+    plain = "START = [((*body.position, 0.0), (0.0, 0.0, 0.0)) for body in bodies[:-1]]\n"
+    assert text.count(place) == 1
+    errors = []
+    for k, program in enumerate((text, text.replace(place, plain + place))):
+        got = ran(tmp_path / str(k), program).curves
+        errors.append(max(abs(got[n] - truth[n]).max() / np.ptp(truth[n])
+                          for n in got if case.channels[n].unit in ("rad", "m")))
+    assert errors[0] < 3e-6  # second order: 2.9e-5 at 1 ms
+    assert errors[1] > 100 * errors[0]
+
+
+def test_a_lost_run_says_so_as_simulate_does(tmp_path):
+    """A five-bar near a singular pose, in too few iterations."""
+    case = load_case(MODELS / "fivebar.toml")
+    run = replace(run_of(case), settings={"timestep": 2e-3, "iterations": 50, "error_bias": 0.0})
+    with pytest.raises(Diverged) as lost:
+        simulate(case.model_path, run)
+    done = started(tmp_path / "bare", write_program(
+        case.model_path, run, motion_of(run), ""))
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{lost.value}\n")
+    assert not (tmp_path / "bare" / "curves.csv").exists()
+
+
+def test_a_value_that_is_not_finite_is_an_error(tmp_path):
+    case = load_case(MODELS / "pendulum.toml")
+    run = replace(run_of(case, 3), settings={"timestep": 2e-3, **EXACT})
+    text = write_program(case.model_path, run, "", "")
+    wrong, hits = re.subn(r"return 0\.5 \* \(early", "return np.nan * (early", text)
+    assert hits == 1
+    done = started(tmp_path / "bare", wrong)
+    assert (done.returncode, done.stderr) == (1, "rate is not finite at time 0 s\n")
+
+
+HEAD = 'Line one, "quoted" and \\N{DASH} \\.\n\n"""import os"""\0\x1b é \u2028 ends in a quote"'
+
+
+@pytest.mark.parametrize(("head", "doc"), [("", None), (HEAD, HEAD), ("\\", "\\")])
+def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
+    case = load_case(MODELS / "slider_crank.toml")
+    run = replace(run_of(case, 3), settings={"timestep": 5e-3, **EXACT})
+    text = write_program(case.model_path, run, motion_of(run), head)
+    tree = ast.parse(text)
+    told = ast.get_docstring(tree, clean=False)
+    assert (told and told.removesuffix("\n")) == doc
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import)
+                for alias in node.names}
+    imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert imported <= MODULES
+    for word in ("proofmass", "sim.", "analytic", "spring"):
+        assert word not in text
+    assert max(map(len, text.replace(HEAD, "").splitlines())) < 200
+    ran(tmp_path / "bare", text)
+
+
+def test_the_examples_in_the_writer_hold():
+    assert [doctest.testmod(module) for module in (pymunk_program, program_text)] == [
+        (0, 3), (0, 1)]
+
+
+@pytest.mark.parametrize(("change", "drive", "error", "named"), [
+    ({"kind": "sweep"}, Imposed("gear"), Unsupported, "a sweep"),
+    ({"settings": {"timestep": 1e-3}}, Imposed("gear"), BadSetting, "iterations: missing"),
+    ({}, Imposed("motor"), Unsupported, "a motor on slide joint 'slider_1'"),
+    ({}, Imposed("belt"), ValueError, "'belt'; known: gear, motor"),
+])
+def test_what_cannot_be_written_is_named(change, drive, error, named):
+    case = load_case(MODELS / "threeprr.toml")
+    run = replace(run_of(case), **{"settings": {"timestep": 1e-3, **EXACT}, **change})
+    with pytest.raises(error, match=named):
+        write_program(case.model_path, run, "", "", drive)

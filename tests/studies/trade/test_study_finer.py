@@ -1,0 +1,87 @@
+"""Finer steps than a study took: where the errors of a line fall on, its own order tells."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from proofmass.case import load_case
+from proofmass.studies.measure import Task
+from proofmass.studies.run import run
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.finer import known, placed, promises
+from tests.studies.study_tasks import tasks
+from tests.studies.trade.trade_rows import line, verdict
+
+CASE = load_case(Path(__file__).parents[3] / "models" / "fourbar.toml")
+NEEDED = 1e-9
+
+
+def coarse(name="RK4", order=2.0, seconds=1e-5, scale=1.0, **knobs):
+    """A line without its fine half: its last step is 1 ms."""
+    return line(name, order=order, scale=scale, cost=seconds, **knobs)[:5]
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
+def test_the_order_tells_which_step_is_good_enough(order):
+    """With a fifth of the error to spare."""
+    needed = 1e-8
+    rows = coarse(order=order, scale=1e-6 / 1e-3**order)
+    found, = promises(rows, [], "position", needed)
+    assert 1e-6 * (found.step / 1e-3) ** order == pytest.approx(0.8 * needed)
+    assert found.falls == pytest.approx(order)
+    assert found.seconds == pytest.approx(rows[-1].seconds * rows[-1].value / found.step)
+    assert found.row is rows[-1]
+
+
+def test_a_line_at_its_floor_promises_nothing():
+    rows = coarse()
+    assert promises(rows, [], "position", NEEDED)
+    assert not promises(rows, verdict("RK4", 2.0, 1e-8, "softness"), "position", NEEDED)
+    assert not promises(coarse(order=0.1, scale=1e-6), [], "position", NEEDED)
+    lost = [*rows[:-1], replace(rows[-1], outcome="diverged", errors={})]
+    assert not promises(lost, [], "position", NEEDED)
+
+
+def test_the_cheapest_promise_is_the_first():
+    dear, cheap = coarse("dear", seconds=1e-4), coarse("cheap", seconds=1e-5)
+    assert [one.row.line for one in promises(dear + cheap, [], "position", NEEDED)] == [
+        "cheap", "dear"]
+
+
+def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
+    """An earlier correction of a step may be 2 % from it: rounding of errors would be an order."""
+    rows = coarse()
+    near = replace(rows[-1], value=0.98e-3, errors={"position": 0.99e-6})
+    plain, with_near = (promises(each, [], "position", NEEDED)[0] for each in (rows, [*rows, near]))
+    assert with_near.falls == pytest.approx(plain.falls, abs=0.1)
+    assert with_near.row is near
+
+
+def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
+    """Settings that somebody measured before, on their lines; none of another model."""
+    store, own = Store(tmp_path), tasks(models)[0].case
+    asked = [Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
+             Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"})]
+    rows = run([Task(own, "duration", setting, "choose") for setting in asked], store, repeats=1)
+    found = sorted(known(own, "duration", [], store), key=lambda row: row.value)
+    assert [row.line for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
+    assert [row.value for row in found] == [4e-4, 1e-3]
+    assert [(row.errors, row.key, row.repeats) for row in found] == [
+        (row.errors, row.key, row.repeats) for row in rows]
+    assert [row.key for row in known(own, "duration", rows[:1], store)] == [rows[1].key]
+    assert list(known(own, "duration", [], store, "pymunk")) == []
+    file = models / "pendulum.xml"
+    file.write_text(file.read_text().replace('mass="1"', 'mass="1.5"'))
+    assert list(known(tasks(models)[0].case, "duration", [], store)) == []
+
+
+def test_a_setting_finds_its_line_with_what_goes_with_its_step():
+    there = lines(CASE, "duration")
+    hard = next(one for one in there if one.name == "MuJoCo RK4, solref 8 steps")
+    knobs = dict(hard.settings[0].knobs, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
+    assert placed(Setting("mujoco", knobs), there) == (hard.name, "timestep", 1.7e-5)
+    knobs["solref"] = (9 * 1.7e-5, 1.0)
+    assert placed(Setting("mujoco", knobs), there)[0].startswith("MuJoCo, integrator RK4")

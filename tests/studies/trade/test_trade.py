@@ -1,0 +1,359 @@
+"""Work and precision: lines, their orders by theory, failures in the table, the command."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.accuracy_places import orders_of_places
+from proofmass.case import load_case
+from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.studies.row import Row
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.table import read_table
+from proofmass.studies.trade import axes, trade
+from proofmass.studies.trade.axes import SIZE, Line, lines
+from proofmass.studies.trade.line import Track, flat, halved, least, level, observed, slowed, worse
+from proofmass.studies.trade.orders import WITHIN, expected, off
+from proofmass.studies.trade.words import ended, reached, worsened
+
+MODELS = Path(__file__).parents[3] / "models"
+
+
+def falling(order, scale=1.0, floor=0.0, count=8):
+    """Sizes and errors of the model error scale * size^order + floor."""
+    sizes = 0.1 / 2 ** np.arange(count)
+    return [(float(h), float(scale * h**order + floor)) for h in sizes]
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
+def test_the_order_of_a_power_law_is_its_power(order):
+    assert observed(falling(order)) == pytest.approx(order, abs=1e-9)
+
+
+def test_an_error_slows_where_it_stops_falling_and_bends_no_order():
+    points = falling(2.0, floor=1e-5)
+    assert 1.0e-5 < points[slowed(points)][1] < 2e-5
+    assert level(points) == points[-1][1]
+    assert observed(points) == pytest.approx(2.0, abs=0.15)  # a tenth of floor: 1.87
+
+
+def test_without_a_floor_there_is_none():
+    assert slowed(falling(1.0)) is None
+    assert flat(falling(1.0)) is None
+    assert np.isnan(level(falling(1.0)))
+
+
+def test_a_plateau_that_an_error_leaves_is_no_floor():
+    points = [(0.4, 1e-3), (0.2, 1e-3), (0.1, 1e-3), (0.05, 1e-4), (0.025, 1e-6)]
+    assert slowed(points) is None
+    assert flat(points) is None
+
+
+def test_rounding_that_grows_may_be_a_floor_at_the_least_error():
+    points = [(h, h**2 + 1e-12 / h**2) for h in (0.1 / 2**k for k in range(12))]
+    assert level(points) == points[least(points)][1] == min(error for _, error in points)
+    assert flat(points) is None
+    assert least(points[:9]) is None  # only one finer step is worse
+
+
+@pytest.mark.parametrize(("share", "shown"), [(0.05, True), (0.2, False), (1.0, False)])
+def test_a_floor_is_what_two_halvings_leave(share, shown):
+    """An error of first order with a share s that still falls changes by s / 2, then by less."""
+    assert halved([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
+
+
+@pytest.mark.parametrize("errors", [
+    (0.8, 0.8, 0.8), (0.011, 0.011, 0.011), (1e-3, 1.06e-3, 1.06e-3), (1e-3, 1e-3), ()])
+def test_a_floor_is_asymptotic_and_measured_twice(errors):
+    assert not halved(errors)
+
+
+def test_a_finer_step_that_is_worse_is_found():
+    """As the chain of two four-bars shows it; what is far off at both steps is another motion."""
+    chain = [(4e-3, 0.9), (2e-3, 0.3), (1e-3, 1.9e-2), (5e-4, 6.8e-2), (2.5e-4, 4e-4)]
+    assert worse(chain) == (chain[2], chain[3])
+    assert worse([(2e-3, 0.3), (1e-3, 0.9)]) is None
+    assert worse([(2e-3, 1e-3), (1e-3, 1.4e-3)]) is None
+    assert worse(falling(1.0)) is None
+
+
+def tracked(errors, seconds=0.1, outcomes=()):
+    line = Line("mujoco", "x", "timestep", tuple(
+        Setting("mujoco", {"timestep": 0.1 / 2**k}) for k in range(8)))
+    rows = [Row("trade", "", "duration", "mujoco", "x", "timestep", 0.0, errors={"rate": e},
+                seconds=seconds) for e in errors]
+    rows += [Row("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
+             for o in outcomes]
+    return Track(line, rows)
+
+
+def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_end():
+    assert not tracked([]).done(1.0)
+    assert not tracked([1e-2, 2e-3, 1e-3]).done(1.0)
+    assert tracked([1e-2, 1e-3, 1e-3, 1e-3]).done(1.0)
+    assert not tracked([1e-2, 1e-3, 1e-3]).done(1.0)
+    assert not tracked([0.8, 0.81, 0.8, 0.8]).done(1.0), "another motion is no floor"
+    assert tracked([1e-2, 2e-3, 1e-3]).done(0.05)
+    assert tracked([], outcomes=["timed out"]).done(1.0)
+    assert not tracked([], outcomes=["diverged"]).done(1.0), "a smaller step may be stable"
+    assert tracked([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
+
+
+def test_runs_that_are_lost_at_finer_steps_end_a_line():
+    lost = tracked([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
+    points = lost.points("rate")
+    assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
+    assert level(points) == 1e-4
+    assert flat(points) is least(points) is None, "nothing shows a floor"
+    assert lost.done(1.0)
+    assert np.isnan(observed(points))
+
+
+def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
+    coarse = tracked([0.5, 3.0, 1e-2, 1e-3, 1e-4])
+    coarse.rows[1] = replace(coarse.rows[1], outcome="diverged", errors={})
+    assert [error for _, error in coarse.points("rate")] == [1e-2, 1e-3, 1e-4]
+    risen = tracked([1e-2, 1e-3, 7.0, 9.0])  # finer steps that are far off again are not coarse
+    assert [error for _, error in risen.points("rate")] == [1e-2, 1e-3, 7.0, 9.0]
+    assert level(risen.points("rate")) == 1e-3
+
+
+def placed(errors, seconds=0.5, **kinds):
+    """A track whose rows know their steps; `errors` of positions."""
+    track = tracked([])
+    track.rows = [Row("trade", "", "duration", "mujoco", "x", "timestep", size,
+                      {"timestep": size}, {"position": e, **{k: v[n] for k, v in kinds.items()}},
+                      seconds=seconds) for n, (size, e) in enumerate(
+                          zip(track.line.sizes, errors, strict=False))]
+    return track
+
+
+@pytest.mark.parametrize(("errors", "expected", "words"), [
+    # 8e-3 / 1e-4 is 80 of first order: 25 ms / 80, and 80 times 0.5 s
+    ((3.2e-2, 1.6e-2, 8e-3), 1.0, "order 1 down to 8e-3 at timestep 25 ms; 1e-4 would need a step "
+     "of about 3.1e-4 s and about 40 s a run, if that order holds"),
+    ((0.09, 0.045), 1.0, "not yet asymptotic: order 1 down to 0.045 at timestep 50 ms, of the last "
+     "refinement alone; 1e-4 would need a step of about 1.1e-4 s and about 225 s a run, if that "
+     "order holds"),
+    ((0.09, 0.056), 1.0, "not yet asymptotic: 0.056 at timestep 50 ms, and no order is seen"),
+    ((0.58, 0.5, 0.36), 1.0, "not yet asymptotic: 0.36 at timestep 25 ms, and no order is seen"),
+    ((0.81, 0.8, 0.81), 1.0, "not yet asymptotic: 0.81 at timestep 25 ms, and no order is seen"),
+    ((1e-4, 2.5e-5, 6.25e-6), 2.0, "order 2 down to 6.3e-6 at timestep 25 ms"),
+    ((1e-4, 5e-5, 4.8e-5), 2.0, "no error floor is shown: 4.8e-5 at timestep 25 ms, why"),
+    ((1e-4,), 2.0, "")])
+def test_how_far_a_line_came_is_told_without_a_number_where_no_order_is_seen(
+        errors, expected, words):
+    assert reached(placed(errors), "position", expected, "why", "") == words
+
+
+def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
+    track = placed([1e-3] * 3, acceleration=[0.13] * 3)
+    assert reached(track, "acceleration", 1.0, "", "it ends") == (
+        "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends")
+    far = placed([0.5] * 3, acceleration=[0.13] * 3)
+    assert reached(far, "acceleration", 1.0, "", "").startswith("not yet asymptotic")
+
+
+def test_a_finer_step_that_is_worse_is_told_with_both():
+    track = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
+    assert worsened(track, "position") == (
+        "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms")
+    assert worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
+
+
+def test_what_ended_a_line_is_told():
+    assert ended(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
+        "the line ends there, at a run of more than 2 s")
+    assert ended(placed([1e-3, 1e-4]), 2.0) == ""
+    assert ended(tracked([1e-2], outcomes=["timed out"]), 2.0) == "timestep 0 ms: timed out"
+
+
+def test_a_slope_that_changes_is_no_order():
+    slopes = 0.5 * np.arange(8)
+    errors = 0.05 / 2 ** np.cumsum(slopes)
+    assert np.isnan(observed(list(zip(0.1 / 2 ** np.arange(8), errors, strict=True))))
+    assert np.isnan(observed(falling(2.0, count=2))), "one refinement shows no constancy"
+
+
+@pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
+def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
+    case = load_case(MODELS / f"{name}.toml")
+    found = lines(case, next(k for k in ("duration", "rest", "sweep") if k in case.run))
+    assert len({line.name for line in found}) == len(found)
+    for line in found:
+        assert np.all(np.diff(line.sizes) < 0), line.name
+        for a, b in zip(line.settings, line.settings[1:], strict=False):
+            changed = {k for k in a.knobs if a.knobs[k] != b.knobs[k]}
+            assert changed <= {line.axis, "solref"}, line.name
+            assert "solref" not in changed - {line.axis} or line.scaled
+
+
+def test_every_integrator_of_mujoco_has_a_line():
+    import mujoco
+    there = {name.removeprefix("mjINT_").lower() for name in mujoco.mjtIntegrator.__members__}
+    assert {name.lower() for name in axes.INTEGRATORS} == there
+
+
+def test_steps_are_odd_in_number_and_within_the_work():
+    case = load_case(MODELS / "change_point.toml")
+    steps = axes.timesteps(case, 4)
+    numbers = steps[0] / np.array(steps)
+    assert numbers == pytest.approx(np.round(numbers))
+    assert np.all(np.round(numbers) % 2 == 1)
+    assert numbers[-1] * 362 * 4 <= axes.WORK < 2.1 * numbers[-1] * 362 * 4
+
+
+def test_a_rigid_sweep_has_nothing_to_turn():
+    assert lines(load_case(MODELS / "fourbar.toml"), "sweep") == []
+
+
+def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
+    assert SIZE["solimp"]((0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
+    assert SIZE["error_bias"](np.exp(-1 / 0.25)) == pytest.approx(0.25)
+
+
+PENDULUM = load_case(MODELS / "pendulum.toml")
+# Released from rest, semi-implicit Euler is a leapfrog half a step early: places are off by the
+# first order, rates by the second. Runge-Kutta is of fourth order, Chipmunk with bias 0 of second;
+# its bias, which falls with the step, is of first order.
+ORDERS = {"MuJoCo Euler": (1, 2), "MuJoCo discrete": (1, 2), "MuJoCo RK4": (4, 4),
+          "pymunk, no bias": (2, 2), "pymunk, defaults": (1, 1)}
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory):
+    """The trade of the pendulum, some of its lines."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trade, "lines", lambda case, kind: [
+            replace(line, settings=line.settings[:5])
+            for line in lines(case, kind) if line.name in ORDERS])
+        folder = tmp_path_factory.mktemp("pendulum")
+        study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=1)
+        trade.write_study(study, folder)
+    return study, folder
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
+    told = {v.kind: v for v in pendulum[0].verdicts if v.line == name}
+    for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
+        assert told[kind].observed == pytest.approx(order, abs=WITHIN)
+        assert told[kind].expected == order
+        assert told[kind].remark == ""
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
+    rows = [row for row in pendulum[0].rows if row.line == name]
+    for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
+        told = next(v for v in pendulum[0].verdicts if (v.line, v.kind) == (name, kind))
+        assert orders_of_places(PENDULUM, told, rows)[-1] == pytest.approx(order, abs=WITHIN)
+
+
+def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):
+    """The closed form has a point mass; this one has 1e-12 kg m2, a phase of 1e-11 in 10 s."""
+    edit("pendulum.xml", '"1e-14 1e-14 1e-14"', '"1e-12 1e-12 1e-12"')
+    monkeypatch.setattr(trade, "lines", lambda case, kind: [
+        line for line in lines(case, kind) if line.name == "MuJoCo RK4"])
+    study = trade.trade([load_case(tmp_path / "models" / "pendulum.toml")],
+                        Store(tmp_path / "runs"), repeats=0)
+    told = next(v for v in study.verdicts if v.kind == "position")
+    assert off(told.observed, told.expected)
+    assert told.remark.startswith("the reference: ")
+
+
+def test_a_study_is_written_and_read_again(pendulum):
+    study, folder = pendulum
+    again = read_table(folder / "trade.csv")
+    assert [row.errors for row in again] == [row.errors for row in study.rows]
+    assert (folder / "floors.csv").exists() == bool(study.moved)
+    told = trade.read_verdicts(folder / "verdicts.json")
+    assert [repr(v) for v in told] == [repr(v) for v in study.verdicts]
+
+
+@pytest.mark.parametrize("text", ["[{]", '[{"case": "x", "wall": 1e-4}]', "[3]"])
+def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
+    (tmp_path / "verdicts.json").write_text(text)
+    with pytest.raises(InputError, match=r"verdicts\.json: not the verdicts that this version"):
+        trade.read_verdicts(tmp_path / "verdicts.json")
+
+
+def test_a_wrong_integrator_is_off(pendulum):
+    """A line that is run with Euler and said to be RK4's is flagged."""
+    case = load_case(MODELS / "pendulum.toml")
+    fourth = next(line for line in lines(case, "duration") if line.name == "MuJoCo RK4")
+    rows = [row for row in pendulum[0].rows if row.line == "MuJoCo Euler"]
+    seen = observed(Track(fourth, rows[:len(fourth.settings)]).points("position"))
+    assert all(off(seen, order) for order in expected(case, "duration", fourth, "position"))
+
+
+def test_failures_stay_in_the_table(tmp_path, monkeypatch):
+    case = load_case(MODELS / "fourbar.toml")
+    line = Line("pymunk", "few", "iterations", tuple(
+        Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)))
+    monkeypatch.setattr(trade, "lines", lambda *_: [line])
+    study = trade.trade([case], Store(tmp_path), repeats=1)
+    assert [row.outcome for row in study.rows] == ["diverged", "ran"]
+    assert "loops are open" in study.rows[0].message
+    assert trade.cost(study.rows, "position", 1e-4) == study.rows[1].seconds
+
+
+def test_a_run_that_a_case_lacks_is_bad_input():
+    with pytest.raises(InputError, match="there is no such run; there are: duration"):
+        trade.chosen(load_case(MODELS / "pendulum.toml"), "rest")
+
+
+def command(*args):
+    return CliRunner().invoke(app, ["trade", *map(str, args)])
+
+
+def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(axes, "WORK", 3e3)
+    monkeypatch.setattr(trade, "lines", lambda case, kind: [
+        line for line in lines(case, kind) if line.name in ORDERS])
+    first = command(MODELS / "pendulum.toml", "-o", tmp_path, "--error", "rate")
+    assert first.exit_code == 0, first.output
+    assert "MuJoCo RK4" in first.output
+    assert "s for 1e-06" in first.output
+    assert "a run is given up after 30 s (--longest)" in first.output
+    files = {file: file.stat().st_mtime_ns for file in (tmp_path / "runs").glob("*.json")}
+    before = (tmp_path / "trade.csv").read_text()
+    assert command(MODELS / "pendulum.toml", "-o", tmp_path).exit_code == 0
+    assert files == {f: f.stat().st_mtime_ns for f in (tmp_path / "runs").glob("*.json")}
+    assert (tmp_path / "trade.csv").read_text() == before
+
+
+@pytest.mark.parametrize(("args", "words"), [
+    (["nothing.toml"], "no such file"),
+    ([MODELS / "pendulum.toml", "--run", "sweep"], "no such run"),
+    ([MODELS / "pendulum.toml", "--run", "motion"], "--run"),
+    ([MODELS / "pendulum.toml", "--longest", "0"], "--longest 0: give a number of seconds above 0"),
+])
+def test_bad_input_is_one_line(args, words, tmp_path):
+    answer = command(*args, "-o", tmp_path)
+    assert answer.exit_code == 2
+    assert words in answer.output
+    assert "Traceback" not in answer.output
+
+
+def test_a_model_without_a_sidecar_is_bad_input_and_among_others_passed_over(tmp_path, models):
+    for file in models.iterdir():
+        if file.stem not in ("pendulum", "fourbar"):
+            file.unlink()
+    (models / "pendulum.toml").unlink()
+    words = "pendulum.xml: no sidecar says what is right; a study needs one"
+    alone = command(models / "pendulum.xml", "-o", tmp_path / "trade")
+    assert (alone.exit_code, words in alone.output) == (2, True)
+    among = command(models, "--run", "sweep", "-o", tmp_path / "trade")
+    assert (among.exit_code, words in among.output) == (0, True)
+
+
+def test_what_has_nothing_to_trade_is_said(tmp_path):
+    answer = command(MODELS / "fourbar.toml", "--run", "sweep", "-o", tmp_path)
+    assert answer.exit_code == 0
+    assert "nothing to trade in its sweep" in answer.output

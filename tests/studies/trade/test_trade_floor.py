@@ -1,0 +1,220 @@
+"""Error floors whose causes are known: each is found when it is put there, by no other name."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from proofmass.case import load_case
+from proofmass.errors import InputError
+from proofmass.studies.measure import Task
+from proofmass.studies.row import Row
+from proofmass.studies.run import run
+from proofmass.studies.setting import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.trade.floor import MOVES, Probe, gain, judge, probes
+
+MODELS = Path(__file__).parents[3] / "models"
+HARD = (0.9999, 0.9999, 0.001)
+FOURBAR = load_case(MODELS / "fourbar.toml")
+STIFF = Setting("mujoco", {"timestep": 2e-3, "integrator": "RK4", "solref": (0.032, 1.0),
+                           "solimp": HARD})
+
+
+def moved(folder, case, setting, kind="duration"):
+    """The errors of a setting, and all its causes moved."""
+    wanted = probes(case, kind, setting, folder)
+    first, *rows = run([Task(case, kind, setting), *(Task(p.case, kind, p.setting)
+                                                     for p in wanted)], Store(folder), repeats=0)
+    return first.errors, list(zip(wanted, rows, strict=True))
+
+
+def gains(errors, found, kind):
+    return {p.cause: gain(p, errors[kind] / row.errors[kind]) for p, row in found}
+
+
+def test_softness_of_loops_goes_with_solref_squared(tmp_path):
+    errors, found = moved(tmp_path, FOURBAR, STIFF)
+    cause, evidence = judge(errors["position"], found, "position")
+    assert cause == "softness of the loops"
+    told = gains(errors, found, "position")
+    # tau^2, but for the share of the start's jolt
+    assert told["softness of the loops"] == pytest.approx(4.0, rel=0.1)
+    assert told["softness of the loops, solimp"] == pytest.approx(2.0, rel=0.05)  # 1 - d
+    assert told["time step"] == pytest.approx(1.0, rel=0.01)
+    assert "halving solref divides the error by" in evidence
+    # of accelerations the share 1 - d of the open loop's remains, whatever solref
+    assert judge(errors["acceleration"], found, "acceleration")[0] == (
+        "softness of the loops, solimp")
+
+
+def test_a_floor_moves_with_what_it_is_made_of(tmp_path):
+    softer = STIFF.but(solref=(0.064, 1.0))
+    hard, soft = (moved(tmp_path, FOURBAR, s)[0]["position"] for s in (STIFF, softer))
+    assert soft / hard == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_reference_that_is_wrong_is_found(tmp_path):
+    """A crank that is 0.1 % longer in the sidecar than in the MJCF, which the second one reads."""
+    wrong = FOURBAR.model_copy(update={"parameters": FOURBAR.parameters | {"crank": 1.001}})
+    errors, found = moved(tmp_path, wrong, STIFF)
+    assert judge(errors["position"], found, "position")[0] == "the reference"
+
+
+def test_a_coarse_step_is_found_with_its_order(tmp_path):
+    errors, found = moved(tmp_path, FOURBAR, Setting("pymunk", {"timestep": 4e-3}))
+    assert judge(errors["position"], found, "position")[0] == "time step"
+    # second order, within what a number of whole steps between samples rounds away: 5 become 9
+    assert gains(errors, found, "position")["time step"] == pytest.approx((9 / 5) ** 2, rel=0.05)
+
+
+def test_a_bias_is_found(tmp_path):
+    """Chipmunk's own, with so small steps that it is what is left: it is off by step times time."""
+    setting = Setting("pymunk", {"timestep": 1e-3, "error_bias": 0.9**60})
+    errors, found = moved(tmp_path, FOURBAR, setting)
+    told = gains(errors, found, "position")
+    assert told["bias of the loops"] == pytest.approx(2.0, rel=0.15)
+    assert told["time step"] == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_bias_is_found_by_taking_it_away_with_iterations_enough_for_that(tmp_path):
+    """Its start is a jolt, however short its time; without it 750 iterations open the loop."""
+    setting = Setting("pymunk", {"timestep": 0.5e-3, "defaults": True})
+    errors, found = moved(tmp_path, load_case(MODELS / "fivebar.toml"), setting)
+    assert judge(errors["acceleration"], found, "acceleration")[0] == "bias of the loops"
+
+
+def test_a_recorded_curve_is_found_by_half_of_it(tmp_path):
+    """Between rows the drive has no kink in its third derivative, which its law has."""
+    case = load_case(MODELS / "hacksaw_recorded.toml")
+    setting = Setting("pymunk", {"timestep": 0.25e-3, "error_bias": 0.0, "iterations": 100})
+    errors, found = moved(tmp_path, case, setting)
+    assert judge(errors["acceleration"], found, "acceleration")[0] == "the reference"
+    assert judge(errors["position"], found, "position")[0] == "time step"
+    told = gains(errors, found, "acceleration")["the reference"]
+    assert told == pytest.approx(2.0, rel=0.2)  # first order: where in its interval the kink is
+
+
+def test_too_few_iterations_are_found(tmp_path):
+    setting = STIFF.but(solver="PGS", iterations=1, tolerance=0.0)
+    errors, found = moved(tmp_path, FOURBAR, setting)
+    assert judge(errors["position"], found, "position")[0] == "the solver's iterations"
+
+
+def test_segments_of_a_rod_are_found(tmp_path):
+    case = load_case(MODELS / "rod_cantilever.toml")
+    errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 40}), "rest")
+    assert judge(errors["position"], found, "position")[0] == "segments"
+    assert gains(errors, found, "position")["segments"] == pytest.approx(4.0, rel=0.1)  # n^-2
+
+
+def test_samples_between_the_ends_of_links_are_found(tmp_path):
+    """Ten straight links, sampled in 41 places: chords are off where there are no joints."""
+    case = load_case(MODELS / "rod_cantilever.toml")
+    errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 10}), "rest")
+    assert gains(errors, found, "position")["sampling"] > 1.0
+
+
+def row(error, outcome="ran"):
+    return Row("floor", "", "duration", "mujoco", "", "", 0.0, outcome=outcome,
+               errors={"rate": error} if outcome == "ran" else {})
+
+
+def probe(cause, better=True):
+    return Probe(cause, f"moving {cause}", FOURBAR, STIFF, better)
+
+
+def test_what_nothing_moves_is_unknown():
+    found = [(probe("time step"), row(1.0)), (probe("softness"), row(0.99))]
+    assert judge(1.0, found, "rate")[0] == "unknown"
+    assert judge(1.0, [], "rate") == ("unknown", "")
+
+
+@pytest.mark.parametrize(("share", "cause"), [(0.17, "unknown"), (0.2, "softness"),
+                                              (0.5, "softness")])
+def test_a_cause_has_a_fifth_of_the_error(share, cause):
+    """Of first order: halving it takes half of its share away."""
+    assert judge(1.0, [(probe("softness"), row(1 - share / 2))], "rate")[0] == cause
+
+
+def test_what_a_smaller_step_makes_worse_is_not_yet_rounding():
+    cause, evidence = judge(1.0, [(probe("time step"), row(4.0))], "rate")
+    assert cause == "unknown"
+    assert evidence == "moving time step multiplies the error by 4.00"
+
+
+def test_a_cause_that_can_only_be_moved_away_is_found_by_a_worse_error():
+    assert judge(1.0, [(probe("softness", better=False), row(2.0))], "rate")[0] == "softness"
+    assert judge(1.0, [(probe("softness", better=False), row(0.5))], "rate")[0] == "unknown"
+
+
+def test_the_reference_may_move_an_error_either_way():
+    for error in (2.0, 0.5):
+        assert judge(1.0, [(probe("reference", better=None), row(error))], "rate")[0] == "reference"
+
+
+def test_the_largest_of_several_causes_is_the_floor_s():
+    found = [(probe("one"), row(1 / MOVES)), (probe("two"), row(0.5))]
+    assert judge(1.0, found, "rate")[0] == "two"
+
+
+def test_a_lost_run_is_told_and_moves_nothing():
+    found = [(probe("softness"), row(0.0, "diverged"))]
+    assert judge(1.0, found, "rate") == ("unknown", "moving softness: diverged")
+    assert judge(1.0, [*found, (probe("step"), row(0.5))], "rate")[0] == "step"
+    away = [(probe("softness", better=False), row(0.0, "diverged"))]
+    assert judge(1.0, away, "rate") == ("unknown", "moving softness: diverged")
+
+
+def test_a_cause_that_is_moved_twice_has_its_larger_effect():
+    for found in ([0.5, 1.0], [1.0, 0.5]):
+        moves = [(probe("bias"), row(error)) for error in found]
+        assert judge(1.0, moves, "rate")[0] == "bias"
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
+    """Of first order, both tell the same share of the error."""
+    half, whole = probe("bias"), replace(probe("bias"), whole=True)
+    assert gain(half, 1 / (1 - share / 2)) == pytest.approx(gain(whole, 1 / (1 - share)))
+
+
+def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
+    biased = {p.move: p.setting.knobs["error_bias"] for p in probes(
+        FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5}), tmp_path) if "bias" in p.cause}
+    assert list(biased.values()) == [0.25, 0.0]
+    assert not [p for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}),
+                                  tmp_path) if "bias" in p.cause]
+
+
+def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
+    """solimp is capped at 0.9999, solref at two steps: those are moved away."""
+    hard = STIFF.but(solref=(4e-3, 1.0))
+    found = {p.cause: p for p in probes(FOURBAR, "duration", hard, tmp_path)}
+    assert found["softness of the loops, solimp"].better is False
+    assert found["softness of the loops"].setting.knobs["solref"] == (8e-3, 1.0)
+    soft = Setting("mujoco", {"defaults": True, "timestep": 1e-3})
+    found = {p.cause: p for p in probes(FOURBAR, "duration", soft, tmp_path)}
+    assert found["softness of the loops, solimp"].better is True
+    assert found["softness of the loops"].setting.knobs["solref"] == (0.01, 1.0)
+
+
+@pytest.mark.parametrize(("name", "missing"), [("stephenson", "the reference"),
+                                               ("pendulum", "softness of the loops")])
+def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
+    case = load_case(MODELS / f"{name}.toml")
+    setting = Setting("mujoco", {"timestep": 1e-3})
+    assert missing not in {p.cause for p in probes(case, "duration", setting, tmp_path)}
+
+
+def test_other_samples_leave_the_steps_as_they_are(tmp_path):
+    found = probes(FOURBAR, "duration", STIFF, tmp_path)
+    thinned = next(p for p in found if p.cause == "sampling")
+    every, other = (STIFF.applied(case, "duration")[1] for case in (FOURBAR, thinned.case))
+    assert other.x == pytest.approx(every.x[::2], abs=1e-12)
+    assert other.steps(2e-3)[1] == pytest.approx(every.steps(2e-3)[1])
+
+
+def test_a_solver_that_mujoco_lacks_is_bad_input(tmp_path):
+    with pytest.raises(InputError, match="solver: known: pgs, cg, newton, not 'Gauss'"):
+        moved(tmp_path, FOURBAR, STIFF.but(solver="Gauss"))

@@ -1,0 +1,157 @@
+"""The four-bar let go for 10 s: what a study says of it, beside bare engines and scipy.
+
+Nothing of this package is on the other side: scipy integrates the crank's own equation, bare MuJoCo
+and bare Chipmunk are stepped here.
+"""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pymunk
+import pytest
+from scipy.integrate import solve_ivp
+
+from proofmass.case import Case, load_case
+from proofmass.studies.store import Store
+from proofmass.studies.trade import axes, trade
+from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.line import worse
+
+MODEL = Path(__file__).parents[3] / "models" / "fourbar.xml"
+G, END, N = 9.81, 10.0, 1001
+NAMES = ("MuJoCo Euler, default softness", "pymunk, defaults")
+
+
+def pose(a: float) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Both pins, and the angles of coupler and rocker, of 1, 2, 2.5 m on a ground of 3 m, open."""
+    p, ground = np.array([np.cos(a), np.sin(a)]), np.array([3.0, 0.0])
+    to = ground - p
+    far = np.hypot(*to)
+    along = (far**2 + 4.0 - 6.25) / (2 * far)
+    e = to / far
+    q = p + along * e + np.sqrt(4.0 - along**2) * np.array([-e[1], e[0]])
+    return p, q, float(np.arctan2(*(q - p)[::-1])), float(np.arctan2(*(q - ground)[::-1]))
+
+
+def inertia(a: float) -> float:
+    """Of all bars, felt at the crank."""
+    _, _, c, r = pose(a)
+    matrix = np.array([[-2 * np.sin(c), 2.5 * np.sin(r)], [2 * np.cos(c), -2.5 * np.cos(r)]])
+    c_rate, r_rate = np.linalg.solve(matrix, [np.sin(a), -np.cos(a)])
+    v = np.array([-np.sin(a) - c_rate * np.sin(c), np.cos(a) + c_rate * np.cos(c)])
+    return 1 / 3 + 2 * (v @ v) + 2 / 3 * c_rate**2 + 2.5**3 / 3 * r_rate**2
+
+
+def height(a: float) -> float:
+    """Potential energy."""
+    _, _, c, r = pose(a)
+    return G * (0.5 * np.sin(a) + 2 * (np.sin(a) + np.sin(c)) + 2.5 * 1.25 * np.sin(r))
+
+
+def slope(f, a: float, h: float = 1e-3) -> float:
+    """Five-point difference, h^4 / 30 of the fifth derivative off."""
+    return (f(a - 2 * h) - 8 * f(a - h) + 8 * f(a + h) - f(a + 2 * h)) / (12 * h)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    """Rocker's angle and the place of its pin (n, 3)."""
+    found = solve_ivp(lambda _, y: [y[1], -(0.5 * slope(inertia, y[0]) * y[1]**2
+                                            + slope(height, y[0])) / inertia(y[0])],
+                      (0.0, END), [0.0, 0.0], "DOP853", np.linspace(0.0, END, N),
+                      rtol=1e-10, atol=1e-11).y[0]
+    poses = [pose(a) for a in found]
+    return np.column_stack([np.unwrap([each[3] for each in poses]), [each[1] for each in poses]])
+
+
+def error(found: np.ndarray, truth: np.ndarray) -> float:
+    """The largest, as a share of the ranges."""
+    return float((np.abs(found - truth) / np.ptp(truth, axis=0)).max())
+
+
+def in_mujoco(per: int) -> np.ndarray:
+    """Bare MuJoCo with its defaults, so many steps a sample."""
+    model = mujoco.MjModel.from_xml_path(str(MODEL))
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, END / (N - 1) / per
+    model.eq_solref[:], model.eq_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    found = []
+    for _ in range(N):
+        mujoco.mj_kinematics(model, data)
+        found.append((data.qpos[2], *data.site("rocker_end").xpos[:2]))
+        mujoco.mj_step(model, data, per)
+    return np.array(found)
+
+
+def in_chipmunk(per: int) -> np.ndarray:
+    """Bare Chipmunk with its defaults."""
+    space = pymunk.Space()
+    space.gravity = (0.0, -G)
+    p, q, c, r = pose(0.0)
+    ground = np.array([3.0, 0.0])
+
+    def bar(length: float, middle: np.ndarray, angle: float) -> pymunk.Body:
+        body = pymunk.Body(length, length**3 / 12)  # 1 kg/m
+        body.position, body.angle = tuple(middle), angle
+        space.add(body)
+        return body
+
+    crank, coupler, rocker = bar(1.0, p / 2, 0.0), bar(2.0, (p + q) / 2, c), bar(
+        2.5, (ground + q) / 2, r)
+    for one, two, at in ((space.static_body, crank, (0, 0)), (crank, coupler, p),
+                         (space.static_body, rocker, ground), (coupler, rocker, q)):
+        space.add(pymunk.PivotJoint(one, two, (float(at[0]), float(at[1]))))
+    found = []
+    for _ in range(N):
+        found.append((rocker.angle, *coupler.local_to_world((1, 0))))
+        for _ in range(per):
+            space.step(END / (N - 1) / per)
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory) -> trade.Trade:
+    case: Case = load_case(MODEL.parent / "fourbar_released.toml")
+    table = case.run["duration"].model_copy(update={"until": END, "n": N})
+    case = case.model_copy(update={"run": {"duration": table}})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(axes, "WORK", 3.2e4)
+        patch.setattr(trade, "lines", lambda case, kind: [
+            line for line in lines(case, kind) if line.name in NAMES])
+        return trade.trade([case], Store(tmp_path_factory.mktemp("free")), repeats=0)
+
+
+def errors(study: trade.Trade, name: str) -> dict[int, float]:
+    """Of positions, by steps a sample."""
+    return {round(0.01 / row.value): row.errors["position"] for row in study.rows
+            if row.line == name}
+
+
+@pytest.mark.slow
+def test_chipmunk_is_at_no_floor_with_its_defaults(study, truth):
+    """It is of first order; the study ends where it is off by a third of the range."""
+    told = next(v for v in study.verdicts if (v.line, v.kind) == ("pymunk, defaults", "position"))
+    assert np.isnan(told.floor)
+    assert told.reached.startswith("not yet asymptotic: ")
+    assert "would need" not in told.reached
+    fine = [error(in_chipmunk(per), truth) for per in (50, 200)]
+    assert np.log(fine[0] / fine[1]) / np.log(4) == pytest.approx(1.0, abs=0.1)
+    assert fine[1] < 0.05 < 0.3 < min(errors(study, "pymunk, defaults").values())
+
+
+@pytest.mark.slow
+def test_a_finer_step_that_is_worse_in_bare_mujoco_is_told(study, truth):
+    """Errors of step and softness cancel at 1.4 ms, by chance."""
+    name = "MuJoCo Euler, default softness"
+    own = {per: error(in_mujoco(per), truth) for per in (1, 3, 7, 15)}
+    coarse, fine = worse([(1 / per, each) for per, each in own.items()])
+    assert (round(1 / coarse[0]), round(1 / fine[0])) == (7, 15)
+    told = next(v for v in study.verdicts if (v.line, v.kind) == (name, "position"))
+    assert told.worse.startswith("finer is worse: ")
+    assert "at timestep 1.43 ms, " in told.worse
+    assert told.worse.endswith(" at timestep 0.667 ms")
+    for per, each in errors(study, name).items():
+        if per in own:  # the study has the coupler's angle as well, which is as far off or more
+            assert own[per] <= 1.01 * each < 3 * own[per]
