@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.planar.branch import Branch
+from proofmass.analytic.planar.branch import SHARE, Branch, Knot
 from proofmass.analytic.planar.closure import Drives, condition, rates
 from proofmass.analytic.planar.forces import holding
 from proofmass.analytic.planar.free import free_motion
@@ -32,6 +32,12 @@ from proofmass.analytic.planar.read import read, refuse_contacts
 
 __all__ = ["Branch", "CannotAssemble", "Failure", "Mechanism", "Mirrored", "Overconstrained",
            "SingularHere", "read", "solve"]
+
+PART, OFF = 0.1, 0.382
+"""Knots begin and end at whole numbers and `OFF` of it [rad, or sizes].  A motion that begins or
+ends at a round number, or beside one, has the same ends."""
+REACH = SHARE * (1 + 1e-9)
+"""Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
 
 
 def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *, model: Any,
@@ -121,11 +127,42 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
 def _swept(mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int],
            values: bytes) -> tuple[Array, Drives]:
     """Closed poses over the drives' values; kept, since a report asks for them again."""
-    branch = _branch(mechanism, joints)
-    q, failure = branch.follow(np.frombuffer(values).reshape(shape).T)
+    inputs = np.frombuffer(values).reshape(shape).T
+    if len(joints) == 1 and (found := _on_the_way(mechanism, joints, inputs)) is not None:
+        return found
+    branch = Branch(mechanism, joints)
+    q, failure = branch.follow(inputs)
     if failure is not None:
         raise failure
     return q, branch.d
+
+
+def _on_the_way(mechanism: Mechanism, joints: tuple[str, ...],
+                inputs: Array) -> tuple[Array, Drives] | None:
+    """Closed poses from knots that do not depend on where the samples are, if these reach them all.
+
+    What an engine's drive really did is beside the motion that was asked for and takes the same
+    knots, so that it takes no steps of its own; and no pose depends on what was solved before.
+    """
+    place, = Drives.of(mechanism, joints).driven
+    begin, part = mechanism.start[place], PART * mechanism.scale[place]
+    low = (np.floor(inputs.min(initial=begin) / part - OFF) + OFF) * part
+    high = (np.ceil(inputs.max(initial=begin) / part - OFF) + OFF) * part
+    branch, knots = _knots(mechanism, joints, float(low), float(high))
+    x, at = inputs[:, 0], np.array([knot.q[place] for knot in knots])
+    start = branch.knot.q[place]
+    k = np.where(x >= start, np.searchsorted(at, x, "right") - 1, np.searchsorted(at, x, "left"))
+    own = [knots[j] for j in k.clip(0, len(knots) - 1)]
+    _, moves, proven = branch.beside(inputs, own)
+    return (branch.close(inputs, own), branch.d) if (moves <= REACH * proven).all() else None
+
+
+@lru_cache(maxsize=8)
+def _knots(mechanism: Mechanism, joints: tuple[str, ...], low: float,
+           high: float) -> tuple[Branch, list[Knot]]:
+    """A branch at its start pose, and the knots of it between two values of its only drive."""
+    down, up = (Branch(mechanism, joints).reach(end) for end in (low, high))
+    return Branch(mechanism, joints), [*down[:0:-1], *up]
 
 
 @lru_cache(maxsize=32)
@@ -134,5 +171,4 @@ def _free(mechanism: Mechanism, times: tuple[float, ...]) -> tuple[Array, Array,
     return free_motion(mechanism, np.array(times))
 
 
-_branch = lru_cache(maxsize=8)(Branch)
 _read = lru_cache(maxsize=32)(read)

@@ -14,6 +14,7 @@ over along the smooth one.
 P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2011, theorem 2.1 and section 5.1.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,8 +91,7 @@ class Branch:
                                f"joint(s): {', '.join(names)}")
         self.bound = lipschitz(m, q)
         self.scale = m.scale[self.d.driven]
-        self.followed: list[Knot] = []
-        self.first = self.knot = self.last = self.at(q)
+        self.knot = self.last = self.at(q)
         if not self.knot.radius > UNSURE:
             raise SingularHere(f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
                                f"chooses no branch: start elsewhere")
@@ -105,50 +105,60 @@ class Branch:
             Closed poses, k = n unless the branch ends before.
         failure : Failure or None
             Why it ended.
-
-        Notes
-        -----
-        Inputs that differ from those of the call before by less than its proven steps, such as what
-        an engine's drive really did, take no steps of their own: each pose is found from the knot
-        that its forerunner was found from, within the radius that is proven there.
         """
-        if len(self.followed) == len(inputs) > 0:
-            at, tangent, proven = (np.array([getattr(knot, name) for knot in self.followed])
-                                   for name in ("q", "tangent", "radius"))
-            ahead = (inputs - at[:, self.d.driven]) / self.scale
-            move = np.einsum("njd,nd->nj", tangent, ahead)
-            if (np.linalg.norm(move, axis=1) <= proven).all():
-                guess = at + move * self.m.scale
-                guess[:, self.d.driven] = inputs
-                return self.close(guess, proven), None
-        self.followed, self.knot, self.last = [], self.first, self.first
-        guess, proven = np.empty((len(inputs), len(self.m.joints))), np.empty(len(inputs))
-        done, failure, leap_at, room = 0, None, CREEP, 16
-        while done < len(inputs):
+        knots, failure = self.walk(inputs)
+        return self.close(inputs[:len(knots)], knots), failure
+
+    def walk(self, inputs: Array) -> tuple[list[Knot], Failure | None]:
+        """A knot that reaches it for each of the inputs (n, drives) that the branch goes to."""
+        knots, failure, leap_at, room = list[Knot](), None, CREEP, 16
+        while (done := len(knots)) < len(inputs):
             window = inputs[done:done + room]
             near = self.far(window) <= SHARE * self.knot.radius
             count = len(near) if near.all() else int(np.argmin(near))
             room = min(max(16, 2 * count), BLOCK)  # one step reaches about as far as the last
-            if count:
-                guess[done:done + count] = self.predict(window[:count])
-                proven[done:done + count] = self.knot.radius
-                self.followed += [self.knot] * count
-                done += count
+            knots += [self.knot] * count
             try:
                 leap_at = self.advance(window[count - 1] if count else inputs[done], leap_at)
             except Failure as error:
                 failure = error
                 break
-        return self.close(guess[:done], proven[:done]), failure
+        return knots, failure
 
-    def close(self, guess: Array, proven: Array) -> Array:
-        """Close poses (n, joints) that tangents predict, each within its proven radius (n,)."""
-        q = newton(self.m, guess, self.d) if len(guess) else guess
+    def reach(self, end: float) -> list[Knot]:
+        """The knots on the way to a value of the only drive, as far as the branch goes."""
+        knots, leap_at, target = [self.knot], CREEP, np.array([end])
+        with suppress(Failure):
+            while self.knot.q[self.d.driven] != target:
+                leap_at = self.advance(target, leap_at)
+                if self.knot is not knots[-1]:
+                    knots.append(self.knot)
+        return knots
+
+    def close(self, inputs: Array, knots: list[Knot]) -> Array:
+        """Closed poses (n, joints) at inputs (n, drives), each from a knot that reaches it."""
+        if not knots:
+            return np.empty((0, len(self.m.joints)))
+        guess, _, proven = self.beside(inputs, knots)
+        q = newton(self.m, guess, self.d)
         moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
         if not (moved <= NEAR * proven).all():
             bad = int(np.argmax(moved > NEAR * proven))
-            raise Mirrored(f"mirrored at {self.spoken(guess[bad, self.d.driven])}")
+            raise Mirrored(f"mirrored at {self.spoken(inputs[bad])}")
         return q
+
+    def beside(self, inputs: Array, knots: list[Knot]) -> tuple[Array, Array, Array]:
+        """Poses (n, joints) that the knots' tangents predict at inputs (n, drives).
+
+        And the lengths of these moves, in own units (n,), and how far each is proven (n,).
+        """
+        at, tangent, proven = (np.array([getattr(knot, name) for knot in knots])
+                               for name in ("q", "tangent", "radius"))
+        ahead = (inputs - at[:, self.d.driven]) / self.scale
+        move = np.einsum("njd,nd->nj", tangent, ahead)
+        guess = at + move * self.m.scale
+        guess[:, self.d.driven] = inputs
+        return guess, np.linalg.norm(move, axis=1), proven
 
     def at(self, q: Array) -> Knot:
         """What is known at a closed pose (joints,)."""
