@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.analytic import REFERENCES
 from proofmass.case import load_case
 from proofmass.chart import chart_of, check_charts
 from proofmass.check import Result
 from proofmass.compare import compare
 from proofmass.errors import InputError
-from proofmass.report import drawing, pages, write_report
+from proofmass.report import write_report
 from proofmass.view import ChartTable
 from tests.report.test_report import case_of, curves_of, result_of
 
@@ -40,23 +39,7 @@ def broken(*, stiffness: float, weight: float = 1.0) -> Chart:
 '''
 
 
-@pytest.fixture
-def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A sidecar with two charts, the second of a function that fails."""
-    (models / "stubs").mkdir()
-    (models / "stubs" / "charted_crank.py").write_text(STUB)
-    monkeypatch.syspath_prepend(models / "stubs")
-    monkeypatch.setitem(REFERENCES, "charted_crank", "charted_crank")
-    # other processes do not know of it
-    for module in (drawing, pages):
-        monkeypatch.setattr(module, "isolated", lambda function, *args, **limits: function(*args))
-    text = (models / "fourbar.toml").read_text()
-    text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\n[drive]",
-                  text.replace('"fourbar"', '"charted_crank"'))
-    text = re.sub(r"(?s)\[channels\].*", '[channels]\nholding_moment = { equals = "moment",'
-                  ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nof_range = 1e-12\n'
-                  'why = "rounding"\n', text)
-    (models / "fourbar.toml").write_text(text + '''
+MORE = '''
 [[chart]]
 title = "Energy"
 draw = "energies"
@@ -65,8 +48,13 @@ parameters = { turns = 2 }
 [[chart]]
 title = "Lost"
 draw = "broken"
-''')
-    return models / "fourbar.toml"
+'''
+
+
+@pytest.fixture
+def stub(stubbed) -> Path:
+    """A sidecar with two charts, the second of a function that fails."""
+    return stubbed("charted_crank", STUB, "stiffness = 2.0", MORE)
 
 
 def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:

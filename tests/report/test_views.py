@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from matplotlib import rc_context
 
-from proofmass.analytic import REFERENCES
 from proofmass.analytic.linkages.fourbar import solve
 from proofmass.case import Case, load_case
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
-from proofmass.report import drawing, pages, write_report
+from proofmass.report import write_report
 from proofmass.report.data import shown, ways
 from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
@@ -44,23 +43,7 @@ def facts(*, stiffness, target="sine", weight=0.0):
 '''
 
 
-@pytest.fixture
-def stub(models: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A sidecar whose reference takes a word and tells places and facts."""
-    (models / "stubs").mkdir()
-    (models / "stubs" / "sprung_crank.py").write_text(STUB)
-    monkeypatch.syspath_prepend(models / "stubs")
-    monkeypatch.setitem(REFERENCES, "sprung_crank", "sprung_crank")
-    # other processes do not know of it
-    for module in (drawing, pages):
-        monkeypatch.setattr(module, "isolated", lambda function, *args, **limits: function(*args))
-    text = (models / "fourbar.toml").read_text()
-    text = re.sub(r"(?s)\[parameters\].*?\[drive\]", "[parameters]\nstiffness = 2.0\ntarget = "
-                  '"sine"\n[drive]', text.replace('"fourbar"', '"sprung_crank"'))
-    text = re.sub(r"(?s)\[channels\].*", '[channels]\nholding_moment = { equals = "moment",'
-                  ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nof_range = 1e-12\n'
-                  'why = "rounding"\n', text)
-    (models / "fourbar.toml").write_text(text + '''
+MORE = '''
 [[view]]
 title = "Moment over angle"
 x = "crank"
@@ -76,8 +59,13 @@ unit = "J"
 
 [beside."stiff & heavy"]
 parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
-''')
-    return models / "fourbar.toml"
+'''
+
+
+@pytest.fixture
+def stub(stubbed) -> Path:
+    """A sidecar whose reference takes a word and tells places and facts."""
+    return stubbed("sprung_crank", STUB, 'stiffness = 2.0\ntarget = "sine"', MORE)
 
 
 def judged(sidecar: Path) -> list[Comparison]:
