@@ -66,10 +66,10 @@ def choose_command(
         asked(case, kind, error, solver)
         solver = solver_for(case, kind, drive, solver)
         writable(case, kind, output)
-        limits, told = Limits(seconds("--longest", longest), seconds("--budget", budget)), ""
+        limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
         if not turnable(case, kind):
             raise typer.Exit(1)
-        runs, verdicts = Store(store / "runs"), list[Verdict]()
+        runs, verdicts, told = Store(store / "runs"), list[Verdict](), ""
         if kind == "duration":
             with pool(jobs, dask) as workers, counting(letters=40) as advance:
                 motion, = motions_of([case], [kind], runs, workers, longest)

@@ -196,8 +196,9 @@ def of_mujoco(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
 def of_pymunk(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
     """Chipmunk's defaults, loops without bias, and with a share of their gap closed in a step.
 
-    Few iterations diverge where a step closes all of it, and the error is of second order where the
-    share is that of a step rather than that of a second, which is Chipmunk's `error_bias`.
+    Few iterations diverge where a step closes all of it.  Chipmunk's `error_bias` is a share of a
+    second; with a share of a step the gap is closed faster with shorter steps, and the error falls
+    by more than in proportion to them.
     """
     yield "pymunk, defaults", lambda step: {"defaults": True}, True
     yield "pymunk, no bias", lambda step: {"error_bias": 0.0}, False
