@@ -10,8 +10,8 @@ from math import log
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.sim.protocol import Array
 from proofmass.studies.measure import deviations, simulate
 from proofmass.studies.row import Row
 from proofmass.studies.setting import Setting

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from proofmass.analytic.numerics import Array
 from proofmass.report.style import KNOWN
-from proofmass.sim.protocol import Array
 from proofmass.studies.row import Row
 from proofmass.studies.trade.choose import default
 

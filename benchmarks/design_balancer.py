@@ -32,7 +32,7 @@ from proofmass.analytic.balancer.measures import precision_points, rmse, work_re
 from proofmass.analytic.balancer.synthesis import POINTS, Synthesis
 from proofmass.analytic.balancer.targets import TARGETS
 from proofmass.analytic.balancer.variants import Variant, left_out
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.design.command import times
 from proofmass.design.search import Effort, Search
 

@@ -10,7 +10,7 @@ from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
 
 from benchmarks import command
 from benchmarks.timing import SPELL, Row, measure
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import equilibria, integrate, modulus, pinned, shape, solve, tip
 from proofmass.analytic.rods.integrals import legendre
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT, command
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import cantilever, rod_pinned
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import Curves, Rod, Run

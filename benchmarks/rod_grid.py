@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.domain import TURN, Array
+from proofmass.analytic.numerics import TURN, Array, Complex
 from proofmass.analytic.rods import tip
 from proofmass.analytic.rods.search_newton import solve
-from proofmass.analytic.rods.search_sheet import Complex, rods
+from proofmass.analytic.rods.search_sheet import rods
 from proofmass.analytic.rods.state import State, clamps
 
 CAP = 20.0  # alpha of the equilibria that are counted

@@ -8,7 +8,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.solutions import Solutions, solutions
 from proofmass.analytic.rods.state import clamps

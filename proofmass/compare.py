@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.errors import InputError
@@ -15,7 +16,7 @@ from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, modes, module_of
 from proofmass.seen import check_views
 from proofmass.sim.contents import joints, mass, size
-from proofmass.sim.protocol import Array, Curves
+from proofmass.sim.protocol import Curves
 from proofmass.units import powers, si_unit
 
 NAN = float("nan")

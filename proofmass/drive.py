@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
-from proofmass.sim.protocol import Array, Curves, Diverged, Run
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Curves, Diverged, Run
 
 State = tuple[Array, Array, Array]
 LAG = 0.05

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 
 
 def nondominated(aims: Array) -> NDArray[np.intp]:

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
 from proofmass.files import read_bytes
-from proofmass.sim.protocol import Array
 from proofmass.units import si_unit
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from mujoco import MjModel
 
 from proofmass.analytic import REFERENCES
-from proofmass.analytic.domain import NotCovered
+from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.case import Case
 from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import Array, BadModel, BadRod, Curves
+from proofmass.sim.protocol import BadModel, BadRod, Curves
 from proofmass.strict import Kind
 from proofmass.units import same_quantity
 

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import mujoco
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded
 from proofmass.reference import channels, compiled, module_of, quantities
-from proofmass.sim.protocol import Array, Curves
+from proofmass.sim.protocol import Curves
 from proofmass.view import View
 
 

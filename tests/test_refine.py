@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import load_case
 from proofmass.check import Result, check, one_task
 from proofmass.compare import Comparison
 from proofmass.reference import evaluate, grid
 from proofmass.refined import Study, errors, refinements
 from proofmass.report import write_report
-from proofmass.sim.protocol import Array, Curves
+from proofmass.sim.protocol import Curves
 from tests.sim.rod_models import ENGINES
 
 FILE = "rod_cantilever.toml"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 MOST = 12  # panels that a page has room for
 

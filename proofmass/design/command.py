@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.balancer.targets import TARGETS, Target, tabulated
 from proofmass.analytic.balancer.variants import Variant
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.command import answering, errors

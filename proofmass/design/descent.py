@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 NUDGE = 1e-6  # for differences of terms that are exact to 1e-12
 FACTORS = np.array([0.1, 1.0, 10.0])  # of the damping, tried side by side

@@ -11,7 +11,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from proofmass.analytic.balancer.synthesis import Synthesis
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.design.search import Effort, Search
 from proofmass.front import nondominated
 from proofmass.report.style import RC

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.analytic.balancer.synthesis import Synthesis
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.design.selection import Selection, select
 
 

@@ -15,7 +15,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.design.descent import STUCK, Terms, descend, norms
 from proofmass.design.starts import apart, scattered
 from proofmass.errors import InputError

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 FACES = (0.1, 0.05)  # of all coordinates lie on their lower, on their upper bound
 APART = 0.05  # places nearer than that to a better one are not worth a descent of their own

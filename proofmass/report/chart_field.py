@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from proofmass.analytic.chart import Chart, Field
+from proofmass.analytic.numerics import Array
 from proofmass.report.data import readable
 from proofmass.report.view_sheet import INK
-from proofmass.sim.protocol import Array
 from proofmass.wording import pretty
 
 ZERO: dict[str, Any] = {"color": INK, "linewidth": 1.8}

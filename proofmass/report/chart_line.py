@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from proofmass.analytic.chart import Chart, Line
+from proofmass.analytic.numerics import Array
 from proofmass.report.figures import every
 from proofmass.report.style import MUTED, SOLID, Dash, Look
 from proofmass.report.view_sheet import CASING, INK
-from proofmass.sim.protocol import Array
 
 DASHES: list[Dash] = [(0, (4, 2)), (0, (1.2, 1.2)), (0, (8, 1.5, 1.2, 1.5)), (0, (2.5, 2.5)),
                       (0, (9, 2))]

@@ -12,11 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from proofmass.analytic.chart import Chart, Line
+from proofmass.analytic.numerics import Array
 from proofmass.report.chart_field import ZERO, contours, filled
 from proofmass.report.chart_line import PLAIN, drawn, dressed, tones
 from proofmass.report.data import readable
 from proofmass.report.style import Look
-from proofmass.sim.protocol import Array
 from proofmass.wording import pretty
 
 WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
@@ -13,7 +14,7 @@ from proofmass.reference import compiled, grid, laws
 from proofmass.refined import Row
 from proofmass.report.words import KINDS, LOST
 from proofmass.sim.contents import joints
-from proofmass.sim.protocol import Array, Curves
+from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from matplotlib import rc_context
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.chart import chart_of
 from proofmass.isolate import isolated
@@ -21,7 +22,6 @@ from proofmass.report.view_sheet import view_sheet
 from proofmass.report.views import Viewed
 from proofmass.sim.picture import Picture
 from proofmass.sim.picture_poses import picture
-from proofmass.sim.protocol import Array
 from proofmass.solve import plan
 from proofmass.view import ChartTable
 

@@ -12,11 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
 from PIL import Image
 
+from proofmass.analytic.numerics import Array
 from proofmass.files import write_whole
 from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin, ways
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
-from proofmass.sim.protocol import Array
 from proofmass.wording import number, pretty
 
 FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 
 ASIDE = np.exp(1j * np.pi * np.array([0.25, 0.75, -0.25, -0.75, 0, 1, 0.5, -0.5]))
 SIDES = np.stack([ASIDE.real, ASIDE.imag], axis=1)

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.reference import compiled
 from proofmass.report.data import drive_units
 from proofmass.report.labels import Label, place
 from proofmass.report.poses import clearest
 from proofmass.sim.picture import Picture
-from proofmass.sim.protocol import Array
 from proofmass.wording import number
 
 INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"

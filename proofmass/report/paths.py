@@ -6,11 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from proofmass.analytic.numerics import Array
 from proofmass.report.data import Shown
 from proofmass.report.figures import every, legend
 from proofmass.report.style import REFERENCE, Look
 from proofmass.sim.picture import Picture
-from proofmass.sim.protocol import Array, Curves
+from proofmass.sim.protocol import Curves
 
 PANEL = 2.45  # [inch] side of a panel
 

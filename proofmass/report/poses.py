@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.picture import Picture
-from proofmass.sim.protocol import Array
 
 SAME = 0.03  # of the mechanism's size: poses nearer to each other than that look the same
 

@@ -12,11 +12,11 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MultipleLocator
 
+from proofmass.analytic.numerics import Array
 from proofmass.report.data import readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.report.views import Viewed, spread, unit_of
-from proofmass.sim.protocol import Array
 from proofmass.wording import number, pretty
 
 INK = "#1b1f24"

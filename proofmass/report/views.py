@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.report.data import Shown, readable, ways
 from proofmass.seen import Seen, seen
-from proofmass.sim.protocol import Array
 from proofmass.view import View
 from proofmass.wording import listed, number, pretty
 

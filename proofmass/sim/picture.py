@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.rest import linkage_of
 from proofmass.sim.picture import Picture
 from proofmass.sim.picture_scene import Scene
-from proofmass.sim.protocol import Array, BadModel, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Run, Unsupported
 
 SECONDS = 5.0  # at most for stepping a free motion
 

@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import anchor_bodies, anchors, connects, pose_of
 from proofmass.sim.picture import Link, Mark, Picture
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import Array, Rod, Run, Unsupported
+from proofmass.sim.protocol import Rod, Run, Unsupported
 from proofmass.sim.rod_build import joints_of
 from proofmass.sim.rod_chain import chain
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from proofmass.sim.protocol import Array, Unsupported
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Unsupported
 
 PARALLEL = 1e-9
 """Largest sine [-] of the angle at which two directions of an MJCF still count as parallel."""

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-Array = NDArray[np.float64]
+from proofmass.analytic.numerics import Array
+
 BROKEN = set[str]()
 """Engines that cannot be called in this process any more; whoever keeps it has to start another."""
 Law = Callable[[Array], tuple[Array, Array, Array]]

@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.sim.protocol import Array, BadRod, Rod
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadRod, Rod
 
 SCHEMES = "half", "double", "naive"
 

@@ -18,7 +18,8 @@ chain.  Edges are soft constraints of the engine.
 import mujoco
 import numpy as np
 
-from proofmass.sim.protocol import Array, Rod, Unsupported
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Rod, Unsupported
 from proofmass.sim.rod_build import LIGHT, PLAIN, SLIDE, THICK, connect
 from proofmass.sim.rod_chain import Chain, check
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from proofmass.sim.protocol import Array, BadModel, Rod, Run
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadModel, Rod, Run
 from proofmass.sim.rod_chain import Chain, chain
 
 PARTS = "x", "y", "z", "angle", "moment"

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from proofmass.sim.protocol import Array, BadRod
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadRod
 from proofmass.sim.rod_chain import Chain
 
 MOVE = 0.1  # [rad] a joint turns no further in a Newton step, so that the arc's side is kept

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from proofmass.sim.protocol import Array, BadRod, Rod
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadRod, Rod
 from proofmass.sim.rod_build import add, joints_of
 from proofmass.sim.rod_chain import Chain, chain
 from proofmass.sim.rod_start import start_pose, tip

@@ -10,11 +10,12 @@ from typing import cast
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.errors import InputError
 from proofmass.isolate import isolated
-from proofmass.sim.protocol import Array, BadModel, Curves, Run
+from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.core import machine, own_core, pinned

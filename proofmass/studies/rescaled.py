@@ -13,12 +13,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.files import read_bytes, write_whole
 from proofmass.recorded import decoded
 from proofmass.reference import compiled
 from proofmass.sim.mjcf import read_tree
-from proofmass.sim.protocol import Array
 from proofmass.studies.reread import READS
 from proofmass.studies.store import digest
 

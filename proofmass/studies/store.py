@@ -20,12 +20,12 @@ import numpy as np
 
 import proofmass
 from proofmass import analytic, drive, reference, sim
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import HALF, read_text, write_whole
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
-from proofmass.sim.protocol import Array
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Found, Task

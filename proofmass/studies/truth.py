@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.files import write_whole
 from proofmass.reference import grid
-from proofmass.sim.protocol import Array, Curves
+from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 
 KEPT = 8  # references; the motions of driven runs differ, and nobody asks for them again

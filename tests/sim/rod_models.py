@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco import engine as with_mujoco
-from proofmass.sim.protocol import Array, Curves, Drive, Rod, Run
+from proofmass.sim.protocol import Curves, Drive, Rod, Run
 from proofmass.sim.pymunk import engine as with_pymunk
 
 ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}

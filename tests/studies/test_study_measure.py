@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case, load_case
 from proofmass.compare import reference_for
 from proofmass.drive import State
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut
 from proofmass.reference import evaluate, grid, laws
-from proofmass.sim.protocol import Array, Curves, Diverged, Unsupported
+from proofmass.sim.protocol import Curves, Diverged, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies import core, measure

@@ -9,7 +9,7 @@ from proofmass.analytic.balancer.path import Path, along
 from proofmass.analytic.balancer.summary import facts, marks
 from proofmass.analytic.balancer.targets import TARGETS
 from proofmass.analytic.balancer.targets import target as target_of
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 MODES = (1, -1)
 MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.dyad import close
 from proofmass.analytic.balancer.springs import preloaded
-from proofmass.analytic.domain import Array, one_of
+from proofmass.analytic.numerics import Array, one_of
 
 NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
 REQUIRED = ("length", "stiffness")

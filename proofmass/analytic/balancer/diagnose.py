@@ -5,7 +5,7 @@ import numpy as np
 from proofmass.analytic.balancer.design import balancer
 from proofmass.analytic.balancer.follow import Trail, follow
 from proofmass.analytic.balancer.path import Path, along
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 RANGE = np.pi / 2  # [rad] that a clock spring between simple stops can be wound
 STRAIGHT = 0.05  # [rad] below which an arm is called straight: errors in length grow twentyfold

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 
 def close(pendulum: Array | float, length: Array, first: Array, mode: Array | int) -> Array:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.balancer.design import Balancer
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 Index = NDArray[Any]
 

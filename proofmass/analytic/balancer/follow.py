@@ -15,7 +15,7 @@ from proofmass.analytic.balancer.equilibrium import (
     stable_at_rest,
     tangent,
 )
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 STRIDE = 0.1  # [rad] of the pendulum between two nodes of a path, at most
 NARROW = 1e-7  # [rad] a stride so short that does not get on ends at a fold

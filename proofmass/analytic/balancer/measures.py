@@ -4,9 +4,10 @@ from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from proofmass.analytic.numerics import Array
+
 HALVINGS = 40  # of the kinks' search: from a sample's distance to rounding
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from proofmass.analytic.balancer.design import Balancer
 from proofmass.analytic.balancer.equilibrium import Point, solve, tangent, windings
 from proofmass.analytic.balancer.follow import Trail
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 
 @dataclass(frozen=True)

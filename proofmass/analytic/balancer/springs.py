@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 
 def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from proofmass.analytic.balancer.measures import (
 )
 from proofmass.analytic.balancer.path import along
 from proofmass.analytic.balancer.variants import Variant
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 POINTS = {3: 90, 4: 15}  # of the thesis, by segments
 COARSE = 15  # points of a coarse look, at most

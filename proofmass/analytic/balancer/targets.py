@@ -4,10 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-Array = NDArray[np.float64]
+from proofmass.analytic.numerics import Array
+
 Curve = Callable[[Array], Array]
 LAEVO = (-0.2511, 1.343, -2.91, 2.824, -0.006501)  # of the program, line 4067; eq. 28 is rounded
 STEEP = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 SPRINGS = ("linear", "nonlinear", "each")
 LENGTHS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}  # [m], for a pendulum of 1 m

@@ -5,17 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import unwrapped
 from proofmass.analytic.linkages import fivebar_inverse, fivebar_workspace
-from proofmass.analytic.linkages.fivebar_inverse import (
-    Array,
-    Complex,
-    check,
-    cross,
-    dot,
-    inputs,
-    twice_area,
-)
+from proofmass.analytic.linkages.fivebar_inverse import check, cross, dot, inputs, twice_area
+from proofmass.analytic.numerics import Array, Complex, unwrapped
 
 MODES = (1, -1)
 

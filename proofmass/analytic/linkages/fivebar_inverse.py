@@ -1,12 +1,18 @@
 """Planar five-bar linkage: crank motions for a given motion of its tip, and its Jacobians."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import finite, not_negative, one_of, positive, unwrapped
+from proofmass.analytic.numerics import (
+    Array,
+    Complex,
+    finite,
+    not_negative,
+    one_of,
+    positive,
+    unwrapped,
+)
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 MODES = (1, -1)
 
 

@@ -19,7 +19,8 @@ Díaz Lozano, TFG, Universidad de Almería 2019, nor the five-bar notebook treat
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.fivebar_inverse import Array, check, inputs
+from proofmass.analytic.linkages.fivebar_inverse import check, inputs
+from proofmass.analytic.numerics import Array
 
 
 def margin(

@@ -1,11 +1,10 @@
 """Planar four-bar linkage: position, velocity, acceleration, coupler curve and static moments."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import finite, not_negative, one_of, positive, unwrapped
+from proofmass.analytic.numerics import Array, finite, not_negative, one_of, positive, unwrapped
 
-Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]  # a value with its first and second derivative by the angle
 MODES = (1, -1)
 
@@ -120,14 +119,6 @@ def solve(
             "holding_moment": moment, "mechanical_advantage": 1.0 / b1,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
-
-
-def facts(*, crank: float, coupler: float, rocker: float, ground: float,
-          **_: float) -> dict[str, str]:
-    """Grashof class, limits and time ratio for a report: `grashof.facts`."""
-    from proofmass.analytic.linkages import grashof  # it builds on this module
-
-    return grashof.facts(crank=crank, coupler=coupler, rocker=rocker, ground=ground)
 
 
 def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple[float, float]:

@@ -1,13 +1,10 @@
 """What a four-bar linkage can do: Grashof class, crank range, dead centres, transmission angles."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from proofmass.analytic.domain import one_of, positive
 from proofmass.analytic.linkages.fourbar import MODES, _slack, margins
+from proofmass.analytic.numerics import TURN, Array, one_of, positive
 
-Array = NDArray[np.float64]
-TURN = 2.0 * np.pi
 SHORTEST = {"crank": "crank-rocker", "coupler": "double rocker", "rocker": "rocker-crank",
             "ground": "double crank"}
 
@@ -177,7 +174,8 @@ def transmission_range(
     return _limits(inner, outer, 4.0 * coupler * rocker)
 
 
-def facts(*, crank: float, coupler: float, rocker: float, ground: float) -> dict[str, str]:
+def facts(*, crank: float, coupler: float, rocker: float, ground: float,
+          **_: float) -> dict[str, str]:
     """What a drawing's lengths amount to, in words and degrees, for a report.
 
     >>> facts(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)["time ratio"]

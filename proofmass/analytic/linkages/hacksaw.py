@@ -1,9 +1,10 @@
 """Power hacksaw: offset slider-crank with the slider on a guide above the crank axis."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from proofmass.analytic.numerics import Array
+
 MODES = (1, -1)
 
 

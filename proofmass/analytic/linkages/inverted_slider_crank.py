@@ -6,10 +6,9 @@ The classic form, in which the slider turns on a fixed pivot, is in `swinging_bl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import finite, not_negative, one_of, positive, unwrapped
 from proofmass.analytic.linkages.slider_crank import _slack
+from proofmass.analytic.numerics import Array, finite, not_negative, one_of, positive, unwrapped
 
-Array = NDArray[np.float64]
 Plane = NDArray[np.complex128]
 MODES = (1, -1)
 

@@ -1,10 +1,10 @@
 """Simple pendulum of any amplitude below half a turn, by Jacobi elliptic functions."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ellipkm1
 
-Array = NDArray[np.float64]
+from proofmass.analytic.numerics import Array
 
 
 def solve(

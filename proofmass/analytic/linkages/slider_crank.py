@@ -1,11 +1,10 @@
 """Slider-crank on a straight guide of any inclination: motion, statics and dead points."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import finite, not_negative, one_of, positive, unwrapped
+from proofmass.analytic.numerics import Array, finite, not_negative, one_of, positive, unwrapped
 
-Array = NDArray[np.float64]
 MODES = (1, -1)
 
 

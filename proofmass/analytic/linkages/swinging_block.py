@@ -1,11 +1,11 @@
 """Swinging-block linkage: the classic inverted slider-crank, its slider on a fixed pivot."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages import inverted_slider_crank
+from proofmass.analytic.numerics import Array
 
-Array = NDArray[np.float64]
 MODES = inverted_slider_crank.MODES
 
 

@@ -3,13 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import not_negative, unwrapped
 from proofmass.analytic.linkages import threeprr_inverse
 from proofmass.analytic.linkages.threeprr_inverse import (
     CORNERS,
     GUIDES,
-    Array,
-    Complex,
     check,
     cross,
     dot,
@@ -17,6 +14,7 @@ from proofmass.analytic.linkages.threeprr_inverse import (
     three,
 )
 from proofmass.analytic.linkages.threeprr_poses import NEAR, inverse_jacobian, lacking, legs, poses
+from proofmass.analytic.numerics import Array, Complex, not_negative, unwrapped
 
 MODES = (1, -1, 2, -2, 3, -3)
 

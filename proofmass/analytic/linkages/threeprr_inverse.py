@@ -5,10 +5,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import finite, one_of, positive
+from proofmass.analytic.numerics import Array, Complex, finite, one_of, positive
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 SIGNS = tuple(product((1, -1), repeat=3))
 MODES = tuple(range(1, len(SIGNS) + 1))
 GUIDES = np.array([[1.0], [-1.0], [-1.0j]])  # directions, x + iy as everywhere below

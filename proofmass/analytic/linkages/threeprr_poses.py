@@ -6,14 +6,13 @@ from numpy.typing import ArrayLike, NDArray
 from proofmass.analytic.linkages.threeprr_inverse import (
     CORNERS,
     GUIDES,
-    Array,
-    Complex,
     check,
     cross,
     determinant,
     origins,
     three,
 )
+from proofmass.analytic.numerics import Array, Complex
 
 PAIRS = np.array([(0, 1), (0, 2), (1, 2)])
 NEAR = 1e-7  # a double root is known to sqrt(1e-16) = 1e-8: what is closer is one

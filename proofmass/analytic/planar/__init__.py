@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.branch import SHARE, Branch, Knot
 from proofmass.analytic.planar.closure import Drives, condition, rates
 from proofmass.analytic.planar.forces import holding
 from proofmass.analytic.planar.free import free_motion
 from proofmass.analytic.planar.mechanism import (
-    Array,
     CannotAssemble,
     Failure,
     Mechanism,

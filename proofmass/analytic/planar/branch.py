@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.closure import (
     BLOCK,
     Drives,
@@ -30,7 +31,6 @@ from proofmass.analytic.planar.closure import (
 )
 from proofmass.analytic.planar.loops import lipschitz
 from proofmass.analytic.planar.mechanism import (
-    Array,
     CannotAssemble,
     Failure,
     Mechanism,

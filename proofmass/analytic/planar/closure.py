@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.loops import bias, gap, loop_jacobian, residual
 from proofmass.analytic.planar.mechanism import (
-    Array,
     CannotAssemble,
     Mechanism,
     Overconstrained,

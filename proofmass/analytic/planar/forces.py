@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.closure import Drives
 from proofmass.analytic.planar.loops import loop_jacobian
-from proofmass.analytic.planar.mechanism import Array, Complex, Mechanism
+from proofmass.analytic.planar.mechanism import Mechanism
 from proofmass.analytic.planar.motion import Motion, jacobian, move
 
 Carried = list[tuple[int, Complex, Array]]

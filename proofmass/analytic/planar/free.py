@@ -17,10 +17,11 @@ F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equation
 import numpy as np
 from scipy.integrate import DOP853
 
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.closure import CLOSED, fitting, freedoms, nearest, scaled_jacobian
 from proofmass.analytic.planar.forces import applied, carriers, inertial, mass
 from proofmass.analytic.planar.loops import bias, loop_jacobian, residual
-from proofmass.analytic.planar.mechanism import Array, CannotAssemble, Mechanism, SingularHere
+from proofmass.analytic.planar.mechanism import CannotAssemble, Mechanism, SingularHere
 from proofmass.analytic.planar.motion import Motion, move
 
 ACCURACY = 3e-14

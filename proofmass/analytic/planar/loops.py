@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from proofmass.analytic.planar.mechanism import Array, Complex, Mechanism
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.planar.mechanism import Mechanism
 from proofmass.analytic.planar.motion import Motion, jacobian, move
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.planar.mechanism import Array, Complex, Mechanism
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.planar.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

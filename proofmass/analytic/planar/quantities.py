@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.forces import kinetic, potential
-from proofmass.analytic.planar.mechanism import Array, Complex, Mechanism
+from proofmass.analytic.planar.mechanism import Mechanism
 from proofmass.analytic.planar.motion import Motion
 from proofmass.analytic.planar.read import Reader, rotation
 

@@ -5,8 +5,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from proofmass.analytic.domain import NotCovered
-from proofmass.analytic.planar.mechanism import Array, Body, Coupling, Joint, Mechanism, Pin
+from proofmass.analytic.numerics import Array, NotCovered
+from proofmass.analytic.planar.mechanism import Body, Coupling, Joint, Mechanism, Pin
 
 PARALLEL = 1e-9
 """Largest sine of the angle at which two directions still count as parallel."""

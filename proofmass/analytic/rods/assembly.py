@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import Array
-from proofmass.analytic.rods.flow import Complex
+from proofmass.analytic.numerics import Array, Complex
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from proofmass.analytic.chart import Chart, Line, Panel
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.column import critical, whole
 from proofmass.analytic.rods.elliptic import stiff, tip
 from proofmass.analytic.rods.search_sheet import rods

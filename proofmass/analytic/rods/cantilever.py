@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import romb
 
-from proofmass.analytic.domain import Array, finite, positive
-from proofmass.analytic.rods.elliptic import TURN, from_inflection, stiff
+from proofmass.analytic.numerics import TURN, Array, finite, positive
+from proofmass.analytic.rods.elliptic import from_inflection, stiff
 from proofmass.analytic.rods.roots import roots
 from proofmass.analytic.rods.second_variation import stability
 from proofmass.analytic.rods.shooting import from_tip

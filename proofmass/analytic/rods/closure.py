@@ -14,9 +14,9 @@ moment equation, about the frame's origin, is these rows combined, with the same
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.flow import Complex, flow
+from proofmass.analytic.rods.flow import flow
 from proofmass.analytic.rods.state import Columns, State, clamps, columns
 
 SURE = 1e-8  # relative step after which Newton's method has squared it to rounding

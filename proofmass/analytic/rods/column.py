@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.elliptic import stiff
 from proofmass.analytic.rods.integrals import legendre
 

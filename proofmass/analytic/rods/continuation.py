@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.inverse import square
 from proofmass.analytic.rods.state import Columns, State, columns
 from proofmass.analytic.rods.walk import STRIDE, Walk

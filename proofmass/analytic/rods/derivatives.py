@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.closure import closure, determinant, solve
 from proofmass.analytic.rods.state import Columns, State, columns
 

@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.numerics import TURN, Array, positive
 from proofmass.analytic.rods.integrals import jacobi, legendre
 
-TURN = 2.0 * np.pi
 BLOCK = 16384  # poses at once: their arrays stay in the processor's cache
 
 

@@ -14,11 +14,9 @@ to rounding.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
-
-Complex = NDArray[np.complex128]
+from proofmass.analytic.numerics import Array, Complex
 
 
 def _mirrored(first: list[float]) -> tuple[float, ...]:

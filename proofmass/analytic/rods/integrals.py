@@ -7,7 +7,7 @@ and delta = sqrt(1 - k^2 sin^2): near k = 1 the digits of k and of phi alone do 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 GAP = float(np.sqrt(np.finfo(float).eps))  # of a mean that its next step closes: it is quadratic
 Four = tuple[Array, Array, Array, Array]

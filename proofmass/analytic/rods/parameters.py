@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array, positive
-from proofmass.analytic.rods.elliptic import TURN, bounds, stiff
+from proofmass.analytic.numerics import TURN, Array, positive
+from proofmass.analytic.rods.elliptic import bounds, stiff
 from proofmass.analytic.rods.integrals import legendre
 
 INFLECTION = 1e-6  # how far the tip may be from one, of a half wave

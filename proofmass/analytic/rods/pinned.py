@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.shooting import Rods, integrate
 
 System = Callable[[Array], tuple[Array, Array]]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.elliptic import stiff
 
 RADIUS = 0.8517  # of the length, for a load across the rod

@@ -3,7 +3,7 @@
 import numpy as np
 
 from proofmass.analytic.chart import Chart, Line, Panel
-from proofmass.analytic.domain import positive
+from proofmass.analytic.numerics import positive
 from proofmass.analytic.rods.derivatives import derivatives
 from proofmass.analytic.rods.pair import at_rest, pair
 from proofmass.analytic.rods.rod_sheets import (

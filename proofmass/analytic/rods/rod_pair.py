@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.pair import at_rest, pair
 from proofmass.analytic.rods.rod_charts import equilibria
 from proofmass.analytic.rods.rod_maps import motor_angles, workspace

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array, finite
+from proofmass.analytic.numerics import Array, finite
 from proofmass.analytic.rods.closure import newton
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.derivatives import derivatives

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
 from proofmass.analytic.rods.derivatives import derivatives
 from proofmass.analytic.rods.direct import direct

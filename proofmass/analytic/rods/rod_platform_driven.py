@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.closure import newton
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.derivatives import derivatives

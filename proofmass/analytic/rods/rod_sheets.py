@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from proofmass.analytic.chart import Chart, Field, Line, Panel
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.closure import determinant
 from proofmass.analytic.rods.derivatives import derivatives
 from proofmass.analytic.rods.state import Columns, State, clamps, columns

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.elliptic import stiff
 from proofmass.analytic.rods.rod_snap_charts import branches, shapes
 from proofmass.analytic.rods.search_sheet import rods

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.chart import Chart, Line, Panel
-from proofmass.analytic.domain import Array
-from proofmass.analytic.rods.search_sheet import Complex, rods
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.rods.search_sheet import rods
 from proofmass.analytic.rods.snap_family import Family, family, shape
 
 POINTS = 81  # of a rod

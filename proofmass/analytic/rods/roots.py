@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 Function = Callable[[Array], Array]
 ZOOMS = 4  # a pair of roots is seen when farther apart than the grid's spacing/8^4

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ellipe, ellipkm1
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.state import State, clamps
 
 FURTHEST = 200.0  # alpha at which a bound is given up

@@ -22,11 +22,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.domain import TURN, Array
+from proofmass.analytic.numerics import TURN, Array, Complex
 from proofmass.analytic.rods.search_bound import hold, largest
 from proofmass.analytic.rods.state import State, clamps
-
-Complex = NDArray[np.complex128]
 
 WITHIN = 1.1  # of the largest bound of single poses that the bound may be
 EDGE = 0.1  # of the first boxes, over the shortest rod

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.domain import Array
-from proofmass.analytic.rods.search_mesh import Complex, Index, Mesh, mesh, ragged
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.rods.search_mesh import Index, Mesh, mesh, ragged
 from proofmass.analytic.rods.state import State, clamps
 
 NEAR = (0.1, 0.3)  # [L], [rad] that a start may be off

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipkm1
 
-from proofmass.analytic.domain import Array
-from proofmass.analytic.rods.search_sheet import Complex, rods
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.rods.search_sheet import rods
 
 Index = NDArray[np.intp]
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipkm1
 
-from proofmass.analytic.domain import Array
-from proofmass.analytic.rods.search_sheet import Complex, Rods, rods
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.rods.search_sheet import Rods, rods
 from proofmass.analytic.rods.state import State, clamps
 
 MOST = 30  # steps; most starts that arrive take less than ten

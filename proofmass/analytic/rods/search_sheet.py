@@ -21,13 +21,10 @@ field of the pendulum, y = d delta/d gamma = cn + sd (E(u) - k'^2 u), gives all 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ellipkm1
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.rods.integrals import jacobi
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

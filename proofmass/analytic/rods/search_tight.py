@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.domain import TURN, Array
+from proofmass.analytic.numerics import TURN, Array
 from proofmass.analytic.rods.search_boxes import tight
 from proofmass.analytic.rods.state import State, clamps
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
-from proofmass.analytic.domain import Array, positive
+from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.elliptic import stiff
 
 RK4 = (np.array([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], float),

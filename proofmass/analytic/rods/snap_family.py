@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from proofmass.analytic.domain import TURN, Array, positive
+from proofmass.analytic.numerics import TURN, Array, Complex, positive
 from proofmass.analytic.rods.column import whole
 from proofmass.analytic.rods.elliptic import from_inflection
-from proofmass.analytic.rods.search_sheet import Complex, rods
+from proofmass.analytic.rods.search_sheet import rods
 
 NEAREST, FURTHEST = 0.32, 0.99  # of the length: distances that have been tried
 STRIDE = 0.01  # of (log alpha, log q)

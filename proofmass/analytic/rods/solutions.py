@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import TURN, Array
+from proofmass.analytic.numerics import TURN, Array
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.elliptic import relative
 from proofmass.analytic.rods.search_boxes import proven

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.flow import Complex, flow
+from proofmass.analytic.rods.flow import flow
 
 Columns = NDArray[np.int_]
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import brentq
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.closure import ROUNDING, SURE, closure, newton, sizes, solve
 from proofmass.analytic.rods.state import Columns, State
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.closure import closure, determinant, newton, sizes
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.derivatives import derivatives, ratio

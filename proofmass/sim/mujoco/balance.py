@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 
 DEPENDENT = 1e-10  # of the largest singular value: rows that say nothing new, to rounding
 FLAT = 1e-9  # of the largest stiffness: less cannot be told from none by differences

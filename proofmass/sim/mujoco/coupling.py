@@ -10,8 +10,9 @@ nothing on.
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import begin
-from proofmass.sim.protocol import Array, Run
+from proofmass.sim.protocol import Run
 
 WRAP = mujoco.mjtWrap
 

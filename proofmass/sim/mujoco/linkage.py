@@ -9,8 +9,9 @@ held; rates follow from the null space, accelerations from the rows' time deriva
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import anchor_bodies, anchors, loop_gap, pose_of
-from proofmass.sim.protocol import Array, BadModel, Unsupported
+from proofmass.sim.protocol import BadModel, Unsupported
 
 EQ = mujoco.mjtEq
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)

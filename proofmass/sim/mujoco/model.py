@@ -6,10 +6,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import Array, BadModel, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Run, Unsupported
 
 S = mujoco.mjtSensor
 

@@ -9,9 +9,10 @@ import time
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.mujoco.still import lost
-from proofmass.sim.protocol import Array, Curves, Diverged, Run
+from proofmass.sim.protocol import Curves, Diverged, Run
 
 
 def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:

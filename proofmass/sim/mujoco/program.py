@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, joint_of, load
@@ -20,7 +21,7 @@ from proofmass.sim.mujoco.reading import withhold_drives
 from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
 from proofmass.sim.mujoco.steps import FLYWHEEL, start
 from proofmass.sim.program_text import TEMPLATES, escaped
-from proofmass.sim.protocol import Array, BadModel, Imposed, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported
 
 IMPOSED = (Imposed("flywheel"),
            *(Imposed("servo", gain) for gain in (2.0, 1.0, 0.5, 0.2)),

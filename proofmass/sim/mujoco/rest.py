@@ -18,11 +18,12 @@ any motion that moves the drives, closes the loops and keeps the stops.
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.balance import DEPENDENT, FLAT, Balance
 from proofmass.sim.mujoco.linkage import CLOSED, NEAR, STRIDE, Linkage
 from proofmass.sim.mujoco.model import refuse_dry_friction
 from proofmass.sim.mujoco.stops import Stops
-from proofmass.sim.protocol import Array, BadModel, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Run, Unsupported
 
 NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10, as rates are
 FAR = 0.5  # [rad, or extents] a start pose further from rest than this misses a drive

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 import scipy.linalg
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.balance import DEPENDENT
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
@@ -26,7 +27,7 @@ from proofmass.sim.mujoco.reading import drive_moments, withhold
 from proofmass.sim.mujoco.rest import Resting
 from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.mujoco.still import until_still
-from proofmass.sim.protocol import Array, Curves, Run
+from proofmass.sim.protocol import Curves, Run
 
 VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"

@@ -11,12 +11,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.reading import withhold_drives
 from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.mujoco.still import lost
-from proofmass.sim.protocol import Array, Curves, Diverged, Run
+from proofmass.sim.protocol import Curves, Diverged, Run
 
 FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
 

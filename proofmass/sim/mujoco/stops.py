@@ -10,7 +10,8 @@ problem, Opsearch 11 (1974) 123-130).
 import mujoco
 import numpy as np
 
-from proofmass.sim.protocol import Array, Unsupported
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Unsupported
 
 COVERED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BLOCKS = 10  # rounds in which all wrong joints switch at once

@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.optimize import least_squares
 
-from proofmass.sim.protocol import Array, BadModel
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.pose import bound, gaps, jacobian, least, residual, values
 

@@ -5,9 +5,10 @@ from functools import partial
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import gear_of, joint_of
 from proofmass.sim.plane import Plane, find_plane
-from proofmass.sim.protocol import Array, BadModel
+from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.inertia import inertias
 from proofmass.sim.pymunk.links import HAIR, Hold, Joint, Links, Pull
 from proofmass.sim.pymunk.refuse import dead_load, refuse, refuse_gravity, refuse_wrench

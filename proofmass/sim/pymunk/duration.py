@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 
-from proofmass.sim.protocol import Array, Curves, Diverged, Run
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Curves, Diverged, Run
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.patience import enough
 from proofmass.sim.pymunk.pose import gaps, values

@@ -15,7 +15,8 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from proofmass.sim.protocol import Array, BadModel, Diverged, NotSolved
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadModel, Diverged, NotSolved
 from proofmass.sim.pymunk.close import close, missing, named
 from proofmass.sim.pymunk.drive import Motor, add_drives, aim
 from proofmass.sim.pymunk.links import Links

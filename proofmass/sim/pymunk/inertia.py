@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import Plane
-from proofmass.sim.protocol import Array, BadModel
+from proofmass.sim.protocol import BadModel
 
 MOST = 1e300  # [kg, kg m2] of a link; what is computed with it stays finite
 

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import Plane
-from proofmass.sim.protocol import Array
 
 HAIR = 1e-13
 """How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's

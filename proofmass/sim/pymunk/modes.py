@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import Joint, Links
 from proofmass.sim.pymunk.pose import bound, jacobian, potential, values
 from proofmass.sim.pymunk.slope import slope

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.pose import bound, jacobian
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import Hold, Joint, Links, Table
 
 STEP = 1e-30

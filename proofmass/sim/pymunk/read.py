@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import gear_of_force, joint_of
 from proofmass.sim.plane import Plane
-from proofmass.sim.protocol import Array, BadModel
+from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.links import Joint, Links
 from proofmass.sim.pymunk.pose import along, joint_value, turned
 

@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import joint_of
 from proofmass.sim.plane import PARALLEL, Plane
-from proofmass.sim.protocol import Array, Unsupported
+from proofmass.sim.protocol import Unsupported
 
 JOINT, EQ = mujoco.mjtJoint, mujoco.mjtEq
 OFF = mujoco.mjtDisableBit

@@ -10,7 +10,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import HAIR, Joint, Links
 from proofmass.sim.pymunk.modes import find_modes, sizes
 from proofmass.sim.pymunk.pose import along, values

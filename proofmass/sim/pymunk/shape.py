@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 
-from proofmass.sim.protocol import Array, Curves, Run
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Curves, Run
 from proofmass.sim.pymunk.held import hold
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.pose import gaps, joint_value, turned

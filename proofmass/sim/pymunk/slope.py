@@ -6,7 +6,7 @@ out, which spares a differentiation for every coordinate.
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import Joint, Links
 from proofmass.sim.pymunk.pose import QUARTER, apart, joint_value, turned
 

@@ -7,7 +7,7 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import Hold, Joint, Links, Pull
 
 Settings = dict[str, Any]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.close import close
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.modes import sizes

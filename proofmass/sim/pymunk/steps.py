@@ -4,7 +4,8 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from proofmass.sim.protocol import Array, Run
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Run
 from proofmass.sim.pymunk.close import close
 from proofmass.sim.pymunk.drive import Motor, add_drives, aim
 from proofmass.sim.pymunk.links import Links

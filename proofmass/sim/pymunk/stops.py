@@ -8,7 +8,7 @@ one step; to the last digit, where they let go, and it falls in anew.  So a join
 import numpy as np
 import pymunk
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import HAIR, Joint, Links
 from proofmass.sim.pymunk.pose import joint_value
 from proofmass.sim.pymunk.space import STOPS

@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 
-from proofmass.sim.protocol import Array, BadModel, Curves, Run, Unsupported
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
 from proofmass.sim.pymunk.close import named, stages
 from proofmass.sim.pymunk.held import ROUGH, Held, hold
 from proofmass.sim.pymunk.links import Links

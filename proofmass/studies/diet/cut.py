@@ -6,7 +6,7 @@ Whatever is gone already, with another feature, stays gone.
 import mujoco
 import numpy as np
 
-from proofmass.sim.protocol import Array
+from proofmass.analytic.numerics import Array
 from proofmass.studies.diet.draft import Draft
 
 JOINT, GEOM = mujoco.mjtJoint, mujoco.mjtGeom

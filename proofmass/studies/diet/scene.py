@@ -19,6 +19,7 @@ from typing import cast
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import FAILURES, LOADING, load
 from proofmass.compare import reference_for
@@ -26,7 +27,7 @@ from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.isolate import isolated
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import Array, BadModel, Curves, Run
+from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.studies.bounded import bounded

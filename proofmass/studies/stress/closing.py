@@ -21,12 +21,12 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar import read
 from proofmass.analytic.planar.closure import Drives, newton
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.reference import compiled
-from proofmass.sim.protocol import Array
 from proofmass.strict import Kind
 from proofmass.studies.rescaled import times, with_model
 from proofmass.studies.store import MATTERS, Store, digest, model_bytes, once, sources

@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.sim.protocol import Array
 from proofmass.strict import Kind
 from proofmass.studies.measure import Task
 from proofmass.studies.reread import movable, reread

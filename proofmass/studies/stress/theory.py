@@ -23,7 +23,7 @@ from functools import cache
 
 import numpy as np
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 Map = Callable[[float, float], Array]
 """``map(z, zeta)``: the matrix A (2, 2) of a step."""

@@ -17,12 +17,13 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.isolate import isolated
 from proofmass.reference import compiled
 from proofmass.sim.contents import size
-from proofmass.sim.protocol import Array, BadModel, Curves
+from proofmass.sim.protocol import BadModel, Curves
 from proofmass.strict import Kind
 from proofmass.studies.measure import CONSTANT, Task, span
 from proofmass.studies.rescaled import times, with_model

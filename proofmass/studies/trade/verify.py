@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic import planar
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import FAILURES
 from proofmass.isolate import TimedOut
@@ -17,7 +18,7 @@ from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, module_of
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.settings import PLACES
-from proofmass.sim.protocol import Array, BadModel, Curves, Imposed, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.bounded import limited

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.balancer.design import Balancer
 from proofmass.analytic.balancer.dyad import close
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from tests.independent.balancer.grid import NAMES
 from tests.independent.balancer.trial import (
     centred,

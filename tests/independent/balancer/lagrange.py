@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.domain import finite, one_of, positive
+from proofmass.analytic.numerics import finite, one_of, positive
 
 Array = NDArray[np.float64]
 

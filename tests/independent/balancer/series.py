@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.design import balancer
 from proofmass.analytic.balancer.dyad import close
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 
 def curve(beta: ArrayLike, **parameters: float) -> dict[str, Array]:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 # of h: what is fixed to the clamp, the last segment; of EI/h: the spring at the clamp
 SCHEMES = {"half": (0.5, 0.5, 1.0), "double": (0.0, 1.0, 2.0), "naive": (0.0, 1.0, 1.0)}

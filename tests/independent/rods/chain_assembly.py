@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.assembly import Assembly
 from tests.independent.rods.chain import Chain, carried, energy, gradient, points, root_moment
 from tests.independent.rods.chain_closure import NONE, chains, clamps, fitted, matrix, parts, system

@@ -11,7 +11,7 @@ of the equilibrium holds both::
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.domain import Array
+from proofmass.analytic.numerics import Array
 
 
 def curvatures(matrix: Array, constraints: int) -> Array:

@@ -19,19 +19,11 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from proofmass import reference
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case, load_case
 from proofmass.drive import Swing, motion_source
 from proofmass.sim import program_text
-from proofmass.sim.protocol import (
-    Array,
-    BadSetting,
-    Curves,
-    Diverged,
-    Drive,
-    Imposed,
-    Run,
-    Unsupported,
-)
+from proofmass.sim.protocol import BadSetting, Curves, Diverged, Drive, Imposed, Run, Unsupported
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
