@@ -28,10 +28,8 @@ import numpy as np
 from benchmarks import ROOT, command, folders
 from benchmarks.design_table import HELD, Row, draw, missed, page, summary, table
 from proofmass.analytic.balancer import solve
-from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
-from proofmass.analytic.balancer.synthesis import POINTS, Synthesis
-from proofmass.analytic.balancer.targets import TARGETS
-from proofmass.analytic.balancer.variants import Variant, left_out
+from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse, work_reduction
+from proofmass.analytic.balancer.synthesis import POINTS, Synthesis, Variant, left_out
 from proofmass.analytic.numerics import Array
 from proofmass.design.command import times
 from proofmass.design.search import Effort, Search

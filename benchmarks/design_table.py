@@ -8,8 +8,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from proofmass.analytic.balancer import solve
-from proofmass.analytic.balancer.measures import precision_points
-from proofmass.analytic.balancer.targets import TARGETS
+from proofmass.analytic.balancer.measures import TARGETS, precision_points
 from proofmass.report.style import RC
 
 Row = dict[str, Any]

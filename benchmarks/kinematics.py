@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from benchmarks import ROOT, command, document_scheme, fourbar_newton
 from benchmarks.timing import SPELL, Row, measure
-from proofmass.analytic.linkages import fivebar_inverse, fourbar, slider_crank, threeprr_inverse
+from proofmass.analytic.linkages import fivebar, fourbar, slider_crank, threeprr
 from proofmass.analytic.planar.branch import Branch
-from proofmass.analytic.planar.closure import rates
-from proofmass.analytic.planar.read import read
+from proofmass.analytic.planar.kinematics import rates
+from proofmass.analytic.planar.mechanism import read
 from proofmass.case import Case, load_case
 from proofmass.reference import call, compiled, module_of
 from proofmass.sim.protocol import Run
@@ -110,12 +110,12 @@ def inverses(count: int) -> Iterator[Row]:
     found = closed_form("fivebar", count)()
     tip = [np.array([found[f"tip_{order}{axis}"] for axis in "xy"]) for order in ("", "v", "a")]
     yield Row("five-bar", "closed form, inverse", "p v a", count,
-              partial(fivebar_inverse.solve, *tip, **lengths("fivebar")))
+              partial(fivebar.solve_inverse, *tip, **lengths("fivebar")))
     found = closed_form("threeprr", count)()
     pose = [np.array([found[axis + order] for axis in ("x", "y", "psi")])
             for order in ("", "_rate", "_acceleration")]
     yield Row("3PRR", "closed form, inverse", "p v a", count,
-              partial(threeprr_inverse.solve, *pose, **lengths("threeprr")))
+              partial(threeprr.solve_inverse, *pose, **lengths("threeprr")))
 
 
 def document(count: int) -> Iterator[Row]:

@@ -12,7 +12,7 @@ from benchmarks import command
 from benchmarks.timing import SPELL, Row, measure
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import equilibria, integrate, modulus, pinned, shape, solve, tip
-from proofmass.analytic.rods.integrals import legendre
+from proofmass.analytic.rods.elastica import legendre
 
 COUNT = 100_000
 BATCH = 1000

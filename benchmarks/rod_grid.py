@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import TURN, Array, Complex
 from proofmass.analytic.rods import tip
-from proofmass.analytic.rods.search_newton import solve
-from proofmass.analytic.rods.search_sheet import rods
-from proofmass.analytic.rods.state import State, clamps
+from proofmass.analytic.rods.all_equilibria import solve
+from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.equilibrium import State, clamps
 
 CAP = 20.0  # alpha of the equilibria that are counted
 RISE = np.log(0.0966498)  # B of its spacing of k_rel with the end slope 0.25

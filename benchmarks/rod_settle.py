@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.solutions import Solutions, solutions
-from proofmass.analytic.rods.state import clamps
+from proofmass.analytic.rods.equilibrium import clamps
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import loop_gap
 from proofmass.sim.mujoco.still import lost

@@ -155,9 +155,9 @@ HEAD = """# Where engines settle
 
 `python -m benchmarks.rod_settling` made this. The mechanisms of J. Pérez Gámiz, Resolución del
 problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG, UPV/EHU Bilbao
-2018: all equilibria that `proofmass.analytic.rods.solutions` finds with loads up to R = 400 EI/L^2,
-the lowest first, and how many of the random starts of an engine end in each. Larger loads take
-loops tighter than these chains can be bent; two rods have none, three have more
+2018: all equilibria that `proofmass.analytic.rods.all_equilibria` finds with loads up to R = 400
+EI/L^2, the lowest first, and how many of the random starts of an engine end in each. Larger loads
+take loops tighter than these chains can be bent; two rods have none, three have more
 (`rod_solutions.md`). A start turns every rod by up to a full turn in an arc, bends each joint by
 0.25 rad more (standard deviation), and closes the loops with the least change. The engine then
 steps, with damping, until nothing moves. Nudged: begun in the chain's own equilibrium with links

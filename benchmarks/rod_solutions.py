@@ -13,9 +13,9 @@ import numpy as np
 
 from benchmarks import command
 from benchmarks.rod_grid import Grid, three, two
+from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import assembly, triangle
-from proofmass.analytic.rods.solutions import solutions
-from proofmass.analytic.rods.state import State, state
+from proofmass.analytic.rods.equilibrium import State, state
 
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
 CORNERS, GUIDES = triangle(np.sqrt(3.0)), np.radians([0.0, 120.0, -120.0])
@@ -61,7 +61,7 @@ of Table 8 with a rod in a loop. Loads are searched for up to the bound of the n
 alpha = L sqrt(R/EI) is the largest of the loads R on the rods of an equilibrium. With so many
 inflections at most it cannot grow without end: rods would become straight, and straight rods would
 have to hold the platform tight against each other, which these mechanisms do not allow
-(`proofmass/analytic/rods/search_boxes.py`). The bound is proven for every pose at once, but for
+(`proofmass/analytic/rods/all_equilibria.py`). The bound is proven for every pose at once, but for
 rounding, and is up to a tenth larger than the inequality needs. Cells beyond the bound are empty.
 
 | equilibria, stable ones | {heads} | bound |

@@ -5,7 +5,7 @@ from functools import cache
 from mujoco import MjModel
 
 from proofmass.analytic.planar import Overconstrained, read
-from proofmass.analytic.planar.closure import freedoms, nearest
+from proofmass.analytic.planar.kinematics import freedoms, nearest
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.reference import compiled

@@ -13,7 +13,7 @@ import pytest
 from benchmarks import document_scheme as scheme
 from proofmass.analytic import balancer
 from proofmass.analytic.balancer.measures import precision_points, rmse
-from proofmass.analytic.linkages import grashof, hacksaw
+from proofmass.analytic.linkages import fourbar, hacksaw
 from tests.analytic.balancer.balancer_table import DATA
 from tests.independent import hacksaw_newton
 from tests.independent.newton_raphson import NotConverged
@@ -106,7 +106,7 @@ def test_ground_length_with_its_sign():
     """Lines 1275, 4179 sort XB - XA: a ground to the left hides that this linkage is no Grashof."""
     d, c, b, a = sorted([2.0, 2.0, 2.5, -3.0])
     assert not b + c < a + d  # the code's test for its warning
-    assert grashof.margin(crank=2.0, coupler=2.0, rocker=2.5, ground=3.0) < 0.0
+    assert fourbar.grashof_margin(crank=2.0, coupler=2.0, rocker=2.5, ground=3.0) < 0.0
 
 
 # Power hacksaw report, Universidad Nacional de Colombia

@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.closure import closure
-from proofmass.analytic.rods.direct import direct
-from proofmass.analytic.rods.state import State, state
+from proofmass.analytic.rods.equilibrium import State, closure, direct, state
 from tests.analytic.rods.rod_assembly_cases import (
     CORNERS,
     DATA,

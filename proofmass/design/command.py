@@ -8,9 +8,8 @@ import numpy as np
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from proofmass.analytic.balancer.synthesis import Synthesis
-from proofmass.analytic.balancer.targets import TARGETS, Target, tabulated
-from proofmass.analytic.balancer.variants import Variant
+from proofmass.analytic.balancer.measures import TARGETS, Target, tabulated
+from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
 from proofmass.case import load_case
 from proofmass.check import check

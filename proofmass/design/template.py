@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from proofmass.analytic.balancer import Balancer, balancer
-from proofmass.analytic.balancer.springs import preloaded
+from proofmass.analytic.balancer.model import preloaded
 from proofmass.files import write_whole
 
 GRAVITY = 9.81  # [m/s2] gives the weight at the tip its mass; statics knows the weight alone

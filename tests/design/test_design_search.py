@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from proofmass.analytic.balancer.synthesis import Synthesis
-from proofmass.analytic.balancer.variants import Variant
+from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.design.descent import STUCK, descend, norms
 from proofmass.design.pareto import front, write_front
 from proofmass.design.search import Effort, Search

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.balancer import solve
-from proofmass.analytic.balancer.measures import energy_spread, rmse, work_reduction
-from proofmass.analytic.balancer.synthesis import BENT, Synthesis
-from proofmass.analytic.balancer.targets import TARGETS
-from proofmass.analytic.balancer.variants import Variant, left_out, thesis
+from proofmass.analytic.balancer.measures import TARGETS, energy_spread, rmse, work_reduction
+from proofmass.analytic.balancer.synthesis import BENT, Synthesis, Variant, left_out, thesis
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 
 SINE = Synthesis(Variant("sine", free_angle=True), np.sin)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.solutions import solutions
-from proofmass.analytic.rods.state import State
+from proofmass.analytic.rods.equilibrium import State
 from proofmass.sim.protocol import Curves, Drive, Run
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
 from tests.analytic.rods.rod_chain_cases import STABLE, tangent, two_rods

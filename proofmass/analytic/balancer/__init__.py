@@ -3,12 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.design import Balancer, balancer
-from proofmass.analytic.balancer.follow import Trail, follow
-from proofmass.analytic.balancer.path import Path, along
-from proofmass.analytic.balancer.summary import facts, marks
-from proofmass.analytic.balancer.targets import TARGETS
-from proofmass.analytic.balancer.targets import target as target_of
+from proofmass.analytic.balancer.measures import TARGETS, facts, marks
+from proofmass.analytic.balancer.measures import target as target_of
+from proofmass.analytic.balancer.model import Balancer, balancer
+from proofmass.analytic.balancer.path import Path, Trail, along, follow
 from proofmass.analytic.numerics import Array
 
 MODES = (1, -1)
@@ -71,7 +69,7 @@ def solve(
     weight : force at the tip, down along the upright [N]
     mode : +1 elbow up, -1 elbow down, of the last two segments at rest
     target, target_moment : what the balancing moment is designed for: a name of
-        `proofmass.analytic.balancer.targets` and the moment m g r [N m] that it is multiplied by
+        `proofmass.analytic.balancer.measures` and the moment m g r [N m] that it is multiplied by
 
     Returns
     -------

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.balancer.design import Balancer
+from proofmass.analytic.balancer.model import Balancer
 from proofmass.analytic.numerics import Array
 
 Index = NDArray[Any]

@@ -1,12 +1,157 @@
-"""How well a balancer meets its target: residual moment, residual work, spread of the energy."""
+"""How well a balancer meets its target: residual moment, residual work, spread of the energy.
 
+The targets are moment-angle characteristics with the energies that they balance.  A summary says
+what a balancer's parameters amount to, where its stops switch, and what is wrong with it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import combinations, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
 
+from proofmass.analytic.balancer.model import Balancer, balancer
+from proofmass.analytic.balancer.path import Path, Trail, along, follow
 from proofmass.analytic.numerics import Array
+
+Curve = Callable[[Array], Array]
+LAEVO = (-0.2511, 1.343, -2.91, 2.824, -0.006501)  # of the program, line 4067; eq. 28 is rounded
+STEEP = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A wanted balancing moment M(angle) and the height energy V(angle), dV/dangle = -M.
+
+    A balancer that meets it keeps its spring energy plus V constant. Call it for M. Both are for
+    m g r = 1 N m; V is up to a constant.
+    """
+
+    name: str
+    moment: Curve
+    height_energy: Curve
+
+    def __call__(self, angle: ArrayLike) -> Array:
+        return self.moment(np.asarray(angle, float))
+
+
+def target(name: str, angle: ArrayLike) -> Array:
+    r"""Moment [N m] of a named target at a pendulum angle [rad] (...), for m g r = 1 N m.
+
+    ::
+
+        sine                    sin a                                        eq. 24
+        progressive             1 - cos a                                        25
+        progressive-degressive  1/2 + 4/(3 pi) atan(tan(3 pi/8) (4 a/pi - 1))    26
+        degressive-progressive  1/2 + 1/2 tan(3/2 (a - pi/4))/tan(3 pi/8)        27
+        laevo                   -0.2511 a^4 + 1.343 a^3 - 2.91 a^2 + 2.824 a - 0.006501    28
+        sine180                 sin 2a, 180 degrees of a sine in 90 of the pendulum        29
+
+    All are meant for 0 to pi/2, where they lie within [-0.0065, 1]; the fourth has poles at -pi/12
+    and 7 pi/12, and laevo, a fit to an exoskeleton's spring, is not zero at zero.
+
+    ValueError for a name that is not in `TARGETS`. Accuracy: rounding. Source: van Nes 2022 (S. van
+    Nes, The use of a rigid linkage balancer with torsion springs to realize nonlinear moment-angle
+    characteristics, MSc thesis TU Delft 2022.074), eqs 24-29, lines 794-806. Eq. 28 prints two
+    decimals; its tables were made with the coefficients of the program, line 4067, used here.
+
+    >>> [round(float(target(name, np.pi / 4)), 4) for name in TARGETS]
+    [0.7071, 0.2929, 0.5, 0.5, 0.9715, 1.0]
+    """
+    if name not in TARGETS:
+        raise ValueError(f"target must be one of {', '.join(TARGETS)}, got {name!r}")
+    return TARGETS[name](angle)
+
+
+def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Target:
+    """Target through a table, by a cubic that keeps its shape: monotone wherever the table is.
+
+    Parameters
+    ----------
+    angles : pendulum angles [rad] (n,), rising strictly, n >= 2
+    moments : wanted moments over m g r at them (n,)
+    name : what messages call it
+
+    Returns
+    -------
+    Target : continuous in its slope; its energy is zero at the first angle
+
+    Raises
+    ------
+    ValueError
+        Columns of different or too small size, a value not finite, an angle that does not rise;
+        on a call outside the table.
+
+    Notes
+    -----
+    Piecewise cubic Hermite interpolation (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
+    Error O(h^3) in the distance of the samples, O(h^2) next to an extreme.
+
+    Examples
+    --------
+    >>> wanted = tabulated([0.0, 0.5, 1.5], [0.0, 1.0, 1.0])
+    >>> float(wanted(1.2))
+    1.0
+    """
+    x, y = (np.asarray(column, float) for column in (angles, moments))
+    _check_table(name, x, y)
+    cubic = PchipInterpolator(x, y, extrapolate=False)
+    integral = cubic.antiderivative()
+
+    def inside(curve: Curve) -> Curve:
+        def within(angle: Array) -> Array:
+            bad = ~((angle >= x[0]) & (angle <= x[-1]))
+            if bad.any():
+                raise ValueError(f"{name}: angle {angle[bad].flat[0]:.6g} rad is outside its range "
+                                 f"{x[0]:.6g} to {x[-1]:.6g} rad")
+            return curve(angle)
+
+        return within
+
+    return Target(name, inside(cubic), inside(lambda angle: -integral(angle)))
+
+
+def _check_table(name: str, x: Array, y: Array) -> None:
+    if x.ndim != 1 or x.shape != y.shape or x.size < 2:
+        raise ValueError(f"{name}: angles and moments must be two columns of one size, at least 2, "
+                         f"got {x.shape} and {y.shape}")
+    for column, values in (("angles", x), ("moments", y)):
+        for row in np.flatnonzero(~np.isfinite(values)):
+            raise ValueError(f"{name}: {column} must be finite, row {row} is {values[row]}")
+    for row in np.flatnonzero(np.diff(x) <= 0.0):
+        raise ValueError(f"{name}: angles must rise strictly, row {row + 1} is {x[row + 1]:.6g} rad"
+                         f" after {x[row]:.6g} rad")
+
+
+def _progressive_degressive(angle: Array) -> Array:
+    return 0.5 + 4.0 / (3.0 * np.pi) * np.arctan(STEEP * (4.0 * angle / np.pi - 1.0))
+
+
+def _progressive_degressive_energy(angle: Array) -> Array:
+    u = STEEP * (4.0 * angle / np.pi - 1.0)
+    return -0.5 * angle - (u * np.arctan(u) - 0.5 * np.log1p(u * u)) / (3.0 * STEEP)
+
+
+def _degressive_progressive(angle: Array) -> Array:
+    return 0.5 + 0.5 * np.tan(1.5 * (angle - np.pi / 4.0)) / STEEP
+
+
+def _degressive_progressive_energy(angle: Array) -> Array:
+    return -0.5 * angle + np.log(np.cos(1.5 * (angle - np.pi / 4.0))) / (3.0 * STEEP)
+
+
+TARGETS = {each.name: each for each in (
+    Target("sine", np.sin, np.cos),
+    Target("progressive", lambda a: 1.0 - np.cos(a), lambda a: np.sin(a) - a),
+    Target("progressive-degressive", _progressive_degressive, _progressive_degressive_energy),
+    Target("degressive-progressive", _degressive_progressive, _degressive_progressive_energy),
+    Target("laevo", np.poly1d(LAEVO), lambda a: 1.0 - np.polyint(np.poly1d(LAEVO))(a)),
+    Target("sine180", lambda a: np.sin(2.0 * a), lambda a: 0.5 * np.cos(2.0 * a)),
+)}
+
 
 HALVINGS = 40  # of the kinks' search: from a sample's distance to rounding
 
@@ -190,3 +335,150 @@ def _fit(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array]:
     changes = np.linalg.pinv(hinges) @ target[..., None, :, None]  # kinks may coincide
     fitted = (hinges @ changes)[..., 0]
     return changes[..., 0], rmse(fitted, target[..., None, :])
+
+
+RANGE = np.pi / 2  # [rad] that a clock spring between simple stops can be wound
+STRAIGHT = 0.05  # [rad] below which an arm is called straight: errors in length grow twentyfold
+STEP = np.radians(0.25)
+
+
+def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
+    """What a designer must know before believing a balancer's moment curve.
+
+    Parameters
+    ----------
+    to : float
+        Last pendulum angle [rad].
+    **parameters
+        Of `proofmass.analytic.balancer.solve`.
+
+    Returns
+    -------
+    list of str
+        Empty for a regular balancer.  Otherwise some of: an unstable rest posture; a fold, where
+        the chain jumps; an arm that straightens and passes into the other elbow (a search over
+        one elbow only finds the straight arm there), or comes near to it; a joint that never leaves
+        its preload, or never touches its stop; a spring wound past its range or past its largest
+        moment.
+
+    Examples
+    --------
+    >>> flags(length1=0.3382, length2=0.5, length3=0.5, rest_angle=0.0152, stiffness1=0.5152,
+    ...       stiffness2=1.5643, stiffness3=2.5515, preload2=0.944, low2=0.0)
+    ['joint 2 never leaves its preload: M1 = k1 alpha as far as it is locked']
+    """
+    b = balancer(**parameters)
+    trail = follow(b, to)
+    found = [trail.why[0]] if trail.why[0] else []
+    if trail.reach[0] == 0.0:
+        return found
+    path = along(b, trail, np.linspace(0.0, trail.reach[0], int(abs(trail.reach[0]) / STEP) + 2))
+    return [*found, *straightened(path), *untouched(b.low[0], b.high[0], path, trail),
+            *overwound(path, b.stiffness[0], b.quadratic[0])]
+
+
+def straightened(path: Path) -> list[str]:
+    """Where the last two segments come in line, or nearly so."""
+    n = path.theta.shape[-1]
+    bend = np.sin(path.theta[0, :, -1] - path.theta[0, :, -2])
+    least = int(np.abs(bend).argmin())
+    crossed = np.flatnonzero(np.diff(np.sign(bend)) != 0)
+    if crossed.size:
+        at = np.degrees(path.alpha[crossed[0] + 1])
+        return [f"segments {n - 1} and {n} straighten at {at:.1f} deg and pass into the other "
+                f"elbow"]
+    if abs(bend[least]) < STRAIGHT:
+        return [f"segments {n - 1} and {n} are straight but for {abs(bend[least]):.3f} rad at "
+                f"{np.degrees(path.alpha[least]):.1f} deg: nearly singular"]
+    return []
+
+
+def untouched(low: Array, high: Array, path: Path, trail: Trail) -> list[str]:
+    """Stops that are never left, or never met."""
+    left = {joint for _, joint, _, side in trail.switches if side == 0}
+    met = {joint for _, joint, _, side in trail.switches if side > 0}
+    found = []
+    for k in range(len(low)):
+        if low[k] == 0.0 and k + 1 not in left and (path.side[0, :, k] < 0).all():
+            found.append(f"joint {k + 1} never leaves its preload: M1 = k1 alpha as far as it is "
+                         f"locked")
+        if np.isfinite(high[k]) and high[k] > 0 and k + 1 not in met:
+            found.append(f"joint {k + 1} never touches its stop at {high[k]:g} rad")
+    return found
+
+
+def overwound(path: Path, stiffness: Array, quadratic: Array) -> list[str]:
+    """Springs wound past their range, or past their largest moment."""
+    found = []
+    for k in range(len(stiffness)):
+        far = path.winding[0, :, k]
+        if np.abs(far).max() > RANGE * (1 + 1e-9) and k:
+            found.append(f"spring {k + 1} is wound by {np.abs(far).max():.2f} rad, more than a "
+                         f"quarter turn")
+        if (stiffness[k] + 2 * quadratic[k] * far < 0).any():
+            at = np.degrees(path.alpha[(stiffness[k] + 2 * quadratic[k] * far < 0).argmax()])
+            found.append(f"spring {k + 1} is past its largest moment from {at:.1f} deg on")
+    return found
+
+
+ALL = np.pi / 2
+
+
+def chain_of(parameters: dict[str, Any]) -> Balancer:
+    """The balancer alone, without what it is designed for."""
+    return balancer(**{k: v for k, v in parameters.items() if not k.startswith("target")})
+
+
+def marks(**parameters: Any) -> dict[str, float]:
+    """Pendulum angles [rad] up to 90 degrees at which a joint leaves or meets a stop, by name.
+
+    >>> found = marks(length1=0.4764, length2=0.4975, length3=0.4986, stiffness1=0.9341,
+    ...               stiffness2=0.1211, stiffness3=0.0927, preload2=0.3983, low2=0.0)
+    >>> {name: round(float(np.degrees(angle)), 4) for name, angle in found.items()}
+    {'joint 2 released': 46.6595}
+    """
+    trail = follow(chain_of(parameters), ALL)
+    words = {0: "released", -1: "back on its stop", 1: "on its stop"}
+    return {f"joint {joint} {words[side]}": angle for _, joint, angle, side in trail.switches}
+
+
+def facts(**parameters: Any) -> dict[str, str]:
+    """What the parameters amount to, for the report's page.
+
+    With a `target` also how well it is met over its precision points, as van Nes 2022 counts them:
+    90 for three segments, 15 for four, angle 0 left out; a work reduction names its reference.
+
+    >>> facts(length1=0.3394, length2=0.4573, length3=0.4752, stiffness1=1.2701,
+    ...       stiffness2=0.8473, stiffness3=4.1078, rest_angle=0.6641,
+    ...       target="sine")["work reduction"]
+    '99.30 % against the sine'
+    """
+    b = chain_of(parameters)
+    trail = follow(b, ALL)
+    found = {"rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
+             + " from the upright, clockwise"}
+    found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in marks(**parameters).items()}
+    if not trail.why[0]:
+        found |= measured(b, str(parameters.get("target", "")),
+                          float(parameters.get("target_moment", 1.0)))
+    warnings = flags(**{k: v for k, v in parameters.items() if not k.startswith("target")})
+    return found | ({"mind": "; ".join(warnings)} if warnings else {})
+
+
+def measured(b: Balancer, target: str, scale: float) -> dict[str, str]:
+    """Largest winding, and how a target is met."""
+    angle = precision_points(90 if b.segments == 3 else 15)
+    path = along(b, follow(b, ALL + 1e-9), angle)
+    moment, energy = path.moment[0, :, 0], path.energy[0]
+    far = np.degrees(np.abs(path.winding[0]).max(axis=0))
+    found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in far) + " at most"}
+    if target:
+        wanted = scale * TARGETS[target](angle)
+        found |= {
+            "error": f"{float(rmse(moment, wanted, scale=scale)):.5f} m g r, root mean square at "
+                     f"{angle.size} angles",
+            "work reduction": f"{float(work_reduction(moment, wanted, angle)):.2f} % against the "
+                              f"{target}",
+            "energy spread": f"{float(energy_spread(*energy.T, scale=scale)):.3f} m g r between "
+                             f"springs"}
+    return found

@@ -1,21 +1,196 @@
-"""Balancers by the batch held against a target: what a search for the best design evaluates."""
+"""The kinds of balancers that can be designed, and the error of a batch of them against a target.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+The bounds of the parameters are those within which van Nes 2022 designed.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from proofmass.analytic.balancer.design import balancers
-from proofmass.analytic.balancer.follow import follow
 from proofmass.analytic.balancer.measures import (
     energy_spread,
     precision_points,
     rmse,
     work_reduction,
 )
-from proofmass.analytic.balancer.path import along
-from proofmass.analytic.balancer.variants import Variant
+from proofmass.analytic.balancer.model import balancers
+from proofmass.analytic.balancer.path import along, follow
 from proofmass.analytic.numerics import Array
+
+SPRINGS = ("linear", "nonlinear", "each")
+LENGTHS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}  # [m], for a pendulum of 1 m
+RELAXED = (0.1, 0.9)
+WIDEST = (4.5, 4.5)  # where the thesis has no figure
+FIGURES = {  # figure; upper bounds of k [N m/rad] and of |A|, |B| [N m/rad^2, N m/rad]
+    ("sine", "standard"): ("M.1", 1.5, 2.0),
+    ("sine", "rest angle"): ("M.2", 4.5, 3.5),
+    ("sine", "relaxed lengths"): ("M.3", 1.5, 2.0),
+    ("progressive", "standard"): ("M.4", 1.5, 2.0),
+    ("progressive", "rest angle"): ("M.5", 4.5, 2.0),
+    ("progressive", "contact"): ("M.6", 1.5, 2.0),
+    ("progressive", "contact and rest angle"): ("M.7", 4.5, 2.0),
+    ("progressive-degressive", "standard"): ("M.8", 2.5, 2.0),
+    ("progressive-degressive", "rest angle"): ("M.9", 4.5, 2.0),
+    ("progressive-degressive", "contact"): ("M.10", 4.5, 2.0),
+    ("progressive-degressive", "contact and rest angle"): ("M.11", 4.5, 4.5),
+    ("degressive-progressive", "standard"): ("M.12", 2.5, 2.0),
+    ("degressive-progressive", "rest angle"): ("M.13", 4.5, 2.0),
+    ("degressive-progressive", "contact"): ("M.14", 4.5, 2.0),
+    ("degressive-progressive", "contact and rest angle"): ("M.15", 4.5, 4.5),
+    ("laevo", "standard"): ("M.16", 2.5, 3.0),
+    ("laevo", "rest angle"): ("M.17", 3.5, 3.5),
+    ("laevo", "relaxed lengths"): ("M.18", 2.5, 3.0),
+    ("sine180", "standard"): ("M.19", 2.5, 3.0),
+    ("sine180", "rest angle"): ("M.20", 4.5, 3.5),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One kind of balancer: what may be chosen freely, for a pendulum with r = 1 m, m g r = 1 N m.
+
+    Attributes
+    ----------
+    target : str
+        Wanted characteristic, `proofmass.analytic.balancer.measures.TARGETS` or a name of one's
+        own.
+    segments : int
+        3 or 4.
+    springs : str
+        linear; nonlinear, one k and A for all joints as in the thesis; each, a k and A of its own
+        for each joint.
+    preload : bool
+        Joint 2, of four segments joint 3 as well, is wound up against a stop.
+    free_angle, contact, relaxed : bool
+        The rest angle of segment 1 is free; joint 2 has an upper stop; lengths from 0.1 to 0.9 m.
+    mode : int
+        1 elbow up, as in all of the thesis's tables; -1 elbow down, which its programs know too.
+    narrowed : mapping of str to (float, float)
+        Bounds instead of the usual ones, by parameter.
+
+    Notes
+    -----
+    Bounds: van Nes 2022, figures M.1 to M.20.  A stiffness is kept from being negative, where they
+    give a nonlinear spring -B to B: such a chain is not stable at rest.  The thesis prints none for
+    the angle of the contact; here they are 0.01 and pi.
+
+    Examples
+    --------
+    >>> Variant("sine", free_angle=True).figure
+    'M.2'
+    >>> Variant("sine", springs="nonlinear").bounds["quadratic"]
+    (-2.0, 2.0)
+    """
+
+    target: str
+    segments: int = 3
+    springs: str = "linear"
+    preload: bool = False
+    free_angle: bool = False
+    contact: bool = False
+    relaxed: bool = False
+    mode: int = 1
+    narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.segments not in LENGTHS:
+            raise ValueError(f"segments must be 3 or 4, got {self.segments}")
+        if self.mode not in (1, -1):
+            raise ValueError(f"mode must be 1 or -1, got {self.mode}")
+        if self.springs not in SPRINGS:
+            raise ValueError(f"springs must be one of {', '.join(SPRINGS)}, got {self.springs!r}")
+        for name, (low, high) in self.narrowed.items():
+            if name not in self.usual:
+                raise ValueError(f"bound of {name!r}: no such parameter; there are "
+                                 f"{', '.join(self.usual)}")
+            if not -np.inf < low < high < np.inf:
+                raise ValueError(f"bound of {name!r} must rise, got {low:g} to {high:g}")
+
+    @property
+    def option(self) -> str:
+        """The thesis's word for what is free besides springs and lengths."""
+        words = [w for w, on in (("contact", self.contact), ("rest angle", self.free_angle),
+                                 ("relaxed lengths", self.relaxed)) if on]
+        return " and ".join(words) or "standard"
+
+    @property
+    def figure(self) -> str:
+        """The thesis's figure with this variant; "" where it has none."""
+        return str(FIGURES.get((self.target, self.option), ("",))[0])
+
+    @property
+    def usual(self) -> dict[str, tuple[float, float]]:
+        """Lower and upper bound of every free parameter."""
+        joints = range(1, self.segments + 1)
+        _, k, a = FIGURES.get((self.target, self.option), ("", *WIDEST))
+        found: dict[str, tuple[float, float]] = {}
+        if self.springs == "nonlinear":
+            found |= {"stiffness": (0.0, a), "quadratic": (-a, a)}
+        else:
+            found |= {f"stiffness{i}": (0.0, k) for i in joints}
+        if self.springs == "each":
+            found |= {f"quadratic{i}": (-a, a) for i in joints}
+        if self.preload:
+            found |= {f"preload{i}": (0.0, 1.0) for i in joints[1:-1]}
+        lengths = RELAXED if self.relaxed else LENGTHS[self.segments]
+        found |= {f"length{i}": lengths for i in joints}
+        if self.free_angle:
+            found["rest_angle"] = (-np.pi, np.pi)
+        if self.contact:
+            found["high2"] = (0.01, np.pi)
+        return found
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Those of `usual`, narrowed."""
+        return {name: self.narrowed.get(name, pair) for name, pair in self.usual.items()}
+
+    def parameters(self, vectors: Array) -> dict[str, Array]:
+        """Parameters (B,) of `proofmass.analytic.balancer.solve`, of design vectors (B, d)."""
+        found: dict[str, Array] = {}
+        for name, values in zip(self.usual, np.asarray(vectors, float).T, strict=True):
+            shared = name in ("stiffness", "quadratic")
+            found |= {f"{name}{i}": values for i in range(1, self.segments + 1)} if shared else {
+                name: values}
+            if name.startswith("preload"):
+                found[f"low{name[-1]}"] = np.zeros_like(values)
+        return found | ({"mode": np.full(len(vectors), -1.0)} if self.mode == -1 else {})
+
+    def vector(self, parameters: Mapping[str, float]) -> Array:
+        """The design vector (d,) of a balancer's parameters."""
+        return np.array([parameters[f"{name}1" if name in ("stiffness", "quadratic") else name]
+                         for name in self.usual], float)
+
+
+def thesis() -> list[Variant]:
+    """The 112 variants that van Nes 2022 optimised, in the order of its figures.
+
+    >>> len(thesis())
+    112
+    """
+    return [variant for target, option in FIGURES for variant in variants(target, option)]
+
+
+def left_out() -> list[Variant]:
+    """The 56 that its tables M.1 to M.5 have a cell for, and no balancer.
+
+    >>> len(left_out())
+    56
+    """
+    targets, options = (list(dict.fromkeys(words)) for words in zip(*FIGURES, strict=True))
+    return [variant for target in targets for option in options if (target, option) not in FIGURES
+            for variant in variants(target, option)]
+
+
+def variants(target: str, option: str) -> list[Variant]:
+    """All springs and numbers of segments that the thesis has for an option."""
+    fixed = option in ("standard", "relaxed lengths")
+    return [Variant(target, segments, springs, preload, "rest" in option, "contact" in option,
+                    "relaxed" in option)
+            for segments in ((3, 4) if fixed else (3,))
+            for springs in ("linear", "nonlinear") for preload in (False, True)]
+
 
 POINTS = {3: 90, 4: 15}  # of the thesis, by segments
 COARSE = 15  # points of a coarse look, at most

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.branch import SHARE, Branch, Knot
-from proofmass.analytic.planar.closure import Drives, condition, rates
-from proofmass.analytic.planar.forces import holding
-from proofmass.analytic.planar.free import free_motion
+from proofmass.analytic.planar.dynamics import free_motion, holding
+from proofmass.analytic.planar.kinematics import Drives, condition, move, rates
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
     Failure,
@@ -25,10 +24,10 @@ from proofmass.analytic.planar.mechanism import (
     Mirrored,
     Overconstrained,
     SingularHere,
+    read,
+    refuse_contacts,
 )
-from proofmass.analytic.planar.motion import move
 from proofmass.analytic.planar.quantities import quantities
-from proofmass.analytic.planar.read import read, refuse_contacts
 
 __all__ = ["Branch", "CannotAssemble", "Failure", "Mechanism", "Mirrored", "Overconstrained",
            "SingularHere", "read", "solve"]
@@ -54,7 +53,7 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     Driven joints are held at their values, the others follow by Newton's method along one branch
     (`proofmass.analytic.planar.branch`); rates and accelerations are the solutions of the loop
     equations differentiated once and twice, holding moments follow from virtual work.  Without
-    driven joints the motion is free and `value` is time (`proofmass.analytic.planar.free`).
+    driven joints the motion is free and `value` is time (`proofmass.analytic.planar.dynamics`).
 
     Parameters
     ----------

@@ -20,16 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.analytic.planar.closure import (
+from proofmass.analytic.planar.kinematics import (
     BLOCK,
     Drives,
     freedoms,
+    lipschitz,
     nearest,
     newton,
     rates,
     scaled_jacobian,
 )
-from proofmass.analytic.planar.loops import lipschitz
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
     Failure,

@@ -4,10 +4,9 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex
-from proofmass.analytic.planar.forces import kinetic, potential
-from proofmass.analytic.planar.mechanism import Mechanism
-from proofmass.analytic.planar.motion import Motion
-from proofmass.analytic.planar.read import Reader, rotation
+from proofmass.analytic.planar.dynamics import kinetic, potential
+from proofmass.analytic.planar.kinematics import Motion
+from proofmass.analytic.planar.mechanism import Mechanism, Reader, rotation
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PLACES = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}

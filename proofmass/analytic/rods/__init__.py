@@ -9,12 +9,18 @@ tangent's angle and n the constant force on its tip::
 """
 
 from proofmass.analytic.rods.buckling import buckling, imperfect
-from proofmass.analytic.rods.cantilever import equilibria, solve
+from proofmass.analytic.rods.cantilever import equilibria, pseudo_rigid, solve
 from proofmass.analytic.rods.column import critical, elastica, ends_meet, self_buckling
-from proofmass.analytic.rods.elliptic import bounds, modulus, relative, shape, tip
-from proofmass.analytic.rods.parameters import of_load, of_shape
-from proofmass.analytic.rods.pinned import pinned
-from proofmass.analytic.rods.pseudo_rigid import pseudo_rigid
+from proofmass.analytic.rods.elastica import (
+           bounds,
+           modulus,
+           of_load,
+           of_shape,
+           relative,
+           shape,
+           tip,
+)
+from proofmass.analytic.rods.rod_pinned import pinned
 from proofmass.analytic.rods.shooting import from_tip, integrate
 
 __all__ = ["bounds", "buckling", "critical", "elastica", "ends_meet", "equilibria", "from_tip",

@@ -8,10 +8,9 @@ from scipy.optimize import brentq
 from proofmass.analytic.chart import Chart, Line, Panel
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.column import critical, whole
-from proofmass.analytic.rods.elliptic import stiff, tip
-from proofmass.analytic.rods.search_sheet import rods
-from proofmass.analytic.rods.second_variation import stability
-from proofmass.analytic.rods.snap_family import shape
+from proofmass.analytic.rods.elastica import rods, stiff, tip
+from proofmass.analytic.rods.rod_snap import shape
+from proofmass.analytic.rods.shooting import stability
 
 MOST = 55.0  # of pi^2 EI/4 L^2: beyond the third mode of either column
 NEAR = 2.5  # the same, of imperfect columns
@@ -46,7 +45,7 @@ def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
     Notes
     -----
     The free column's modes are `proofmass.analytic.rods.tip` at psi = pi.  Those of the pinned one
-    are rods of `proofmass.analytic.rods.search_sheet` whose tip is on the clamp's tangent.  Under a
+    are rods of `proofmass.analytic.rods.elastica` whose tip is on the clamp's tangent.  Under a
     dead load its first mode is lost where P is largest, at 1.14 critical loads.
 
     Examples

@@ -1,5 +1,9 @@
-"""Clamped rod with a free tip under dead loads: all equilibria, the stable one, its shape."""
+"""Clamped rod with a free tip under dead loads: all equilibria, the stable one, its shape.
 
+Beside it stands the pseudo-rigid-body model: a cantilever as two rigid links with a torsion spring.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,10 +12,68 @@ from numpy.typing import ArrayLike
 from scipy.integrate import romb
 
 from proofmass.analytic.numerics import TURN, Array, finite, positive
-from proofmass.analytic.rods.elliptic import from_inflection, stiff
-from proofmass.analytic.rods.roots import roots
-from proofmass.analytic.rods.second_variation import stability
-from proofmass.analytic.rods.shooting import from_tip
+from proofmass.analytic.rods.elastica import from_inflection, stiff
+from proofmass.analytic.rods.shooting import from_tip, stability
+
+Function = Callable[[Array], Array]
+ZOOMS = 4  # a pair of roots is seen when farther apart than the grid's spacing/8^4
+PARTS = 8
+
+
+def roots(function: Function, grid: Array, *, most: int = 60) -> Array:
+    """Roots of `function` between the rising values of `grid`, sorted.
+
+    Sign changes of the grid, after it has been refined around each place where |f| has a lowest
+    value without one; each is closed in by Ridders' method to rounding.
+
+    >>> roots(lambda x: x**2 - 2e-6, np.linspace(-1.0, 1.2, 100)).round(9).tolist()
+    [-0.001414214, 0.001414214]
+    """
+    x, f = np.asarray(grid, float), function(grid)
+    for _ in range(ZOOMS):
+        x, f = _refined(function, x, f)
+    change = np.flatnonzero(np.signbit(f[1:]) != np.signbit(f[:-1]))
+    return np.sort(_ridders(function, x[change], x[change + 1], f[change], f[change + 1], most))
+
+
+def _refined(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
+    """The grid with points added around the lowest |f| of a sign."""
+    size, low = np.abs(f), np.zeros(x.size, bool)
+    here, before, after = size[1:-1], size[:-2], size[2:]
+    low[1:-1] = ((here <= np.minimum(before, after)) & (f[1:-1] * f[:-2] > 0.0)
+                 & (f[1:-1] * f[2:] > 0.0)
+                 & (here <= np.maximum(before, after) - here))  # a parabola dips less than this
+    cells = np.flatnonzero(low[1:] | low[:-1])
+    if not cells.size:
+        return x, f
+    share = np.arange(1, PARTS) / PARTS
+    new = (x[cells, None] + (x[cells + 1] - x[cells])[:, None] * share).ravel()
+    merged = np.concatenate([x, new])
+    order = np.argsort(merged)
+    return merged[order], np.concatenate([f, function(new)])[order]
+
+
+def _ridders(function: Function, a: Array, b: Array, fa: Array, fb: Array, most: int) -> Array:
+    """Roots between a and b, where f has opposite signs."""
+    for _ in range(most if a.size else 0):
+        middle = 0.5 * (a + b)
+        fm = function(middle)
+        scale = np.sqrt(fm * fm - fa * fb)
+        shift = np.sign(fa - fb) * fm / np.where(scale > 0.0, scale, 1.0)
+        point = middle + (middle - a) * shift
+        fp = function(point)
+        ends, values = np.stack([a, b, middle, point]), np.stack([fa, fb, fm, fp])
+        same = np.signbit(values) == np.signbit(fa)
+        a, b = np.where(same, ends, -np.inf).max(axis=0), np.where(same, np.inf, ends).min(axis=0)
+        fa, fb = _at(ends, values, a), _at(ends, values, b)
+        if np.all((b - a <= 4e-16 * (1.0 + np.abs(a))) | (fb == 0.0) | (fa == 0.0)):
+            break
+    return np.where(np.abs(fa) <= np.abs(fb), a, b)
+
+
+def _at(ends: Array, values: Array, chosen: Array) -> Array:
+    return np.take_along_axis(values, np.argmax(ends == chosen, axis=0)[None], axis=0)[0]
+
 
 NODES = 129  # 2^7 + 1, for Romberg's rule
 STEPS = 64  # of order 8, at least
@@ -218,3 +280,52 @@ def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
     at = np.searchsorted(nodes, back)
     place = rods.x + 1j * rods.y
     return (place[-1] - place[at]).T, rods.theta[at].T, -rods.m[at].T
+
+
+RADIUS = 0.8517  # of the length, for a load across the rod
+STIFFNESS = 2.65  # coefficient K_Theta
+
+
+def pseudo_rigid(
+    force: ArrayLike, *, length: float = 1.0, stiffness: float = 1.0,
+    radius: float = RADIUS, coefficient: float = STIFFNESS,
+) -> dict[str, Array]:
+    r"""Tip of a cantilever under a dead load across it, by the pseudo-rigid-body model.
+
+    ::
+
+                        o ^ F        link of g L turns by Theta against a spring K = g K_Theta EI/L
+                    . '              K Theta = F g L cos(Theta)
+        |=======o---------           x = L (1 - g (1 - cos(Theta))),   y = g L sin(Theta)
+          1 - g     g
+
+    Parameters
+    ----------
+    force : F [N] (...), along +y
+    length, stiffness : L [m], EI [N m^2]
+    radius, coefficient : g and K_Theta
+
+    Returns
+    -------
+    dict of (...) arrays: x, y [m] of the tip, turn = Theta [rad].
+
+    Notes
+    -----
+    An approximation: up to Theta = 64 deg the tip is within 1.5 % of the length of the elastica's.
+    It stands for design practice, not for truth.  Source: L. L. Howell, Compliant Mechanisms,
+    Wiley 2001, sec. 5.2.
+
+    Examples
+    --------
+    >>> tip = pseudo_rigid(2.0)
+    >>> round(float(tip["x"]), 4), round(float(tip["y"]), 4)
+    (0.8435, 0.4921)
+    """
+    positive(length=length, radius=radius, coefficient=coefficient)
+    stiff(stiffness)
+    drive = np.asarray(force, float) * length**2 / (coefficient * stiffness)
+    turn = np.arctan(drive)
+    for _ in range(50):  # Newton on a monotone function, from between root and pi/2
+        turn = turn - (turn - drive * np.cos(turn)) / (1.0 + drive * np.sin(turn))
+    return {"x": length * (1.0 - radius * (1.0 - np.cos(turn))),
+            "y": length * radius * np.sin(turn), "turn": turn}

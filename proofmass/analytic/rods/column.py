@@ -6,8 +6,7 @@ from scipy.optimize import brentq
 from scipy.special import jv
 
 from proofmass.analytic.numerics import Array, positive
-from proofmass.analytic.rods.elliptic import stiff
-from proofmass.analytic.rods.integrals import legendre
+from proofmass.analytic.rods.elastica import legendre, stiff
 
 # Quarter waves in the column's length; clamped-pinned has z/(pi/2) of them, tan z = z.
 QUARTERS = {"clamped-free": 1.0, "pinned-pinned": 2.0, "clamped-clamped": 4.0}

@@ -1,14 +1,287 @@
-"""Two clamped rods with their tips on one pin (2RFR), at rest under a dead load."""
+"""Two clamped rods with their tips on one pin (2RFR), at rest under a dead load.
+
+Its charts show all equilibria at given motor angles and load; its maps show the workspace, the
+singularities and the stiffness.
+"""
+
+from itertools import count
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import Array
-from proofmass.analytic.rods.pair import at_rest, pair
-from proofmass.analytic.rods.rod_charts import equilibria
-from proofmass.analytic.rods.rod_maps import motor_angles, workspace
+from proofmass.analytic.chart import MOST, Chart, Line, Panel
+from proofmass.analytic.numerics import Array, positive
+from proofmass.analytic.rods.all_equilibria import Solutions, solutions
+from proofmass.analytic.rods.assembly import Assembly, assembly
+from proofmass.analytic.rods.equilibrium import State, derivatives, direct, state
+from proofmass.analytic.rods.workspace import (
+    field,
+    joined,
+    line,
+    loci,
+    over_poses,
+    rim,
+    several,
+    sheet,
+    spread,
+    through,
+)
 
 __all__ = ["equilibria", "motor_angles", "solve", "workspace"]
+
+def pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assembly:
+    """Clamps at (-d/2, 0) and (d/2, 0) [m], each rod of length L [m] and stiffness EI [N m^2]."""
+    return assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
+
+
+def at_rest(a: Assembly, inputs: ArrayLike, load: ArrayLike, pin: ArrayLike, moment: ArrayLike,
+            push: ArrayLike) -> State:
+    """The equilibrium that a first guess leads to.
+
+    Parameters
+    ----------
+    a : of `pair`
+    inputs, load : angles of both clamps [rad]; force on the pin [N]
+    pin, moment, push : first guess of the pin [m], the moments at the clamps [N m], and the force
+        on the tip of the first rod [N]
+    """
+    return direct(state(a, inputs=inputs, load=load, pose=pin, moment=moment,
+                        force=np.array([push, np.subtract(load, push)])))
+
+
+POINTS = 61  # of a rod
+MANY = 9  # directions to fall in: those with as many or more share a panel
+
+
+def equilibria(
+    *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
+    length: float = 1.0, stiffness: float = 1.0, modes: int = 3,
+) -> Chart:
+    r"""All equilibria, the stable ones by their energy, the others by the ways in which they fall.
+
+    ::
+
+               P --> F        V = U_1 + U_2 - F.P, over all shapes of two rods whose tips meet;
+             .' `.            stable: a valley of V;  unstable: V falls in 1, 2 .. directions,
+           _/     \           those with one are passes between valleys
+         --@---d---@--
+
+    Parameters
+    ----------
+    distance : d, between the clamps at (-d/2, 0) and (d/2, 0) [m]
+    theta1, theta2 : tangents at the clamps [rad]
+    force_x, force_y : F, dead load on the pin [N]
+    length, stiffness : L [m], EI [N m^2], of each rod
+    modes : largest number of inflections of a rod, its tip included
+
+    Returns
+    -------
+    Chart
+        A line for each equilibrium, from one clamp over the pin to the other.
+
+    Raises
+    ------
+    ValueError
+        As in `proofmass.analytic.rods.all_equilibria`, which also says how complete they are; no
+        equilibrium.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, Table 7, which lists two of these, with modes 1 and 1, and neither
+    energy nor stability.
+
+    Examples
+    --------
+    >>> chart = equilibria(distance=0.6, theta1=np.radians(40), theta2=np.radians(60), force_x=0.3,
+    ...     force_y=-0.1, stiffness=0.0521860264, modes=1)
+    >>> chart.caption.partition(", V")[0]
+    '3 equilibria whose rods have up to 1 inflection, the tip included: 3 stable'
+    >>> [line.label for line in chart.lines][:2]
+    ['stable at 0.2416 J, modes 1 and 1', 'stable at 0.78 J, modes 1 and 1']
+    """
+    found = solutions(pair(distance, length, stiffness), inputs=[theta1, theta2],
+                      load=[force_x, force_y], modes=modes)
+    if not len(found):
+        raise ValueError(f"no equilibrium with modes up to {modes}")
+    panels = tuple(panel(found, which) for which in sharing(found.negative))
+    return Chart(("x", "m"), ("y", "m"), panels, caption(found, int(modes)), alike=True)
+
+
+def sharing(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
+    """Which equilibria share a panel: few, and of one number of directions to fall in.
+
+    >>> [which.tolist() for which in sharing(np.array([0, 1, 1, 0, 1, 1, 1]))]
+    [[0, 3], [1, 2, 4], [5, 6]]
+    """
+    families = [np.flatnonzero(np.minimum(negative, MANY) == k) for k in range(MANY + 1)]
+    for few in count(4):
+        panels = [part for family in families if family.size
+                  for part in np.array_split(family, -(-family.size // few))]
+        if len(panels) <= MOST:
+            return panels
+    raise AssertionError("unreachable: a panel may hold all")
+
+
+def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
+    """Equilibria that fall in as many directions, with their pins and clamps."""
+    pose, clamp = found.state.pose[which], found.state.assembly.clamp
+    ways = min(int(found.negative[which[0]]), MANY)
+    lines = [posture(found, int(i), rank) for rank, i in enumerate(which, 1)]
+    lines.append(Line(pose[:, 0], pose[:, 1], "pin", ways == 0, points=True))
+    lines.append(Line(clamp.real, clamp.imag, "clamps", points=True))
+    if not ways:
+        return Panel(tuple(lines), title="Stable")
+    ends = dict.fromkeys(f"{V:.3g}" for V in found.potential[which[[0, -1]]])
+    return Panel(tuple(lines), title=f"Falls in {directions(ways)}: {' to '.join(ends)} J")
+
+
+def posture(found: Solutions, i: int, rank: int) -> Line:
+    """Both rods of one equilibrium, out to the pin and back."""
+    x, y = (np.append(one[0], one[1, -2::-1]) for one in found.state[i].shape(
+        np.linspace(0.0, 1.0, POINTS))[:2])
+    if found.negative[i]:
+        return Line(x, y, f"unstable, no. {rank} in its panel", stable=False)
+    modes = " and ".join(map(str, found.modes[i]))
+    return Line(x, y, f"stable at {found.potential[i]:.4g} J, modes {modes}")
+
+
+def directions(ways: int) -> str:
+    """How many, in words.
+
+    >>> directions(1), directions(2), directions(MANY)
+    ('1 direction', '2 directions', '9 or more directions')
+    """
+    return f"{ways}{' or more' * (ways == MANY)} direction{'s' * (ways > 1)}"
+
+
+def caption(found: Solutions, modes: int) -> str:
+    """How many there are, and their energies V."""
+    stable = found.potential[found.negative == 0]
+    words = [f"{len(found)} equilibria whose rods have up to {modes} inflection"
+             f"{'s' * (modes > 1)}, the tip included: {stable.size} stable"]
+    if stable.size:
+        words.append(f", V = {', '.join(f'{V:.4g}' for V in stable)} J")
+    ways = np.minimum(found.negative, MANY)
+    for k in np.unique(ways[ways > 0]).tolist():
+        fallen = found.potential[ways == k]
+        words.append(f"; {fallen.size} that fall in {directions(k)}, the lowest at "
+                     f"{fallen[0]:.4g} J")
+    limit = (f"No rod of any other carries more than R = {found.bound:.3g}² EI/L², by proof; up to "
+             "there all were searched for" if found.bounded else
+             f"Searched up to R = {found.up_to:.3g}² EI/L² on each rod")
+    return f"{''.join(words)}. V is the energy of bending less F·P. {limit}."
+
+
+def workspace(
+    *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
+    pin_x: float, pin_y: float, moment1: float, moment2: float, push_x: float, push_y: float,
+    length: float = 1.0, stiffness: float = 1.0, nodes: int = 25,
+) -> Chart:
+    r"""The sheet of poses that are reached from the case's equilibrium by turning the motors.
+
+    ::
+
+           .-~~~-.         rim: inverse singularity, dP/dq singular; no motor moves the pin on
+          / +  +  \        inside: direct singularity, dq/dP singular, det K = 0; the pin gives way
+         | + S--.  |
+         |+ + \ -`.|       det(dq/dP) = -det8_FK/det8_IK,  q = (theta1, theta2),  P = (x, y)
+          \____`-._/
+
+    Parameters
+    ----------
+    distance, theta1, theta2, force_x, force_y, pin_x, pin_y, moment1, moment2, push_x, push_y,
+    length, stiffness : of `rod_pair.solve`; the sheet has its load and goes through its equilibrium
+    nodes : along each axis, 5 to 201
+
+    Returns
+    -------
+    Chart
+        Two panels over x, y [m]: det(dq/dP) [rad^2/m^2]; and the least eigenvalue of K [N/m], on
+        the aspect of the equilibrium: what no singularity parts from it.
+
+    Raises
+    ------
+    ValueError
+        As `rod_pair.solve`, and for too few or too many nodes.
+
+    Notes
+    -----
+    A sheet ends at its inverse singularities and passes direct ones: motors cannot, the pin jumps
+    there.  Where a sheet lies over itself, a node shows the part that was reached first, and the
+    fields have a white tear between two parts.  Singularities are named as in the text of Pérez
+    Gámiz 2018 (eqs 99, 102); its program (text lines 3160-3495) calls zeros of det(dq/dP) inverse
+    and zeros of det(dP/dq) forward singularities, which is the other way round.  It has these maps
+    as figures only.  Aspect: D. Chablat and P. Wenger, IEEE Int. Conf. Robotics and Automation
+    1998.
+
+    Examples
+    --------
+    >>> chart = workspace(distance=0.6, theta1=np.pi / 3, theta2=2 * np.pi / 3, force_x=0.0,
+    ...     force_y=0.0, pin_x=0.0, pin_y=0.9, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0,
+    ...     nodes=5)
+    >>> [panel.field.unit for panel in chart.panels]
+    ['rad²/m²', 'N/m']
+    """
+    start = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
+                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
+    return over_poses(start, sheet(start, nodes), "rad²/m²")
+
+
+def motor_angles(
+    *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
+    pin_x: float, pin_y: float, moment1: float, moment2: float, push_x: float, push_y: float,
+    length: float = 1.0, stiffness: float = 1.0, span: float = np.pi, nodes: int = 25,
+) -> Chart:
+    r"""How far the motors turn before the case's equilibrium folds and the pin jumps.
+
+    ::
+
+        theta2 .---------.
+               | + / - .-|        rim: direct singularity, det K = 0, where two equilibria meet
+               |+ S / /  |        inside: inverse singularity, which motors pass
+               |_+_/_/___|
+                   theta1         det(dP/dq) = -det8_IK/det8_FK
+
+    Parameters
+    ----------
+    distance, ..., stiffness : of `workspace`
+    span : width of the window about the case's angles [rad]
+    nodes : along each axis, 5 to 201
+
+    Returns
+    -------
+    Chart
+        One panel over theta1, theta2 [rad]: det(dP/dq) [m^2/rad^2].
+
+    Raises
+    ------
+    ValueError
+        As `workspace`, and for a window without width.
+
+    Examples
+    --------
+    >>> chart = motor_angles(distance=0.6, theta1=np.pi / 3, theta2=2 * np.pi / 3, force_x=0.0,
+    ...     force_y=0.0, pin_x=0.0, pin_y=0.9, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0,
+    ...     span=0.5, nodes=5)
+    >>> [line.label for line in chart.panels[0].lines]
+    ['inverse singularity', 'here']
+    """
+    positive(span=span)
+    several(nodes)
+    start = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
+                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
+    m = spread(start, *(through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs),
+               name="inputs")
+    lines = (*line(m, rim(m)[0], "direct singularity"),
+             *line(m, loci(m, "inverse"), "inverse singularity"),
+             Line(start.inputs[:1], start.inputs[1:], "here", points=True))
+    slopes, (_, torn) = derivatives(m.states).direct, joined(m)
+    panel = Panel(lines, field(m, torn, slopes, "det(dP/dq)", "m²/rad²"))
+    return Chart(("theta1", "rad"), ("theta2", "rad"), (panel,),
+                 f"Motor angles that this equilibrium can be followed to, {m.reached.mean():.0%} "
+                 "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
+                 "inverse singularity the motors cannot move the pin in some direction. White "
+                 "bands part equilibria: which one is there depends on the way.")
 
 
 def solve(

@@ -4,13 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, finite
-from proofmass.analytic.rods.closure import newton
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.derivatives import derivatives
-from proofmass.analytic.rods.direct import direct
-from proofmass.analytic.rods.pair import pair
+from proofmass.analytic.rods.equilibrium import State, columns, derivatives, direct, newton
 from proofmass.analytic.rods.remember import shared
-from proofmass.analytic.rods.state import State, columns
+from proofmass.analytic.rods.rod_pair import pair
 
 Numbers = tuple[float, ...]
 

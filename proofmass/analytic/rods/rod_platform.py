@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, positive
+from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
-from proofmass.analytic.rods.derivatives import derivatives
-from proofmass.analytic.rods.direct import direct
+from proofmass.analytic.rods.equilibrium import State, derivatives, direct
 from proofmass.analytic.rods.remember import shared
-from proofmass.analytic.rods.solutions import solutions
-from proofmass.analytic.rods.state import State
 
 MODES = tuple(range(1, 10))
 LARGEST = 20.0  # alpha = L sqrt(R/EI): States of more are not to be followed, e^alpha away
@@ -67,10 +65,10 @@ def solve(
     -----
     A mode instead of a first guess: nobody knows the forces of a mechanism that is yet to be built,
     but what it does when it is let go is a stable equilibrium.  All of them are searched for, by
-    `proofmass.analytic.rods.solutions`, in about a second; problems that are equal in five digits
-    share the search, and each goes on from there by Newton's method.  Counted are those whose rods
-    carry R = 20^2 EI/L^2 at most, with looped rods among them; there are more beyond. Rigid ends
-    grow from nothing along the equilibrium that is counted without them.
+    `proofmass.analytic.rods.all_equilibria`, in about a second; problems that are equal in five
+    digits share the search, and each goes on from there by Newton's method.  Counted are those
+    whose rods carry R = 20^2 EI/L^2 at most, with looped rods among them; there are more beyond.
+    Rigid ends grow from nothing along the equilibrium that is counted without them.
 
     Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.  Source: Pérez Gámiz 2018,
     eqs 106-115 and Table 8, with 180 degrees for theta2, printed 0, and the side of 0.2 m, which is

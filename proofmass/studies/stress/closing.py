@@ -23,7 +23,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar import read
-from proofmass.analytic.planar.closure import Drives, newton
+from proofmass.analytic.planar.kinematics import Drives, newton
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.reference import compiled

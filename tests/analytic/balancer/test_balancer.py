@@ -5,8 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from proofmass.analytic.balancer import along, balancer, follow, solve
-from proofmass.analytic.balancer.design import balancers
-from proofmass.analytic.balancer.dyad import close
+from proofmass.analytic.balancer.model import balancers, close
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.independent.balancer.series import curve
 

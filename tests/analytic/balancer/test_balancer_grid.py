@@ -10,8 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
-from proofmass.analytic.balancer.targets import target
+from proofmass.analytic.balancer.measures import precision_points, rmse, target, work_reduction
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.independent.balancer import grid, grid4
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from proofmass.analytic.balancer import solve
-from proofmass.analytic.balancer.measures import best_lines, precision_points, rmse
-from proofmass.analytic.balancer.targets import TARGETS, target
+from proofmass.analytic.balancer.measures import TARGETS, best_lines, precision_points, rmse, target
 from tests.analytic.balancer.balancer_chain import ROWS, flat
 
 POINTS, FEW = precision_points(90), precision_points(15)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import balancer
-from proofmass.analytic.balancer.diagnose import flags
+from proofmass.analytic.balancer.measures import flags
 from proofmass.design.template import write_case
 from proofmass.sim.mujoco import engine as with_mujoco
 from proofmass.sim.protocol import BadModel, Drive, Run

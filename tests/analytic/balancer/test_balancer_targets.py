@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from proofmass.analytic.balancer import measures, solve
-from proofmass.analytic.balancer.targets import TARGETS, tabulated, target
+from proofmass.analytic.balancer.measures import TARGETS, tabulated, target
 from tests.analytic.balancer.balancer_chain import PATH, ROWS, flat
 
 EACH = pytest.mark.parametrize("name", TARGETS)

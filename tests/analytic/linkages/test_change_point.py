@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from test_fourbar import GRID, MODES, TURN, assert_close, check_laws
 from test_grashof import named
 
-from proofmass.analytic.linkages import fourbar, grashof
+from proofmass.analytic.linkages import fourbar
 from tests.analytic.linkages.spectral import derivative
 
 OUTER = named([1.0, 2.0, 2.0, 3.0])  # in line at pi: crank + ground = coupler + rocker
@@ -35,8 +35,8 @@ def test_random_linkages_are_smooth_through_their_change_points(three, scale, or
     assume(min(p - q, q - shortest) > 0.05)  # a parallelogram or a kite has curves without range
     lengths = np.array([shortest, p, q, p + q - shortest])[order] * scale
     link = named(lengths.tolist())
-    assert grashof.classify(**link) == "change point"
-    low, high = grashof.crank_range(**link)
+    assert fourbar.classify(**link) == "change point"
+    low, high = fourbar.crank_range(**link)
     assert (low == 0.0) or (high == np.pi)
     half = 0.8 * (np.pi - low if high == np.pi else high)  # through one of them, there and back
     middle = np.pi if high == np.pi else 0.0
@@ -107,7 +107,7 @@ def test_kite_whose_crank_pin_runs_through_the_fixed_pin(mode):
 
 
 def test_dead_centres_leave_out_the_change_point():
-    turns, ends = grashof.dead_centres(**OUTER)
+    turns, ends = fourbar.dead_centres(**OUTER)
     np.testing.assert_array_equal(np.isnan(turns), [False, True])
     pose = fourbar.solve(turns[0], **OUTER)
     assert pose["rocker_rate"] == pytest.approx(0.0, abs=1e-15)  # rounding

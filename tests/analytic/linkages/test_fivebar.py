@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from proofmass.analytic.linkages import fivebar, fivebar_inverse, fourbar
+from proofmass.analytic.linkages import fivebar, fourbar
 from tests.analytic.linkages.spectral import assert_close, derivative
 
 LINK = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0,
@@ -95,7 +95,7 @@ def test_jacobians_carry_rates_forward_and_forces_back(mode):
     pose = fivebar.solve(*LAW, **REGULAR, force_x=3.0, force_y=-5.0, gravity=0.0, mode=mode)
     tip = np.stack([pose["tip_x"], pose["tip_y"]])
     places = {name: REGULAR[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
-    A, B = fivebar_inverse.jacobians(LAW[0], tip, **places)
+    A, B = fivebar.jacobians(LAW[0], tip, **places)
     velocity = np.linalg.solve(A, (B @ LAW[1].T[..., None]))[..., 0]
     assert_close(velocity.T, np.stack([pose["tip_vx"], pose["tip_vy"]]), 1e-13)  # rounding x cond A
     onto_pins = np.linalg.solve(np.swapaxes(A, -1, -2), np.full((512, 2, 1), [[3.0], [-5.0]]))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.linkages import fivebar, fivebar_inverse, fivebar_workspace
+from proofmass.analytic.linkages import fivebar
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "fivebar.json").read_text())
 THESIS, NOTEBOOK = DATA["thesis"], DATA["notebook"]
@@ -160,7 +160,7 @@ def test_reach_of_the_thesis():
     least, largest = THESIS["cycle_pin_distance"]
     assert apart.min() == pytest.approx(least, abs=5.1e-9 + 3e-6)  # digits, grid
     assert apart.max() == pytest.approx(largest, abs=1e-15)  # at half a turn, exact
-    share = fivebar_workspace.unassembled_share(**LINK)
+    share = fivebar.unassembled_share(**LINK)
     assert share == pytest.approx(THESIS["unassembled_share"], abs=1e-4)  # counted on a grid
 
 
@@ -173,10 +173,10 @@ def test_hand_case_of_the_notebook():
         assert quadratic(side, (0.0, 8.0), link) == pytest.approx(
             [known[key] for key in "abc"], abs=1e-13)  # exact by hand
         for mode, key in ((1, "plus_deg"), (-1, "minus_deg")):
-            pose = fivebar_inverse.solve([0.0, 8.0], **link, **{f"{side}_mode": mode})
+            pose = fivebar.solve_inverse([0.0, 8.0], **link, **{f"{side}_mode": mode})
             assert np.degrees(pose[side]) == pytest.approx(known[key], rel=1e-14)  # 16 digits
     places = {name: link[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
-    A, B = fivebar_inverse.jacobians(upright, [0.0, 8.0], **places)
+    A, B = fivebar.jacobians(upright, [0.0, 8.0], **places)
     jacobian = np.linalg.solve(A, B)[:, ::-1]  # the notebook's order: right, left
     np.testing.assert_allclose(jacobian, SYMMETRIC["jacobian_right_left"], rtol=1e-14)
 
@@ -224,7 +224,7 @@ def test_where_the_notebook_divides_by_zero():
     half_turn = SYMMETRIC["half_turn_root"]
     assert abs(quadratic("right", half_turn["tip"], link)[0]) == 0.0
     for mode, expected in zip((1, -1), half_turn["right_deg"], strict=True):
-        pose = fivebar_inverse.solve(half_turn["tip"], **link, right_mode=mode)
+        pose = fivebar.solve_inverse(half_turn["tip"], **link, right_mode=mode)
         assert np.degrees(pose["right"]) % 360.0 == pytest.approx(expected, rel=1e-14)
 
 
@@ -255,11 +255,11 @@ def test_regular_poses(row):
     bars = link["left_coupler"] * link["right_coupler"]
     assert pose["assembly"] == pytest.approx(-row["det_A"] / bars, rel=1e-14)  # rows right, left
     places = {name: link[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
-    A, B = fivebar_inverse.jacobians(left_right[0], row["tip"], **places)
+    A, B = fivebar.jacobians(left_right[0], row["tip"], **places)
     np.testing.assert_allclose(np.linalg.solve(A, B)[:, ::-1], row["jacobian"], rtol=0, atol=4e-14)
     for k, expected in enumerate(row["inverse_deg"] or ()):
         right, left = 1 - k // 2 * 2, 1 - k % 2 * 2
-        found = fivebar_inverse.solve(row["tip"], **link, left_mode=left, right_mode=right)
+        found = fivebar.solve_inverse(row["tip"], **link, left_mode=left, right_mode=right)
         turn = np.degrees([found["right"], found["left"]]) - expected
         # 1e-11: the notebook's tan(angle/2) loses digits near half a turn
         assert np.abs((turn + 180.0) % 360.0 - 180.0).max() <= 1e-11

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from proofmass.analytic.linkages import fivebar, fivebar_inverse, fivebar_workspace
+from proofmass.analytic.linkages import fivebar
 
 LINK = {"left_crank": 4.0, "left_coupler": 5.0, "right_coupler": 5.0, "right_crank": 4.0,
         "left_x": -3.0, "right_x": 3.0}
 THESIS = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0,
           "left_x": 0.0, "right_x": 2.0}
-SIGNS, SIDES = fivebar_inverse.MODES, ("left", "right")
+SIGNS, SIDES = fivebar.WORKING_MODES, ("left", "right")
 TURN = 2.0 * np.pi
 lengths = st.floats(0.2, 3.0)
 angles = st.tuples(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1)).map(np.array)
@@ -47,7 +47,7 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
     pose = assembled(link, angle, mode)
     here = tuple(np.sign([pose[f"{side}_working"] for side in SIDES]))
     for modes in itertools.product(SIGNS, repeat=2):
-        found = fivebar_inverse.solve(*tip_of(pose), **link,
+        found = fivebar.solve_inverse(*tip_of(pose), **link,
                                       left_mode=modes[0], right_mode=modes[1])
         sines = [found["assembly"], *(pose[f"{side}_working"] for side in SIDES)]
         if np.abs(sines).min() < 0.01:
@@ -78,7 +78,7 @@ def test_a_circle_is_run_at_constant_speed(left_mode, right_mode):
     late = fivebar.circle(time[300:], center_x=-0.6, center_y=5.0, radius=1.2, rate=0.5, **LINK,
                           left_mode=left_mode, right_mode=right_mode)
     np.testing.assert_allclose(late[0], law[0][:, 300:], rtol=0, atol=2e-15)  # rounding
-    there = fivebar_inverse.solve([-0.6, 5.0], **LINK, left_mode=left_mode, right_mode=right_mode)
+    there = fivebar.solve_inverse([-0.6, 5.0], **LINK, left_mode=left_mode, right_mode=right_mode)
     pose = fivebar.solve(*law, **LINK, mode=int(np.sign(there["assembly"])))
     radial = np.hypot(pose["tip_x"] + 0.6, pose["tip_y"] - 5.0)
     np.testing.assert_allclose(radial, 1.2, rtol=1e-13)  # rounding
@@ -88,7 +88,7 @@ def test_a_circle_is_run_at_constant_speed(left_mode, right_mode):
 
 def test_inverse_angles_are_continuous_round_a_base():
     round_about = LINK["left_x"] + 2.0 * np.exp(1j * np.linspace(0.0, 2.0 * TURN, 801))
-    pose = fivebar_inverse.solve([round_about.real, round_about.imag],
+    pose = fivebar.solve_inverse([round_about.real, round_about.imag],
                                  **{**LINK, "right_coupler": 6.5})
     assert np.abs(np.diff(pose["left"])).max() < 0.02
     assert pose["left"][-1] - pose["left"][0] == pytest.approx(2.0 * TURN, abs=1e-14)  # rounding
@@ -97,13 +97,13 @@ def test_inverse_angles_are_continuous_round_a_base():
 @settings(derandomize=True, max_examples=100, deadline=None)
 @given(linkages, st.tuples(st.floats(-6.0, 6.0), st.floats(-6.0, 6.0)))
 def test_the_inverse_exists_where_the_margin_is_positive(link, tip):
-    inside = fivebar_workspace.margin(tip, **link)
+    inside = fivebar.margin(tip, **link)
     assume(abs(inside) > 1e-9)
     if inside > 0:
-        assert np.isfinite(fivebar_inverse.solve(tip, **link)["left"])
+        assert np.isfinite(fivebar.solve_inverse(tip, **link)["left"])
     else:
         with pytest.raises(ValueError, match="tip out of reach at"):
-            fivebar_inverse.solve(tip, **link)
+            fivebar.solve_inverse(tip, **link)
 
 
 def test_an_unreachable_tip_is_named_with_the_miss():
@@ -111,33 +111,33 @@ def test_an_unreachable_tip_is_named_with_the_miss():
     miss = np.hypot(3.0, 8.6) - 9.0
     with pytest.raises(ValueError, match=rf"tip out of reach at \(0, 8\.6\) m: the circles of left "
                                          rf"crank and coupler miss by {miss:.6g} m"):
-        fivebar_inverse.solve(tips, **LINK)
+        fivebar.solve_inverse(tips, **LINK)
     with pytest.raises(ValueError, match=r"of right crank and coupler miss by 1 m"):
-        fivebar_inverse.solve([3.0, 0.0], **{**LINK, "left_coupler": 4.0})
+        fivebar.solve_inverse([3.0, 0.0], **{**LINK, "left_coupler": 4.0})
     with pytest.raises(ValueError, match=r"reach at \(3, 0\) m: .* coincide"):
-        fivebar_inverse.solve([3.0, 0.0], **{**LINK, "right_coupler": 4.0})
+        fivebar.solve_inverse([3.0, 0.0], **{**LINK, "right_coupler": 4.0})
     with pytest.raises(ValueError, match=r"^right_mode must be"):
-        fivebar_inverse.solve([0.0, 8.0], **LINK, right_mode=0)
+        fivebar.solve_inverse([0.0, 8.0], **LINK, right_mode=0)
     with pytest.raises(ValueError, match=r"^left_crank must be"):
-        fivebar_inverse.solve([0.0, 8.0], **{**LINK, "left_crank": 0.0})
+        fivebar.solve_inverse([0.0, 8.0], **{**LINK, "left_crank": 0.0})
 
 
 def test_type_1_singularities_are_the_boundary_of_the_reach():
-    circles = fivebar_workspace.boundary(721, **LINK)
+    circles = fivebar.boundary(721, **LINK)
     assert circles.shape == (4, 2, 721)
     for (side, folded), circle in zip(itertools.product(SIDES, (False, True)), circles,
                                       strict=True):
         here = circle[:, ~np.isnan(circle[0])]
         assert here.shape[1] > 0
-        inside = fivebar_workspace.margin(here, **LINK)
+        inside = fivebar.margin(here, **LINK)
         np.testing.assert_allclose(inside, 0.0, rtol=0, atol=1e-14)  # rounding of 9 m
-        pose = fivebar_inverse.solve(here, **LINK)
+        pose = fivebar.solve_inverse(here, **LINK)
         crank = here - [[LINK[f"{side}_x"]], [0.0]]
         turned = 4.0 * np.stack([np.cos(pose[side]), np.sin(pose[side])])
         straight = np.abs(crank[0] * turned[1] - crank[1] * turned[0])
         assert straight.max() <= 1e-6  # sqrt(eps) of 9 m times 4 m: the root of a zero area
         outward = -crank if folded else crank
-        assert np.all(fivebar_workspace.margin(here + 1e-6 * outward, **LINK) < 0)
+        assert np.all(fivebar.margin(here + 1e-6 * outward, **LINK) < 0)
 
 
 @settings(derandomize=True, max_examples=100, deadline=None)
@@ -146,7 +146,7 @@ def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left
     far, near = link["left_coupler"] + link["right_coupler"], abs(
         link["left_coupler"] - link["right_coupler"])
     reach = abs(link["left_x"] - link["right_x"]) + link["left_crank"] + link["right_crank"]
-    for row, right in enumerate(fivebar_workspace.in_line(left, **link)):
+    for row, right in enumerate(fivebar.in_line(left, **link)):
         if np.isnan(right):
             continue
         pins = [link[f"{side}_x"] + link[f"{side}_crank"] * np.exp(1j * angle)
@@ -165,28 +165,28 @@ def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left
 
 def test_share_of_crank_angles_that_cannot_be_assembled():
     """By counting, by the mirrored linkage (another integral), and where it is known."""
-    share = fivebar_workspace.unassembled_share(**THESIS)
+    share = fivebar.unassembled_share(**THESIS)
     turn = (np.arange(2003) + 0.5) * TURN / 2003
     pins = 2.0 * np.exp(1j * turn[:, None]), 2.0 + np.exp(1j * turn)
     counted = np.mean(np.abs(pins[1] - pins[0]) < 0.5)
     assert share == pytest.approx(counted, abs=5e-6)  # border of the counted region: h^1.5
     mirrored = {"left_crank": 1.0, "left_coupler": 4.0, "right_coupler": 3.5, "right_crank": 2.0,
                 "left_x": 0.0, "right_x": 2.0}
-    assert share == pytest.approx(fivebar_workspace.unassembled_share(**mirrored), abs=1e-13)
+    assert share == pytest.approx(fivebar.unassembled_share(**mirrored), abs=1e-13)
     coaxial = {**THESIS, "right_x": 0.0, "left_crank": 1.0}  # near where 2 sin(half angle) < 1/2
     known = 2.0 * np.arcsin(0.25) / np.pi
-    assert fivebar_workspace.unassembled_share(**coaxial) == pytest.approx(known, abs=1e-14)
+    assert fivebar.unassembled_share(**coaxial) == pytest.approx(known, abs=1e-14)
     always = {"left_crank": 1.2, "left_coupler": 2.6, "right_coupler": 2.4, "right_crank": 1.0,
               "left_x": -1.25, "right_x": 1.25}
-    assert fivebar_workspace.unassembled_share(**always) == pytest.approx(0.0, abs=1e-14)
+    assert fivebar.unassembled_share(**always) == pytest.approx(0.0, abs=1e-14)
     never = {**always, "left_coupler": 9.0}
-    assert fivebar_workspace.unassembled_share(**never) == 1.0
+    assert fivebar.unassembled_share(**never) == 1.0
 
 
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(lengths, lengths, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_range_of_the_pin_distance(left_crank, right_crank, left_x, right_x):
-    least, largest = fivebar_workspace.pin_distances(
+    least, largest = fivebar.pin_distances(
         left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
     turn = np.linspace(0.0, TURN, 401)
     pins = [x + crank * np.exp(1j * turn)

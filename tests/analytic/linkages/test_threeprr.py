@@ -7,8 +7,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from proofmass.analytic.linkages import threeprr, threeprr_inverse
-from proofmass.analytic.linkages.threeprr_poses import poses
+from proofmass.analytic.linkages import threeprr
+from proofmass.analytic.linkages.threeprr import poses
 from tests.analytic.linkages.threeprr_tables import (
     DATA,
     POSE,
@@ -102,7 +102,7 @@ def test_the_eight_triples_of_both_tables_lead_back():
 def test_four_triples_of_table_3_have_parallel_legs():
     """There eqs 146 and 147 are 0/0: the document's program can only print a singular position."""
     where, pose = TABLE3["where"], [0.6, 0.4, 0.0]
-    for signs, triple in zip(threeprr_inverse.SIGNS, all_triples(pose, where), strict=True):
+    for signs, triple in zip(threeprr.SIGNS, all_triples(pose, where), strict=True):
         found = poses(triple, **where)
         parallel, (p, den) = signs[0] != signs[1], document_polynomial(triple, where)
         assert found["parallel"].sum() == 2 * parallel
@@ -188,7 +188,7 @@ def test_lengths_that_differ_by_a_hundred():
         where = {"side": side, "leg": leg, "guide2_x": leg, "guide3_x": 0.6 * leg,
                  "guide3_y": 0.4 * leg}
         pose = np.array([[0.5 * leg], [0.5 * leg], [0.0]]) + rng.uniform(-0.1, 0.1, (3, 200))
-        found = threeprr_inverse.solve(pose, **where)
+        found = threeprr.solve_inverse(pose, **where)
         back = poses([found[f"slider_{k}"] for k in (1, 2, 3)], **where)
         error = np.hypot(back["x"] - pose[0], back["y"] - pose[1]) + np.abs(back["psi"] - pose[2])
         # rounding of a leg, 1e-16, over the determinant, down to 2e-4, and the ratio of 100

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from proofmass.analytic.linkages import threeprr, threeprr_inverse
-from proofmass.analytic.linkages.threeprr_poses import poses
+from proofmass.analytic.linkages import threeprr
+from proofmass.analytic.linkages.threeprr import poses
 from tests.analytic.linkages.spectral import assert_close, derivative
 from tests.analytic.linkages.threeprr_tables import (
     DATA,
@@ -86,7 +86,7 @@ def test_holding_forces_are_slopes_of_the_potential(mode):
 def test_singularity_is_the_determinant_of_the_leg_lengths():
     x, y, psi = 1.3, 0.7, 0.4
     step, where = 1e-6, {**WHERE, "side": 0.8, "leg": 1.2}
-    found = threeprr_inverse.solve([x, y, psi], **where, mode=3)
+    found = threeprr.solve_inverse([x, y, psi], **where, mode=3)
     sliders = [found[f"slider_{k}"] for k in (1, 2, 3)]
     columns = [[(up - down) / (2 * step) for up, down in zip(
         leg_errors(np.array([x, y, psi]) + h, sliders, where),
@@ -120,12 +120,12 @@ def test_workspace_counts():
     line = np.linspace(*grid["range"], grid["nodes"])
     psi = np.arange(0.0, 2.0 + 1e-9, grid["psi_step_over_pi"]) * np.pi
     nodes = np.array(np.meshgrid(psi, line, line, indexing="ij"))[[1, 2, 0]]
-    reached = threeprr_inverse.reachable(nodes, **grid["where"])
+    reached = threeprr.reachable(nodes, **grid["where"])
     assert reached.sum(axis=(1, 2)).tolist() == grid["counts"]
     assert reached.sum() == 1185
     cut = grid["slice"]
     nodes = np.array(np.meshgrid(line, line, np.radians(cut["psi_deg"]), indexing="ij"))
-    x, y, _ = nodes[:, threeprr_inverse.reachable(nodes, **grid["where"])]
+    x, y, _ = nodes[:, threeprr.reachable(nodes, **grid["where"])]
     assert x.size == cut["count"]
     for found, printed in ((x, cut["x"]), (y, cut["y"])):  # nodes, multiples of 0.18 m
         np.testing.assert_allclose([found.min(), found.max()], printed, atol=1e-12)
@@ -134,12 +134,12 @@ def test_workspace_counts():
 def test_what_is_reachable_is_what_the_inverse_solves():
     rng = np.random.default_rng(3)
     nodes = rng.uniform(-3.0, 4.0, (3, 300))
-    reached = threeprr_inverse.reachable(nodes, **WHERE)
+    reached = threeprr.reachable(nodes, **WHERE)
     assert 0 < reached.sum() < 300
-    threeprr_inverse.solve(nodes[:, reached], **WHERE)
+    threeprr.solve_inverse(nodes[:, reached], **WHERE)
     for node in nodes[:, ~reached].T:
         with pytest.raises(ValueError, match="out of reach"):
-            threeprr_inverse.solve(node, **WHERE)
+            threeprr.solve_inverse(node, **WHERE)
 
 
 def test_unreachable_pose_is_named_with_the_miss():
@@ -147,8 +147,8 @@ def test_unreachable_pose_is_named_with_the_miss():
     high = np.transpose([(1.5, 0.9, 0.0), (1.5, 1.25, 0.0)])
     with pytest.raises(ValueError, match=r"pose \(1.5 m, 1.25 m, 0 rad\) is out of reach: leg 1 is "
                                          r"too short by 0.25 m"):
-        threeprr_inverse.solve(high, **where)
-    upright = threeprr_inverse.solve([1.5, 1.0, 0.0], [0.0, 1.0, 0.0], **where)
+        threeprr.solve_inverse(high, **where)
+    upright = threeprr.solve_inverse([1.5, 1.0, 0.0], [0.0, 1.0, 0.0], **where)
     assert upright["slider_1"] == 1.5  # border of the workspace: leg 1 perpendicular to its guide
     assert upright["lean_1"] == 0.0
     assert not np.isfinite(upright["slider_1_rate"])
@@ -160,7 +160,7 @@ def test_unreachable_pose_is_named_with_the_miss():
     + [(n, np.nan) for n in ("guide2_x", "guide3_x", "guide3_y")] + [("mode", 0)],
 )
 def test_bad_value_is_named(name, value):
-    for module in (threeprr, threeprr_inverse):
+    for module in (threeprr, threeprr):
         with pytest.raises(ValueError, match=f"^{name} must be"):
             module.solve(SLIDERS, **{**WHERE, name: value})
 
@@ -172,7 +172,7 @@ def test_other_bad_values_are_named():
         threeprr.solve([2.0, np.nan, 0.2], **WHERE)
     with pytest.raises(ValueError, match="period must be"):
         threeprr.circle(0.0, **{**CIRCLE, "period": 0.0}, **WHERE)
-    for module in (threeprr, threeprr_inverse):
+    for module in (threeprr, threeprr):
         with pytest.raises(ValueError, match="three inputs"):
             module.solve([2.0, 0.5], **WHERE)
 

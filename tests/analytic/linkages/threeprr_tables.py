@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from proofmass.analytic.linkages import threeprr_inverse
+from proofmass.analytic.linkages import threeprr
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "threeprr.json").read_text())
 TABLE3, TABLE4 = DATA["inverse"]
@@ -34,7 +34,7 @@ def leg_errors(pose, sliders, where):
 
 def all_triples(pose, where):
     """The sliders of the eight modes, (8, 3)."""
-    found = [threeprr_inverse.solve(pose, **where, mode=m) for m in threeprr_inverse.MODES]
+    found = [threeprr.solve_inverse(pose, **where, mode=m) for m in threeprr.WORKING_MODES]
     return np.array([[f[f"slider_{k}"] for k in (1, 2, 3)] for f in found])
 
 

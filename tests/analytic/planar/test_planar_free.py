@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.linkages import fourbar, pendulum
 from proofmass.analytic.planar import SingularHere, read, solve
-from proofmass.analytic.planar.forces import kinetic, potential
-from proofmass.analytic.planar.free import free_motion
-from proofmass.analytic.planar.motion import move
+from proofmass.analytic.planar.dynamics import free_motion, kinetic, potential
+from proofmass.analytic.planar.kinematics import move
 
 MODELS = Path(__file__).parents[3] / "models"
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}

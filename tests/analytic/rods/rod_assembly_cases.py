@@ -8,8 +8,7 @@ import numpy as np
 from scipy.special import ellipeinc, ellipkinc
 
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
-from proofmass.analytic.rods.direct import direct
-from proofmass.analytic.rods.state import State, state
+from proofmass.analytic.rods.equilibrium import State, direct, state
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_assemblies.json").read_text())
 EI = DATA["stiffness"]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import assembly, triangle
-from proofmass.analytic.rods.solutions import solutions
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_solutions.json").read_text())
 EI = DATA["stiffness"]

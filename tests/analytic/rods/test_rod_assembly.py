@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.assembly import assembly, mirrored, triangle
-from proofmass.analytic.rods.closure import closure, sizes
-from proofmass.analytic.rods.derivatives import derivatives
-from proofmass.analytic.rods.direct import direct
-from proofmass.analytic.rods.inverse import inverse
-from proofmass.analytic.rods.state import State, state
+from proofmass.analytic.rods.equilibrium import (
+    State,
+    closure,
+    derivatives,
+    direct,
+    inverse,
+    sizes,
+    state,
+)
 from tests.analytic.rods.rod_assembly_cases import (
     CORNERS,
     DATA,

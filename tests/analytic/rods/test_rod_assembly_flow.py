@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.analytic.rods import flow as module
-from proofmass.analytic.rods.flow import HINGES, SEGMENTS, flow
+from proofmass.analytic.rods import equilibrium
+from proofmass.analytic.rods.equilibrium import HINGES, SEGMENTS, flow
 
 ROD = {"angle": 0.4, "moment": 3.0, "force": 80.0 - 50.0j, "length": 1.3, "stiffness": 2.0}
 
@@ -30,7 +30,7 @@ def test_order_of_the_chain(monkeypatch):
     """Sixth order, of coefficients with fifteen digits."""
     tips = []
     for count in (300, 24, 48):
-        monkeypatch.setattr(module, "steps", lambda *_, count=count: count)
+        monkeypatch.setattr(equilibrium, "steps", lambda *_, count=count: count)
         tips.append(flow(**ROD)[0][0])
     errors = np.abs(np.array(tips[1:]) - tips[0])
     assert np.log2(errors[0] / errors[1]) == pytest.approx(6.0, abs=0.2)  # errors 1e-10, 2e-12

@@ -8,7 +8,7 @@ import pytest
 from proofmass.analytic.rods import buckling, critical, elastica, equilibria, imperfect
 from proofmass.analytic.rods.buckling import of_free, of_pinned, on_the_line, pinned_waves
 from proofmass.analytic.rods.cantilever import solve
-from proofmass.analytic.rods.search_sheet import rods
+from proofmass.analytic.rods.elastica import rods
 from proofmass.analytic.rods.shooting import integrate
 from proofmass.sim.protocol import BadModel, Rod
 from tests.sim.rod_models import ENGINES, model, pull, rest

@@ -10,9 +10,8 @@ from scipy.integrate import solve_bvp
 from scipy.special import ellipk
 
 from proofmass.analytic.rods import equilibria, pseudo_rigid, self_buckling, solve, tip
-from proofmass.analytic.rods.cantilever import STEPS
-from proofmass.analytic.rods.roots import roots
-from proofmass.analytic.rods.second_variation import stability
+from proofmass.analytic.rods.cantilever import STEPS, roots
+from proofmass.analytic.rods.shooting import stability
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
 ROWS = DATA["cantilever"]["rows"]

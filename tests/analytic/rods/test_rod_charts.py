@@ -9,7 +9,7 @@ from matplotlib import rc_context
 
 from proofmass.analytic.chart import Chart, Line, Panel
 from proofmass.analytic.rods import rod_pair
-from proofmass.analytic.rods.rod_charts import MANY, sharing
+from proofmass.analytic.rods.rod_pair import MANY, sharing
 from proofmass.case import Case, load_case
 from proofmass.chart import chart_of
 from proofmass.errors import InputError

@@ -6,12 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.closure import closure
 from proofmass.analytic.rods.continuation import follow, trace
-from proofmass.analytic.rods.derivatives import derivatives
-from proofmass.analytic.rods.direct import direct
-from proofmass.analytic.rods.inverse import inverse
-from proofmass.analytic.rods.state import State, state
+from proofmass.analytic.rods.equilibrium import State, closure, derivatives, direct, inverse, state
 from proofmass.analytic.rods.workspace import loci, spread
 from tests.analytic.rods.rod_assembly_cases import DATA, NAMES, PAIR, pair, three
 

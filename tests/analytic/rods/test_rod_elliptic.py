@@ -19,7 +19,7 @@ from proofmass.analytic.rods import (
     shape,
     tip,
 )
-from proofmass.analytic.rods.integrals import incomplete, jacobi, legendre
+from proofmass.analytic.rods.elastica import incomplete, jacobi, legendre
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
 TABLE = dict(zip(DATA["unit_table"]["columns"], np.array(DATA["unit_table"]["rows"]).T,

@@ -7,14 +7,20 @@ import pytest
 
 from proofmass.analytic.rods import integrate
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.derivatives import derivatives
-from proofmass.analytic.rods.direct import direct
-from proofmass.analytic.rods.rod_maps import motor_angles, workspace
-from proofmass.analytic.rods.rod_platform_charts import constant_orientation
-from proofmass.analytic.rods.rod_sheets import area, aspect, joined, over_poses, rim, sheet
-from proofmass.analytic.rods.second_variation import stability
-from proofmass.analytic.rods.state import state
-from proofmass.analytic.rods.workspace import loci, spread
+from proofmass.analytic.rods.equilibrium import derivatives, direct, state
+from proofmass.analytic.rods.rod_pair import motor_angles, workspace
+from proofmass.analytic.rods.rod_platform_driven import constant_orientation
+from proofmass.analytic.rods.shooting import stability
+from proofmass.analytic.rods.workspace import (
+    area,
+    aspect,
+    joined,
+    loci,
+    over_poses,
+    rim,
+    sheet,
+    spread,
+)
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, PAIR, pair
 
 CASE = {"distance": 0.6, "theta1": np.radians(40), "theta2": np.radians(60), "force_x": 0.3,

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.analytic.rods import from_tip, integrate, of_load, pinned, tip
-from proofmass.analytic.rods.second_variation import stability
+from proofmass.analytic.rods.shooting import stability
 
 FILE = Path(__file__).parents[2] / "data" / "rod_elliptic.json"
 DATA = json.loads(FILE.read_text())["single_rod"]

@@ -7,12 +7,10 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.rods.flow import flow
-from proofmass.analytic.rods.rod_snap import branches, facts, marks, shapes, solve
-from proofmass.analytic.rods.search_sheet import rods
-from proofmass.analytic.rods.second_variation import stability
-from proofmass.analytic.rods.shooting import integrate
-from proofmass.analytic.rods.snap_family import family
+from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.equilibrium import flow
+from proofmass.analytic.rods.rod_snap import branches, facts, family, marks, shapes, solve
+from proofmass.analytic.rods.shooting import integrate, stability
 
 DISTANCES = 0.35, 0.5, 0.8, 0.95
 

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.analytic.rods import search_lattice
+from proofmass.analytic.rods import all_equilibria
+from proofmass.analytic.rods.all_equilibria import Solutions, solutions, solve
 from proofmass.analytic.rods.assembly import assembly, triangle
-from proofmass.analytic.rods.closure import closure
-from proofmass.analytic.rods.search_newton import solve
-from proofmass.analytic.rods.search_sheet import rods
-from proofmass.analytic.rods.solutions import Solutions, solutions
-from proofmass.analytic.rods.state import clamps, state
+from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.equilibrium import clamps, closure, state
 from tests.analytic.rods.rod_solutions_cases import CORNERS, DATA, EI, alphas, found, made
 from tests.independent.rods.chain_assembly import settle
 from tests.independent.rods.stability import negative
@@ -204,7 +202,7 @@ def test_counts_do_not_depend_on_lattice_or_mesh(name, modes, count, monkeypatch
     a, given = made(name)
     assert len(found(name, modes)) == count
     assert len(solutions(a, modes=modes, poses=10_000, **given)) == count
-    monkeypatch.setattr(search_lattice, "MESH", 0.05)
+    monkeypatch.setattr(all_equilibria, "MESH", 0.05)
     assert len(solutions(a, modes=modes, **given)) == count
 
 

@@ -5,15 +5,24 @@ from functools import cache
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods import search_tight
+from proofmass.analytic.rods import all_equilibria
+from proofmass.analytic.rods.all_equilibria import (
+    LATTICE,
+    OVERLAP,
+    bound,
+    drawn,
+    first,
+    hold,
+    largest,
+    limits,
+    moved,
+    solutions,
+    solve,
+    tight,
+)
 from proofmass.analytic.rods.assembly import assembly
-from proofmass.analytic.rods.search_bound import hold, largest
-from proofmass.analytic.rods.search_boxes import bound, first, limits, moved, tight
-from proofmass.analytic.rods.search_newton import solve
-from proofmass.analytic.rods.search_sheet import rods
-from proofmass.analytic.rods.search_tight import drawn
-from proofmass.analytic.rods.solutions import LATTICE, OVERLAP, solutions
-from proofmass.analytic.rods.state import clamps, state
+from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.equilibrium import clamps, state
 from tests.analytic.rods.rod_galerkin import solve as by_galerkin
 from tests.analytic.rods.rod_solutions_cases import EI, found, made
 
@@ -96,9 +105,9 @@ def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
 @pytest.mark.parametrize(("name", "modes", "below", "beyond", "stable"), COUNTS)
 def test_other_and_more_starts_count_the_same(name, modes, below, beyond, stable, monkeypatch):
     a, given = made(name)
-    monkeypatch.setattr(search_tight, "EACH", 10 * search_tight.EACH)
-    monkeypatch.setattr(search_tight, "FEWEST", 10 * search_tight.FEWEST)
-    monkeypatch.setattr(search_tight, "SEED", 2)
+    monkeypatch.setattr(all_equilibria, "EACH", 10 * all_equilibria.EACH)
+    monkeypatch.setattr(all_equilibria, "FEWEST", 10 * all_equilibria.FEWEST)
+    monkeypatch.setattr(all_equilibria, "SEED", 2)
     f = solutions(a, modes=modes, **given)
     assert (len(f), (f.negative == 0).sum()) == (below + beyond, stable)
 

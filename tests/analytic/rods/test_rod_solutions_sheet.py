@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods import tip
-from proofmass.analytic.rods.search_bound import hold, largest
-from proofmass.analytic.rods.search_mesh import mesh
-from proofmass.analytic.rods.search_newton import system
-from proofmass.analytic.rods.search_sheet import rods
-from proofmass.analytic.rods.state import state
+from proofmass.analytic.rods.all_equilibria import hold, largest, mesh, system
+from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.equilibrium import state
 from tests.analytic.rods.rod_solutions_cases import alphas, found, made
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.design import Balancer
-from proofmass.analytic.balancer.dyad import close
+from proofmass.analytic.balancer.model import Balancer, close
 from proofmass.analytic.numerics import Array
 from tests.independent.balancer.trial import (
     centred,

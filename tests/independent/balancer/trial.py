@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.balancer.design import Balancer, balancer
+from proofmass.analytic.balancer.model import Balancer, balancer
 from proofmass.analytic.numerics import Array
 from tests.independent.balancer.loads import node_loads, pin_force
 

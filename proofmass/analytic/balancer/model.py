@@ -1,4 +1,8 @@
-"""A torsion-spring balancer, or a batch of them: lengths, springs, stops and rest posture."""
+"""A torsion-spring balancer, or a batch of them: lengths, springs, stops and rest posture.
+
+Springs are linear or quadratic and may be wound up to a preload.  The last two segments of a chain
+are closed upon the pendulum's tip by the cosine rule.
+"""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -6,9 +10,97 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.dyad import close
-from proofmass.analytic.balancer.springs import preloaded
 from proofmass.analytic.numerics import Array, one_of
+
+
+def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array, Array, Array]:
+    r"""A spring ``M = k x + A x^2`` wound up until it carries its preload.
+
+    From there on, with the winding e counted from the preloaded state, x = e + e*::
+
+        M = M0 + k' e + A e^2,    e* = 2 M0/(k + k'),    k' = sqrt(k^2 + 4 A M0)
+
+    e* is the root that is reached first from the slack spring.
+
+    Parameters
+    ----------
+    stiffness, quadratic : ndarray (...)
+        k [N m/rad] and A [N m/rad^2] of the slack spring.
+    preload : ndarray (...)
+        M0 [N m].
+
+    Returns
+    -------
+    stiffness, winding, energy : ndarray (...)
+        k' [N m/rad], e* [rad] and k e*^2/2 + A e*^3/3 [J].  k' is NaN where the spring never
+        carries M0.  With no stiffness at all the moment is constant: e* is infinite, and its
+        energy, which then has no slack state to count from, is given as 0.
+
+    Notes
+    -----
+    Source: van Nes 2022, eq. 12-17 with alpha* for e*.
+
+    Examples
+    --------
+    >>> k, winding, energy = preloaded(np.array(2.0), np.array(-0.5), np.array(1.5))
+    >>> float(k), float(winding), round(float(energy), 6)
+    (1.0, 1.0, 0.833333)
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiff = np.where(preload == 0, stiffness, np.sqrt(stiffness**2 + 4 * quadratic * preload))
+        winding = np.where(preload == 0, 0.0, 2 * preload / (stiffness + stiff))
+        energy = winding**2 * (stiffness / 2 + quadratic * winding / 3)
+    return stiff, winding, np.where(np.isfinite(winding), energy, 0.0)
+
+
+def close(pendulum: Array | float, length: Array, first: Array, mode: Array | int) -> Array:
+    """Angles of all segments when the first ones are given and the pendulum stands upright.
+
+    ::
+
+                 tip
+          q2    /|         v = tip - P, from the end P of the given segments
+        elbow  / |         d = |v|, its direction b = atan2(v_x, v_y)
+             \\  v          A = acos((d^2 + a^2 - c^2)/(2 d a))   at P
+           a  \\ |          C = acos((d^2 + c^2 - a^2)/(2 d c))   at the tip
+               \\P          mode +1: b - A and b + C;  mode -1: b + A and b - C
+
+    Parameters
+    ----------
+    pendulum : float or ndarray (...)
+        Length r [m]; the tip is at (0, r).
+    length : ndarray (..., n)
+        Lengths [m]; a and c are the last two.
+    first : ndarray (..., n - 2)
+        Angles of the first segments, clockwise from the pendulum [rad].
+    mode : +1 or -1, or an array (...)
+        Elbow up: the last segment is turned clockwise against the one before; or elbow down.
+
+    Returns
+    -------
+    ndarray (..., n)
+        All angles, clockwise from the pendulum [rad]; NaN where the segments cannot reach.
+
+    Notes
+    -----
+    Source: van Nes 2022, appendix A (the cosine rule); the two-argument arc tangent replaces the
+    sectors of its listings N.3 and N.4.
+
+    Examples
+    --------
+    >>> close(np.array(1.0), np.array([0.5, 0.5, 0.5]), np.array([0.0]), 1).round(6).tolist()
+    [0.0, -1.047198, 1.047198]
+    """
+    a, c = length[..., -2], length[..., -1]
+    x = -(length[..., :-2] * np.sin(first)).sum(axis=-1)
+    y = pendulum - (length[..., :-2] * np.cos(first)).sum(axis=-1)
+    d, toward = np.hypot(x, y), np.arctan2(x, y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near = np.arccos((d**2 + a**2 - c**2) / (2 * d * a))
+        far = np.arccos((d**2 + c**2 - a**2) / (2 * d * c))
+    last = np.stack([toward - mode * near, toward + mode * far], axis=-1)
+    return np.concatenate([np.broadcast_to(first, (*last.shape[:-1], first.shape[-1])), last], -1)
+
 
 NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
 REQUIRED = ("length", "stiffness")

@@ -1,0 +1,888 @@
+r"""All equilibria of rods on a common platform: the direct problem, without a first guess.
+
+1. The loads of rods in equilibrium are bounded.
+2. A mesh of all rods tells which of them reach a point with their tips, to first order.
+3. A lattice of poses gives starts under small loads; tight poses give starts under large loads.
+4. Newton's method takes each start to an equilibrium, in the charts of the rods and the pose.
+
+**A bound by one pose.** Along its own load a rod's tip is L (1 - 2 E(alpha)/alpha) from the clamp,
+E(alpha) <= 2 mode E(k). Summed over the rods, with any point c of the plane and rho the largest |P
+- c|::
+
+    sum R_i (L_i - |O_i - c| - |r_i|) - sum 4 mode_i E(k_i) sqrt(R_i EI_i)  <=  |F| rho
+
+so that no R_i is large unless clamps are so far apart that rods can be stretched between them.
+`bound` holds more often, and takes seconds for a platform.
+
+**A bound by boxes of poses.** Let d_i lead from a clamp to its pin, and let (v, w) be any small
+motion of the platform, which moves the pins by t_i = v + w J R r_i.  In equilibrium sum n_i.t_i =
+F.v + M w.  A tip's place along its load gives n_i.d_i >= R_i L_i - hold(alpha_i) sqrt(R_i EI_i)
+(see above)::
+
+    s_i = 1 - |d_i - t_i|/L_i
+    sum EI_i/L_i (alpha_i^2 s_i - hold(alpha_i) alpha_i)  <=  F.v + M w
+
+No alpha_i is large where some motion makes every s_i positive.  No motion does only where rods
+stretched to their full lengths hold the platform tight against each other: with equilibria of few
+inflections and ever larger loads rods would be straight in the limit, with no load but their own.
+
+One motion serves a box of poses, in which |d_i - t_i| changes by no more than
+|dP| + sqrt(1 + w^2) |r_i| dphi.  Boxes are halved where their bound is the largest.
+
+**Starts under large loads**, where the lattice's first steps are too long. A rod whose alpha is
+large and whose inflections are few is straight in tension, but for loops of a size of 1/alpha, K
+apart from tip to tip, the last of them cut off by the clamp.  With delta the angle of the clamp
+over the load, j = 0, 1 .. whole loops, on either side (q > 0, q < 0)::
+
+    alpha = (2 j + 1) K + y,    tanh(y) = -(-1)^j cos(delta/2),    |q| = K - ln 2 + O(e^-2K)
+
+so a direction and a size of the load leave 2 modes of such rods.  Starts are drawn at random: a
+pose that may hold such loads, by `tight`; loads along the straight rods, in the ratio
+that balances best or in any; one of the 2 modes for each rod, or any rod at all for light loads.
+
+**Starts on a lattice.** The mesh lists, at any pose (P, phi), the ways in which each rod can hold
+its pin, with their loads n_i and stiffnesses K_i.  A choice of one way for each rod lacks the load
+g and is one step off::
+
+    g = (sum n_i - F,  sum (R r_i) x n_i - M)          A_i = [1, J R r_i],  R = Rot(phi)
+    step = -(sum A_i^T K_i A_i - sum (R r_i).n_i e e^T)^-1 g                e = (0, 0, 1)
+
+It is worth a start where that step is short.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ellipe, ellipkm1
+
+from proofmass.analytic.numerics import TURN, Array, Complex
+from proofmass.analytic.rods.assembly import Assembly
+from proofmass.analytic.rods.elastica import Rods, relative, rods
+from proofmass.analytic.rods.equilibrium import State, clamps, state
+
+POSE_BOUND_MOST = 200.0  # alpha at which a bound is given up
+POSE_BOUND_SAMPLES = 20001
+
+
+def largest(s: State, modes: Sequence[int]) -> float:
+    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where this gives none."""
+    a, clamp = s.assembly, clamps(s)[1]
+    away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
+    slack = a.length - away
+    if np.any(slack <= 0.0):
+        return float(np.inf)
+    alpha = np.linspace(0.0, POSE_BOUND_MOST, POSE_BOUND_SAMPLES)
+    held = np.array([hold(alpha, mode) for mode in modes])
+    unit = (a.stiffness / a.length)[:, None]
+    excess = unit * alpha * (alpha * (slack / a.length)[:, None] - held)
+    spare = np.hypot(*s.load[:2]) * (a.length + away).min()
+    room = spare - excess.min(axis=1).sum() + excess.min(axis=1)
+    last = max(alpha[np.flatnonzero(row <= most)[-1]]
+               for row, most in zip(excess, room, strict=True))
+    step = POSE_BOUND_MOST / POSE_BOUND_SAMPLES
+    return float(last + step) if last < POSE_BOUND_MOST else float(np.inf)
+
+
+def hold(alpha: Array, mode: int) -> Array:
+    """4 mode E(k) of the least bent rod of a mode: that with K = alpha/(2 mode), or straight."""
+    q = np.linspace(0.0, 20.0, 4001)
+    rest = 1.0 / np.cosh(q) ** 2
+    return np.asarray(4.0 * mode * np.interp(alpha / (2.0 * mode), ellipkm1(rest),
+                                             ellipe(1.0 - rest)))
+
+
+WITHIN = 1.1  # of the largest bound of single poses that the bound may be
+FIRST_EDGE = 0.1  # of the first boxes, over the shortest rod
+HALVINGS = 8
+BOXES_AT_ONCE = 20_000  # boxes at once
+BOUND_MOST = 300.0  # alpha at which a bound is given up
+SLACK = np.geomspace(0.01, 2.0, 400)  # s_i of a table; what is less counts as none
+SMOOTH = 5.0, 30.0, 200.0  # the largest of the lengths is smoothed to 1/5, 1/30 .. of a rod
+STEPS = 6  # of Newton's method for each of these
+ROUND = 1e-6  # below which a length is smoothed
+STRIDE = 0.3  # longest step of a motion
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Poses P +- half (1 + i), phi +- turn, with a motion (v, w) for each: (n,), (n, 3)."""
+
+    where: Complex
+    phi: Array
+    half: float
+    turn: float
+    motion: Array
+
+    def __getitem__(self, which: NDArray[np.bool_]) -> "Boxes":
+        return Boxes(self.where[which], self.phi[which], self.half, self.turn, self.motion[which])
+
+    def halved(self, flat: bool) -> "Boxes":
+        """Four or eight for each."""
+        sides = np.array([-0.5, 0.5])
+        x, y, phi = (part.ravel()[:, None] for part in np.meshgrid(
+            sides * self.half, sides * self.half, [0.0] if flat else sides * self.turn))
+        return Boxes((self.where + x + 1j * y).ravel(), (self.phi + phi).ravel(), self.half / 2.0,
+                     self.turn / 2.0, np.tile(self.motion, (x.size, 1)))
+
+
+def bound(s: State, modes: Sequence[int]) -> float:
+    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where none is found.
+
+    >>> from proofmass.analytic.rods.assembly import assembly
+    >>> from proofmass.analytic.rods.equilibrium import state
+
+    Proven but for rounding, without interval arithmetic; by a tenth above what the inequality
+    gives for the worst pose.  Rods that can be stretched against each other have none:
+
+    >>> float(bound(state(assembly([[-1.0, 0.0], [1.0, 0.0]])), (1, 1)))
+    inf
+
+    >>> 8.0 < bound(state(assembly([[-0.3, 0.0], [0.3, 0.0]])), (1, 1)) < 10.0
+    True
+    """
+    boxes, most = first(s), 0.0
+    for _ in range(HALVINGS):
+        boxes = moved(s, boxes)
+        alone, reached = limits(s, boxes, modes, whole=False)
+        most = max(most, alone[reached].max(initial=0.0))
+        limit, reached = limits(s, boxes, modes)
+        if most > BOUND_MOST:
+            break
+        split = reached & (limit > WITHIN * most)
+        if not split.any():
+            return float(WITHIN * most)
+        boxes = boxes[split].halved(s.assembly.freedoms == 2)
+    return float(np.inf)
+
+
+def tight(s: State, modes: Sequence[int], least: float, edge: float) -> Boxes:
+    """All poses, in boxes with that edge [L] or less, where some alpha may exceed `least`."""
+    boxes = first(s)
+    while True:
+        boxes = moved(s, boxes)
+        limit, reached = limits(s, boxes, modes)
+        boxes = boxes[reached & (limit > least)]
+        if 2.0 * boxes.half <= edge * s.assembly.length.min():
+            return boxes
+        boxes = boxes.halved(s.assembly.freedoms == 2)
+
+
+def first(s: State) -> Boxes:
+    """Boxes that hold all poses which pins can be brought to."""
+    a, clamp = s.assembly, clamps(s)[1]
+    reach, edge = a.length + np.abs(a.arm), FIRST_EDGE * a.length.min()
+    x, y = (np.arange((part - reach).max(), (part + reach).min() + edge, edge)
+            for part in (clamp.real, clamp.imag))
+    count = int(np.ceil(TURN * np.abs(a.arm).max() / edge)) if a.freedoms == 3 else 1
+    east, north, phi = (part.ravel() for part in np.meshgrid(x, y, TURN / count * np.arange(count)))
+    return Boxes(east + 1j * north, phi, edge / 2.0,
+                 np.pi / count if a.freedoms == 3 else 0.0, np.zeros((phi.size, 3)))
+
+
+def moved(s: State, boxes: Boxes) -> Boxes:
+    """The same with motions that make the least s_i of their centres as large as possible."""
+    parts = (slice(i, i + BOXES_AT_ONCE) for i in range(0, boxes.phi.size, BOXES_AT_ONCE))
+    motion = [best(s, boxes.where[i], boxes.phi[i], boxes.motion[i]) for i in parts]
+    return Boxes(boxes.where, boxes.phi, boxes.half, boxes.turn,
+                 np.concatenate([np.empty((0, 3)), *motion]))
+
+
+def best(s: State, where: Complex, phi: Array, start: Array) -> Array:
+    """Motions (n, 3) whose largest |d_i - t_i|/L_i is about the least: any is a proof.
+
+    Newton's method for the logarithm of the sum of exp(sharp |d_i - t_i|/L_i), which is convex.
+    """
+    a, unknown = s.assembly, s.assembly.freedoms
+    length = a.length[:, None]
+    arm = np.exp(1j * phi) * a.arm[:, None]
+    away = where + arm - clamps(s)[1][:, None]
+    lever = np.zeros((*away.shape, 2, 3))
+    lever[..., 0, 0] = lever[..., 1, 1] = 1.0
+    lever[..., 0, 2], lever[..., 1, 2] = -arm.imag, arm.real
+    lever = lever[..., :unknown] / length[..., None, None]
+    away = np.stack([away.real, away.imag], axis=-1) / length[..., None]
+    out, at, least = start.copy(), start[:, :unknown], np.full(phi.size, np.inf)
+    for sharp in SMOOTH:
+        for _ in range(STEPS):
+            gap = away - np.einsum("knij,nj->kni", lever, at)
+            size = np.sqrt((gap**2).sum(axis=-1) + ROUND**2)
+            most = size.max(axis=0)
+            better = most < least
+            least[better], out[better, :unknown] = most[better], at[better]
+            weight = np.exp(sharp * (size - most))
+            weight /= weight.sum(axis=0)
+            way = gap / size[..., None]
+            slope = -np.einsum("knij,kni->knj", lever, way)
+            mean = np.einsum("kn,knj->nj", weight, slope)
+            bend = (np.eye(2) - way[..., :, None] * way[..., None, :]) / size[..., None, None]
+            matrix = np.einsum("kn,knai,knab,knbj->nij", weight, lever, bend, lever, optimize=True)
+            matrix += sharp * (np.einsum("kn,kni,knj->nij", weight, slope, slope)
+                               - mean[:, :, None] * mean[:, None, :])
+            matrix += 1e-9 * np.eye(unknown)  # three equal loads leave a motion free
+            step = np.linalg.solve(matrix, mean[..., None])[..., 0]
+            longest = np.abs(step).max(axis=1, keepdims=True)
+            at = at - step * np.minimum(1.0, STRIDE / np.maximum(longest, ROUND))
+    return out
+
+
+def limits(s: State, boxes: Boxes, modes: Sequence[int],
+           whole: bool = True) -> tuple[Array, NDArray[np.bool_]]:
+    """alpha (n,) that no rod exceeds in a box, or at its centre; and whether all pins get there."""
+    a = s.assembly
+    arm, length = np.exp(1j * boxes.phi) * a.arm[:, None], a.length[:, None]
+    away = boxes.where + arm - clamps(s)[1][:, None]
+    v, w = boxes.motion[:, 0] + 1j * boxes.motion[:, 1], boxes.motion[:, 2]
+    across = np.sqrt(2.0) * boxes.half * whole
+    turn = np.abs(a.arm)[:, None] * boxes.turn * whole
+    reached = (np.abs(away) <= length + across + turn).all(axis=0)
+    slack = 1.0 - (np.abs(away - v - 1j * w * arm) + across + np.sqrt(1.0 + w**2) * turn) / length
+    given = np.abs(boxes.motion @ np.append(s.load, 0.0)[:3])
+    out, held = np.full(w.size, np.inf), reached & (slack > SLACK[0]).all(axis=0)
+    slack, given = slack[:, held], given[held]
+    unit = (a.stiffness / a.length)[:, None]
+    low = unit * np.stack([np.interp(part, SLACK, lowest(mode))
+                           for part, mode in zip(slack, modes, strict=True)])
+    room = (given - low.sum(axis=0) + low) / unit
+    out[held] = np.max([largest_root(*part) for part in zip(slack, room, modes, strict=True)],
+                       axis=0)
+    return out, reached
+
+
+@lru_cache(maxsize=16)
+def lowest(mode: int) -> Array:
+    """Least of alpha^2 s - hold(alpha) alpha over alpha, for s in `SLACK`.
+
+    It is concave in s, so that interpolation stays below it.
+    """
+    alpha = np.geomspace(0.1, 2.0 * np.pi * mode / SLACK[0], 4000)
+    least = (alpha**2 * SLACK[:, None] - hold(alpha, mode) * alpha).min(axis=1)
+    return np.asarray(1.0001 * least)  # between two alpha it may be less by 2e-6
+
+
+def largest_root(slack: Array, room: Array, mode: int) -> Array:
+    """alpha, or a little more, beyond which alpha^2 slack - hold(alpha) alpha exceeds room >= 0."""
+    held = np.asarray(4.0 * mode)  # the least that it can be gives less than the root, then more
+    for _ in range(2):
+        root = (held + np.sqrt(held**2 + 4.0 * slack * room)) / (2.0 * slack)
+        held = hold(root, mode)
+    return np.asarray(root)
+
+
+def proven(s: State, modes: Sequence[int]) -> float:
+    """The bound that costs nothing, or else that of the boxes."""
+    quick = largest(s, modes)
+    return quick if np.isfinite(quick) else bound(s, modes)
+
+
+TIGHT_EDGE = 0.05  # of the boxes [L]
+EACH = 80  # starts for each choice of loops
+FEWEST = 2000
+SEED = 1
+SWAY = 0.1  # of a load from its straight rod [rad]
+LIGHT = 8.0  # alpha below which half of the rods are drawn from the whole chart
+LEAST_SHARE = 1e-3  # of the largest load
+ENDS = 1e-12  # 1 - |tanh(y)| of a rod that lies along its load
+
+
+def drawn(s: State, modes: Sequence[int], least: float, most: float) -> tuple[Array, Array]:
+    """Charts (k, 2, n) and poses (3, n) with some alpha within about [least, most]."""
+    a, (theta, clamp, _) = s.assembly, clamps(s)
+    boxes, random = tight(s, modes, least, TIGHT_EDGE), np.random.default_rng(SEED)
+    n = max(FEWEST, EACH * int(np.prod(2 * np.array(modes)))) if boxes.phi.size else 0
+    box, part = random.integers(max(1, boxes.phi.size), size=n), random.uniform(-1.0, 1.0, (3, n))
+    where = boxes.where[box] + boxes.half * (part[0] + 1j * part[1])
+    phi = boxes.phi[box] + boxes.turn * part[2]
+    arm = np.exp(1j * phi) * a.arm[:, None]
+    along = where + arm - clamp[:, None]
+    along /= np.abs(along)
+    load = ratios(along, arm / a.length.mean(), random)
+    unit = (a.stiffness / a.length**2)[:, None]
+    size = np.sqrt(load / unit / (load / unit).max(axis=0, initial=0.0))
+    alpha = size * np.exp(random.uniform(np.log(least), np.log(most), n))
+    delta = theta[:, None] - np.angle(along) + random.normal(0.0, SWAY, alpha.shape)
+    return charts(alpha, delta, np.array(modes)[:, None], random), np.stack(
+        [where.real, where.imag, phi])
+
+
+def ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
+    """Loads (k, n) on straight rods: half of them balance as well as any, half are random."""
+    balance = np.moveaxis(np.stack([along.real, along.imag, (arm.conj() * along).imag]), -1, 0)
+    best = np.abs(np.linalg.svd(balance)[2][:, -1]).T if balance.size else np.ones(along.shape)
+    any_other = random.uniform(0.0, 1.0, along.shape)
+    return np.maximum(np.where(random.random(along.shape[1]) < 0.5, best, any_other), LEAST_SHARE)
+
+
+def charts(alpha: Array, delta: Array, modes: NDArray[np.int_],
+           random: np.random.Generator) -> Array:
+    """Charts (k, 2, n) of rods with random loops; of light ones half anywhere in the chart."""
+    side, loops = random.choice([-1.0, 1.0], alpha.shape), random.integers(0, modes, alpha.shape)
+    cosine = -((-1.0) ** loops) * np.cos((side * delta) % TURN / 2.0)
+    y = np.arctanh(np.clip(cosine, ENDS - 1.0, 1.0 - ENDS))
+    q = side * np.maximum((alpha - y) / (2 * loops + 1) - np.log(2.0), 0.05)
+    any_other = random.uniform(-1.0, 1.0, alpha.shape) * (alpha + 3.0)
+    light = (alpha < LIGHT) & (random.random(alpha.shape) < 0.5)
+    return np.stack([alpha, np.where(light, any_other, q)], axis=1)
+
+
+Index = NDArray[np.intp]
+
+STRAIGHT = 8.0  # K - alpha: a rod stretched along its clamp's tangent but for 4 exp(-8)
+ARC_POINTS = 500  # points that a row's arc length is measured with
+TURNING = 0.15  # [L] of the mesh that a turn of the load by 1 rad is worth
+BEYOND = 0.15  # how far outside of a triangle it still answers, in its own coordinates
+THIN = 1e-14  # twice the area [L^2] of a triangle without an inside, of straight rods
+BINS = 64  # a side of the square around the reach of a rod
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles of rods of unit length and stiffness.
+
+    Attributes
+    ----------
+    tip, force : ndarray of complex (t, 3)
+        At the corners.
+    chart : ndarray (t, 3, 2)
+        alpha and q at the corners.
+    into : ndarray of complex (t, 2)
+        Coordinates in a triangle: (conj(into) (tip - first corner)).real
+    along, across : ndarray of complex (t,)
+        Stiffness: dforce = along dtip + across conj(dtip).
+    first, listed : ndarray
+        Triangles by bins: those of bin b are listed[first[b] : first[b + 1]].
+    """
+
+    tip: Complex
+    force: Complex
+    chart: Array
+    into: Complex
+    along: Complex
+    across: Complex
+    first: Index
+    listed: Index
+
+    def reaching(self, point: Complex) -> tuple[Index, Index, Array]:
+        """Rods that reach points (n,): which point, triangle, and shares of its corners (m, 3)."""
+        box = boxes(point)
+        which, place = ragged(self.first[box + 1] - self.first[box])
+        triangle = self.listed[self.first[box][which] + place]
+        off = point[which] - self.tip[triangle, 0]
+        inside = (self.into[triangle].conj() * off[:, None]).real
+        share = np.column_stack([1.0 - inside.sum(axis=1), inside])
+        hit = np.flatnonzero((share > -BEYOND).all(axis=1))
+        return which[hit], triangle[hit], share[hit]
+
+
+def ragged(counts: Index) -> tuple[Index, Index]:
+    """Rows 0, 1 .. repeated `counts` times, and the place within each."""
+    row = np.repeat(np.arange(counts.size), counts)
+    return row, np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def boxes(point: Complex) -> Index:
+    """Number of the bin that a point is in."""
+    column, row = (np.clip(((part + 1.05) * BINS / 2.1).astype(int), 0, BINS - 1)
+                   for part in (point.real, point.imag))
+    return np.asarray(column * BINS + row)
+
+
+@lru_cache(maxsize=8)
+def mesh(modes: int, most: float, size: float) -> Mesh:
+    """The rods of the first `modes` modes with loads up to most^2 EI/L^2, in steps of `size` L."""
+    alpha, q = corners(modes, most, size)
+    grid = np.arange(alpha.size).reshape(alpha.shape)
+    a, b, c, d = (grid[:-1, :-1].ravel(), grid[1:, :-1].ravel(), grid[:-1, 1:].ravel(),
+                  grid[1:, 1:].ravel())
+    corner = np.concatenate([np.stack([a, b, c], -1), np.stack([d, c, b], -1)])
+    half = np.stack([alpha.ravel()[corner], q.ravel()[corner]], axis=-1)
+    chart = np.concatenate([half, half * [1.0, -1.0]])
+    found = rods(chart[..., 0], chart[..., 1])
+    e1, e2 = (found.tip[:, k] - found.tip[:, 0] for k in (1, 2))
+    f1, f2 = (found.force[:, k] - found.force[:, 0] for k in (1, 2))
+    area = (e1.conj() * e2).imag
+    keep = np.abs(area) > THIN
+    e1, e2, f1, f2 = (edge[keep] for edge in (e1, e2, f1, f2))
+    area = area[keep]
+    into = np.stack([-1j * e2 / area, 1j * e1 / area], axis=-1)
+    along = (f1 * e2.conj() - f2 * e1.conj()) / (-2j * area)
+    across = (f2 * e1 - f1 * e2) / (-2j * area)
+    tip = found.tip[keep]
+    return Mesh(tip, found.force[keep], chart[keep], into, along, across, *binned(tip))
+
+
+def corners(modes: int, most: float, size: float) -> tuple[Array, Array]:
+    """alpha and q >= 0 of the mesh: rows of equal alpha, in equal steps of tip and force."""
+    alpha = np.linspace(0.0, most, int(np.ceil(most / (1.5 * size))) + 1)[1:]
+    table = np.linspace(0.0, most + STRAIGHT, 4000)
+    quarter = ellipkm1(1.0 / np.cosh(table) ** 2)
+    low = np.interp(alpha / (2.0 * modes + 0.5), quarter, table)
+    high = np.interp(alpha + STRAIGHT, quarter, table)
+    fine = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, ARC_POINTS)
+    found = rods(alpha[:, None] + 0.0 * fine, fine)
+    way = np.abs(np.diff(found.tip)) + TURNING * np.abs(np.diff(found.delta))
+    way = np.cumsum(np.pad(way, ((0, 0), (1, 0))), axis=1)
+    count = int(np.ceil(way[:, -1].max() / size)) + 1
+    share = np.linspace(0.0, 1.0, count)
+    q = np.stack([np.interp(share * w[-1], w, f) for w, f in zip(way, fine, strict=True)])
+    return np.broadcast_to(alpha[:, None], q.shape), q
+
+
+def binned(tip: Complex) -> tuple[Index, Index]:
+    """Triangles (t, 3) by the bins that they may answer in: first and listed of a mesh."""
+    wide = BEYOND * (np.ptp(tip.real, axis=1) + 1j * np.ptp(tip.imag, axis=1))
+    low = boxes(tip.real.min(axis=1) + 1j * tip.imag.min(axis=1) - wide)
+    high = boxes(tip.real.max(axis=1) + 1j * tip.imag.max(axis=1) + wide)
+    rows = high % BINS - low % BINS + 1
+    which, place = ragged(rows * (high // BINS - low // BINS + 1))
+    box = low[which] + place // rows[which] * BINS + place % rows[which]
+    order = np.argsort(box, kind="stable")
+    return np.searchsorted(box[order], np.arange(BINS**2 + 1)), which[order]
+
+
+NEAR = (0.1, 0.3)  # [L], [rad] that a start may be off
+CHOICES_AT_ONCE = 1_000_000  # choices at once
+MESH = 0.08  # between neighbours of the mesh [L]
+FINEST = 0.01  # cell [L] at which a lattice without poses is given up
+RIM = 1.1  # of a rod's length: how far from its clamp the lattice takes its pin
+DRAWN = 0.98  # where a pin further out is looked for: lightly loaded rods end at the rim
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Rods that reach the pins of poses, in the order of the poses; see `Mesh`.
+
+    Attributes
+    ----------
+    force, along, across : ndarray of complex (m,)
+        Load [N] and stiffness [N/m]: dforce = along dtip + across conj(dtip).
+    chart : ndarray (2, m)
+    """
+
+    force: Complex
+    along: Complex
+    across: Complex
+    chart: Array
+
+    def __getitem__(self, which: Index) -> "Ways":
+        return Ways(self.force[which], self.along[which], self.across[which],
+                    self.chart[:, which])
+
+
+def starts(s: State, modes: Sequence[int], largest: float,
+           poses: int) -> Iterator[tuple[Array, Array]]:
+    """Batches of starts: charts (k, 2, n) and poses (3, n)."""
+    a, (angle, clamp, _) = s.assembly, clamps(s)
+    where, phi = lattice(s, poses)
+    arm = np.exp(1j * phi) * a.arm[:, None]
+    found = [reaching(mesh(modes[i], largest, MESH), where + arm[i] - clamp[i], angle[i],
+                      a.length[i], a.stiffness[i]) for i in range(a.rods)]
+    counts = np.array([count for count, _ in found])
+    begin = np.cumsum(counts, axis=1) - counts
+    blocks = np.cumsum(counts.prod(axis=0)) // CHOICES_AT_ONCE
+    for block in np.unique(blocks):
+        at = np.flatnonzero(blocks == block)
+        row, place = ragged(counts[:, at].prod(axis=0))
+        at, chosen = at[row], []
+        for i, (_, ways) in enumerate(found):
+            place, own = np.divmod(place, counts[i, at])
+            chosen.append(ways[begin[i, at] + own])
+        near = np.flatnonzero(balanced(s, chosen, arm[:, at]))
+        yield (np.stack([ways.chart[:, near] for ways in chosen]),
+               np.stack([where.real, where.imag, phi])[:, at[near]])
+
+
+def lattice(s: State, poses: int) -> tuple[Complex, Array]:
+    """Places P and angles phi (n,) that every pin can be brought to, as many as asked or more."""
+    a, clamp = s.assembly, clamps(s)[1]
+    cell = 0.1 * a.length.min()
+    while True:
+        where, phi = around(s, cell)
+        away = np.abs(where + np.exp(1j * phi) * a.arm[:, None] - clamp[:, None])
+        keep = (away < RIM * a.length[:, None]).all(axis=0)
+        if keep.sum() >= poses:
+            return where[keep], phi[keep]
+        if not keep.any() and cell < FINEST * a.length.min():
+            raise ValueError(f"inputs {s.inputs.tolist()} put the clamps further apart than rods "
+                             "and platform reach")
+        cell /= 1.2
+
+
+def around(s: State, cell: float) -> tuple[Complex, Array]:
+    """Poses `cell` [m] apart, in a box around all that the pins can be brought to."""
+    a, clamp = s.assembly, clamps(s)[1]
+    reach = RIM * a.length + np.abs(a.arm)
+    east, north = (np.arange((part - reach).max(), (part + reach).min() + cell, cell)
+                   for part in (clamp.real, clamp.imag))
+    turns = int(np.ceil(2.0 * np.pi / 3.0 * a.length.min() / cell)) if a.freedoms == 3 else 1
+    x, y, phi = np.meshgrid(east, north, np.arange(turns) * 2.0 * np.pi / turns)
+    return (x + 1j * y).ravel(), phi.ravel()
+
+
+def reaching(sheet: Mesh, off: Complex, angle: float, length: float,
+             stiffness: float) -> tuple[Index, Ways]:
+    """How many ways a rod has to bring its tip `off` (n,) [m] from its clamp, and all of them."""
+    point = off * np.exp(-1j * angle) / length
+    which, triangle, share = sheet.reaching(point / np.maximum(1.0, np.abs(point) / DRAWN))
+    order = np.argsort(which, kind="stable")
+    triangle, share = triangle[order], share[order]
+    unit = stiffness / length**2
+    return np.bincount(which, minlength=off.size), Ways(
+        unit * np.exp(1j * angle) * (share * sheet.force[triangle]).sum(axis=-1),
+        unit / length * sheet.along[triangle],
+        unit / length * np.exp(2j * angle) * sheet.across[triangle],
+        np.einsum("ns,nsc->cn", share, sheet.chart[triangle]))
+
+
+def balanced(s: State, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bool_]:
+    """Whether the step to equilibrium is short (n,), by Cramer's rule."""
+    force, along, across = (sum(getattr(ways, name) for ways in chosen)
+                            for name in ("force", "along", "across"))
+    side, bend, moment = 0.0 * along, 0.0 * along.real, 0.0 * along.real
+    for ways, r in zip(chosen, arm, strict=True):
+        push, load = 1j * (ways.along * r - ways.across * r.conj()), r.conj() * ways.force
+        side, moment = side + push, moment + load.imag
+        bend = bend + (r.conj() * push).imag - load.real
+    if s.assembly.freedoms == 2:
+        bend = bend + 1.0
+    given = np.append(s.load, 0.0)
+    first, second, third = np.array([
+        [(along + across).real, across.imag, side.real],
+        [across.imag, (along - across).real, side.imag],
+        [side.real, side.imag, bend]])
+    one, two, three = (np.cross(u, v, axis=0) for u, v in (
+        (second, third), (third, first), (first, second)))
+    size = np.abs((first * one).sum(axis=0))
+    x, y, turn = np.abs((force.real - given[0]) * one + (force.imag - given[1]) * two
+                        + (moment - given[2]) * three)
+    near = NEAR[0] * s.assembly.length.min()
+    return np.asarray((np.hypot(x, y) < near * size) & (turn < NEAR[1] * size))
+
+
+MOST_STEPS = 30  # steps; most starts that arrive take less than ten
+LONGEST = 1.0  # step of alpha, of q, of phi and of P [L]
+SHARE = 0.3  # of a large alpha that its step may be
+STILL = 1e-11  # the last step; what is left is its square
+LEAST = 1e-3  # of alpha, below which q says nothing
+FURTHEST_ITERATE = 340.0  # alpha and q: k' = sech(q) is 1e-147
+SINGULAR = 1e-200  # determinant of a matrix that is not solved with
+
+
+def turned(s: State, found: Rods) -> tuple[Complex, Complex, Complex, Complex]:
+    """Tips from their clamps (k, n), loads on them, and derivatives (k, 2, n) of both by charts."""
+    a = s.assembly
+    turn = np.exp(1j * clamps(s)[0])[:, None]
+    length, unit = a.length[:, None] * turn, (a.stiffness / a.length**2)[:, None] * turn
+    return (length * found.tip, unit * found.force,
+            np.moveaxis(length * found.tip_slope, 0, 1),
+            np.moveaxis(unit * found.force_slope, 0, 1))
+
+
+def system(s: State, chart: Array, pose: Array) -> tuple[Array, Array]:
+    """Residual (n, N) and Newton's matrix (n, N, N), N = 2 k + p: closures, then balance."""
+    a, k, p = s.assembly, s.assembly.rods, s.assembly.freedoms
+    tip, force, tips, forces = turned(s, rods(chart[:, 0], chart[:, 1]))
+    arm = np.exp(1j * pose[2]) * a.arm[:, None]
+    gap = clamps(s)[1][:, None] + tip - pose[0] - 1j * pose[1] - arm
+    residual = [gap.real, gap.imag, *(wrench(force, arm) - np.append(s.load, 0.0)[:3, None])[:p]]
+    matrix = np.zeros((pose.shape[1], 2 * k + p, 2 * k + p))
+    for i in range(k):
+        own = slice(2 * i, 2 * i + 2)
+        matrix[:, i, own], matrix[:, k + i, own] = tips[i].real.T, tips[i].imag.T
+        matrix[:, 2 * k:, own] = np.moveaxis(wrench(forces[i][None], arm[i][None, None])[:p], -1, 0)
+    matrix[:, :k, 2 * k] = matrix[:, k: 2 * k, 2 * k + 1] = -1.0
+    if p == 3:
+        matrix[:, :k, -1], matrix[:, k: 2 * k, -1] = arm.imag.T, -arm.real.T
+        matrix[:, -1, -1] = -(arm.conj() * force).real.sum(axis=0)
+    return np.concatenate([np.atleast_2d(row) for row in residual]).T, matrix
+
+
+def wrench(force: Complex, arm: Complex) -> Array:
+    """Sum of forces (k, ...) and of their moments about P: (3, ...)."""
+    return np.stack([force.real.sum(axis=0), force.imag.sum(axis=0),
+                     (arm.conj() * force).imag.sum(axis=0)])
+
+
+def solve(s: State, chart: Array, pose: Array) -> tuple[Array, Array]:
+    """Charts (k, 2, m) and poses (3, m) of the starts that arrive."""
+    k, p = s.assembly.rods, s.assembly.freedoms
+    x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
+    left, done = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
+    for _ in range(MOST_STEPS):
+        step = solved(*system(s, *split(x[:, left], k))).T
+        size = lengths(s, x[:, left], step).max(axis=0)
+        x[:, left] -= step / np.maximum(size, 1.0)
+        x[: 2 * k: 2] = np.maximum(x[: 2 * k: 2], LEAST)
+        done[left] = size < STILL
+        left = left[np.isfinite(size) & ~done[left] & inside(x[:, left], k)]
+        if not left.size:
+            break
+    return split(x[:, done], k)
+
+
+def lengths(s: State, x: Array, step: Array) -> Array:
+    """Steps (2 k + p, n) over the longest that are taken.
+
+    Where alpha is large it may change by a share of itself, with q so that loops stay in place:
+    alpha - n K does, with n K next to the clamp and K = q + ln 2.
+    """
+    k = s.assembly.rods
+    alpha, q = x[: 2 * k: 2], x[1: 2 * k: 2]
+    nearest = 2.0 * np.floor(0.5 * alpha / ellipkm1(1.0 / np.cosh(q) ** 2)) + 1.0
+    size = np.abs(step) / LONGEST
+    size[2 * k: 2 * k + 2] /= s.assembly.scale[0]
+    size[1: 2 * k: 2] = np.abs(step[: 2 * k: 2] - nearest * np.sign(q) * step[1: 2 * k: 2])
+    size[: 2 * k: 2] /= np.maximum(1.0, SHARE * alpha)
+    return size
+
+
+def inside(x: Array, k: int) -> NDArray[np.bool_]:
+    """Whether alpha and q of all rods are such that their loads can be computed."""
+    return np.asarray((np.abs(x[: 2 * k]) < FURTHEST_ITERATE).all(axis=0))
+
+
+def split(x: Array, k: int) -> tuple[Array, Array]:
+    """Charts (k, 2, n) and poses (3, n) from the unknowns; the phi of a pin is zero."""
+    pose = np.zeros((3, x.shape[1]))
+    pose[: len(x) - 2 * k] = x[2 * k:]
+    return x[: 2 * k].reshape(k, 2, -1), pose
+
+
+def solved(right: Array, matrix: Array) -> Array:
+    """matrix^-1 right by the batch; NaN where that is singular."""
+    good = np.flatnonzero(np.isfinite(matrix).all(axis=(1, 2)))
+    good = good[np.abs(np.linalg.det(matrix[good])) > SINGULAR]
+    out = np.full_like(right, np.nan)
+    out[good] = np.linalg.solve(matrix[good], right[good][..., None])[..., 0]
+    return out
+
+
+def negative(s: State, chart: Array, pose: Array) -> NDArray[np.int_]:
+    r"""Number of negative eigenvalues (n,) of the potential's second variation.
+
+    By Sturm, a rod under its dead load alone has as many as Jacobi's field has zeros: one between
+    any two inflections, and one more if the field has changed its sign since the last.  Pinning the
+    tip takes away those of its stiffness K_i, the platform brings those of the whole stiffness::
+
+        negative = sum_i [mode_i - 1 + (y_i passed zero) - neg(K_i)] + neg(sum A_i^T K_i A_i + ...)
+
+    since the inertia of a bordered matrix is that of its block and of the Schur complement.
+    """
+    a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
+    _, force, tips, forces = turned(s, found)
+    own = np.floor(found.waves)
+    own += (-1.0) ** own * found.field < 0.0
+    arm = np.exp(1j * pose[2]) * a.arm[:, None]
+    whole, pinned = np.zeros((pose.shape[1], a.freedoms, a.freedoms)), 0
+    for i in range(a.rods):
+        move, pull = (np.stack([slope.real, slope.imag]).T.swapaxes(1, 2)
+                      for slope in (tips[i], forces[i]))
+        stiff = pull @ np.linalg.inv(move)
+        pinned = pinned + (np.linalg.eigvalsh(stiff) < 0.0).sum(axis=-1)
+        lever = np.zeros((pose.shape[1], 2, 3))
+        lever[:, 0, 0] = lever[:, 1, 1] = 1.0
+        lever[:, 0, 2], lever[:, 1, 2] = -arm[i].imag, arm[i].real
+        lever = lever[..., : a.freedoms]
+        whole += lever.swapaxes(1, 2) @ stiff @ lever
+    if a.freedoms == 3:
+        whole[:, 2, 2] -= (arm.conj() * force).real.sum(axis=0)
+    total = own.sum(axis=0) - pinned + (np.linalg.eigvalsh(whole) < 0.0).sum(axis=-1)
+    return np.asarray(total, int)
+
+
+SAME = 1e-6  # of length, load and moment: what is nearer is one equilibrium
+POSES = 2000
+LATTICE = 20.0  # alpha up to which the lattice of poses is searched
+OVERLAP = 12.0  # alpha from which on loads are drawn as well, if they may exceed that
+
+
+@dataclass(frozen=True)
+class Solutions:
+    """Equilibria (n,) of one assembly of k rods, the lowest potential first.
+
+    Attributes
+    ----------
+    state : State (n,)
+        Poses, loads and clamp moments.
+    modes : ndarray (n, k)
+        Inflections of each rod, its tip included.
+    psi, k_rel : ndarray (n, k)
+        Direction of its load from the clamp's tangent [rad] and relative modulus, as in `tip`.
+    potential : ndarray (n,)
+        V = sum U_i - F.P - M phi [J].
+    negative : ndarray (n,)
+        Directions in which V falls: 0 is stable.
+    alpha, complement : ndarray (n, k)
+        L sqrt(R/EI) of each rod, and k' = sqrt(1 - k^2) of its modulus, which has digits left where
+        k_rel is 1 in double precision, for alpha beyond about 18.
+    up_to : float
+        The largest alpha that was searched: the count holds up to there.
+    bound : float
+        alpha that no rod of any equilibrium with these modes exceeds, by `proven`; inf
+        where there is no proof.
+    """
+
+    state: State
+    modes: NDArray[np.int_]
+    psi: Array
+    k_rel: Array
+    potential: Array
+    negative: NDArray[np.int_]
+    alpha: Array
+    complement: Array
+    up_to: float
+    bound: float
+
+    @property
+    def bounded(self) -> bool:
+        """Whether no equilibrium can have larger loads than were searched."""
+        return bool(self.up_to >= self.bound)
+
+    def __len__(self) -> int:
+        return self.potential.size
+
+
+def solutions(
+    a: Assembly, *, inputs: ArrayLike = 0.0, load: ArrayLike = 0.0,
+    modes: int | Sequence[int] = 1, most_load: float | None = None, poses: int = POSES,
+) -> Solutions:
+    r"""All equilibria whose rods have no more inflections than asked for.
+
+    ::
+
+         O1 |/______.  P  .______\| O2      all rods with a pinned tip are one smooth sheet, by
+                     `o.-'                  (alpha, gamma): the load on and the turn of the tip,
+                      |                     R = alpha^2 EI/L^2, k = cos(gamma/2)
+                      v F
+
+        2 k equations O_i + tip_i = P + Rot(phi) r_i,  p of balance,  2 k + p unknowns
+
+    Triangles of that sheet tell, for any pose, all rods that reach it.  From a lattice of poses
+    each choice of one rod for each clamp is followed by Newton's method if its first step is short.
+    Where loads may exceed alpha = 20, straight rods with loops are drawn at random for a start.
+
+    Parameters
+    ----------
+    a : Assembly, of k rods without rigid ends
+    inputs : of the motors [rad] or along the guides [m], (k,)
+    load : dead force [N] on the platform at its origin, and moment [N m] if it is no pin, (p,)
+    modes : largest mode of each rod, or of all
+    most_load : largest alpha = L sqrt(R/EI) of any rod, within [1, 340]; where none is given the
+        bound that `proven` gives, or 20 if there is none
+    poses : least number of poses of the lattice
+
+    Returns
+    -------
+    Solutions
+
+    Raises
+    ------
+    ValueError
+        A mode, a load or a number out of its domain; rods with rigid ends.
+
+    Notes
+    -----
+    Closed and balanced to 1e-12 of L and EI/L^2 at small loads.  Modes meet without a crack, so a
+    rod with m0 = 0 is found; platforms are never mirrored, since pins belong to a pose.  A rod
+    that is exactly straight, or without any load, is a boundary of the chart and is not found.
+
+    Loads are bounded by proof wherever stretched rods cannot hold the platform tight against each
+    other; `bound` says where, and `bounded` whether the search went so far.  For Table 8 it is
+    alpha = 52 for modes to 1 and 104 for modes to 2, for the program's 3PFR 18 and 36.
+
+    Completeness below the bound is tested, not proven.  Up to alpha = 20 counts are the same for
+    lattices of 1500, 2000, 6000 and 10,000 poses and for a mesh of 0.05 L instead of 0.08 L, and of
+    20,000 random starts without lattice or mesh none finds another: 34 for Table 7 and modes up to
+    3 (all there are up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up to
+    2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond, starts are drawn at
+    random (`tight`), which finds 57 more and one more; ten times as many starts from another
+    seed find the same.
+
+    `State.energy`, `State.shape` and `closure` integrate from the clamp, and an error grows by up
+    to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential
+    and stability are of the closed form, and have their digits.
+
+    Source: Pérez Gámiz 2018, eqs 103-105 and 113-115 and text lines 1149-1161, searches a grid of
+    (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  Departs
+    from it in chart, elimination and closure, which accepts mirrored platforms; its Table 7 (two
+    solutions) and Table 8 (two) are incomplete.
+
+    Examples
+    --------
+    >>> from proofmass.analytic.rods.assembly import assembly
+    >>> pair = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=0.052186)
+    >>> found = solutions(pair, inputs=np.radians([40.0, 60.0]), load=[0.3, -0.1])
+    >>> found.state.pose.round(3).tolist()
+    [[0.622, -0.242], [0.293, -0.341], [-0.081, -0.246]]
+    >>> found.bounded, round(found.up_to)
+    (True, 9)
+    """
+    given = state(a, inputs=inputs, load=load)
+    upto = checked(given, modes, most_load, poses)
+    bound = proven(given, upto)
+    cap = bound if np.isfinite(bound) else LATTICE
+    cap = cap if most_load is None else min(most_load, bound)
+    batches = list(starts(given, upto, min(cap, LATTICE), poses))
+    if cap > LATTICE:
+        batches.append(drawn(given, upto, OVERLAP, cap))
+    found = [solve(given, *start) for start in batches]
+    chart, pose = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
+    pose[2] = (pose[2] + np.pi) % TURN - np.pi
+    sheet = rods(chart[:, 0], chart[:, 1])
+    within = (sheet.waves < np.array(upto)[:, None]) & (chart[:, 0] <= cap)
+    kept = distinct(given, chart, pose, np.flatnonzero(within.all(axis=0)))
+    return described(given, chart[..., kept], pose[:, kept], cap, bound)
+
+
+def checked(s: State, modes: int | Sequence[int], most_load: float | None,
+            poses: int) -> list[int]:
+    """The largest mode of each rod; ValueError for what cannot be searched."""
+    upto = np.broadcast_to(modes, s.assembly.rods) if np.size(modes) in (
+        1, s.assembly.rods) else np.zeros(1)
+    if not (np.all(upto >= 1) and np.all(upto == np.rint(upto))):
+        raise ValueError(f"modes must be 1, 2 .. for all or for each of {s.assembly.rods} rods, "
+                         f"got {modes!r}")
+    if most_load is not None and not 1.0 <= most_load <= FURTHEST_ITERATE:
+        raise ValueError(f"most_load must lie within [1, {FURTHEST_ITERATE:g}], got {most_load}")
+    if not 1 <= poses <= 1_000_000:
+        raise ValueError(f"poses must lie within [1, 1000000], got {poses}")
+    if s.assembly.prolongation.any():
+        raise ValueError("rods must have no rigid ends: their tips would carry a moment, got "
+                         f"prolongation {s.assembly.prolongation.tolist()}")
+    if s.vector.ndim != 1:
+        raise ValueError(f"inputs and load must be those of one problem, got {s.vector.shape}")
+    return [int(mode) for mode in upto]
+
+
+def distinct(s: State, chart: Array, pose: Array, which: NDArray[np.intp]) -> NDArray[np.intp]:
+    """One of each group of arrivals that are the same in tips, loads and clamp moments."""
+    found = rods(*np.moveaxis(chart[..., which], 1, 0))
+    size = 1.0 + np.abs(found.force)
+    say = np.concatenate([found.tip.real, found.tip.imag, found.force.real / size,
+                          found.force.imag / size, found.moment / size]).T
+    _, first = np.unique((say / SAME).round(), axis=0, return_index=True)
+    apart: list[int] = []
+    for i in first:  # neighbours that rounding has told apart
+        if not apart or np.abs(say[apart] - say[i]).max(axis=1).min() > SAME:
+            apart.append(int(i))
+    return which[apart]
+
+
+def described(s: State, chart: Array, pose: Array, up_to: float, bound: float) -> Solutions:
+    """Equilibria in the document's terms."""
+    a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
+    force = turned(s, found)[1].T
+    energy = ((a.stiffness / a.length)[:, None] * found.energy).sum(axis=0)
+    potential = energy - s.load @ pose[: a.freedoms]
+    order = np.argsort(potential)
+    states = state(a, inputs=s.inputs, load=s.load, pose=pose[: a.freedoms].T,
+                   moment=(a.stiffness / a.length) * found.moment.T,
+                   force=np.stack([force.real, force.imag], axis=-1))
+    psi = -np.angle(found.delta) % TURN
+    k = np.copysign(np.tanh(chart[:, 1]), found.moment)
+    return Solutions(states[order], (np.floor(found.waves).astype(int) + 1).T[order],
+                     psi.T[order], relative(psi, k).T[order], potential[order],
+                     negative(s, chart, pose)[order],
+                     chart[:, 0].T[order], (1.0 / np.cosh(chart[:, 1])).T[order], up_to, bound)

@@ -1,0 +1,604 @@
+r"""Equilibria of flexible mechanisms: pose from clamps (direct), clamps from pose (inverse).
+
+Beside them stand Jacobians, tip stiffness and singularities.
+
+**A rod** is a chain of high order, which gives its tip under an end load with exact derivatives::
+
+      m0  clamp         tip   n             z' = exp(i theta),   m = m0 + Im(conj(n) z),
+     _|/________________.--->               theta' = m/EI        z, n = x + iy from the clamp
+      |\   theta(s)
+
+Freezing theta moves z along a straight segment; freezing z turns theta in a hinge.  Alternated with
+half a segment at both ends that is a chain of n rigid segments and hinge springs, of second order;
+with the lengths and hinges below, some of them negative, the same chain is of sixth order.  Each
+part is solved exactly, so the map is symplectic, and the tip stiffness that it gives is symmetric
+to rounding.
+
+**An assembly** closes and is in balance where these rows vanish, which Newton's method solves with
+their exact Jacobian.  For each rod, with e its end behind the rigid extension, and for the
+platform::
+
+    m0 + Im(conj(n) (e - O)) = 0          the pin carries no moment
+    e - P - exp(i phi) r     = 0          the end is at its pin
+    sum n - F                = 0          the tips carry the dead load
+    sum Im(conj(exp(i phi) r) n) - M = 0  about P
+
+Source: Pérez Gámiz 2018, eqs 98 and 109; its eqs 104 and 113 have the wrong sign of F, and its last
+moment equation, about the frame's origin, is these rows combined, with the same determinant.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.rods.assembly import Assembly
+
+
+def _mirrored(first: list[float]) -> tuple[float, ...]:
+    """The whole of a palindrome of sum 1 with an odd count, from what is left of its middle."""
+    return (*first, 1.0 - 2.0 * sum(first), *first[::-1])
+
+
+def _halved(first: list[float]) -> tuple[float, ...]:
+    """The whole of a palindrome of sum 1 with an even count, from its first half but one."""
+    half = [*first, 0.5 - sum(first)]
+    return (*half, *half[::-1])
+
+
+HINGES = _mirrored([0.0378593198406116, 0.102635633102435, -0.0258678882665587, 0.314241403071447,
+                    -0.130144459517415, 0.106417700369543, -0.00879424312851058])
+MOST_STEPS = 500  # five times what eight inflections need; the solution of more is lost
+SEGMENTS = _halved([0.09171915262446165, 0.183983170005006, -0.05653436583288827,
+                    0.004914688774712854, 0.143761127168358, 0.328567693746804])
+
+
+def flow(angle: ArrayLike, moment: ArrayLike, force: ArrayLike, length: ArrayLike,
+         stiffness: ArrayLike) -> tuple[Complex, Array]:
+    r"""Tip of planar inextensible rods, with derivatives with respect to m0, n_x and n_y.
+
+    ::
+
+        theta' = m/EI,   m' = n_x sin(theta) - n_y cos(theta),   x' = cos(theta),   y' = sin(theta)
+
+    Parameters
+    ----------
+    angle : tangent at the clamp [rad], (...)
+    moment : at the clamp, m0 [N m], (...)
+    force : on the tip, n_x + i n_y [N], (...)
+    length, stiffness : L [m] and EI [N m^2], (...)
+
+    Returns
+    -------
+    z : ndarray (4, ...)
+        Tip from the clamp, x + iy [m], and its derivatives by m0, n_x, n_y.
+    theta : ndarray (4, ...)
+        Tangent at the tip [rad], and its derivatives.
+
+    Notes
+    -----
+    Error about 1e-11 of the length: 4 + 5/2 L sqrt(|n|/EI + (m0/EI)^2/4) steps, the most of the
+    batch.  Derivatives are those of the steps themselves, the variational equations solved by the
+    same chain.  Equations: J. Pérez Gámiz, TFG, UPV/EHU Bilbao 2018, eqs 30, 78; it takes forty
+    steps of RK4, error 1e-6 m, and forward differences.  Steps: S. Blanes and P. C. Moan, Practical
+    symplectic partitioned Runge-Kutta and Runge-Kutta-Nyström methods, J. Comput. Appl. Math. 142,
+    2002, SRKN 14a.
+
+    Examples
+    --------
+    A rod of length pi/2 bent into a quarter of a circle:
+
+    >>> z, theta = flow(0.0, 1.0, 0.0, np.pi / 2, 1.0)
+    >>> complex(z[0].round(9)), float(theta[0].round(9))
+    ((1+1j), 1.570796327)
+    """
+    angle, m0, n, length, stiffness = np.broadcast_arrays(
+        np.asarray(angle, float), moment, np.asarray(force, complex), length, stiffness)
+    fixed = np.zeros((4, *angle.shape))
+    fixed[0], fixed[1] = m0, 1.0
+    arm = np.zeros((4, *angle.shape), complex)
+    arm[2], arm[3] = 1.0, -1.0j
+    theta, z = np.zeros_like(fixed), np.zeros_like(arm)
+    theta[0] = angle
+    count = steps(m0, n, length, stiffness)
+    turns = [share * length / (count * stiffness) for share in HINGES]
+    moves = [share * length / count for share in SEGMENTS]
+    moves.append(np.zeros_like(moves[0]))  # a step ends with its last hinge
+    lever = n.conj()
+    for _ in range(count):
+        for turn, move in zip(turns, moves, strict=True):
+            theta += turn * ((lever * z + arm * z[0]).imag + fixed)
+            along = np.exp(1j * theta[0]) * move
+            change = 1j * along * theta
+            change[0] = along
+            z += change
+    return z, theta
+
+
+def steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
+    """Steps that the most bent rod of a batch needs, at most 500."""
+    rate = np.sqrt(np.abs(force) / stiffness + (moment / stiffness) ** 2 / 4.0)
+    return int(min(np.ceil(4.0 + 2.5 * np.nanmax(length * rate, initial=0.0)), MOST_STEPS))
+
+
+Columns = NDArray[np.int_]
+
+
+@dataclass(frozen=True)
+class State:
+    """States (...) of one assembly of k rods whose platform has p freedoms.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    vector : ndarray (..., 4 k + 2 p)
+        m0, n_x, n_y of each rod, pose, inputs, load.
+    """
+
+    assembly: Assembly
+    vector: Array
+
+    def __getitem__(self, which: int | Columns | NDArray[np.bool_]) -> "State":
+        """One of a batch, or some."""
+        return State(self.assembly, np.array(self.vector[which]))
+
+    def part(self, name: str) -> Array:
+        """Columns of `vector`: "rods", "pose", "inputs" or "load"."""
+        return self.vector[..., columns(self.assembly, name)]
+
+    def replaced(self, **parts: ArrayLike) -> "State":
+        """The same with other parts: pose, inputs or load."""
+        vector = self.vector
+        for name, value in parts.items():
+            where = columns(self.assembly, name)
+            given = _rows(name, value, where.size)
+            vector = np.broadcast_to(vector, (*np.broadcast_shapes(
+                given.shape[:-1], vector.shape[:-1]), vector.shape[-1])).copy()
+            vector[..., where] = given
+        return State(self.assembly, vector)
+
+    @property
+    def moment(self) -> Array:
+        """Moments at the clamps [N m], (..., k)."""
+        return self.part("rods")[..., 0::3]
+
+    @property
+    def force(self) -> Array:
+        """Forces of the platform on the tips [N], (..., k, 2)."""
+        rods = self.part("rods")
+        return np.stack([rods[..., 1::3], rods[..., 2::3]], axis=-1)
+
+    @property
+    def pose(self) -> Array:
+        """x, y [m] of the platform's origin, and its angle phi [rad] if it is no pin, (..., p)."""
+        return self.part("pose")
+
+    @property
+    def inputs(self) -> Array:
+        """What motors add to the clamps' angles [rad], or places on the guides [m], (..., k)."""
+        return self.part("inputs")
+
+    @property
+    def load(self) -> Array:
+        """Dead force [N] on the platform at its origin, and moment [N m] if it is no pin."""
+        return self.part("load")
+
+    @property
+    def energy(self) -> Array:
+        r"""Bending energy of each rod [J], (..., k).
+
+        With m^2/(2 EI) + n . t = H along the rod, U = integral m^2/(2 EI) ds = H L - n . (p(L) -
+        p(0)).  The document's program lacks the factor 1/2 and errs in its Simpson rule.
+        """
+        a = self.assembly
+        theta, _, n = clamps(self)
+        z = flow(theta, self.moment, n, a.length, a.stiffness)[0][0]
+        head = self.moment**2 / (2.0 * a.stiffness) + (n.conj() * np.exp(1j * theta)).real
+        return np.asarray(head * a.length - (n.conj() * z).real)
+
+    def shape(self, fraction: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """x, y [m], theta [rad] and moment [N m] at fractions (m,) of the lengths, (..., k, m)."""
+        a = self.assembly
+        at = np.asarray(fraction, float)
+        theta, clamp, n = (value[..., None] for value in clamps(self))
+        m0, length, stiffness = self.moment[..., None], a.length[:, None] * at, a.stiffness[:, None]
+        z, turn = flow(theta, m0, n, length, stiffness)
+        point = clamp + z[0]
+        return point.real, point.imag, turn[0], m0 + (n.conj() * z[0]).imag
+
+
+def columns(a: Assembly, *names: str) -> Columns:
+    """Where parts of a state are in its vector, in the order of the names."""
+    k, p = a.rods, a.freedoms
+    every = np.split(np.arange(4 * k + 2 * p), np.cumsum([3 * k, p, k]))
+    parts = dict(zip(("rods", "pose", "inputs", "load"), every, strict=True))
+    return np.concatenate([parts[name] for name in names])
+
+
+def state(a: Assembly, *, inputs: ArrayLike = 0.0, pose: ArrayLike = 0.0, load: ArrayLike = 0.0,
+          moment: ArrayLike = 0.0, force: ArrayLike = 0.0) -> State:
+    """A state, or a first guess of one, from its parts; all may be batches (...).
+
+    Parameters
+    ----------
+    a : Assembly of k rods, p freedoms
+    inputs : (..., k) [rad or m]
+    pose, load : (..., p) [m, rad], [N, N m]
+    moment : m0 of each rod, (..., k) [N m]
+    force : n of each rod, (..., k, 2) [N]
+    """
+    k, p = a.rods, a.freedoms
+    given = {"inputs": (inputs, k), "pose": (pose, p), "load": (load, p), "moment": (moment, k)}
+    parts = {name: _rows(name, value, width) for name, (value, width) in given.items()}
+    n = np.asarray(force, float)
+    n = np.zeros((k, 2)) if n.ndim == 0 else n
+    if n.shape[-2:] != (k, 2):
+        raise ValueError(f"force must hold x, y of {k} rods, (..., {k}, 2), got {n.shape}")
+    shape = np.broadcast_shapes(n.shape[:-2], *(part.shape[:-1] for part in parts.values()))
+    rods = np.concatenate([np.broadcast_to(parts["moment"], (*shape, k))[..., None],
+                           np.broadcast_to(n, (*shape, k, 2))], axis=-1).reshape(*shape, 3 * k)
+    rest = [np.broadcast_to(parts[name], (*shape, given[name][1])) for name in
+            ("pose", "inputs", "load")]
+    return State(a, np.concatenate([rods, *rest], axis=-1))
+
+
+def _rows(name: str, value: ArrayLike, width: int) -> Array:
+    given = np.asarray(value, float)
+    given = np.full(width, given) if given.ndim == 0 else given
+    if given.shape[-1] != width or not np.isfinite(given).all():
+        raise ValueError(f"{name} must be finite, (..., {width}), got {value!r}")
+    return given
+
+
+def clamps(s: State) -> tuple[Array, Complex, Complex]:
+    """Tangents theta_i [rad] and places [m] of the clamps, forces on the tips [N], (..., k)."""
+    a, q = s.assembly, s.inputs
+    n = s.force @ np.array([1.0, 1.0j])
+    if a.guide is None:
+        return a.angle + q, np.broadcast_to(a.clamp, q.shape), n
+    return np.broadcast_to(a.angle, q.shape), a.clamp + q * a.guide, n
+
+
+SURE = 1e-8  # relative step after which Newton's method has squared it to rounding
+MOST_TRIALS = 60  # trial steps of Newton's method
+FAR = 1e3  # way from a first guess, in sizes of the unknowns, beyond which it is given up
+SMALLEST = 1e-2  # part of a step that is tried
+ROUNDING = 1e-10  # residual over its size below which a step need not lessen it
+
+
+def closure(s: State) -> tuple[Array, Array]:
+    """Residuals (..., 3 k + p) and their derivatives (..., 3 k + p, 4 k + 2 p) by the vector."""
+    a, k = s.assembly, s.assembly.rods
+    theta, clamp, n = clamps(s)
+    end, ends = tips(a, theta, s.moment, n)
+    x, y, *turn = np.moveaxis(s.pose, -1, 0)
+    arm = a.arm * np.exp(1j * turn[0])[..., None] if turn else np.zeros_like(n)
+    gap = clamp + end - (x + 1j * y)[..., None] - arm
+    carried = np.stack([s.moment + (n.conj() * end).imag, gap.real, gap.imag], axis=-1)
+    f = [carried.reshape(*s.vector.shape[:-1], 3 * k), wrench(n, arm, a.freedoms) - s.load]
+    jacobian = np.zeros((*s.vector.shape[:-1], 3 * k + a.freedoms, s.vector.shape[-1]))
+    _rods(jacobian, a, n, end, ends)
+    _platform(jacobian, a, n, arm)
+    return np.concatenate(f, axis=-1), jacobian
+
+
+def tips(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex, Complex]:
+    """Ends (..., k) from their clamps, and their derivatives (4, ..., k) by m0, n_x, n_y, theta.
+
+    Turning the clamp and the force together turns the whole rod, which gives the last.
+    """
+    z, angle = flow(theta, moment, n, a.length, a.stiffness)
+    rigid = a.prolongation * np.exp(1j * angle[0])
+    end = z[0] + rigid
+    by = z[1:] + 1j * rigid * angle[1:]
+    turned = 1j * end + n.imag * by[1] - n.real * by[2]
+    return end, np.concatenate([by, turned[None]])
+
+
+def wrench(n: Complex, arm: Complex, freedoms: int) -> Array:
+    """Sum of forces (..., k) on the tips, and of their moments about P: (..., p)."""
+    rows = [n.real, n.imag, (arm.conj() * n).imag]
+    return np.stack([row.sum(axis=-1) for row in rows[:freedoms]], axis=-1)
+
+
+def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex) -> None:
+    """Derivatives of the rods' rows by what they carry and by their inputs."""
+    direct = np.stack([np.ones_like(end.real), end.imag, -end.real, np.zeros_like(end.real)])
+    moment = (n.conj() * ends).imag + direct
+    for i in range(a.rods):
+        rows = slice(3 * i, 3 * i + 3)
+        block = np.stack([moment, ends.real, ends.imag])[..., i]  # (row, column, ...)
+        block = np.moveaxis(block, (0, 1), (-2, -1))
+        jacobian[..., rows, rows] = block[..., :3]
+        q = columns(a, "inputs")[i]
+        if a.guide is None:
+            jacobian[..., rows, q] = block[..., 3]
+        else:
+            jacobian[..., rows, q] = [0.0, a.guide[i].real, a.guide[i].imag]
+
+
+def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
+    """Derivatives by the pose, and all of the balance of the platform."""
+    k, p = a.rods, a.freedoms
+    balance = np.arange(3 * k, 3 * k + p)
+    x, y, *phi = columns(a, "pose")
+    force_x, force_y = np.arange(1, 3 * k, 3), np.arange(2, 3 * k, 3)
+    jacobian[..., force_x, x] = jacobian[..., force_y, y] = -1.0
+    jacobian[..., balance[0], force_x] = jacobian[..., balance[1], force_y] = 1.0
+    jacobian[..., balance, columns(a, "load")] = -1.0
+    if phi:
+        jacobian[..., force_x, phi[0]], jacobian[..., force_y, phi[0]] = arm.imag, -arm.real
+        jacobian[..., balance[2], force_x] = -arm.imag
+        jacobian[..., balance[2], force_y] = arm.real
+        jacobian[..., balance[2], phi[0]] = -(arm.conj() * n).real.sum(axis=-1)
+
+
+def sizes(a: Assembly) -> tuple[Array, Array]:
+    """Sizes of the residuals (3 k + p,) and of a state's vector (4 k + 2 p,), to compare units."""
+    length, force, moment = a.scale
+    rods, pose = np.tile([moment, force, force], a.rods), [length, length, 1.0][:a.freedoms]
+    load = [force, force, moment][:a.freedoms]
+    inputs = np.full(a.rods, 1.0 if a.guide is None else length)
+    return (np.concatenate([np.tile([moment, length, length], a.rods), load]),
+            np.concatenate([rods, pose, inputs, load]))
+
+
+def newton(s: State, free: Columns, within: ArrayLike = FAR) -> tuple[State, Array]:
+    """Close states (n, ...) by some columns of their vectors; and how far each went.
+
+    Steps are halved while they do not lessen the residual.  States that do not close are NaN.
+
+    Parameters
+    ----------
+    s : State (n,)
+        First guesses.
+    free : columns that are found
+    within : way (n,) from the guess beyond which a state is given up
+
+    Returns
+    -------
+    State (n,)
+    moved : ndarray (n,)
+        Length of the way from the first guess, each column over its size; inf if NaN.
+    """
+    a, scale = s.assembly, sizes(s.assembly)[1]
+    at, left = np.full_like(s.vector, np.nan), np.arange(len(s.vector))
+    here, part, within = s.vector, np.ones(len(at)), np.broadcast_to(within, len(at))
+    norm, step = _step(a, here, free)
+    for _ in range(MOST_TRIALS):
+        trial = here + part[:, None] * step
+        near = np.linalg.norm((trial - s.vector[left]) / scale, axis=-1) <= within[left]
+        keep = near & (part > SMALLEST)
+        left, here, part, norm, step, trial = (
+            values[keep] for values in (left, here, part, norm, step, trial))
+        if not left.size:
+            break
+        now, onward = _step(a, trial, free)
+        good = (now <= norm) | (now < ROUNDING)
+        met = good & (np.linalg.norm(step / scale, axis=-1) < SURE)
+        at[left[met]] = trial[met]
+        here, step = (np.where(good[:, None], *pair) for pair in ((trial, here), (onward, step)))
+        norm, part = np.where(good, now, norm), np.where(good, 1.0, part / 2.0)
+        left, here, part, norm, step = (values[~met] for values in (left, here, part, norm, step))
+    moved = np.linalg.norm((at - s.vector) / scale, axis=-1)
+    return State(a, at), np.where(np.isfinite(moved), moved, np.inf)
+
+
+def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array]:
+    """Norms (n,) of the residuals over their sizes, and Newton's steps (n, columns)."""
+    rows, scale = sizes(a)
+    f, jacobian = closure(State(a, vector))
+    f, jacobian = f / rows, jacobian[..., free] * scale[free] / rows[:, None]
+    step = np.zeros_like(vector)
+    step[:, free] = solve(jacobian, -f) * scale[free]
+    return np.linalg.norm(f, axis=-1), step
+
+
+def determinant(matrix: Array) -> Array:
+    """Determinants (...); NaN of matrices that are."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.linalg.det(matrix))
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Solutions (n, m) of n systems; NaN where a matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        if len(matrix) == 1:
+            return np.full_like(right, np.nan)
+        pairs = zip(matrix, right, strict=True)
+        return np.concatenate([solve(m[None], r[None]) for m, r in pairs])
+
+
+def direct(guess: State) -> State:
+    r"""Equilibria at given inputs and load, each the one that its guess leads to.
+
+    Parameters
+    ----------
+    guess : State (...)
+        Its inputs and its load are kept; forces, clamp moments and pose are found.
+
+    Returns
+    -------
+    State (...)
+        Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.
+
+    Raises
+    ------
+    ValueError
+        Newton's method with halved steps finds none, or the guess is a straight rod without load,
+        whose tip no force can move along it at first order.
+
+    Notes
+    -----
+    There are several equilibria at the same inputs, stable or not: the guess chooses.  Source:
+    Pérez Gámiz 2018, eqs 98, 102 (2RFR), 109, 112 (3PFR), with exact derivatives instead of
+    forward differences.
+
+    Examples
+    --------
+    Two rods that lean on each other, both bent outwards:
+
+    >>> from proofmass.analytic.rods.assembly import assembly
+    >>> from proofmass.analytic.rods.equilibrium import state
+    >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]])
+    >>> found = direct(state(a, inputs=np.radians([60.0, 120.0]), pose=[0.0, 0.9],
+    ...                      moment=[0.5, -0.5], force=[[-0.5, 0.0], [0.5, 0.0]]))
+    >>> (found.pose.round(6) + 0.0).tolist()
+    [0.0, 0.948938]
+    """
+    return settled(guess, "pose")
+
+
+def settled(guess: State, found: str) -> State:
+    """Forces, moments and "pose" or "inputs" of closed states; ValueError for the first failure."""
+    flat = guess.vector.reshape(-1, guess.vector.shape[-1])
+    result, _ = newton(State(guess.assembly, flat), columns(guess.assembly, "rods", found))
+    lost = ~np.isfinite(result.vector).all(axis=-1)
+    if lost.any():
+        first = State(guess.assembly, flat[np.argmax(lost)])
+        given = first.inputs if found == "pose" else first.pose
+        raise ValueError(f"no equilibrium is found from the guess at "
+                         f"{'inputs' if found == 'pose' else 'pose'} {given.tolist()}, load "
+                         f"{first.load.tolist()}: begin nearer, or follow a path to it")
+    return State(guess.assembly, result.vector.reshape(guess.vector.shape))
+
+
+def inverse(guess: State) -> State:
+    r"""Inputs that hold the platform at given poses under given loads.
+
+    Parameters
+    ----------
+    guess : State (...)
+        Its pose and its load are kept; forces, clamp moments and inputs are found.
+
+    Returns
+    -------
+    State (...)
+        Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.
+
+    Raises
+    ------
+    ValueError
+        Inputs are more or less than the freedoms; a pose is out of reach of a rod; or Newton's
+        method finds no equilibrium from the guess.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, eqs 98, 99 (2RFR), 109, 111 (3PFR).  Its program has cos and sin of
+    the clamp's angle in place of the guide's in the derivative by the slide, which is right only
+    where they are the same.
+
+    Examples
+    --------
+    >>> from proofmass.analytic.rods.assembly import assembly
+    >>> from proofmass.analytic.rods.equilibrium import state
+    >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]])
+    >>> found = inverse(state(a, inputs=[1.0, 2.0], pose=[0.0, 0.948938],
+    ...                       moment=[0.5, -0.5], force=[[-0.5, 0.0], [0.5, 0.0]]))
+    >>> np.degrees(found.inputs).round(2).tolist()
+    [60.0, 120.0]
+    """
+    square(guess)
+    within_reach(guess)
+    return settled(guess, "inputs")
+
+
+def square(s: State) -> None:
+    """ValueError unless there are as many inputs as freedoms."""
+    a = s.assembly
+    if a.rods != a.freedoms:
+        raise ValueError(f"the inverse problem needs as many rods as freedoms, got {a.rods} rods "
+                         f"and {a.freedoms} freedoms")
+
+
+def within_reach(s: State) -> None:
+    """ValueError for the first pose whose pin is further from a clamp or guide than a rod is long.
+    """
+    a, (x, y, *phi) = s.assembly, np.moveaxis(s.pose, -1, 0)
+    arm = a.arm * np.exp(1j * phi[0])[..., None] if phi else 0.0
+    apart = (x + 1j * y)[..., None] + arm - a.clamp
+    far = np.abs(apart) if a.guide is None else np.abs((apart * a.guide.conj()).imag)
+    short = (far - (a.length + a.prolongation)).reshape(-1, a.rods)
+    if short.max(initial=0.0) > 0.0:
+        which, rod = np.unravel_index(np.argmax(short > 0.0), short.shape)
+        pose = s.pose.reshape(-1, a.freedoms)[which].tolist()
+        raise ValueError(f"pose {pose} is out of reach: rod {rod + 1} is too short by "
+                         f"{short[which, rod]:.6g} m")
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    r"""First derivatives about equilibria (...) of k rods whose platform has p freedoms.
+
+    Attributes
+    ----------
+    direct : ndarray (..., p, k)
+        dP/dq at constant load [m/rad, rad/rad; m/m, rad/m].
+    inverse : ndarray (..., k, p)
+        dq/dP at constant load; NaN unless k = p.
+    stiffness : ndarray (..., p, p)
+        Wrench that the rods ask for, d(sum n, sum r x n)/dP with the inputs held [N/m, N, N m]:
+        symmetric, and positive definite where the platform is stable on rods that are.
+    direct_determinant : ndarray (...)
+        Of the derivatives by (m0_1, n_1, m0_2, n_2, .., P): zero in a direct singularity, where
+        the inputs no longer hold the platform: a fold of the equilibria, dP/dq infinite.
+    rod_determinants : ndarray (..., k)
+        Of each rod alone, by (m0, n) with its pin held: zero where a rod held at both ends buckles,
+        and the stiffness has a pole.  direct_determinant = det(stiffness) times all of them.
+    inverse_determinant : ndarray (...)
+        Of those by (m0_1, n_1, q_1, m0_2, n_2, q_2, ..): zero in an inverse singularity, where some
+        motion of the platform needs infinite rates of the inputs; NaN unless k = p.
+    """
+
+    direct: Array
+    inverse: Array
+    stiffness: Array
+    direct_determinant: Array
+    rod_determinants: Array
+    inverse_determinant: Array
+
+
+def derivatives(s: State) -> Derivatives:
+    r"""First derivatives about closed states, exact, by the implicit function theorem.
+
+    With the rows f of `proofmass.analytic.rods.equilibrium` and R the columns of all rods::
+
+        det(dP/dq) = (-1)^(p + 3 k (k - 1)/2) inverse_determinant/direct_determinant
+
+    The sign is the order of the unknowns in the source; it is -1 for 2RFR and +1 for 3RFR.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, eqs 99, 102, 111, 112 (unknowns and their order), text lines 4017-4050
+    and 6994-7090.  Its text calls zeros of the two determinants inverse and direct singularities,
+    as here; its program evaluates det(dq/dP) and det(dP/dq) instead, whose zeros are those of the
+    *other* determinant, under the same two names.
+    """
+    a, (_, jacobian) = s.assembly, closure(s)
+    rods, pose, inputs = (columns(a, name) for name in ("rods", "pose", "inputs"))
+    free, k, p = columns(a, "rods", "pose"), a.rods, a.freedoms
+    follow = ratio(jacobian, free, inputs)[..., 3 * k:, :]
+    back, inverse = np.full((*follow.shape[:-2], k, p), np.nan), np.nan * follow[..., 0, 0]
+    if k == p:
+        held = columns(a, "rods", "inputs")
+        back = ratio(jacobian, held, pose)[..., 3 * k:, :]
+        order = np.concatenate([[*rods[3 * i:3 * i + 3], inputs[i]] for i in range(k)])
+        inverse = determinant(jacobian[..., order])
+    own = jacobian[..., :3 * k, :]
+    carried = ratio(own, rods, pose)
+    balance = jacobian[..., 3 * k:, :]
+    stiffness = balance[..., rods] @ carried + balance[..., pose]
+    own = np.stack([determinant(own[..., 3 * i:3 * i + 3, 3 * i:3 * i + 3]) for i in range(k)], -1)
+    return Derivatives(follow, back, stiffness, determinant(jacobian[..., free]), own, inverse)
+
+
+def ratio(jacobian: Array, unknown: Columns, given: Columns) -> Array:
+    """Derivatives of unknown columns by given ones, where the rows stay zero; NaN if singular."""
+    matrix, right = jacobian[..., unknown], -jacobian[..., given]
+    rows, width = right.shape[-2:]
+    flat = [solve(matrix.reshape(-1, rows, rows), right[..., i].reshape(-1, rows))
+            for i in range(width)]
+    return np.stack(flat, axis=-1).reshape(*right.shape[:-2], matrix.shape[-1], width)
