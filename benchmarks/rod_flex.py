@@ -17,8 +17,8 @@ from benchmarks import ROOT, command
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import cantilever, rod_pinned
 from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.flex import points
 from proofmass.sim.protocol import Curves, Rod, Run
-from proofmass.sim.rod_flex import points
 
 MODEL = """<mujoco><option gravity="0 0 0" integrator="implicitfast"><flag contact="disable"/>
   </option><worldbody><site name="clamp"/><site name="pin" pos="0.8 0.1 0"/></worldbody>
@@ -39,8 +39,8 @@ HEAD = """# Rods as MuJoCo's own flex
 discrete elastic rod with three sliding joints a point, its edges held by a soft equality and its
 bending stiffness by the integrator `discrete`, which lets a step last longer than the fast modes.
 Setting `flex = true` in a run `rest` builds it in place of the chain of links
-(`proofmass/sim/rod_flex.py`): the clamp is an edge on the ground with half of it behind the clamp,
-so that all is of second order.
+(`proofmass/sim/mujoco/flex.py`): the clamp is an edge on the ground with half of it behind the
+clamp, so that all is of second order.
 
 Error: largest distance from the elastica at 21 places, over L. Order: in the length h of an edge.
 Chain: the error of as many links with springs, at rest by Newton's method. Stretch: of the worst

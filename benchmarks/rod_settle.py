@@ -14,13 +14,12 @@ from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.equilibrium import clamps
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import loop_gap
-from proofmass.sim.mujoco.still import lost
+from proofmass.sim.mujoco.settling import lost
 from proofmass.sim.protocol import Diverged, Rod
-from proofmass.sim.pymunk.compiled import read_links
-from proofmass.sim.pymunk.shape import shape
+from proofmass.sim.pymunk.quasi_static import shape
+from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import build
-from proofmass.sim.rod_chain import Chain, chain
-from proofmass.sim.rods import compile_with_rods
+from proofmass.sim.rods import Chain, chain, compile_with_rods
 from tests.independent.rods.chain_assembly import Standing, settle
 
 MODEL = """<mujoco><compiler angle="radian"/>

@@ -17,10 +17,10 @@ import numpy as np
 
 from benchmarks import ROOT, command
 from proofmass.case import load_case
+from proofmass.sim.mujoco.dynamics import start
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.mujoco.steps import start
 from proofmass.sim.protocol import Run
 from proofmass.solve import plan
 

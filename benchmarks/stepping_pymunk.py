@@ -12,9 +12,9 @@ from pymunk import batch
 
 from benchmarks import ROOT, command
 from proofmass.sim.protocol import Drive, Run
-from proofmass.sim.pymunk.compiled import read_links
-from proofmass.sim.pymunk.drive import aim
-from proofmass.sim.pymunk.steps import SURE, prepared, step_through
+from proofmass.sim.pymunk.dynamics import SURE, prepared, step_through
+from proofmass.sim.pymunk.rebuild import read_links
+from proofmass.sim.pymunk.space import aim
 
 MODEL = ROOT / "models" / "fourbar.xml"
 SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}

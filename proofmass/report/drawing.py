@@ -20,8 +20,7 @@ from proofmass.report.refine_sheet import refine_sheet
 from proofmass.report.style import RC, Look
 from proofmass.report.view_sheet import view_sheet
 from proofmass.report.views import Viewed
-from proofmass.sim.picture import Picture
-from proofmass.sim.picture_poses import picture
+from proofmass.sim.picture import Picture, picture
 from proofmass.solve import plan
 from proofmass.view import ChartTable
 

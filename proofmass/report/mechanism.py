@@ -65,7 +65,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     case : Case
         Names the drives.
     picture : Picture
-        From `proofmass.sim.picture_poses.picture`.
+        From `proofmass.sim.picture.picture`.
     tracks : mapping of str to ndarray (n, 2)
         Paths of measured points [m], by name.
     """

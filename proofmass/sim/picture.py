@@ -1,8 +1,25 @@
-"""What a planar mechanism looks like at some poses of a run: lines, polygons and joints."""
+"""What a planar mechanism looks like at some poses of a run: lines, polygons and joints.
 
+The poses are the engine's own.  Bodies are their geoms, or lines between their joints and loops
+where a geom does not reach these.
+"""
+
+import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.mujoco.equilibrium import linkage_of
+from proofmass.sim.mujoco.model import anchor_bodies, anchors, connects, load, pose_of
+from proofmass.sim.plane import find_plane
+from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
+from proofmass.sim.rods import chain, joints_of
 
 
 @dataclass(frozen=True)
@@ -64,3 +81,249 @@ class Picture:
                       for m in self.marks)
         return replace(self, x=self.x[poses], inputs=self.inputs[:, poses], marks=marks,
                        ground=cut(self.ground), links=tuple(map(cut, self.links)))
+
+
+G, J, S = mujoco.mjtGeom, mujoco.mjtJoint, mujoco.mjtSensor
+ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+
+
+class Scene:
+    """What belongs to which rigid body of a model, and the plane it is seen in."""
+
+    def __init__(self, model: mujoco.MjModel, start: Array):
+        self.model, self.data = model, mujoco.MjData(model)
+        self.data.qpos[:] = start
+        mujoco.mj_kinematics(model, self.data)
+        for j in range(model.njnt):
+            if J(model.jnt_type[j]) not in (J.mjJNT_HINGE, J.mjJNT_SLIDE):
+                raise Unsupported(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
+        if not model.njnt:
+            raise Unsupported("the model has no joint")
+        plane = find_plane(model, self.data)
+        normal = int(np.abs(plane.normal).argmax())
+        self.axes, self.basis = ("", ""), np.stack([plane.e1, plane.e2])
+        if abs(plane.normal[normal]) > 1 - 1e-12:
+            shown = [k for k in range(3) if k != normal]
+            self.axes, self.basis = ("xyz"[shown[0]], "xyz"[shown[1]]), np.eye(3)[shown]
+        self.size = float(model.stat.extent)
+
+    def drawn(self, rows: dict[str, Array], run: Run) -> Picture:
+        """Everything there is to draw, at all poses of `rows`."""
+        model = self.model
+        roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+        rod_of = {name: rod.name for rod in run.rods
+                  for name in (*joints_of(chain(rod)), *chain(rod).names)}
+        links: dict[str, tuple[Array, ...]] = {}
+        for b in roots:
+            name = rod_of.get(model.body(b).name, model.body(b).name)
+            links[name] = (*links.get(name, ()), *self.outlines(b, rows))
+        fixed: list[Array] = []
+        for b, p in self.geoms(0):
+            if rod := rod_of.get(model.body(b).name):
+                links[rod] = (self.placed(b, p, rows), *links[rod])
+            else:
+                fixed.append(self.placed(b, p, rows))
+        marks = [self.joint(j, rows, run) for j in range(model.njnt)
+                 if model.joint(j).name not in rod_of]
+        marks += [self.pin(i, rows) for i in connects(model)]
+        marks += [self.clamp(rod, rows) for rod in run.rods if self.walled(rod)]
+        tracks = tuple(model.sensor(i).name for i in range(model.nsensor)
+                       if model.sensor_type[i] == S.mjSENS_FRAMEPOS and model.sensor_refid[i] < 0)
+        empty = np.empty(0)
+        return Picture(self.axes, empty, empty, Link("ground", tuple(fixed)),
+                       tuple(map(Link, links, links.values())), tuple(marks), tracks)
+
+    def flat(self, vectors: Array) -> Array:
+        """Components in the drawing: (..., 3) to (..., 2)."""
+        return vectors @ self.basis.T
+
+    def local(self, body: int, world: Array) -> Array:
+        """A place of the start pose, or several, in a body's frame."""
+        return (world - self.data.xpos[body]) @ self.data.xmat[body].reshape(3, 3)
+
+    def placed(self, body: int, points: Array, rows: dict[str, Array]) -> Array:
+        """Points (k, 3) of a body's frame in the drawing, at all poses: (poses, k, 2)."""
+        turn = rows["xmat"][:, body].reshape(-1, 3, 3)
+        return self.flat(rows["xpos"][:, None, body] + points @ turn.transpose(0, 2, 1))
+
+    def outlines(self, root: int, rows: dict[str, Array]) -> tuple[Array, ...]:
+        """A rigid body: its geoms, and lines between its points if these do not reach them all."""
+        found = [self.placed(b, p, rows) for b, p in self.geoms(root)]
+        points = self.points(root)
+        if not points:
+            return tuple(found)
+        spread = self.placed(root, np.array(points), rows)
+        off = max(min((distance(p, o[0]) for o in found), default=np.inf) for p in spread[0])
+        if off > 0.02 * self.size and len(points) > 1:
+            centre = spread[0] - spread[0].mean(axis=0)
+            found.append(spread[:, np.argsort(np.arctan2(centre[:, 1], centre[:, 0]))])
+        return tuple(found)
+
+    def points(self, root: int) -> list[Array]:
+        """Where other bodies are joined to a rigid body, and its measured sites; in its frame."""
+        model, data, found = self.model, self.data, []
+        for j in range(model.njnt):
+            child = int(model.jnt_bodyid[j])
+            first = model.body_jntadr[child] == j  # else another joint lies between it and parent
+            parent = int(model.body_weldid[model.body_parentid[child]]) if first else -1
+            if model.jnt_type[j] == J.mjJNT_HINGE and root in (child, parent):
+                found.append(data.xanchor[j])
+        for i in connects(model):
+            for body, place in zip(anchor_bodies(model, i), anchors(model, i, pose_of(data)),
+                                   strict=True):
+                if model.body_weldid[body] == root:
+                    found.append(place.reshape(3))
+        for i in range(model.nsensor):
+            site = int(model.sensor_objid[i])
+            if (model.sensor_type[i] == S.mjSENS_FRAMEPOS
+                    and model.sensor_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
+                    and model.body_weldid[model.site_bodyid[site]] == root):
+                found.append(data.site_xpos[site])
+        places: list[Array] = []
+        for place in found:
+            if all(np.linalg.norm(place - p) > 1e-6 * self.size for p in places):
+                places.append(place)
+        return [self.local(root, p) for p in places]
+
+    def geoms(self, root: int) -> Iterator[tuple[int, Array]]:
+        """Body and outline (points, 3), in that body's frame, of each geom of a rigid body."""
+        model, data = self.model, self.data
+        for g in range(model.ngeom):
+            body = int(model.geom_bodyid[g])
+            if model.body_weldid[body] != root:
+                continue
+            turn, size = data.geom_xmat[g].reshape(3, 3), model.geom_size[g]
+            outline = self.silhouette(g, turn, size)
+            if outline is not None:
+                yield body, self.local(body, data.geom_xpos[g] + outline)
+
+    def silhouette(self, g: int, turn: Array, size: Array) -> Array | None:
+        """Outline (points, 3) of a geom about its centre; None for what has none, like a plane."""
+        kind, axis = G(self.model.geom_type[g]), turn[:, 2]
+        level = np.linalg.norm(self.flat(axis)) > 1e-6
+        if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER) and level:
+            return np.array([-axis, axis]) * size[1]
+        if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_ELLIPSOID):
+            return size[0] * np.stack([np.cos(ROUND), np.sin(ROUND)], axis=1) @ self.basis
+        if kind == G.mjGEOM_BOX:
+            corners = size * np.array(list(product((-1, 1), repeat=3)))
+        elif kind == G.mjGEOM_MESH:
+            mesh = self.model.geom_dataid[g]
+            first, many = self.model.mesh_vertadr[mesh], self.model.mesh_vertnum[mesh]
+            corners = self.model.mesh_vert[first : first + many]
+        else:
+            return None
+        world = corners @ turn.T
+        try:
+            return np.asarray(world[ConvexHull(self.flat(world)).vertices])
+        except QhullError:  # a flat thing seen on its edge
+            return None
+
+    def joint(self, j: int, rows: dict[str, Array], run: Run) -> Mark:
+        """A joint, with the guide of a slide: from its zero to where it comes."""
+        model, body = self.model, int(self.model.jnt_bodyid[j])
+        first = model.body_jntadr[body] == j
+        ground = bool(first and model.body_weldid[model.body_parentid[body]] == 0)
+        at, name = rows["xanchor"][:, j], model.joint(j).name
+        driven = name in [d.joint for d in run.drives]
+        if model.jnt_type[j] == J.mjJNT_HINGE:
+            return Mark(name, "hinge", self.flat(at), driven, ground)
+        way = rows["qpos"][:, model.jnt_qposadr[j]] - model.qpos0[model.jnt_qposadr[j]]
+        axis = rows["xaxis"][:, j]
+        from_zero = [] if ground else [0.0]  # on a moving body: from where it hangs on that
+        ends = np.array([min([way.min(), *from_zero]), max([way.max(), *from_zero])])
+        guide = at[:, None] + axis[:, None] * ends[:, None]
+        return Mark(name, "slide", self.flat(at + axis * way[:, None]), driven, ground,
+                    self.flat(guide))
+
+    def pin(self, i: int, rows: dict[str, Array]) -> Mark:
+        """The point that closes a loop."""
+        one, two = anchors(self.model, i, rows)
+        ground = 0 in self.model.body_weldid[list(anchor_bodies(self.model, i))]
+        return Mark(self.model.equality(i).name, "pin", self.flat(0.5 * (one + two)),
+                    ground=bool(ground))
+
+    def walled(self, rod: Rod) -> bool:
+        """Whether a rod begins in a clamp that does not move."""
+        first = self.model.body(chain(rod).names[0])
+        return rod.ends[0] == "clamped" and not self.model.body_weldid[first.parentid[0]]
+
+    def clamp(self, rod: Rod, rows: dict[str, Array]) -> Mark:
+        """Where a rod begins in a wall, and which way it leaves it."""
+        first = self.model.body(chain(rod).names[0])
+        ends = self.placed(first.id, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), rows)
+        return Mark("", "clamp", ends[:, 0], ground=True, guide=ends)
+
+
+def distance(point: Array, outline: Array) -> float:
+    """From a point to a closed polygon or a line (points, 2); zero inside [m]."""
+    start, end = outline, np.roll(outline, -1, axis=0)
+    along, to = end - start, point - start
+    share = np.clip((to * along).sum(1) / np.maximum((along**2).sum(1), 1e-300), 0, 1)
+    crosses = (start[:, 1] > point[1]) != (end[:, 1] > point[1])
+    level = np.where(crosses, along[:, 1], 1.0)
+    left = point[0] < start[:, 0] + along[:, 0] * to[:, 1] / level
+    if (crosses & left).sum() % 2:
+        return 0.0
+    return float(np.linalg.norm(to - share[:, None] * along, axis=1).min())
+
+
+SECONDS = 5.0  # at most for stepping a free motion
+
+
+def picture(model: Path, run: Run, count: int = 121) -> Picture:
+    """The mechanism at `count` poses, evenly over the run, or as far as it comes.
+
+    Raises
+    ------
+    Unsupported
+        The model has no joint, or does not move in a plane; the message names what leaves it.
+    BadModel
+        It does not compile.
+    """
+    compiled, data = load(model, run)
+    scene = Scene(compiled, data.qpos)
+    x = run.x[:1] if run.kind == "rest" else np.linspace(run.x[0], run.x[-1], count)
+    rows, stopped = follow(compiled, data, replace(run, x=x))
+    drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
+    return replace(drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)],
+                   stopped=stopped)
+
+
+def follow(model: mujoco.MjModel, data: mujoco.MjData,
+           run: Run) -> tuple[list[dict[str, Array]], str]:
+    """Poses along the run, as far as they can be had, and why there are no more.
+
+    When not even the first can be had, it is the start pose as it stands in the MJCF.
+    """
+    mujoco.mj_kinematics(model, data)
+    rows, kept = [], ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
+    still = run.drives or run.kind == "rest"
+    moves = swept(model, data, run) if still else stepped(model, data, run)
+    first, stopped = {name: getattr(data, name).copy() for name in kept}, ""
+    try:
+        for _ in moves:
+            rows.append({name: getattr(data, name).copy() for name in kept})
+    except (BadModel, Unsupported) as error:
+        stopped = str(error)
+    return rows or [first], stopped
+
+
+def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[None]:
+    """Put the model into each pose that the drives want."""
+    linkage, tangent = linkage_of(model, data, run), None
+    for values in run.motion(run.x)[0].T:
+        tangent = linkage.move(values, tangent)
+        yield
+
+
+def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[None]:
+    """Let the model move freely from time to time."""
+    late, data.time = time.monotonic() + SECONDS, run.x[0]
+    for moment in run.x:
+        while data.time < moment - 0.5 * model.opt.timestep and time.monotonic() < late:
+            mujoco.mj_step(model, data)
+        if time.monotonic() >= late or not np.isfinite(data.qpos).all():
+            raise Unsupported("the free motion was not followed to its end")
+        mujoco.mj_kinematics(model, data)
+        yield

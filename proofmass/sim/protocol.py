@@ -149,7 +149,7 @@ class Rod:
     ends : tuple of two str
         ``clamped`` or ``pinned`` where it begins; ``pinned``, ``clamped`` or ``free`` at the other.
     scheme : {"half", "double", "naive"}
-        Where its springs are; see `proofmass.sim.rod_chain`.
+        Where its springs are; see `proofmass.sim.rods`.
     mass : float, optional
         Of all of it [kg]; without gravity statics does not know it.
     turn : float

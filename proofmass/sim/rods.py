@@ -1,4 +1,24 @@
-"""Rods in an MJCF: chains of links that are added to it before it is compiled.
+"""Rods in an MJCF: chains of rigid links with torsion springs, added before it is compiled.
+
+A rod of n segments of h = L / n:
+
+    half      |-o--o--o--o-     springs EI/h at h/2, 3h/2, ..., half links at both ends: order 2
+    double    @--o--o--o--      springs EI/h at h, 2h, ..., 2 EI/h at the clamp: order 2
+    naive     o--o--o--o--      EI/h at the clamp as well: a clamp too soft by half, order 1
+
+The links' angles are the rod's tangent at `nodes`: at 0, h, 2h, ..., L of the first scheme, in the
+middle of the links of the others.  A pinned end has no spring.
+
+A rod starts in an arc that is closed with the least change of its bends.  A pinned far end is a
+``connect``.  A clamped one is two, the second on a slider of the far body, so that nothing is held
+twice:
+
+    o==o==o==.----------+       the last link, prolonged by the rod's length
+           tip       slider     runs on the x axis of the far site
+
+A rod at rest shows place, direction and moment along its arc length.  Places lie on the links.
+Directions and moments are drawn through those that the links and their springs have, in straight
+lines, prolonged at the ends: of second order in the length of a link.
 
 A rod hangs on the body of its first site; its links follow each other along their x axes.  Sensors,
 actuators and loops of the MJCF may name what is added:
@@ -9,16 +29,268 @@ actuators and loops of the MJCF may name what is added:
     NAME                    the loop that holds the far end
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.protocol import BadRod, Rod
-from proofmass.sim.rod_build import add, joints_of
-from proofmass.sim.rod_chain import Chain, chain
-from proofmass.sim.rod_start import start_pose, tip
+from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
+
+SCHEMES = "half", "double", "naive"
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The links of a rod.
+
+    Attributes
+    ----------
+    lengths, springs : ndarray (links,)
+        Length [m] of each link and stiffness [N m/rad] of the joint it begins with: zero where the
+        rod is pinned, infinite where it is clamped without a spring.
+    nodes : ndarray (links,)
+        Arc length [m] where the rod has the direction of that link.
+    """
+
+    rod: Rod
+    lengths: Array
+    springs: Array
+    nodes: Array
+
+    @property
+    def names(self) -> list[str]:
+        """Of the links' bodies and joints; number 0 has no spring."""
+        first = 0 if self.rod.scheme == "half" else 1
+        return [f"{self.rod.name}.{k + first}" for k in range(self.lengths.size)]
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Arc length [m] of the links' ends (links + 1,)."""
+        return np.append(0.0, np.cumsum(self.lengths))
+
+    @property
+    def jointed(self) -> NDArray[np.bool_]:
+        """Which links begin with a joint."""
+        return np.isfinite(self.springs)
+
+    def arc(self, turn: float) -> Array:
+        """Joint values (links,) of a circular arc over the whole length."""
+        return np.diff(turn * self.nodes / self.rod.length, prepend=0.0)
+
+
+def chain(rod: Rod) -> Chain:
+    """Cut a rod into links.
+
+    Raises
+    ------
+    BadRod
+        Fewer than two segments, an unknown scheme, a length or stiffness that is not positive.
+    """
+    check_rod(rod)
+    n, h = rod.segments, rod.length / rod.segments
+    lengths, springs = np.full(n, h), np.full(n, rod.stiffness / h)
+    if rod.scheme == "half":
+        lengths = np.concatenate([[h / 2], lengths[1:], [h / 2]])
+        springs = np.append(np.inf, springs)
+        nodes = h * np.arange(n + 1.0)
+    else:
+        springs[0] *= 2.0 if rod.scheme == "double" else 1.0
+        nodes = h * np.arange(0.5, n)
+    if rod.ends[0] == "pinned":
+        springs[0] = 0.0
+    return Chain(rod, lengths, springs, nodes)
+
+
+def check_rod(rod: Rod) -> None:
+    """Raise `BadRod` if there is no such rod."""
+    for key in ("length", "stiffness", "mass"):
+        value = getattr(rod, key)
+        if value is not None and not value > 0:
+            raise BadRod(rod.name, key, f"{value:g} must be positive")
+    if rod.segments < 2:
+        raise BadRod(rod.name, "segments", f"{rod.segments}; a rod has two or more")
+    if rod.scheme not in SCHEMES:
+        raise BadRod(rod.name, "scheme", f"{rod.scheme!r}; known: {', '.join(SCHEMES)}")
+    if rod.ends[1] == "clamped" and rod.scheme != "half":
+        raise BadRod(rod.name, "scheme", f"{rod.scheme!r} knows no clamp at the far end; use half")
+
+
+MOVE = 0.1  # [rad] a joint turns no further in a Newton step, so that the arc's side is kept
+CLOSED = 1e-12  # of the length: rounding of the links' sum
+MOST = 1000  # Newton steps; 2 pi / MOVE of them turn every joint once around
+
+
+def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:
+    """Place and direction (x, y, angle) of a chain's tip, and their derivatives (3, links)."""
+    angles = np.cumsum(bends)
+    links = chain.lengths * np.stack([np.cos(angles), np.sin(angles)])
+    ahead = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]  # from each joint to the tip
+    return (np.append(links.sum(axis=1), angles[-1]),
+            np.stack([-ahead[1], ahead[0], np.ones_like(bends)]))
+
+
+def start_pose(chain: Chain, target: Array | None) -> Array:
+    """Joint values (links,) of a rod between its ends; zero where a link has no joint.
+
+    Parameters
+    ----------
+    chain : Chain
+    target : ndarray (3,), optional
+        Where its tip is held, x, y [m] and angle [rad] seen from its beginning; None: free.
+
+    Raises
+    ------
+    BadRod
+        Shorter than its supports are apart, or no way to bend is told.
+    """
+    rod, bends = chain.rod, chain.arc(chain.rod.turn)
+    if target is None:
+        return bends
+    apart = float(np.hypot(*target[:2]))
+    if rod.length < apart:
+        raise BadRod(rod.name, "length", f"{rod.length:g} m, but its supports are {apart:.6g} m "
+                     f"apart; it must be longer")
+    if not chain.springs[0]:
+        bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip(chain, bends)[0][1::-1])
+    held = slice(3 if rod.ends[1] == "clamped" else 2)
+    for _ in range(MOST):
+        place, slopes = tip(chain, bends)
+        if np.abs(target - place)[held].max() < CLOSED * max(1.0, rod.length):
+            return bends
+        move = np.linalg.lstsq((slopes * chain.jointed)[held], (target - place)[held], 1e-6)[0]
+        bends += move * min(1.0, MOVE / (np.abs(move).max() or 1.0))
+    raise BadRod(rod.name, "turn", f"an arc that turns by {rod.turn:g} rad cannot be bent so that "
+                 f"it ends at its support; give another")
+
+
+CONNECT, SITE = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
+HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+LIGHT = 0.01  # [kg] a rod whose mass is not told
+THICK = 0.004  # of the length: radius of the capsules that are drawn
+PLAIN = {"damping": [0.0] * 3, "frictionloss": 0.0, "armature": 0.0, "ref": 0.0, "springref": 0.0,
+         "limited": mujoco.mjtLimited.mjLIMITED_FALSE}  # whatever <default> says
+
+
+def joints_of(chain: Chain) -> list[str]:
+    """The joints that a rod adds."""
+    joints = [name for name, jointed in zip(chain.names, chain.jointed, strict=True) if jointed]
+    return [*joints, f"{chain.rod.name}.slider"] if chain.rod.ends[1] == "clamped" else joints
+
+
+def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
+    """Add a rod's links, sites and loops; `bare` is the compiled model without rods."""
+    rod, site = chain.rod, bare.site(chain.rod.start)
+    body, place, turn = spec.site(rod.start).parent, site.pos, site.quat
+    half = rod.length / 2
+    starts, ends = chain.vertices[:-1], chain.vertices[1:]
+    for name, length, spring, first, last in zip(chain.names, chain.lengths, chain.springs, starts,
+                                                 ends, strict=True):
+        body = body.add_body(name=name, pos=place, quat=turn)
+        if np.isfinite(spring):
+            body.add_joint(name=name, type=HINGE, axis=[0, 0, 1], pos=[0, 0, 0],
+                           stiffness=[spring, 0, 0], **PLAIN)
+        weigh(body, rod, length)
+        body.add_site(name=name, pos=[length / 2, 0, 0])
+        if first < half <= last:
+            body.add_site(name=f"{rod.name}.middle", pos=[half - first, 0, 0])
+        place, turn = [length, 0, 0], [1, 0, 0, 0]
+    tip = body.add_site(name=f"{rod.name}.tip", pos=place)
+    if rod.end is not None:
+        connect(spec, rod.name, tip.name, rod.end)
+    if rod.ends[1] == "clamped":
+        guide(spec, bare, rod, body, place[0])
+
+
+def weigh(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
+    """Give a link its share of the rod's mass, as a slender bar, and its looks."""
+    mass = (rod.mass or LIGHT) * length / rod.length
+    across = mass * length**2 / 12
+    body.mass, body.ipos, body.explicitinertial = mass, [length / 2, 0, 0], True
+    body.inertia = [across / 2, across, across]
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0, 0, 0, length, 0, 0], mass=0,
+                  size=[THICK * rod.length, 0, 0], contype=0, conaffinity=0)
+
+
+def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
+    """Hold two sites together."""
+    spec.add_equality(name=name, type=CONNECT, objtype=SITE, name1=one, name2=two)
+
+
+def guide(spec: mujoco.MjSpec, bare: mujoco.MjModel, rod: Rod, last: mujoco._specs.MjsBody,
+          length: float) -> None:
+    """Keep the last link on the x axis of the far site."""
+    name, ahead = f"{rod.name}.slider", rod.length
+    site = bare.site(rod.end)
+    carrier = spec.site(rod.end).parent.add_body(name=f"{name}.0", pos=site.pos, quat=site.quat)
+    slider = carrier.add_body(name=name, pos=[ahead, 0, 0])
+    slider.add_joint(name=name, type=SLIDE, axis=[1, 0, 0], stiffness=[0, 0, 0], **PLAIN)
+    weigh(slider, rod, length)
+    slider.add_site(name=name)
+    last.add_site(name=f"{name}.end", pos=[length + ahead, 0, 0])
+    connect(spec, name, f"{name}.end", name)
+
+
+PARTS = "x", "y", "z", "angle", "moment"
+Pose = tuple[Array, Array, Array]
+
+
+def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
+    """The channels of a run that are shapes of its rods, with the rod and the part.
+
+    Raises
+    ------
+    BadModel
+        A rod has no such part.
+    """
+    rods, found = {rod.name: rod for rod in run.rods}, {}
+    for channel in run.channels:
+        name, _, part = channel.partition(".")
+        if name in rods:
+            if part not in PARTS:
+                raise BadModel(f"channel {channel!r}: a rod has {name}.x, .y, .z, .angle and "
+                               f".moment, along its length")
+            found[channel] = rods[name], part
+    return found
+
+
+def shapes(run: Run, pose: Callable[[Chain], Pose]) -> dict[str, Array]:
+    """The curves of all rods of a run over its arc lengths.
+
+    Parameters
+    ----------
+    run : Run
+    pose : callable
+        Places (links + 1, 3) of a chain's vertices [m], angles [rad] of its links, and values [rad]
+        of their joints.
+    """
+    curves: dict[str, Array] = {}
+    poses: Mapping[str, Pose] = {rod.name: pose(chain(rod)) for rod in run.rods}
+    for channel, (rod, part) in of_rods(run).items():
+        curves[channel] = curve(chain(rod), part, poses[rod.name], run.x)
+    return curves
+
+
+def curve(one: Chain, part: str, pose: Pose, s: Array) -> Array:
+    """One part of a rod's shape at arc lengths s [m]."""
+    places, angles, bends = pose
+    if part == "angle":
+        return along(one.nodes, np.unwrap(angles), s)
+    if part == "moment":
+        sprung = one.jointed & (one.springs > 0)
+        return along(one.vertices[:-1][sprung], one.springs[sprung] * bends[sprung], s)
+    return along(one.vertices, places[:, "xyz".index(part)], s)
+
+
+def along(nodes: Array, values: Array, s: Array) -> Array:
+    """Straight lines through values at nodes, the first and the last prolonged."""
+    k = np.clip(np.searchsorted(nodes, s) - 1, 0, nodes.size - 2)
+    share = (s - nodes[k]) / (nodes[k + 1] - nodes[k])
+    return (1 - share) * values[k] + share * values[k + 1]
+
 
 Frame = tuple[Array, Array]
 
@@ -34,7 +306,7 @@ def compile_with_rods(spec: mujoco.MjSpec, rods: Sequence[Rod]) -> mujoco.MjMode
         The model does not compile.
     """
     chains, bare = [chain(rod) for rod in rods], without_links_to_rods(spec)
-    check(bare, rods)
+    check_sites(bare, rods)
     if not spec.keys:
         spec.add_key(name="start")
     own = [(np.array(key.qpos), np.array(key.qvel)) for key in spec.keys]
@@ -60,7 +332,7 @@ def without_links_to_rods(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return bare.compile()
 
 
-def check(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
+def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
     """Raise `BadRod` where a rod has no site to be held by, or no mass where it has weight."""
     there = [bare.site(i).name for i in range(bare.nsite)]
     for rod in rods:

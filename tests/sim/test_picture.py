@@ -14,7 +14,7 @@ from proofmass.report import write_report
 from proofmass.report.drawing import pictured
 from proofmass.report.families import families
 from proofmass.report.svg import compact
-from proofmass.sim.picture_poses import picture
+from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -10,8 +10,8 @@ from scipy.optimize import minimize
 from proofmass.case import load_case
 from proofmass.compare import compare
 from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.flex import points, stations
 from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported
-from proofmass.sim.rod_flex import points, stations
 from tests.sim.rod_models import FIGURES, PAIR, STEEL, held, model, pull
 
 MODELS = Path(__file__).parents[2] / "models"

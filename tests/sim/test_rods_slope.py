@@ -7,9 +7,8 @@ import pytest
 
 from proofmass import load_case
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.pymunk.compiled import read_links
-from proofmass.sim.pymunk.pose import bound, jacobian, potential, values
-from proofmass.sim.pymunk.slope import slope
+from proofmass.sim.pymunk.kinematics import bound, jacobian, potential, slope, values
+from proofmass.sim.pymunk.rebuild import read_links
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = ["hacksaw_cutting", "inverted_slider_crank", "threeprr", "balancer_weight",

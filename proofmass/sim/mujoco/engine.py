@@ -7,14 +7,12 @@ import mujoco
 
 from proofmass.sim.mjcf import refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
+from proofmass.sim.mujoco.dynamics import duration, passive
 from proofmass.sim.mujoco.model import load, loop_gap
-from proofmass.sim.mujoco.passive import passive
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
 from proofmass.sim.mujoco.program import write_program as write_program
+from proofmass.sim.mujoco.quasi_static import rest, sweep
 from proofmass.sim.mujoco.settings import MujocoSettings
-from proofmass.sim.mujoco.shape import rest
-from proofmass.sim.mujoco.steps import duration
-from proofmass.sim.mujoco.sweep import sweep
 from proofmass.sim.protocol import BadModel, Curves, Run
 
 NOT_ASSEMBLED = 0.05  # of the model's extent: beyond this, closing a loop would be guessing
@@ -35,7 +33,7 @@ def simulate(model: Path, run: Run) -> Curves:
     run : Run
         What to do; see `proofmass.sim.protocol.Run`.  Settings:
         `proofmass.sim.mujoco.settings.MujocoSettings`; ``settled`` in a sweep, see
-        `proofmass.sim.mujoco.settled`; ``flex`` in a rest, see `proofmass.sim.mujoco.flex`.
+        `proofmass.sim.mujoco.settling`; ``flex`` in a rest, see `proofmass.sim.mujoco.flex`.
 
     Returns
     -------

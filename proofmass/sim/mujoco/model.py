@@ -1,4 +1,4 @@
-"""Loading a MuJoCo model and reading its sensors; shared by both kinds of run."""
+"""Loading a MuJoCo model and reading its sensors; shared by all kinds of runs."""
 
 from collections.abc import Mapping
 from pathlib import Path

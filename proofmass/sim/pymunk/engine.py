@@ -4,13 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from proofmass.sim.protocol import Curves, Run
-from proofmass.sim.pymunk.duration import duration
+from proofmass.sim.pymunk.dynamics import duration
 from proofmass.sim.pymunk.model import CHIPMUNK_BIAS as CHIPMUNK_BIAS
 from proofmass.sim.pymunk.model import PymunkSettings, find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
-from proofmass.sim.pymunk.shape import rest
-from proofmass.sim.pymunk.sweep import sweep
+from proofmass.sim.pymunk.quasi_static import rest, sweep
 
 
 def check_settings(settings: Mapping[str, object]) -> None:

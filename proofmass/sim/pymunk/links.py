@@ -1,4 +1,4 @@
-"""Links in a plane: what `proofmass.sim.pymunk.space` and `proofmass.sim.pymunk.close` work on."""
+"""Links in a plane: what the modules of this folder work on."""
 
 from dataclasses import dataclass
 from functools import cached_property

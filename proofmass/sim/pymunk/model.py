@@ -8,11 +8,11 @@ from pydantic import Field
 
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, Count, EngineSettings, Number, Run, Switch, Unsupported
-from proofmass.sim.pymunk.compiled import read_links
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.read import Channel, channel
+from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import Settings
-from proofmass.sim.rod_shape import of_rods
+from proofmass.sim.rods import of_rods
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
 NO_EFFORT = "Chipmunk gives the size of a drive's impulse without its sign: sweeps only"

@@ -14,8 +14,7 @@ import pymunk
 
 from proofmass.sim.program_text import TEMPLATES, escaped
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported
-from proofmass.sim.pymunk.drive import HingeDrive, Motor, SlideDrive, add_drives
-from proofmass.sim.pymunk.duration import LOST
+from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, Joint, Links
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.read import (
@@ -28,8 +27,17 @@ from proofmass.sim.pymunk.read import (
     Value,
     weights,
 )
-from proofmass.sim.pymunk.space import REACH, STOPS, at, build, constraints
-from proofmass.sim.pymunk.steps import SURE, start_state
+from proofmass.sim.pymunk.space import (
+    REACH,
+    STOPS,
+    HingeDrive,
+    Motor,
+    SlideDrive,
+    add_drives,
+    at,
+    build,
+    constraints,
+)
 
 IMPOSED = Imposed("gear"), Imposed("motor")
 """How a program may impose the motion of a hinge: by a gear whose phase is moved, or by a motor

@@ -10,8 +10,8 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.model import gear_of_force, joint_of
 from proofmass.sim.plane import Plane
 from proofmass.sim.protocol import BadModel
+from proofmass.sim.pymunk.kinematics import along, joint_value, turned
 from proofmass.sim.pymunk.links import Joint, Links
-from proofmass.sim.pymunk.pose import along, joint_value, turned
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 ORDER = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2,

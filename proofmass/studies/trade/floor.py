@@ -15,7 +15,7 @@ from proofmass.case import Case
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
 from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
-from proofmass.sim.pymunk.duration import MOST
+from proofmass.sim.pymunk.dynamics import MOST
 from proofmass.sim.pymunk.engine import CHIPMUNK_BIAS
 from proofmass.strict import Kind
 from proofmass.studies.reread import READS, movable, reread

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, PLACES, SOFTNESS, spelled, write_options
-from proofmass.sim.pymunk.steps import SURE
+from proofmass.sim.pymunk.dynamics import SURE
 from proofmass.studies.setting import Knob, Setting
 
 SPACE = ("timestep", "iterations", "error_bias")

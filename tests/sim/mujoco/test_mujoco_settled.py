@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from proofmass.sim.mujoco import settled as mujoco_settled
+from proofmass.sim.mujoco import settling
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.mujoco.settled import settled
-from proofmass.sim.mujoco.sweep import sweep
+from proofmass.sim.mujoco.quasi_static import sweep
+from proofmass.sim.mujoco.settling import settled
 from proofmass.sim.protocol import BadModel, Curves, Drive, NotSolved, Run
 
 ALPHA = Drive("pendulum", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
@@ -193,7 +193,7 @@ def test_the_setting_chooses_and_has_no_rates(file):
 
 
 def test_an_engine_that_does_not_come_to_rest_is_said_to(file, monkeypatch):
-    monkeypatch.setattr(mujoco_settled, "MOST", 200)
+    monkeypatch.setattr(settling, "MOST", 200)
     with pytest.raises(
             NotSolved, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"):
         in_time(file(**LINEAR), to([0.0, 10.0]))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from proofmass.sim.protocol import BadModel, Drive, Run
-from proofmass.sim.pymunk.compiled import read_links
+from proofmass.sim.pymunk.dynamics import contraction
 from proofmass.sim.pymunk.engine import simulate
-from proofmass.sim.pymunk.patience import contraction
+from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import build, put
 
 MODELS = Path(__file__).parents[3] / "models"

@@ -11,7 +11,7 @@ import pytest
 
 from proofmass.design.template import write_case
 from proofmass.sim.protocol import Drive, NotSolved, Run
-from proofmass.sim.pymunk import held as pymunk_held
+from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.engine import simulate
 
 # Lines 2119 and 2169 of the thesis's text: preloads that are never released
@@ -57,7 +57,7 @@ def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
 
 def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
     """Iterations are needed by the ten thousands where a joint comes to its stop."""
-    monkeypatch.setattr(pymunk_held, "PATIENT", 2000)
+    monkeypatch.setattr(quasi_static, "PATIENT", 2000)
     with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
         light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
 
@@ -65,7 +65,7 @@ def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
 @pytest.mark.parametrize("doubt", [6, 8])
 def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
     """Nor may it be what the drive is read in: 1e-16 m over its square is felt as a moment."""
-    monkeypatch.setattr(pymunk_held, "DOUBT", doubt)  # begins anew a hair from the stop, and often
+    monkeypatch.setattr(quasi_static, "DOUBT", doubt)  # begins anew a hair from the stop, and often
     got = light(tmp_path, SHORT, np.arange(5.0, 95.0, 5.0), ("winding1", "holding_moment"))
     # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
     np.testing.assert_allclose(got["holding_moment"], 4.3498 * got["winding1"], atol=1e-10)

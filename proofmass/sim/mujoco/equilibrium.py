@@ -1,7 +1,13 @@
-"""A MuJoCo model with freedoms beside its drives: springs, weights and stops bring it to rest.
+"""A MuJoCo model with degrees of freedom beside its drives: springs, weights and stops at rest.
 
-With f(q) the forces that must act on the joints to keep them at rest, A(q) the rows of the loops,
-the drives and the stops that hold, and N its null space, the model rests where
+**Stops** are joint ranges, unilateral. At rest a stop pushes only inwards, and only where its joint
+lies on it.  The linear problem of each Newton step is a linear complementarity problem, solved by
+block pivoting: switch every joint whose state is wrong; after a few rounds only the first of them,
+which cannot cycle while the stiffness is positive definite (K. G. Murty, Note on a Bard-type scheme
+for solving the complementarity problem, Opsearch 11 (1974) 123-130).
+
+**Equilibrium.** With f(q) the forces that must act on the joints to keep them at rest, A(q) the
+rows of the loops, the drives and the stops that hold, and N its null space, the model rests where
 
     N' f = 0,    f = A' s     (s: forces in the loops, moments of the drives, pushes of the stops)
 
@@ -19,11 +25,149 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.balance import DEPENDENT, FLAT, Balance
 from proofmass.sim.mujoco.linkage import CLOSED, NEAR, STRIDE, Linkage
 from proofmass.sim.mujoco.model import refuse_dry_friction
-from proofmass.sim.mujoco.stops import Stops
 from proofmass.sim.protocol import BadModel, Run, Unsupported
+
+DEPENDENT = 1e-10  # of the largest singular value: rows that say nothing new, to rounding
+FLAT = 1e-9  # of the largest stiffness: less cannot be told from none by differences
+
+
+class Balance:
+    """Ways x with ``rows x = -gap`` and, along the null space N of the rows, ``N' (f + K x) = 0``.
+
+    Parameters
+    ----------
+    rows, gap : ndarray (rows, nv), (rows,)
+        What holds the joints, and how far it is open; rows may depend on each other.
+    force, stiffness : ndarray (nv,), (nv, nv)
+        f and K: what must act on the joints to keep them at rest, and how it changes with them.
+
+    Attributes
+    ----------
+    inverse, null : ndarray (nv, rows), (nv, freedoms)
+        Pseudo-inverse of the rows, and N.
+    hessian : ndarray (freedoms, freedoms)
+        N' K N: what the freedoms' rest is stable by, when it is positive definite.
+    """
+
+    def __init__(self, rows: Array, gap: Array, force: Array, stiffness: Array):
+        self.rows, self.gap, self.force, self.stiffness = rows, gap, force, stiffness
+        left, values, right = np.linalg.svd(rows)
+        rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
+        self.inverse = (right[:rank].T / values[:rank]) @ left[:, :rank].T
+        self.null = right[rank:].T
+        self.hessian = self.null.T @ stiffness @ self.null
+
+    def step(self, descend: bool = False) -> Array:
+        """The joints' way x; to `descend` it turns back where the stiffness is negative."""
+        close = -self.inverse @ self.gap
+        return close - self.yielding(self.force + self.stiffness @ close, descend)
+
+    def yielding(self, force: Array, descend: bool = False) -> Array:
+        """How the freedoms yield to forces on the joints."""
+        push = self.null.T @ force
+        if not descend:
+            return np.asarray(self.null @ np.linalg.lstsq(self.hessian, push)[0])
+        values, vectors = np.linalg.eigh((self.hessian + self.hessian.T) / 2)
+        floor = FLAT * np.abs(self.stiffness).max() or FLAT
+        away = vectors.T @ push / np.maximum(np.abs(values), floor)
+        return np.asarray(self.null @ vectors @ away)
+
+    def pushes(self, move: Array) -> Array:
+        """What the rows push with after a step."""
+        return self.inverse.T @ (self.force + self.stiffness @ move)
+
+    def left_open(self) -> float:
+        """How far a step leaves the rows open: rows that contradict each other."""
+        return float(np.abs(self.gap - self.rows @ self.inverse @ self.gap).max())
+
+    def least(self) -> float:
+        """The least stiffness of the freedoms, as a share of the joints' largest."""
+        values = np.linalg.eigvalsh((self.hessian + self.hessian.T) / 2)
+        return float(values.min(initial=np.inf) / (np.abs(self.stiffness).max() or 1.0))
+
+    def tangent(self, columns: slice) -> Array:
+        """How the rest moves when the rows of those numbers do (nv, columns)."""
+        motions = self.inverse[:, columns]
+        return motions - self.yielding(self.stiffness @ motions)
+
+
+COVERED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+BLOCKS = 10  # rounds in which all wrong joints switch at once
+TOUCHES = 1e-12  # [rad, or extents] rounding of a pose; beyond it a joint is past its stop
+PULLS = 1e-12  # of the largest force: rounding of a reaction
+
+
+class Stops:
+    """The limited joints of a model, without the `driven` ones.
+
+    Attributes
+    ----------
+    dofs, adr : ndarray (stops,) of int
+        Where they stand in ``qvel`` and in ``qpos``.
+    side : ndarray (stops,) of int
+        -1 on the low stop, +1 on the high one, 0 between them.
+    turns : int
+        How often a step may be asked for.
+    """
+
+    def __init__(self, model: mujoco.MjModel, driven: Array, reach: Array):
+        joints = np.flatnonzero(model.jnt_limited & ~np.isin(model.jnt_dofadr, driven))
+        for j in joints:
+            if model.jnt_type[j] not in COVERED:
+                raise Unsupported(f"range of joint {model.joint(j).name!r} in a sweep with freedoms"
+                                  " left; ranges of hinges and slides are covered")
+        self.names = [model.joint(j).name for j in joints]
+        self.dofs, self.adr = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
+        self.low, self.high = model.jnt_range[joints].T
+        self.slack = TOUCHES * reach[self.dofs]
+        self.rows = np.eye(model.nv)[self.dofs]
+        self.side = np.zeros(joints.size, int)
+        self.turns = BLOCKS + 2 * joints.size
+
+    def beyond(self, place: Array) -> Array:
+        """Which stop each joint is past: -1, 0 or 1."""
+        return (place > self.high + self.slack) * 1 - (place < self.low - self.slack)
+
+    def begin(self, pose: Array) -> None:
+        """Hold every joint that is on a stop or past it."""
+        place = pose[self.adr]
+        self.side = (place >= self.high - self.slack) * 1 - (place <= self.low + self.slack)
+
+    def held(self, pose: Array) -> tuple[Array, Array]:
+        """How far the held joints are past their stops, and their rows."""
+        on = self.side != 0
+        bound = np.where(self.side < 0, self.low, self.high)
+        return (pose[self.adr] - bound)[on], self.rows[on]
+
+    def switch(self, pose: Array, move: Array, pushes: Array, scale: float, turn: int) -> bool:
+        """Release what is pulled and hold what is past its stop; whether anything was wrong.
+
+        Parameters
+        ----------
+        pose, move : ndarray
+            Where the joints are, and the step that is asked for.
+        pushes : ndarray
+            What all rows would push with after it; those of the held joints are the last.
+        scale : float
+            The largest force there is.
+        turn : int
+            How often this step was asked for before.
+        """
+        on = self.side != 0
+        state = self.beyond(pose[self.adr] + move[self.dofs])
+        state[on] = self.side[on]
+        pull = self.side[on] * pushes[pushes.size - on.sum():]
+        state[np.flatnonzero(on)[pull > PULLS * scale]] = 0
+        wrong = np.flatnonzero(state != self.side)[: None if turn < BLOCKS else 1]
+        self.side[wrong] = state[wrong]
+        return bool(wrong.size)
+
+    def spoken(self) -> str:
+        """The joints that are held."""
+        return ", ".join(self.names[k] for k in np.flatnonzero(self.side))
+
 
 NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10, as rates are
 FAR = 0.5  # [rad, or extents] a start pose further from rest than this misses a drive

@@ -3,8 +3,11 @@
 The holding moment is virtual work: the engine's inverse dynamics at rest, projected on the motion
 that the drive allows.  The engine's own ``qfrc_inverse`` at the drive is not it: on a closed loop
 it leaves out what the loop carries.  Freedoms that the drives leave come to rest between springs,
-weights and stops; see `proofmass.sim.mujoco.rest`, and `proofmass.sim.mujoco.settled` for the
-engine's own way there.
+weights and stops; see `proofmass.sim.mujoco.equilibrium`, and `proofmass.sim.mujoco.settling` for
+the engine's own way there.
+
+A run `rest` finds one pose and the shapes that its rods have in it.  The start shapes may be far
+from rest: Newton's method descends in bounded steps, as many as it needs.
 """
 
 import time
@@ -12,11 +15,13 @@ import time
 import mujoco
 import numpy as np
 
+from proofmass.sim.mujoco.equilibrium import Resting, linkage_of
 from proofmass.sim.mujoco.model import Recorder
-from proofmass.sim.mujoco.reading import drive_moments, withhold
-from proofmass.sim.mujoco.rest import Resting, linkage_of
-from proofmass.sim.mujoco.settled import settled
+from proofmass.sim.mujoco.sensors import drive_moments, withhold
+from proofmass.sim.mujoco.settling import settled
+from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
+from proofmass.sim.rods import Chain, Pose, of_rods, shapes
 
 ACC = int(mujoco.mjtStage.mjSTAGE_ACC)
 NO_ACC = "springs, weights or stops bring the model to rest: a path of rests has no accelerations"
@@ -73,3 +78,46 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     return Curves(run.x[:done], channels, missing, drive=(value, rate, acceleration),
                   gap=float(record.gaps().max()), seconds=seconds, steps=done, stopped=stopped,
                   derivatives=1 if isinstance(linkage, Resting) else 2)
+
+
+VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+
+
+def rest(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+    """Let the model come to rest with its drives held at their first values.
+
+    Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.
+
+    Raises
+    ------
+    BadModel
+        The loops cannot be closed, or the rest that is found is not stable.
+    Unsupported
+        Nothing brings the freedoms to rest, or an equality is of another kind.
+    """
+    began = time.perf_counter()
+    linkage = linkage_of(model, data, run)
+    tangent = linkage.move(run.motion(run.x[:1])[0][:, 0])
+    linkage.check_limits()
+    sensors = tuple(c for c in run.channels if c not in of_rods(run))
+    record = Recorder(model, data, sensors, 1)
+    missing = withhold(record, VELOCITY, NO_ACC)
+    mujoco.mj_forward(model, data)
+    record.sample(0)
+    curves = record.curves() | drive_moments(
+        model, linkage, record, linkage.holding_moments(tangent)[None])
+    curves = {name: np.repeat(values, run.x.size) for name, values in curves.items()}
+    curves |= shapes(run, lambda one: pose(model, data, one))
+    return Curves(run.x, curves, missing, gap=float(record.gaps().max()),
+                  seconds=time.perf_counter() - began, steps=1)
+
+
+def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> Pose:
+    """Vertices, angles and bends of a rod's links."""
+    links = [model.body(name).id for name in one.names]
+    ahead = data.xmat[links].reshape(-1, 3, 3)[:, :, 0]
+    places = np.vstack([data.xpos[links], data.site(f"{one.rod.name}.tip").xpos])
+    x, y = find_plane(model, data).flat(ahead).T
+    bends = np.array([data.joint(name).qpos[0] if jointed else 0.0
+                      for name, jointed in zip(one.names, one.jointed, strict=True)])
+    return places, np.arctan2(y, x), bends

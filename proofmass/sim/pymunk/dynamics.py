@@ -1,0 +1,304 @@
+"""Time stepping in pymunk: the motion of a model in time, its curves and the state of its drives.
+
+The start has consistent rates and accelerations, and lies one step back in time.  States are
+recorded at the samples and just before them.  The number of iterations in a step follows from how
+fast Chipmunk's solver converges.
+"""
+
+import time
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import Curves, Diverged, Run
+from proofmass.sim.pymunk.kinematics import (
+    alike,
+    along,
+    bound,
+    close,
+    gaps,
+    jacobian,
+    least,
+    potential,
+    residual,
+    sizes,
+    values,
+)
+from proofmass.sim.pymunk.links import Links
+from proofmass.sim.pymunk.read import Channel, kinetic, moving, unwrapped
+from proofmass.sim.pymunk.space import FIELDS, Motor, Settings, add_drives, aim, build, put, taken
+
+CLEAR = 1e-9
+"""How far below one the share must be of what a constraint holds."""
+
+
+def contraction(links: Links, pose: Array) -> float:
+    """Share of an error that one iteration of the solver leaves, where it converges slowest.
+
+    In an iteration each constraint in turn takes its own part out of the velocity error: with the
+    coordinates scaled by the roots of the masses, an orthogonal projection.  The share is the
+    spectral radius of their product,
+
+        (I - B_n^+ B_n) ... (I - B_1^+ B_1),
+
+    without the ones of the free coordinates, which no constraint holds.
+    """
+    root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
+    rows = jacobian(lambda p: bound(links, p), pose) / root
+    product = np.eye(len(root))
+    for block in np.split(rows, _starts(links)):
+        product = product - np.linalg.pinv(block) @ (block @ product)
+    sizes = np.abs(np.linalg.eigvals(product))
+    return float(sizes[sizes < 1 - CLEAR].max(initial=0.0))
+
+
+def _starts(links: Links) -> list[int]:
+    """First rows of the constraints but the first: a pin has two rows, a slide two of one."""
+    starts: list[int] = []
+    for k, hold in enumerate(links.holds):
+        starts += [2 * k] if hold.axis is None else [2 * k, 2 * k + 1]
+    count = 2 * len(links.holds)
+    return [*starts[1:], *range(count, count + len(links.drives))]
+
+
+def enough(links: Links, poses: Array, left: float) -> int:
+    """Iterations that leave no more than a share of an error in any of the poses.
+
+    Parameters
+    ----------
+    links : Links
+    poses : ndarray (poses, links + 1, 3)
+    left : float
+        The share.
+    """
+    share = max(contraction(links, pose) for pose in poses)
+    return int(np.ceil(np.log(left) / np.log(share))) if share > 0 else 1
+
+
+def start_motion(links: Links, pose: Array, rate: Array, acceleration: Array
+                 ) -> tuple[Array, Array]:
+    """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drives.
+
+    Joints without drive start with the keyframe's rates as far as the loops allow.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    rate, acceleration : ndarray (drives,)
+        Of the drives [rad/s or m/s], [rad/s2 or m/s2].
+    """
+    def held(p: Array) -> Array:
+        return bound(links, p)
+
+    rows, rates = jacobian(held, pose), jacobian(lambda p: values(links.joints, p), pose)
+    closed = np.zeros(len(rows) - len(rate))
+    tree = np.vstack([jacobian(lambda p: residual(links, p), pose), rates])
+    wanted = np.append(closed, [joint.rate for joint in links.joints])
+    velocity = least(links, tree, wanted)
+    lacking = np.append(closed, rate) - rows @ velocity
+    velocity = velocity + _held(links, rows, np.zeros(len(velocity)), lacking)
+    full = _padded(velocity)
+    h = 1e-5 / (1e-5 + sizes(links, full))
+    turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
+    damping = np.array([joint.damping for joint in links.joints])
+    force = -jacobian(lambda p: potential(links, p), pose)
+    force = force - rates.T @ (damping * (rates @ velocity))
+    needed = np.append(closed, acceleration) - turning @ velocity
+    return full, _padded(_held(links, rows, force, needed))
+
+
+def _held(links: Links, rows: Array, force: Array, needed: Array) -> Array:
+    """Solve ``M a + J^T f = force`` with ``J a = needed``, redundant rows allowed."""
+    rows, needed = alike(links, rows, needed)
+    inertia = np.column_stack([links.mass, links.mass, links.moment]).ravel() * links.sizes**2
+    most = inertia.max()
+    matrix = np.block([[np.diag(inertia / most), rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    right = np.append(force * links.sizes / most, needed)
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-14)[0][: len(force)] * links.sizes)
+
+
+def _padded(links_only: Array) -> Array:
+    return np.append(links_only, np.zeros(3)).reshape(-1, 3)
+
+
+def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
+              drives: Array) -> tuple[Array, Array]:
+    """The state one step before the start, as if the engine had been running all along.
+
+    Chipmunk meets holds and drives to first order, ``C(x) + dt J(x) v = 0``, so that a moving one
+    stays open by the rest, a constant times dt^2.  A start without this gap would jump by it.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+        Closed pose of the start.
+    motion : (velocity, acceleration)
+    dt : float
+        Time step [s].
+    drives : ndarray (2, drives)
+        Values of the drives at -dt and at 0.
+
+    Returns
+    -------
+    pose, velocity : ndarray (links + 1, 3)
+        At -dt and over [-dt, 0].
+    """
+    velocity, acceleration = motion
+    poses = []
+    for at, value in zip((-dt, 0.0), drives, strict=True):
+        near = pose + at * velocity + 0.5 * at**2 * acceleration
+        before = pose + (at - dt) * velocity + 0.5 * (at - dt) ** 2 * acceleration
+        move = dt * (velocity + (at - 0.5 * dt) * acceleration)
+        rest = (bound(links, before + move) - bound(links, before)
+                - along(lambda p: bound(links, p), before, move))
+        poses.append(close(links, near, value, rest))
+    return poses[0], (poses[1] - poses[0]) / dt
+
+
+SURE = 3000
+"""Least iterations of the first step: Chipmunk starts from the last step's impulses, and has none.
+Ten times those of the others, if these are more."""
+States = tuple[Array, Array, Array]
+"""Pose at each sample, velocity over the step before it and over the step after it."""
+
+
+def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
+    """Step through a run with `per` steps from sample to sample."""
+    space, drives, targets, back = prepared(links, run, per, settings)
+    record = np.zeros(len(targets), bool)
+    record[::per] = record[per - 1::per] = True
+    buffer = batch.Buffer()
+    first = max(SURE, 10 * settings["iterations"])
+    step_through(space, settings["timestep"], drives, targets, record, buffer, first)
+    return at_samples(*taken(buffer, links), record, per, back)
+
+
+def prepared(links: Links, run: Run, per: int, settings: Settings
+             ) -> tuple[pymunk.Space, list[Motor], Array, Array]:
+    """The space one step before the start, its drives, their values after each step (steps,
+    drives), and the velocity before the start."""
+    space = build(links, settings["iterations"], settings["error_bias"])
+    pose, velocity, targets = start_state(links, run, per, settings["timestep"])
+    put(space, pose, velocity)
+    return space, add_drives(space, links), targets, velocity
+
+
+def start_state(links: Links, run: Run, per: int, dt: float) -> tuple[Array, Array, Array]:
+    """Pose (links + 1, 3) one step before the start, velocity from there to the start, and the
+    values of the drives after each step (steps, drives)."""
+    times = run.x[0] + dt * np.arange((len(run.x) - 1) * per + 1)
+    laws = np.zeros((3, len(times), len(run.drives)))
+    for k, drive in enumerate(run.drives):
+        for part, curve in zip(laws, drive.law(times), strict=True):
+            part[:, k] = curve
+    value, rate, acc = laws
+    value = _one_more(value, acc, dt)
+    pose = close(links, links.pose, value[1])
+    motion = start_motion(links, pose, rate[0], acc[0])
+    pose, velocity = step_back(links, pose, motion, dt, value[:2])
+    return pose, velocity, value[2:]
+
+
+def _one_more(value: Array, acc: Array, dt: float) -> Array:
+    """Law values with one step more at both ends, so that central differences reach the ends."""
+    if len(value) < 2:
+        return np.repeat(value, 3, axis=0)
+    first = 2 * value[0] - value[1] + dt**2 * acc[0]
+    last = 2 * value[-1] - value[-2] + dt**2 * acc[-1]
+    return np.vstack([first, value, last])
+
+
+def step_through(space: pymunk.Space, dt: float, drives: list[Motor], targets: Array,
+                 record: Array, buffer: batch.Buffer, first: int) -> None:
+    """Step once for each row of targets, and append all bodies' state after the marked steps.
+
+    The first step, which is marked, takes `first` iterations.
+    """
+    step, read = space.step, batch.get_space_bodies
+    usual, space.iterations = space.iterations, first
+    for target, wanted in zip(targets.tolist(), record.tolist(), strict=True):
+        aim(drives, target)
+        step(dt)
+        if wanted:
+            read(space, FIELDS, buffer)
+            if first:
+                space.iterations, first = usual, 0
+
+
+def at_samples(pose: Array, velocity: Array, record: Array, per: int,
+               back: Array) -> States:
+    """The states at the samples, from the recorded steps and the velocity before the first."""
+    place = np.cumsum(record) - 1
+    samples = np.arange(0, len(record), per)
+    before = np.concatenate([back[None], velocity[place[samples[1:] - 1]]])
+    return pose[place[samples]], before, velocity[place[samples]]
+
+
+LOST = 0.1
+"""Gap, as a share of the mechanism's extent, beyond which a run is lost."""
+USUAL, MOST = 100, 3000
+"""Iterations of a step: at first, and at most."""
+LEFT = 0.1
+"""Share of an error that they may leave; the next step starts from there."""
+LOOKED_AT = 40
+"""Poses at which the iterations needed are found."""
+
+
+def duration(links: Links, run: Run, channels: dict[str, Channel], settings: Settings) -> Curves:
+    """Step a mechanism through time; see `proofmass.sim.pymunk.engine.simulate`.
+
+    Without a given number of iterations the run is repeated with what its poses need.
+    """
+    began = time.perf_counter()
+    per, dt = run.steps(settings["timestep"])
+    used = {**settings, "timestep": dt, "iterations": settings["iterations"] or USUAL}
+    states = stepped(links, run, per, used)
+    if settings["iterations"] is None and (needed := _needed(links, states[0])) > USUAL:
+        used["iterations"] = needed
+        states = stepped(links, run, per, used)
+    gap = _checked(links, states[0], run.x)
+    curves = {name: unwrapped(name, _curve(links, c, states, dt)) for name, c in channels.items()}
+    steps = (len(run.x) - 1) * per + 1
+    return Curves(run.x, curves, {}, _drive_state(links, states, dt), gap,
+                  time.perf_counter() - began, steps, used)
+
+
+def _needed(links: Links, pose: Array) -> int:
+    if _lost(links, pose)[1].any():
+        return MOST
+    return min(enough(links, pose[:: len(pose) // LOOKED_AT + 1], LEFT), MOST)
+
+
+def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array, Array] | None:
+    def value(pose: Array) -> Array:
+        return values(links.drives, pose)
+
+    if not links.drives:
+        return None
+    place, rate, acceleration = (moving(value, order, *states, dt).T for order in (0, 1, 2))
+    return place, rate, acceleration
+
+
+def _lost(links: Links, pose: Array) -> tuple[Array, Array]:
+    """Largest gap [m] of each pose, and where it or anything else says that the run was lost."""
+    with np.errstate(all="ignore"):
+        gap = gaps(links, pose).max(axis=-1)
+    return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= LOST * links.extent))
+
+
+def _checked(links: Links, pose: Array, x: Array) -> float:
+    gap, lost = _lost(links, pose)
+    if lost.any():
+        k = int(np.argmax(lost))
+        raise Diverged(f"lost at time {x[k]:.4g} s: the loops are open by {gap[k]:.3g} m")
+    return float(gap.max())
+
+
+def _curve(links: Links, c: Channel, states: States, dt: float) -> Array:
+    if c.order == -1:
+        return kinetic(links, 0.5 * (states[1] + states[2]))
+    return moving(c.function, c.order, *states, dt)

@@ -1,0 +1,338 @@
+"""Holds, joints and energy as functions of the links' poses (..., links + 1, 3).
+
+Derivatives are complex steps (value at ``pose + i h direction``): exact to rounding.  Only the
+slope of the energy is written out, since chains of many links need it in each free motion.  Loops
+are closed in a pose, or the error says by how much they miss; a pose has free motions with its
+drives held, on the stops that its joints are pressed on.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadModel
+from proofmass.sim.pymunk.links import Hold, Joint, Links, Table
+
+STEP = 1e-30
+QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Turns row vectors by a quarter turn."""
+
+
+def turned(angle: Array, vector: Array) -> Array:
+    """Vectors (..., 2) turned by angles (...), as (..., 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vector[..., 0], vector[..., 1]
+    across = c * x - s * y
+    found = np.empty((*np.shape(across), 2), across.dtype)  # a third of the time of `np.stack`
+    found[..., 0], found[..., 1] = across, s * x + c * y
+    return found
+
+
+def apart(hold: Hold | Table, pose: Array) -> Array:
+    """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
+    a, b = pose[..., hold.a, :], pose[..., hold.b, :]
+    return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
+
+
+def _rows(links: Links, pose: Array) -> Array:
+    """How far each hold is from held (..., holds, 2): both ways, or across a slide and turned."""
+    table = links.table
+    rows, slides = apart(table, pose), table.slides
+    if slides.any():
+        a, b = pose[..., table.a[slides], 2], pose[..., table.b[slides], 2]
+        across = turned(a, table.axis[slides] @ QUARTER)
+        rows[..., slides, :] = np.stack([(across * rows[..., slides, :]).sum(-1), b - a], axis=-1)
+    return rows
+
+
+def residual(links: Links, pose: Array) -> Array:
+    """How far all holds are from held (..., rows), of poses (..., links + 1, 3)."""
+    rows = _rows(links, pose)
+    return rows.reshape(*rows.shape[:-2], -1)
+
+
+def gaps(links: Links, pose: Array) -> Array:
+    """Distance by which each hold is open [m] (..., holds), of poses (..., links + 1, 3)."""
+    rows = _rows(links, pose)
+    return np.where(links.table.slides, np.abs(rows[..., 0]), np.linalg.norm(rows, axis=-1))
+
+
+def joint_value(joint: Joint, pose: Array) -> Array:
+    """A joint's coordinate [rad or m] (...), continuous from its value in the start pose."""
+    hold = joint.hold
+    if hold.axis is None:
+        return joint.value + joint.sign * (pose[..., hold.b, 2] - pose[..., hold.a, 2])
+    along = turned(pose[..., hold.a, 2], hold.axis)
+    return joint.value + (along * apart(hold, pose)).sum(-1)
+
+
+def values(joints: tuple[Joint, ...], pose: Array) -> Array:
+    """The coordinates of some joints (..., joints), of poses (..., links + 1, 3)."""
+    columns = [joint_value(joint, pose)[..., None] for joint in joints]
+    return np.concatenate([np.zeros((*pose.shape[:-2], 0)), *columns], axis=-1)
+
+
+def bound(links: Links, pose: Array) -> Array:
+    """All that is prescribed (..., rows + drives): the residual, then the drives' values."""
+    return np.concatenate([residual(links, pose), values(links.drives, pose)], axis=-1)
+
+
+def along(function: Callable[[Array], Array], pose: Array, velocity: Array) -> Array:
+    """Derivative of a function of the pose along a velocity."""
+    return np.imag(function(pose + 1j * STEP * velocity)) / STEP
+
+
+def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
+    """Derivatives of a function of one pose with respect to the links' coordinates."""
+    size = 3 * (len(pose) - 1)
+    units = np.zeros((size, *pose.shape))
+    units.reshape(size, -1)[:, :size] = np.eye(size)
+    return np.moveaxis(along(function, pose, units), 0, -1)
+
+
+def least(links: Links, rows: Array, wanted: Array) -> Array:
+    """The least move (3 links,) by which rows change as wanted, lengths as shares of the extent."""
+    rows, wanted = alike(links, rows, wanted)
+    return np.asarray(np.linalg.lstsq(rows, wanted, rcond=1e-12)[0] * links.sizes)
+
+
+def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
+    """Rows of a linear system of moves as shares of their sizes, all of them of length one.
+
+    So that nothing is lost between radians and lengths of any size.
+    """
+    rows = rows * links.sizes
+    long = np.linalg.norm(rows, axis=1)
+    long[long == 0] = 1.0
+    return rows / long[:, None], wanted / long
+
+
+def potential(links: Links, pose: Array) -> Array:
+    """Energy [J] (...) of gravity, joint springs and loads, as the engine's links carry it."""
+    weight = links.mass[:, None] * links.gravity
+    energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
+    for joint in links.joints:
+        value = joint_value(joint, pose)
+        energy = energy + joint.spring_energy(value) - joint.load * value
+    for pull in links.pulls:
+        body = pose[..., pull.link, :]
+        point = body[..., :2] + turned(body[..., 2], pull.at)
+        energy = energy - point @ pull.force - pull.moment * body[..., 2]
+    return energy
+
+
+MOVE = 0.05
+"""Largest move of a drive [rad, or extents] between two poses, so that a branch is kept."""
+CLOSED = 1e-9
+"""Gap [extents] and miss of a drive [extents or radians] of a pose that is closed."""
+
+
+def stages(links: Links, now: Array, then: Array) -> Array:
+    """Values of the drives (stages, drives) on the way to new ones, in moves of at most MOVE."""
+    scale = [1.0 if joint.hold.axis is None else links.extent for joint in links.drives]
+    count = int(np.max(abs(then - now) / scale, initial=0.0) / MOVE) + 1
+    return np.linspace(now, then, count + 1)[1:]
+
+
+def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -> Array:
+    """Move a pose by Newton until all holds are closed and the drives have their values.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    drives : ndarray (drives,)
+        Values [rad or m] of the driven joints; approached in moves of at most `MOVE`.
+    rest : ndarray (rows + drives,), optional
+        What is to remain of each hold and drive.
+
+    Returns
+    -------
+    ndarray (links + 1, 3)
+
+    Raises
+    ------
+    BadModel
+        The loops cannot be closed here.
+    """
+    for stage in stages(links, values(links.drives, pose), drives):
+        pose = _newton(links, pose, stage, rest)
+    return pose
+
+
+def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Array:
+    best, off = pose, np.inf
+    for _ in range(40):
+        error = missing(links, pose, drives) - rest
+        size = np.abs(error / links.bounds).max(initial=0.0)
+        if not size < off:
+            break
+        best, off = pose, size
+        step = least(links, jacobian(lambda p: bound(links, p), pose), error)
+        pose = pose - np.append(step, np.zeros(3)).reshape(pose.shape)
+    if off > CLOSED:
+        missed = _missed(links, best, drives)
+        raise BadModel(f"the loops cannot be closed at {named(links, drives) or 'the start'}" + (
+            f", open by {missed:.2g} m" if missed > CLOSED * links.extent
+            else ": a singular pose before it"))
+    return best
+
+
+def named(links: Links, drives: Array) -> str:
+    """Values of the drives with their names."""
+    return ", ".join(f"{j.name} = {v:.6g}" for j, v in zip(links.drives, drives, strict=True))
+
+
+def missing(links: Links, pose: Array, drives: Array) -> Array:
+    """How far all that is prescribed is from held (..., rows + drives), of some poses."""
+    error = bound(links, pose)
+    error[..., error.shape[-1] - len(drives):] -= drives
+    return error
+
+
+def _missed(links: Links, pose: Array, drives: Array) -> float:
+    """The gap [m] of the loops at their closest, with joints and drives held."""
+    if not np.isfinite(pose).all():
+        return np.inf
+    tree = residual(links, pose).size - 2 * len(links.loops)
+    weight = 1e4 / links.bounds
+    weight[tree: tree + 2 * len(links.loops)] /= 1e4
+    ground = pose[-1:]
+
+    def moved(flat: Array) -> Array:
+        return np.vstack([(links.sizes * flat).reshape(-1, 3), ground])
+
+    fit = least_squares(lambda flat: weight * missing(links, moved(flat), drives),
+                        pose[:-1].ravel() / links.sizes, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    return float(gaps(links, moved(fit.x)).max())
+
+
+def slope(links: Links, pose: Array, pull: Array, stops: tuple[Joint, ...]) -> Array:
+    """Derivatives of ``V - pull . held`` by the coordinates of poses (..., links + 1, 3).
+
+    Each hold has a force u between its anchors and a moment t between its links:
+
+        d/dp_b = u                              d/dp_a = -u
+        d/da_b = t + u . R'(a_b) on_b           d/da_a = -t - u . R'(a_a) on_a + u' . apart
+
+    with u' where u turns with the first link, along a slide and across it.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (..., links + 1, 3)
+    pull : ndarray (rows,)
+        Forces in the holds, the drives and the joints on their stops, in this order.
+    stops : tuple of Joint
+        These joints.
+    """
+    table = links.table
+    force, moment = _between(links, pose, pull, stops)
+    arms = [turned(pose[..., link, 2], on) @ QUARTER
+            for link, on in ((table.a, table.on_a), (table.b, table.on_b))]
+    on_a, on_b = (moment + (force * arm).sum(-1) for arm in arms)
+    with_a = (force @ QUARTER * apart(table, pose)).sum(-1) * table.slides
+    units = np.eye(pose.shape[-2])
+    found = np.zeros_like(pose)
+    found[..., :2] = (units[table.b] - units[table.a]).T @ force
+    found[..., 2] = on_b @ units[table.b] - (on_a - with_a) @ units[table.a]
+    found[..., :-1, :2] -= links.mass[:, None] * links.gravity
+    for load in links.pulls:
+        arm = turned(pose[..., load.link, 2], load.at) @ QUARTER
+        found[..., load.link, :2] -= load.force
+        found[..., load.link, 2] -= arm @ load.force + load.moment
+    return found
+
+
+def _between(links: Links, pose: Array, pull: Array, stops: tuple[Joint, ...]
+             ) -> tuple[Array, Array]:
+    """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
+    table, slides, rows = links.table, links.table.slides, 2 * len(links.holds)
+    efforts = np.zeros((*pose.shape[:-2], len(links.holds)))
+    pushes = list(zip([*links.drives, *stops], pull[rows:].tolist(), strict=True))
+    for k, joint in enumerate(links.joints):
+        push = sum(push for pushed, push in pushes if pushed is joint)
+        efforts[..., k] = -joint.spring_force(joint_value(joint, pose)) - joint.load - push
+    held = -pull[:rows].reshape(-1, 2)
+    signs = np.append([joint.sign for joint in links.joints], np.zeros(len(links.loops)))
+    axis = turned(pose[..., table.a, 2], table.axis)
+    sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
+    return (np.where(slides[:, None], sliding, held),
+            np.where(slides, held[:, 1], signs * efforts))
+
+
+NUDGE = 1e-4
+"""Displacement for differences of the energy's slope, in extents or radians."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Free motions of a pose, uncoupled to second order in the energy.
+
+    Attributes
+    ----------
+    shapes : ndarray (n, links + 1, 3)
+        Moves of unit mass.
+    squares : ndarray (n,)
+        Curvature of the energy along them: their frequencies squared [1/s2].
+    pull : ndarray (held,)
+        What it takes to hold what is held: holds, drives, then the joints on their stops.
+    stops : tuple of Joint
+        These joints.
+    """
+
+    shapes: Array
+    squares: Array
+    pull: Array
+    stops: tuple[Joint, ...]
+
+    def rise(self, links: Links, pose: Array, move: Array) -> Array:
+        """By how much a move from the pose makes the energy's slope along each mode larger."""
+        there, here = (slope(links, p, self.pull, self.stops) for p in (pose + move, pose))
+        return np.tensordot(self.shapes, there - here, 2)
+
+
+def free_directions(links: Links, rows: Array) -> Array:
+    """Moves (n, links + 1, 3) of unit mass that leave what is held as it is, by its Jacobian."""
+    root = _root(links)
+    long = np.linalg.norm(rows / root, axis=1, keepdims=True)
+    _, sizes, modes = np.linalg.svd(rows / root / np.where(long == 0, 1.0, long))
+    rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
+    moves = (modes[rank:] / root).reshape(-1, len(links.mass), 3)
+    return np.pad(moves, ((0, 0), (0, 1), (0, 0)))
+
+
+def find_modes(links: Links, pose: Array, stops: tuple[Joint, ...]) -> Modes:
+    """The modes of a pose (links + 1, 3) whose joints `stops` stay on their stops.
+
+    The curvature is that of ``V - pull . held``, so that it counts how the paths bend on which
+    what is held stays as it is.
+    """
+    rows = jacobian(partial(_held, links, stops), pose)
+    load, root = jacobian(partial(potential, links), pose), _root(links)
+    pull = np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
+    moves = free_directions(links, rows)
+    size = sizes(links, moves)
+    nudge = moves * (NUDGE / size)[:, None, None]
+    rise = slope(links, pose + nudge, pull, stops) - slope(links, pose - nudge, pull, stops)
+    bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
+    squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
+    return Modes(np.tensordot(modes.T, moves, 1), squares, pull, stops)
+
+
+def sizes(links: Links, moves: Array) -> Array:
+    """Largest part of each of some moves (..., links + 1, 3), in extents or radians."""
+    return np.asarray(np.abs(moves / links.sizes[:3]).max(axis=(-2, -1)))
+
+
+def _held(links: Links, stops: tuple[Joint, ...], pose: Array) -> Array:
+    return np.concatenate([bound(links, pose), values(stops, pose)], axis=-1)
+
+
+def _root(links: Links) -> Array:
+    """Roots of the masses of all coordinates."""
+    return np.asarray(np.sqrt(links.weights[:-1]).ravel())

@@ -1,0 +1,517 @@
+"""Quasi-static sweep in pymunk: hold the drives at each sample until Chipmunk comes to rest.
+
+**Stops.** Chipmunk's stops act only on a joint that is beyond them, and with an error bias of 0 put
+it back in one step; to the last digit, where they let go, and it falls in anew.  So a joint meets
+its stop a `HAIR` before the limit and is left on the limit, by a bias that may take it no further
+back.
+
+**Rest.** The engine alone says where the rest is: its velocity is zero there and nowhere else.  The
+energy of `proofmass.sim.pymunk.kinematics` says how far to go: by how much the velocity of each
+free motion would fall.
+
+Every pose is at rest by the engine's own answer: a step from standstill gives it no velocity.
+With all velocity taken out in every step, a step of Chipmunk is one Newton step of the holds in
+the metric of the masses, so a linkage without free coordinates rests after a few of them.  Free
+coordinates (springs, hanging bodies) get a velocity down the slope of the engine's energy;
+`toward_rest` chooses how far they go along it, and so they fall into the next valley where theirs
+ends.  They begin beside the start pose: an engine that does nothing stays
+there, and is not at rest in the right pose by having been put into it.
+"""
+
+import time
+from dataclasses import dataclass, field
+from itertools import compress
+
+import numpy as np
+import pymunk
+from numpy.typing import NDArray
+from pymunk import batch
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
+from proofmass.sim.pymunk.dynamics import enough
+from proofmass.sim.pymunk.kinematics import (
+    along,
+    bound,
+    close,
+    find_modes,
+    free_directions,
+    gaps,
+    jacobian,
+    joint_value,
+    missing,
+    named,
+    potential,
+    sizes,
+    stages,
+    turned,
+    values,
+)
+from proofmass.sim.pymunk.links import HAIR, Joint, Links
+from proofmass.sim.pymunk.read import Channel, kinetic, unwrapped
+from proofmass.sim.pymunk.space import (
+    FIELDS,
+    STOPS,
+    Motor,
+    Settings,
+    add_drives,
+    aim,
+    build,
+    put,
+    taken,
+)
+from proofmass.sim.rods import Chain, Pose, shapes
+
+Stops = list[tuple[Joint, pymunk.Constraint]]
+STAY = 1e-30
+"""Way back in a step [rad or m] of a joint that rests on its stop: with none the stop lets go."""
+
+
+def way_back(joint: Joint, pose: Array) -> float:
+    """Way [rad or m] of a joint from beyond a stop back to it; zero between the stops."""
+    value = float(joint_value(joint, pose))
+    return float(np.clip(value, *joint.limits)) - value if joint.limits else 0.0
+
+
+def beyond(stops: Stops, pose: Array) -> list[Joint]:
+    """The joints that are beyond a stop, and so held by it in the next step."""
+    return [joint for joint, _ in stops if way_back(joint, pose)]
+
+
+def find_stops(links: Links, space: pymunk.Space) -> Stops:
+    """The joints with limits and their stops in a space, made to put a joint back in one step."""
+    stops = [constraint for constraint in space.constraints if isinstance(constraint, STOPS)]
+    for stop in stops:
+        stop.error_bias = 0.0
+    return list(zip([joint for joint in links.joints if joint.limits], stops, strict=True))
+
+
+def ease(stops: Stops, pose: Array, dt: float) -> None:
+    """Let the next step put no joint back further than to a hair beyond its stop."""
+    for joint, stop in stops:
+        stop.max_bias = max(abs(way_back(joint, pose)) - HAIR, STAY) / dt
+
+
+SOFT = 1e-8
+"""Least stiffness that a mode is taken to have, as a share of what makes the usual step."""
+SLIP = 0.1
+"""How far a joint may pass a stop, as a share of its way there: to be pressed on it thereafter."""
+PAST = 10 * HAIR
+"""The least that it may: to be put back to the limit, where a joint within a hair would stay."""
+MOVE = 0.1
+"""Largest move of a mode, in extents or radians: its stiffness is that of the pose it begins in."""
+CLOSE = 0.3
+"""Largest move of all that is held, in extents or radians: light links turn far to close a gap."""
+LEAVES = 1e-5
+"""Share of the fastest velocity with which a joint leaves its stop: less may be the solver's."""
+
+
+def toward_rest(links: Links, pose: Array, velocity: Array, dt: float) -> Array:
+    """The move (links + 1, 3) that the engine's velocity asks for.
+
+    From standstill a step gives each free motion of unit mass a velocity of dt times its force; a
+    move of that velocity over dt w^2 takes the force away.  All other velocity closes the holds,
+    brings the drives to their values or leaves a stop, in one step of dt.
+
+    Parameters
+    ----------
+    links : Links
+    pose : ndarray (links + 1, 3)
+    velocity : ndarray (links + 1, 3)
+        What a step of the engine gives to the pose.
+    dt : float
+        That step [s].
+    """
+    beyond = tuple(joint for joint in links.joints if way_back(joint, pose))
+    kept = ~_leaving(links, beyond, pose, velocity, dt,
+                     LEAVES * float(sizes(links, velocity)))
+    while True:
+        move = _move(links, tuple(compress(beyond, kept)), pose, velocity, dt)
+        pressed = kept | ~_leaving(links, beyond, pose, move / dt, dt)
+        if (pressed == kept).all():
+            return move
+        kept = pressed  # what the engine lets go in its step falls back in a longer one
+
+
+def _move(links: Links, stops: tuple[Joint, ...], pose: Array, velocity: Array, dt: float
+          ) -> Array:
+    """The move if those joints stay on their stops."""
+    modes = find_modes(links, pose, stops)
+    parts = np.tensordot(modes.shapes, links.weights * velocity, 2)
+    stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
+    closing = dt * (velocity - np.tensordot(parts, modes.shapes, 1))
+    closing /= max(1.0, float(sizes(links, closing)) / CLOSE)
+    ways = (parts / dt - modes.rise(links, pose, closing)) / stiff
+    most = MOVE / sizes(links, modes.shapes)  # of each: soft ones wait, stiff ones do not
+    fall = np.tensordot(np.clip(ways, -most, most), modes.shapes, 1)
+    return closing + fall / max(1.0, _excess(links, pose, fall))
+
+
+def _leaving(links: Links, beyond: tuple[Joint, ...], pose: Array, velocity: Array, dt: float,
+             least: float = 0.0) -> NDArray[np.bool_]:
+    """Which joints beyond their stops move back faster than `sim.pymunk.stops.ease` asks."""
+    back = np.array([way_back(joint, pose) for joint in beyond])
+    rates = along(lambda p: values(beyond, p), pose, velocity)
+    due = np.maximum(np.abs(back) - HAIR, 0.0) / dt
+    return np.sign(back) * rates - due > least
+
+
+def _excess(links: Links, pose: Array, move: Array) -> float:
+    """How many times too long a move is: it is to end at the first stop."""
+    joints = tuple(j for j in links.joints if j.limits and not way_back(j, pose))
+    value, rate = values(joints, pose), along(lambda p: values(joints, p), pose, move)
+    low, high = np.array([joint.limits for joint in joints]).reshape(-1, 2).T
+    room = np.where(rate < 0, value - low, high - value)
+    beyond = np.abs(rate) / ((1 + SLIP) * room + PAST)
+    return float(beyond.max(initial=0.0))
+
+
+FAR = 3.0
+"""Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
+STILL = 1e-12
+"""Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
+ROUGH = 1e-6
+"""The same between samples, where the pose only has to stay on its branch."""
+DOUBT = 12
+"""Steps after which it is asked whether the loops can be closed at all."""
+BESIDE = 1e-3
+"""How far beside the start pose free coordinates begin, in extents or radians."""
+MOST = {True: 1000, False: 200}
+"""Steps after which a pose that still moves is given up, with and without free coordinates."""
+LEFT = 1e-3
+"""Share of an error that a more patient solver may leave in a step."""
+PATIENT = 10**6
+"""Iterations that it may have, in a step and its repetitions."""
+ROUNDING = 1e-16
+"""What an iteration adds to the move in a step, in extents or radians."""
+AGREED = 1e-6
+"""Share by which a step may differ from its repetition: stops and steps of all lengths ask more of
+the solver than it does at once."""
+
+
+@dataclass
+class Held:
+    """A space whose drives are held: the state of a sweep between its samples.
+
+    ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
+    and ``most`` are iterations of the solver in a step: at first, and used so far; ``past`` are the
+    drives' values and the pose of the rest before this one.
+    """
+
+    links: Links
+    space: pymunk.Space
+    drives: list[Motor]
+    stops: Stops
+    dt: float
+    free: bool
+    pose: Array
+    usual: int
+    velocity: Array = field(default_factory=lambda: np.zeros(1))
+    most: int = 0
+    past: tuple[Array, Array] | None = None
+
+    @property
+    def rounding(self) -> float:
+        """What the solver's iterations add to the move in a step, in extents or radians."""
+        return ROUNDING * self.space.iterations
+
+    def step(self, target: Array) -> None:
+        """One engine step from rest with the drives aimed at their values: finds the velocity.
+
+        With free coordinates it is repeated until the solver, which goes on from its last impulses,
+        agrees with itself: a step that is not solved throws joints off the stops that hold them,
+        and the next solution has to begin without the stops' impulses.
+
+        Raises
+        ------
+        NotSolved
+            It does not agree.
+        """
+        aim(self.drives, target.tolist())
+        ease(self.stops, self.pose, self.dt)
+        if not self.free:
+            self._solve()
+            return
+        noise = self.rounding / self.dt
+        change = np.nan
+        for _ in range(0, PATIENT, self.space.iterations):
+            last, before = self.velocity, change
+            self._solve()
+            change = float(sizes(self.links, self.velocity - last))
+            error = AGREED * sizes(self.links, self.velocity) + noise
+            # changes in a geometric row add up to change before / (before - change); at last they
+            # do not fall any more, and are rounding
+            small = change * before <= error * (before - change) or before <= change <= error
+            if small:
+                return
+        raise NotSolved(f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
+                        f"{PATIENT} iterations")
+
+    def _solve(self) -> None:
+        """Let the engine step: the velocity as far as its iterations find it."""
+        put(self.space, self.pose, np.zeros_like(self.pose))
+        self.space.step(self.dt)
+        buffer = batch.Buffer()
+        batch.get_space_bodies(self.space, FIELDS, buffer)
+        _, (self.velocity,) = taken(buffer, self.links)
+
+    def settle(self, target: Array, still: float = STILL) -> None:
+        """Step until nothing moves and the drives have their values.
+
+        Raises
+        ------
+        BadModel
+            The loops cannot be closed there, or stops are in the way.
+        Diverged
+            They can, but Chipmunk does not close them.
+        NotSolved
+            It does not come to rest in the steps that there are.
+        """
+        last = values(self.links.drives, self.pose), self.pose
+        self.ahead(target)
+        calm, began = 0, self.pose
+        self.space.iterations = self.usual
+        for count in range(MOST[self.free]):
+            if count == DOUBT:
+                self._doubt(began, target)
+            self.step(target)
+            if not np.isfinite(self.velocity).all():
+                break
+            on, move = beyond(self.stops, self.pose), self.dt * self.velocity
+            if self.free:
+                move = toward_rest(self.links, self.pose, self.velocity, self.dt)
+            self.pose = self.pose + move
+            moved = sizes(self.links, move)
+            # a step to a stop is as short as the way there, and small whatever the forces are
+            steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
+            calm = calm + 1 if steady else 0
+            if calm > 2:
+                if self._missed(target):
+                    raise self._lost(target, "at rest")
+                self.most, self.past = max(self.most, self.space.iterations), last
+                return
+        close(self.links, began, target)
+        kind = NotSolved if np.isfinite(self.velocity).all() else Diverged
+        raise self._lost(target, f"not at rest after {count + 1} steps", kind)
+
+    def ahead(self, target: Array) -> None:
+        """Begin where the last two rests point to, if the drives go on in the same direction.
+
+        Nearer to the next rest, and on the smooth branch where two of them cross; unless less is
+        held there than here, as after a snap to another equilibrium.
+        """
+        if self.past is None:
+            return
+        here = values(self.links.drives, self.pose)
+        before, way = here - self.past[0], target - here
+        share = float(way @ before) / float(before @ before or 1.0)
+        straight = np.abs(way - share * before).max() <= 1e-3 * np.abs(way).max()
+        there = self.pose + share * (self.pose - self.past[1])
+        poses = np.stack([there, self.pose])
+        amiss = np.abs(missing(self.links, poses, target) / self.links.bounds).max(axis=-1)
+        if straight and 0 < share <= FAR and amiss[0] < amiss[1]:
+            self.pose = there
+
+    def _doubt(self, began: Array, target: Array) -> None:
+        """Ask whether the loops can be closed; if so, begin again with a more patient solver.
+
+        Free coordinates go on from where they are, since each of their steps is solved.
+        """
+        there = close(self.links, began, target)
+        if not self.free:
+            needed = enough(self.links, there[None], LEFT)
+            self.space.iterations = min(max(self.usual, needed), PATIENT)
+            self.pose = began
+
+    def _missed(self, target: Array) -> bool:
+        """Whether a loop is open or a drive not at its value by more than `ROUGH`."""
+        off = missing(self.links, self.pose, target) / self.links.bounds
+        return bool(np.abs(off).max(initial=0.0) > ROUGH)
+
+    def _lost(self, target: Array, how: str, kind: type[Diverged] = Diverged) -> Exception:
+        """The error of a pose that is not what it should be: stops are in the way, or nothing."""
+        names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
+        if names and self._missed(target):
+            return BadModel(f"joint {', '.join(names)} is on its stop before "
+                            f"{named(self.links, target)}")
+        here = named(self.links, values(self.links.drives, self.pose))
+        return kind(f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
+                    f"{gaps(self.links, self.pose).max():.3g} m"
+                    + (f", {here}" if here else ""))
+
+    def efforts(self) -> Array:
+        """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
+
+        Chipmunk tells only the size of an impulse.  Its sign is found by letting one drive go for
+        a step: the joint falls the way that the drive held it back from.
+        """
+        here = values(self.links.drives, self.pose)
+        self.step(here)
+        size = np.array([drive.impulse for drive in self.drives]) / self.dt
+        return -size * np.sign([self._fall(k, here)[k] for k in range(len(size))])
+
+    def _fall(self, k: int, here: Array) -> Array:
+        """Rates of the driven joints after a step without the k-th drive."""
+        self.step(here)
+        self.drives[k].max_force = 0.0
+        self.step(here)
+        self.drives[k].max_force = float("inf")
+        return along(lambda p: values(self.links.drives, p), self.pose, self.velocity)
+
+    def rates(self, rate: Array) -> Array:
+        """The engine's velocities (links + 1, 3) for rates of the drives, in a pose at rest."""
+        size = np.abs(rate).max()
+        if size == 0:
+            return np.zeros_like(self.pose)
+        ahead = values(self.links.drives, self.pose) + self.dt * rate / size
+        for _ in range(MOST[False]):
+            last = self.velocity
+            self.step(ahead)
+            if sizes(self.links, self.velocity - last) < STILL * sizes(self.links, self.velocity):
+                break
+        return size * self.velocity
+
+
+def hold(links: Links, settings: Settings) -> Held:
+    """The space in its start pose; with free coordinates beside it, see `BESIDE`.
+
+    Raises
+    ------
+    BadModel
+        The loops cannot be closed there.
+    """
+    space = build(links, settings["iterations"], settings["error_bias"])
+    pose = close(links, links.pose, values(links.drives, links.pose))
+    moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
+    return Held(links, space, add_drives(space, links), find_stops(links, space),
+                _step(links, pose), len(moves) > 0, links.pose + _beside(links, moves),
+                settings["iterations"])
+
+
+def _beside(links: Links, moves: Array) -> Array:
+    """A move in all free directions (n, links + 1, 3), whatever basis they are given in."""
+    shares = np.pad(np.cos(np.arange(links.sizes.size)) * links.sizes, (0, 3))
+    way = np.tensordot(np.tensordot(moves, links.weights * shares.reshape(-1, 3), 2), moves, 1)
+    return np.asarray(BESIDE * way / (sizes(links, way) or 1.0))
+
+
+def _step(links: Links, pose: Array) -> float:
+    """The step [s] in which the loads' rounding and a gap of rounding size make equal noise.
+
+    Springs count as if wound by a radian or an extent: they may be slack where the sweep begins.
+    """
+    wound = [abs(joint.stiffness[0]) * (links.extent if joint.hold.axis is not None else 1.0)
+             for joint in links.joints]
+    force = (np.abs(jacobian(lambda p: values(links.joints, p), pose)).T @ wound
+             + np.abs(jacobian(lambda p: potential(links, p), pose))).reshape(-1, 3)
+    pull = force / np.column_stack([links.mass, links.mass, links.moment / links.extent])
+    return float(np.sqrt(links.extent / pull.max())) if pull.any() else 1.0
+
+
+NO_ACC = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
+NO_RATE = "Chipmunk gives no quasi-static rates of coordinates that springs or gravity hold"
+
+
+def sweep(links: Links, run: Run, channels: dict[str, Channel], settings: Settings) -> Curves:
+    """Hold the drives at each sample until rest; see `proofmass.sim.pymunk.engine.simulate`.
+
+    Where the loops cannot be closed any further the sweep stops and keeps what it has.
+    """
+    if not run.drives:
+        raise Unsupported("a sweep without a driven joint")
+    began = time.perf_counter()
+    laws = np.array([[curve * np.ones(len(run.x)) for curve in drive.law(run.x)]
+                     for drive in run.drives])  # drives, (value, rate, acceleration), samples
+    held = hold(links, settings)
+    missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
+    if held.free:
+        missing |= {name: NO_RATE for name, c in channels.items() if c.order in (1, -1)}
+    wanted = {name: c for name, c in channels.items() if name not in missing}
+    read, stopped = _follow(held, laws, {c.order for c in wanted.values()})
+    pose, velocity, effort = (np.array(part) for part in zip(*read, strict=True))
+    curves = {name: unwrapped(name, _curve(c, links, pose, velocity, effort))
+              for name, c in wanted.items()}
+    n = len(pose)
+    state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
+    return Curves(run.x[:n], curves, missing, state, float(gaps(links, pose).max()),
+                  time.perf_counter() - began, n,
+                  {"iterations": held.most, "error_bias": settings["error_bias"]},
+                  stopped, derivatives=0 if held.free else 1)
+
+
+def _follow(held: Held, laws: Array, orders: set[int]
+            ) -> tuple[list[tuple[Array, Array, Array]], str]:
+    """Pose, velocity and efforts at each sample, and why the last ones could not be reached."""
+    read: list[tuple[Array, Array, Array]] = []
+    for value, rate in zip(laws[:, 0].T, laws[:, 1].T, strict=True):
+        try:
+            _drive_to(held, value)
+        except BadModel as error:
+            if len(read) < 2:
+                raise
+            last = named(held.links, laws[:, 0, len(read) - 1])
+            return read, f"stopped at {last}: {error}"
+        pose = held.pose
+        effort = held.efforts() if -2 in orders else np.zeros(len(value))
+        velocity = held.rates(rate) if orders & {1, -1} else np.zeros_like(pose)
+        read.append((pose, velocity, effort))
+    return read, ""
+
+
+def _drive_to(held: Held, target: Array) -> None:
+    *between, _ = stages(held.links, values(held.links.drives, held.pose), target)
+    for stage in between:
+        held.settle(stage, ROUGH)
+    held.settle(target)
+
+
+def _curve(c: Channel, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:
+    if c.order == -2:
+        return effort[:, c.drive] * c.factor
+    if c.order == -1:
+        return kinetic(links, velocity)
+    return c.function(pose) if c.order == 0 else along(c.function, pose, velocity)
+
+
+NO_MOTION = "nothing moves: no rates, no accelerations"
+
+
+def rest(links: Links, run: Run, channels: dict[str, Channel], settings: Settings) -> Curves:
+    """Let a mechanism come to rest with its drives held at their first values.
+
+    Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.
+    """
+    began, start = time.perf_counter(), run.motion(run.x[:1])[0][:, 0]
+    held = hold(links, settings)
+    held.settle(start)
+    pose = held.pose
+    efforts = held.efforts() if any(c.order == -2 for c in channels.values()) else np.empty(0)
+    curves = {name: np.full(run.x.size, efforts[c.drive] * c.factor if c.order == -2
+                            else c.function(pose))
+              for name, c in channels.items() if c.order in (0, -2)}
+    curves = {name: unwrapped(name, curve) for name, curve in curves.items()}
+    curves |= shapes(run, lambda one: shape(links, pose, one))
+    missing = {name: NO_MOTION for name in channels if name not in curves}
+    return Curves(run.x, curves, missing, gap=float(gaps(links, pose).max()),
+                  seconds=time.perf_counter() - began, steps=1,
+                  settings={"iterations": held.most, "error_bias": settings["error_bias"]})
+
+
+def shape(links: Links, pose: Array, one: Chain) -> Pose:
+    """Vertices, angles and bends of a rod's links."""
+    bodies = [links.model.body(name).id for name in one.names]
+    tip = links.model.site(f"{one.rod.name}.tip").id
+    places = [place(links, pose, b, links.data.xpos[b]) for b in bodies]
+    places.append(place(links, pose, bodies[-1], links.data.site_xpos[tip]))
+    ahead = links.plane.flat(links.data.xmat[bodies].reshape(-1, 3, 3)[:, :, 0])
+    angles = np.arctan2(ahead[:, 1], ahead[:, 0]) + pose[links.of_body[bodies], 2]
+    bends = [joint_value(links.joints[links.model.joint(name).id], pose) if jointed else 0.0
+             for name, jointed in zip(one.names, one.jointed, strict=True)]
+    return np.array(places), angles, np.array(bends, float)
+
+
+def place(links: Links, pose: Array, body: int, start: Array) -> Array:
+    """Where a point of a body (3,), given in the start pose, is in another pose."""
+    link, plane = links.of_body[body], links.plane
+    local = plane.flat(start) - links.centre[link]
+    return plane.world(pose[link, :2] + turned(pose[link, 2], local), float(start @ plane.normal))
