@@ -26,7 +26,7 @@ from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.studies.command import measured, turnable
-from proofmass.studies.row import Row
+from proofmass.studies.record import Row
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose

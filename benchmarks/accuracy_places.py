@@ -13,10 +13,9 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.studies.measure import deviations, simulate
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.trade.axes import lines
-from proofmass.studies.trade.line import Track, clear
+from proofmass.studies.trade.series import Track, clear
 from proofmass.studies.trade.verdict import Verdict
 
 COUNTS = 0.01

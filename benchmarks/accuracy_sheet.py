@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from proofmass.analytic.numerics import Array
 from proofmass.report.style import KNOWN
-from proofmass.studies.row import Row
+from proofmass.studies.record import Row
 from proofmass.studies.trade.choose import default
 
 ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for

@@ -19,14 +19,14 @@ from benchmarks.rivals import Duel, duel
 from examples import truths
 from proofmass.case import Case, load_case
 from proofmass.sim.protocol import Imposed
+from proofmass.studies.record import Setting
 from proofmass.studies.run import pool
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Choice
 from proofmass.studies.trade.choose_command import choose_with_drive, head, slack_for
-from proofmass.studies.trade.finer import Limits
 from proofmass.studies.trade.program import drive_words, imposed, program
 from proofmass.studies.trade.search import search
+from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
 from proofmass.studies.trade.words import told
 from proofmass.wording import number

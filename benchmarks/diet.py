@@ -12,17 +12,14 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
-from proofmass.report.diet_page import write_diet
-from proofmass.report.diet_sheet import LOOKS, diet_sheet
+from proofmass.report.diet_page import LOOKS, diet_sheet, write_diet
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.core import machine
-from proofmass.studies.diet.diet import ROUNDS, Search
+from proofmass.studies.diet.diet import ROUNDS, Kept, Search
 from proofmass.studies.diet.diet_command import finish
-from proofmass.studies.diet.diet_table import SAID, WHOLE, Entry, read_entries
-from proofmass.studies.diet.diet_words import ranked, sentences
-from proofmass.studies.diet.kept import Kept
 from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.table import SAID, WHOLE, Entry, ranked, read_entries, sentences
+from proofmass.studies.measure import machine
 from proofmass.studies.run import pool
 from proofmass.wording import number
 

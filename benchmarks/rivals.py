@@ -21,7 +21,7 @@ from examples import truths
 from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.sim.protocol import Imposed
-from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.record import Knob, Setting
 from proofmass.studies.trade.axes import INTEGRATORS
 from proofmass.studies.trade.program import PRINTED, imposed, written
 

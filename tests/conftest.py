@@ -11,8 +11,8 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.isolate import ALONE
-from proofmass.studies import core
-from proofmass.studies.setting import Setting
+from proofmass.studies import measure
+from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.stand import Stand
 
@@ -34,7 +34,7 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Locks on processors that studies elsewhere on the machine do not hold."""
     folder = tmp_path_factory.mktemp("locks")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(core, "lock_file", lambda name: folder / name)
+        patch.setattr(measure, "lock_file", lambda name: folder / name)
         yield
 
 

@@ -16,15 +16,14 @@ from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
-from proofmass.studies import rescaled
+from proofmass.studies import variants
 from proofmass.studies.command import named
 from proofmass.studies.diet import scene
 from proofmass.studies.measure import Task
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import key_of
-from proofmass.studies.stress import closing
-from proofmass.studies.stress.energy import energies
+from proofmass.studies.stress import near_singular
+from proofmass.studies.stress.extremes import energies
 from proofmass.studies.stress.stand import Stand
 from proofmass.studies.stress.ways import farther, followed
 from proofmass.studies.trade.verify import verify
@@ -85,9 +84,9 @@ def test_a_choice_is_verified_in_workers(name, models, edit, here):
 
 def test_changed_models_are_compiled_and_followed_in_workers(models, here, stand, tmp_path):
     fourbar: Stand = stand("fourbar", kind="sweep")
-    assert fourbar.lost(rescaled.larger(fourbar.case, fourbar.models, 2.0)) is None
-    links = closing.last_link(fourbar.case)
-    assert closing.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
+    assert fourbar.lost(variants.larger(fourbar.case, fourbar.models, 2.0)) is None
+    links = near_singular.last_link(fourbar.case)
+    assert near_singular.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
     assert followed(farther(fourbar.case, 1.0), "sweep").x.size == 361
     assert list(energies(stand("fourbar_released")))
     names = {Path(file).parent for file in here}

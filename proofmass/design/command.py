@@ -14,9 +14,8 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.command import answering, errors
-from proofmass.design.record import described
 from proofmass.design.search import Effort, Search
-from proofmass.design.selection import CATALOGUE, read_catalogue
+from proofmass.design.selection import CATALOGUE, described, read_catalogue
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
 from proofmass.files import write_whole

@@ -1,7 +1,12 @@
-"""Bounded least squares in the large: descents from many places, the best of them ever finer.
+"""Search for a design: bounded least squares in the unit cube, from many places side by side.
 
-A search is a chain of steps, each of which makes a new state of the old one and of nothing else.
-So a search that goes on from a saved state gives what an uninterrupted one gives.
+Descents begin at places that are spread over the cube and follow Levenberg's and Marquardt's
+method; the best of them are refined.  A descent moves along the faces of the cube, but not along
+the edge of a region that is not possible inside the cube: it stops there, and another descent has
+to find the way round.
+
+A search is a chain of steps, each of which makes a new state from the state before it alone.  A
+search that goes on from a saved state therefore gives the same as an uninterrupted one.
 """
 
 import os
@@ -16,9 +21,105 @@ from zipfile import BadZipFile
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.design.descent import STUCK, Terms, descend, norms
-from proofmass.design.starts import apart, scattered
 from proofmass.errors import InputError
+
+FACES = (0.1, 0.05)  # of all coordinates lie on their lower, on their upper bound
+APART = 0.05  # places nearer than that to a better one are not worth a descent of their own
+
+
+def scattered(count: int, d: int, rng: np.random.Generator) -> Array:
+    """Random places (count, d), some coordinates on a face of the cube: many optima lie on one."""
+    places, face = rng.random((2, count, d))
+    return np.where(face < FACES[0], 0.0, np.where(face > 1.0 - FACES[1], 1.0, places))
+
+
+def apart(places: Array, values: Array, most: int) -> Array:
+    """The best places of finite value, no two near each other: their numbers, best first.
+
+    >>> places = np.array([[0.0], [0.01], [0.5], [1.0]])
+    >>> apart(places, np.array([3.0, 1.0, 2.0, np.inf]), most=3).tolist()
+    [1, 2]
+    """
+    chosen: list[int] = []
+    for k in np.argsort(values, kind="stable"):
+        gaps = np.abs(places[chosen] - places[k]).max(axis=-1)
+        if len(chosen) < most and np.isfinite(values[k]) and (gaps > APART).all():
+            chosen.append(int(k))
+    return np.array(chosen, int)
+
+
+NUDGE = 1e-6  # for differences of terms that are exact to 1e-12
+FACTORS = np.array([0.1, 1.0, 10.0])  # of the damping, tried side by side
+BACK = 1e3  # factor of the damping when no trial is better
+STUCK = 1e8  # a damping at which no step goes down any more
+LEAST = 1e-9
+GAIN = 1e-7  # relative; less is not better
+Terms = Callable[[Array], Array]
+
+
+def norms(terms: Terms, places: Array) -> Array:
+    """Roots of the sums of squares (B,); inf for what is not possible."""
+    found = np.linalg.norm(terms(places), axis=-1)
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+def descend(places: Array, values: Array, damping: Array,
+            terms: Terms) -> tuple[Array, Array, Array]:
+    """One step from every place (B, d) that is not stuck, never up.
+
+    Parameters
+    ----------
+    places, values : ndarray (B, d), (B,)
+        Where the descents stand, and the roots of their sums of squares.
+    damping : ndarray (B,)
+        Of each descent; above `STUCK` it is at its end.
+    terms : callable
+        Terms (B, m) of the sums of squares at places (B, d); NaN for what is not possible.
+    """
+    left = np.flatnonzero((damping <= STUCK) & np.isfinite(values))
+    places, values = places.copy(), values.copy()
+    damping = np.where(np.isfinite(values), damping, np.inf)
+    if not left.size:
+        return places, values, damping
+    tried = trials(places[left], damping[left], terms)
+    sizes = norms(terms, tried.reshape(-1, places.shape[1])).reshape(tried.shape[:2])
+    best, row = sizes.argmin(axis=-1), np.arange(left.size)
+    better = sizes[row, best] < values[left] * (1.0 - GAIN)
+    damping[left] = np.maximum(damping[left] * np.where(better, FACTORS[best], BACK), LEAST)
+    places[left[better]] = tried[row, best][better]
+    values[left[better]] = sizes[row, best][better]
+    return places, values, damping
+
+
+def trials(places: Array, damping: Array, terms: Terms) -> Array:
+    """Where each damping leads to from each place: (B, F, d).
+
+    ::
+
+        (J^T J + damping diag(J^T J)) step = -J^T r,    for the coordinates that are free to move
+
+    A coordinate on a face of the cube is not free if the sum of squares falls towards the outside.
+    """
+    r, slopes = linear(places, terms)
+    pull, bend = (slopes @ r[..., None])[..., 0], slopes @ slopes.swapaxes(-1, -2)
+    free = ~(((places <= 0.0) & (pull > 0.0)) | ((places >= 1.0) & (pull < 0.0)))
+    bend = bend * (free[:, :, None] & free[:, None, :])
+    size = np.einsum("bii->bi", bend) + ~free + 1e-15  # a term that nothing changes stays solvable
+    added = damping[:, None, None] * FACTORS[:, None] * size[:, None] + ~free[:, None]
+    matrix = bend[:, None] + added[..., None] * np.eye(places.shape[1])
+    step = np.linalg.solve(matrix, -(pull * free)[:, None, :, None])[..., 0]
+    return np.clip(places[:, None] + step, 0.0, 1.0)
+
+
+def linear(places: Array, terms: Terms) -> tuple[Array, Array]:
+    """Terms (B, m) and their slopes (B, d, m), by differences that stay within the cube."""
+    count, d = places.shape
+    nudge = np.where(places > 0.5, -NUDGE, NUDGE)
+    near = places[:, None] + nudge[..., None] * np.eye(d)
+    found = terms(np.concatenate([places[:, None], near], axis=1).reshape(-1, d))
+    found = found.reshape(count, d + 1, -1)
+    return found[:, 0], np.nan_to_num((found[:, 1:] - found[:, :1]) / nudge[..., None])
+
 
 SAVED_EVERY = 3.0  # [s]
 DAMPED = 1e-2  # the first damping of a descent

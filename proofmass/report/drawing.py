@@ -10,16 +10,13 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.chart import chart_of
 from proofmass.isolate import isolated
-from proofmass.report.chart_sheet import chart_sheet
+from proofmass.report.charts import chart_sheet
 from proofmass.report.data import Shown, beyond_limits
 from proofmass.report.figures import save, sheet, thumbnail
-from proofmass.report.mechanism import mechanism, small
-from proofmass.report.paths import path, path_sheet, paths
-from proofmass.report.poses import distinct
-from proofmass.report.refine_sheet import refine_sheet
+from proofmass.report.mechanism import distinct, mechanism, path, path_sheet, paths, small
+from proofmass.report.refinements import refine_sheet
 from proofmass.report.style import RC, Look
-from proofmass.report.view_sheet import view_sheet
-from proofmass.report.views import Viewed
+from proofmass.report.views import Viewed, view_sheet
 from proofmass.sim.picture import Picture, picture
 from proofmass.solve import plan
 from proofmass.view import ChartTable

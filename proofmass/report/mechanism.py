@@ -1,6 +1,10 @@
-"""The mechanism drawn to scale at several poses, with the names of the MJCF on one of them."""
+"""The mechanism drawn to scale at several poses, with the names of the MJCF on one of them.
 
-from collections.abc import Mapping
+Names are placed beside what they name, and not on each other.  The path of a measured point is
+drawn to one scale as well.
+"""
+
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +16,124 @@ from matplotlib.lines import Line2D
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.reference import compiled
-from proofmass.report.data import drive_units
-from proofmass.report.labels import Label, place
-from proofmass.report.poses import clearest
+from proofmass.report.data import Shown, drive_units
+from proofmass.report.figures import every, legend
+from proofmass.report.style import REFERENCE, Look
 from proofmass.sim.picture import Picture
+from proofmass.sim.protocol import Curves
 from proofmass.wording import number
+
+ASIDE = np.exp(1j * np.pi * np.array([0.25, 0.75, -0.25, -0.75, 0, 1, 0.5, -0.5]))
+SIDES = np.stack([ASIDE.real, ASIDE.imag], axis=1)
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text that may stand near any of `spots` (k, 2), best first; all lengths in points."""
+
+    text: str
+    spots: Array
+    size: float = 8.0
+    kind: str = "joint"
+
+    @property
+    def half(self) -> Array:
+        """Half of the text's width and height, by the width of a usual letter."""
+        lines = self.text.split("\n")
+        return 0.5 * self.size * np.array([0.62 * max(map(len, lines)) + 0.3, 1.2 * len(lines)])
+
+    def centres(self) -> Array:
+        """Where the middle of the text may be (k, 2): around each spot, near before far."""
+        rings = [self.spots[:, None] + SIDES * (self.half + gap) for gap in (5.0, 11.0, 19.0)]
+        return np.concatenate([ring.reshape(-1, 2) for ring in rings])
+
+
+def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) -> list[Array]:
+    """Choose a place for each label, one after the other.
+
+    Parameters
+    ----------
+    labels : iterable of Label
+    points, weights : ndarray (n, 2), (n,)
+        What should stay in sight, and how much.
+    box : ndarray (2, 2)
+        Lower left and upper right corner of the drawing.
+
+    Returns
+    -------
+    list of ndarray (2,)
+        The middle of each text.
+
+    Examples
+    --------
+    >>> spot = np.array([[50.0, 50.0]])
+    >>> paper = np.array([[0.0, 0.0], [99.0, 99.0]])
+    >>> a, b = place([Label("a", spot), Label("b", spot)], spot, np.ones(1), paper)
+    >>> bool(np.abs(a - b).max() > 8)
+    True
+    """
+    taken: list[tuple[Array, Array]] = []
+    for label in labels:
+        centres, half = label.centres(), label.half
+        costs = 0.05 * np.arange(len(centres), dtype=float)
+        inside = (np.abs(points - centres[:, None]) < half + 1).all(axis=2)
+        costs += inside @ weights
+        outside = np.maximum(box[0] - (centres - half), 0) + np.maximum(centres + half - box[1], 0)
+        costs += 5 * outside.sum(axis=1)
+        for middle, size in taken:
+            shared = np.maximum(half + size - np.abs(centres - middle), 0)
+            costs += np.where(shared.min(axis=1) > 0, 100 + shared.prod(axis=1), 0)
+        taken.append((centres[int(costs.argmin())], half))
+    return [middle for middle, _ in taken]
+
+
+SAME = 0.03  # of the mechanism's size: poses nearer to each other than that look the same
+
+
+def distinct(picture: Picture, count: int = 6) -> Picture:
+    """Up to `count` poses, evenly over that part of the run that does not repeat itself.
+
+    A swing is drawn on its way there, a full turn without its last pose, which is the first.
+    """
+    n = len(picture.x)
+    if n > 2 and np.allclose(picture.inputs, picture.inputs[:, ::-1]) and picture.inputs.size:
+        n = n // 2 + 1
+    places = np.concatenate([m.at[:n, None] for m in picture.marks]
+                            + [o[:n] for k in picture.links for o in k.outlines], axis=1)
+    size = float(np.ptp(places, axis=(0, 1)).max()) or 1.0
+    apart = np.abs(places[:, None] - places[None]).max(axis=(2, 3)) / size
+    last = max(k for k in range(n) if not repeats(apart[: k + 1, k]))
+    after = apart[last + 1 : last + 1 + n // 10, 0]  # back at the first pose soon after the last?
+    closed = bool(after.size and after.min() <= SAME)
+    end = last + 1 + int(after.argmin()) if closed else last
+    way = np.cumsum(np.abs(np.diff(picture.inputs, prepend=picture.inputs[:, :1])).sum(axis=0))
+    way = way if way[end] else np.arange(len(picture.x))  # a free motion: evenly in time
+    wanted = np.linspace(0, way[end], count + closed)[:count]
+    spread = np.abs(way[: end + 1, None] - wanted).argmin(axis=0)
+    chosen: list[int] = []
+    for k in spread.tolist():
+        if all(apart[k, j] > SAME for j in chosen):
+            chosen.append(k)
+    return picture.at(chosen)
+
+
+def repeats(apart: Array) -> bool:
+    """Whether a pose was there before, and left since; `apart` is its distance to all until it."""
+    left_since = np.maximum.accumulate(apart[::-1])[::-1]
+    return bool(((apart <= SAME) & (left_since > 2 * SAME)).any())
+
+
+def clearest(picture: Picture) -> int:
+    """The pose that bears the names: its joints are far from each other and not in one line."""
+    if not picture.marks:
+        return len(picture.x) - 1
+    at = np.stack([m.at for m in picture.marks], axis=1)
+    apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
+    always = apart.max(axis=0) < 1e-6 * (np.ptp(at) or 1.0)
+    nearest = np.where(always, np.inf, apart).min(axis=(1, 2))
+    across = np.linalg.svd(at - at.mean(axis=1, keepdims=True), compute_uv=False)[:, -1]
+    return int((np.minimum(nearest, np.ptp(at)) * across).argmax())
+
 
 INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"
 WIDE, HIGH = 430.0, 300.0  # [pt] room for the drawing itself
@@ -89,7 +206,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     for coil in coils:
         ax.plot(*coil.T, color=COIL, linewidth=1.0, zorder=7)
     names(ax, picture, main, tracks, coils, scale)
-    legend(figure, case, picture, main, tracks, bool(coils), (MARGIN + wide + 12) / size[0])
+    key_of_parts(figure, case, picture, main, tracks, bool(coils), (MARGIN + wide + 12) / size[0])
     return figure
 
 
@@ -260,7 +377,7 @@ def in_sight(picture: Picture, main: int, lines: list[Array],
     return np.concatenate(points), np.concatenate(weights)
 
 
-def legend(figure: Figure, case: Case, picture: Picture, main: int, tracks: Tracks,
+def key_of_parts(figure: Figure, case: Case, picture: Picture, main: int, tracks: Tracks,
            coiled: bool, left: float) -> None:
     """The poses with their inputs, and what the signs mean."""
     count = len(picture.x)
@@ -295,3 +412,59 @@ def spoken(case: Case, picture: Picture, k: int) -> str:
     if case.leader is None or not case.leader.steady:
         words.insert(0, f"t {number(picture.x[k])} s")
     return ",\n".join(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))
+
+
+PANEL = 2.45  # [inch] side of a panel
+
+
+def paths(view: Shown, picture: Picture | None) -> list[str]:
+    """Names of the points whose two places in the plane of motion are channels, in metres."""
+    across, up = picture.axes if picture else ("", "")
+    return [name for name in dict.fromkeys(c.rpartition(".")[0] for c in view.channels)
+            if across and all(f"{name}.{a}" in view.channels
+                              and view.case.channels[f"{name}.{a}"].si_unit == "m"
+                              for a in (across, up))
+            and np.ptp(path(view.longest, name, picture), axis=0).max() > 1e-9]
+
+
+def path(curves: Curves, name: str, picture: Picture | None) -> Array:
+    """The path of a point (n, 2) [m]; NaN where the solver has none."""
+    missing = np.full(curves.x.shape, np.nan)
+    return np.stack([curves.channels.get(f"{name}.{a}", missing)
+                     for a in (picture.axes if picture else "xy")], axis=1)
+
+
+def path_sheet(view: Shown, picture: Picture, style: Mapping[str, Look]) -> Figure:
+    """All paths of a run side by side."""
+    names = paths(view, picture)
+    width = min(len(names), 4)
+    rows = -(-len(names) // width)
+    height, head = (PANEL + 0.75) * rows, 0.5 if view.lost else 0.3
+    size = np.array([max((PANEL + 0.75) * width, 6.5), height + head])
+    figure = Figure(figsize=tuple(size))
+    for k, name in enumerate(names):
+        corner = (0.65 + (PANEL + 0.75) * (k % width),
+                  0.45 + (PANEL + 0.75) * (rows - 1 - k // width))
+        ax = figure.add_axes((*(corner / size), *(PANEL / size)))
+        path_panel(ax, view, name, picture, style)
+    legend(figure, view, style, "overlay", float(size[1]))
+    return figure
+
+
+def path_panel(ax: Axes, view: Shown, name: str, picture: Picture,
+               style: Mapping[str, Look]) -> None:
+    """One path: the reference thick and pale, the solvers thin on top of it; scales are equal."""
+    truth = path(view.longest, name, picture)
+    ax.plot(*every(truth, 400).T, **REFERENCE)
+    for solver, curves in view.curves.items():
+        found = every(path(curves, name, picture), 400)
+        look, step = style[solver], max(len(found) // 9, 1)
+        ax.plot(*found.T, color=look.colour, linestyle=look.dash, marker=look.marker,
+                markevery=(min(look.number * step // 6, len(found) - 1), step),
+                markerfacecolor="white", markeredgewidth=0.8, zorder=3 + look.number / 10)
+    low, high = np.nanmin(truth, axis=0), np.nanmax(truth, axis=0)
+    middle, half = 0.5 * (low + high), 0.56 * float((high - low).max())
+    ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half),
+           xlabel=f"{name}.{picture.axes[0]} [m]", ylabel=f"{name}.{picture.axes[1]} [m]")
+    ax.locator_params(nbins=5)
+    ax.set_title(f"{name}: its {'shape' if view.kind == 'rest' else 'path'}")

@@ -1,15 +1,124 @@
-"""A refinement for the page: errors, orders and limits by numbers of segments, and the cost."""
+"""A refinement for the page: errors, orders and limits by number of segments, and their cost."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from proofmass.compare import Comparison
 from proofmass.refine import Refine
 from proofmass.refined import Row, limit, order
 from proofmass.report.data import Shown
+from proofmass.report.figures import FLOOR, PAPER, decades
+from proofmass.report.style import Look
 from proofmass.report.words import SYMBOLS
+from proofmass.units import si_unit
 from proofmass.wording import number, pretty
+
+INK = "#333333"
+WIDE, HIGH, HEAD = 2.6, 2.2, 0.42  # [inch] a panel with its labels, and the legend above
+BELOW = 0.35  # of the errors: where the triangle stands
+
+
+def refine_sheet(view: Shown, refine: Refine, style: Mapping[str, Look]) -> Figure:
+    """A panel for each channel: errors of all solvers, the order as a triangle, the limit."""
+    found = channels(view)
+    rows = -(-len(found) // 4)
+    width = -(-len(found) // rows)
+    size = np.array([WIDE * width + 0.2, HIGH * rows + HEAD])
+    figure = Figure(figsize=tuple(size))
+    for k, (channel, solvers) in enumerate(found.items()):
+        ax = figure.add_subplot(rows, width, k + 1)
+        panel(ax, solvers, refine, style)
+        ax.set_title(channel)
+    figure.subplots_adjust(left=0.68 / size[0], right=1 - 0.1 / size[0], bottom=0.42 / size[1],
+                           top=1 - (HEAD + 0.22) / size[1], wspace=0.68 / (WIDE - 0.68),
+                           hspace=0.68 / (HIGH - 0.68))
+    legend(figure, view, refine, style, size[1])
+    return figure
+
+
+def panel(ax: Axes, solvers: dict[str, list[Row]], refine: Refine, style: Mapping[str, Look]
+          ) -> None:
+    """Errors of a channel; of solvers on each other the first has the largest markers."""
+    ax.set_xscale("log")
+    drawn = list[float]()
+    for k, (solver, rows) in enumerate(solvers.items()):
+        drawn += lines(ax, rows, refine, style[solver], 3.2 + 2.4 * (len(solvers) - 1 - k))
+    unit = next(iter(solvers.values()))[0].unit
+    quantity, factor = si_unit(unit)
+    bounds = {"limit": refine.richardson / factor} if (
+        refine.richardson and quantity == "m") else {}
+    if any(value <= refine.wall for value in drawn):
+        bounds["rounding"] = refine.wall
+    good = [v for v in (*drawn, *bounds.values()) if np.isfinite(v)] or [1.0]
+    decades(ax, min(good) / 8, max(good) * 4)
+    triangle(ax, max(solvers.values(), key=len), refine)
+    levels(ax, bounds, pretty(unit))
+    ax.xaxis.set_major_locator(FixedLocator(refine.segments))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.xaxis.set_major_formatter("{x:.0f}")
+    ax.set_xlim(refine.segments[0] / 1.25, refine.segments[-1] * 1.25)
+    ax.set_xlabel("segments of each rod")
+    ax.set_ylabel(f"|difference| [{pretty(unit)}]")
+
+
+def lines(ax: Axes, rows: list[Row], refine: Refine, look: Look, large: float) -> list[float]:
+    """One solver: its errors, and its limit unless that is rounding; the values that are drawn."""
+    drawn = [max(row.error, FLOOR) for row in rows]
+    layer = 3 + look.number / 10
+    ax.plot([row.segments for row in rows], drawn, color=look.colour, linestyle=look.dash,
+            marker=look.marker, markerfacecolor="white", markersize=large, zorder=layer)
+    for a, b in pairwise(rows):
+        left = abs(limit(a, b, refine.order))
+        if (a.segments, b.segments) == refine.last and left > refine.wall:
+            ax.plot(b.segments, left, color=look.colour, linestyle="", marker="D",
+                    markerfacecolor="none", markersize=large + 0.8, zorder=layer)
+            drawn.append(left)
+    return drawn
+
+
+def triangle(ax: Axes, rows: list[Row], refine: Refine) -> None:
+    """Falls as errors of the order that is asked for, below the last two that are not at a wall."""
+    above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.wall]
+    if not above:
+        return
+    (a, b), p = above[-1], refine.order
+    top = BELOW * a.error
+    foot = top * (a.segments / b.segments) ** p
+    ax.fill([a.segments, a.segments, b.segments], [top, foot, foot], facecolor="#eeeeee",
+            edgecolor=INK, linewidth=0.8, zorder=2)
+    ax.annotate(number(p), (a.segments, np.sqrt(top * foot)), xytext=(-3, 0), fontsize=7,
+                textcoords="offset points", ha="right", va="center", color=INK)
+    ax.annotate("1", (np.sqrt(a.segments * b.segments), foot), xytext=(0, -2), fontsize=7,
+                textcoords="offset points", ha="center", va="top", color=INK)
+
+
+def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
+    """Dashed lines where the limit may be, and where errors are left to rounding."""
+    for words, level in bounds.items():
+        ax.axhline(level, color=INK, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
+        ax.annotate(f"{words} ≤ {number(level)} {unit}", (0.01, level), xytext=(0, 2), fontsize=6.5,
+                    xycoords=("axes fraction", "data"), textcoords="offset points", color=INK,
+                    bbox=PAPER)
+
+
+def legend(figure: Figure, view: Shown, refine: Refine, style: Mapping[str, Look], height: float
+           ) -> None:
+    """The solvers, and what an open diamond is."""
+    coarse, fine = refine.last
+    handles = [Line2D([], [], label=s, color=style[s].colour, linestyle=style[s].dash,
+                      marker=style[s].marker, markerfacecolor="white")
+               for s in dict.fromkeys(row.solver for row in view.refined)]
+    handles.append(Line2D([], [], label=f"limit from {coarse} and {fine}", color=INK, marker="D",
+                          linestyle="", markerfacecolor="none"))
+    figure.legend(handles=handles, loc="upper left", ncols=len(handles), handlelength=3.2,
+                  bbox_to_anchor=(0.0, 1 - 0.02 / height), fontsize=8)
 
 
 @dataclass(frozen=True)

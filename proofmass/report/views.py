@@ -1,12 +1,26 @@
-"""Views: a run's curves over another x, loops among them, beside those of other parameter sets."""
+"""Views: a run's curves over another x, loops among them, beside those of other parameter sets.
 
+The figure of a view shows curves or a stack, with the differences below them.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from textwrap import fill
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import MultipleLocator
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.report.data import Shown, readable, ways
+from proofmass.report.data import Shown, readable, thin, ways
+from proofmass.report.figures import PAPER, difference, overlay, panel
+from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.seen import Seen, seen
 from proofmass.view import View
 from proofmass.wording import listed, number, pretty
@@ -111,3 +125,175 @@ def caption(view: Viewed) -> str:
         words += ["below, the difference to the reference in the channel's unit, with what the "
                   "tolerance allows"] * any(n in view.over.channels for n in view.view.y)
     return "; ".join(words) + "."
+
+
+INK = "#1b1f24"
+TARGET: dict[str, Any] = {"color": INK, "linewidth": 1.3, "linestyle": (0, (5, 3)), "zorder": 2.8}
+SUM: dict[str, Any] = {"color": INK, "linewidth": 1.7, "zorder": 2.7}
+THIN: list[dict[str, Any]] = [
+    {"color": colour, "linewidth": 0.9, "linestyle": dash, "zorder": 2.6}
+    for colour, dash in (("#7b4ba0", SOLID), ("#6b5600", (0, (1, 1.5))), ("#555555", (0, (8, 2))),
+                         ("#7b4ba0", (0, (3, 1, 1, 1))))]
+PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")  # dark below: weighty
+NEAR = 0.035  # of a panel's width: marks nearer than this share their words
+CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # for lines on what is filled
+WORDS = 28  # letters across in the legend
+HIGH, LOW, KEY = 2.75, 0.95, 2.35  # [inch] heights of panels, width of the legend beside them
+
+
+def view_sheet(view: Viewed, style: Mapping[str, Look]) -> Figure:
+    """A panel for each curve, or one for the stack; below it what cannot be seen at its scale."""
+    names = view.view.y or ("",)
+    heights = [HIGH, LOW][: 1 + any(has_below(view, name) for name in names)]
+    width, wide = min(len(names), 3), 4.3 if len(names) == 1 else 3.0
+    rows, apart = -(-len(names) // width), np.array([0.75, 0.62])
+    cell = np.array([wide, sum(heights)])
+    size = np.array([0.75 + width * wide + (width - 1) * apart[0] + KEY,
+                     0.98 + rows * cell[1] + (rows - 1) * apart[1]])
+    figure = Figure(figsize=tuple(size))
+    grid = figure.add_gridspec(rows, width, left=0.75 / size[0], right=1 - KEY / size[0],
+                               bottom=0.43 / size[1], top=1 - 0.55 / size[1],
+                               wspace=apart[0] / cell[0], hspace=apart[1] / cell[1])
+    for k, name in enumerate(names):
+        parts = grid[k // width, k % width].subgridspec(len(heights), 1, height_ratios=heights,
+                                                        hspace=0.1)
+        pair = [figure.add_subplot(parts[i]) for i in range(1 + has_below(view, name))]
+        if view.view.stack:
+            stack(pair[0], pair[1], view)
+        else:
+            curve(pair, view, name, style)
+        across(pair, view)
+        marked(pair, view, name)
+    figure.text(0.1 / size[0], 1 - 0.08 / size[1], view.view.title, fontsize=10, weight="bold",
+                va="top")
+    legend(figure, view, style, size)
+    return figure
+
+
+def has_below(view: Viewed, name: str) -> bool:
+    """Whether something about a name cannot be seen at its scale: differences, or a flat sum."""
+    return bool(view.view.stack) or name in view.over.channels
+
+
+def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) -> None:
+    """A name of `y`: reference, solvers, target and other parameter sets; differences below."""
+    others = [view.readable(name, by) for by in view.beside.values()]
+    target = [view.readable(view.view.dashed)] if view.view.dashed else []
+    unit = readable(view.own.units[name])[0]
+    if name in view.over.channels:
+        overlay(pair[0], view.over, name, style, [*others, *target])
+        difference(pair[1], view.over, name, style)
+        pair[1].set_title("")
+        pair[1].set_ylabel(f"|diff.| [{pretty(view.own.units[name])}]")
+    else:
+        panel(pair[0], view.over, name, view.readable(name), {}, style, unit, [*others, *target])
+    for y, look in [*zip(others, THIN * len(others), strict=False),
+                    *((y, TARGET) for y in target)]:
+        pair[0].plot(*once(view.x, y), **look)
+
+
+def once(x: Array, y: Array) -> tuple[Array, Array]:
+    """A curve without the ways that only retrace its first: they would fill its dashes.
+
+    >>> x = np.array([0.0, 1.0, 2.0, 1.0, 0.0])
+    >>> [len(once(x, y)[0]) for y in (x**2, np.arange(5.0))]
+    [3, 5]
+    """
+    way = ways(x)[0][0]
+    rising = np.argsort(x[way])
+    again = np.interp(x, x[way][rising], y[way][rising])
+    retraced = np.abs(again - y).max() <= 1e-3 * np.ptp(y)  # less than a line is wide
+    return thin(x[way], y[way], 300) if retraced else thin(x, y, 300)
+
+
+def stack(ax: Axes, below: Axes, view: Viewed) -> None:
+    """Quantities on each other, those below zero downwards; in `below` their sum less its mean."""
+    way = ways(view.x)[0][0]
+    x = view.x[way]
+    up, down = np.zeros_like(x), np.zeros_like(x)
+    for name, colour in zip(view.view.stack, PILE * len(view.view.stack), strict=False):
+        part = view.readable(name)[way]
+        base = np.where(part >= 0, up, down)
+        ax.fill_between(x, base, base + part, facecolor=colour, edgecolor="white", linewidth=0.5,
+                        zorder=1)
+        up, down = up + np.maximum(part, 0), down + np.minimum(part, 0)
+    lines = [(view.total(by), look) for by, look in
+             zip(view.beside.values(), THIN * len(view.beside), strict=False)]
+    for total, look in [*lines, (view.total(), SUM)]:
+        ax.plot(*once(view.x, total), **look, path_effects=CASING)
+        below.plot(*once(view.x, total - np.mean(total)), **look)
+    ax.grid(False)
+    ax.set_ylim(min(0.0, 1.05 * float(down.min())), None)
+    ax.set_title("sum: " + spread(view), fontweight="normal")
+    ax.set_ylabel(f"[{unit_of(view)}]")
+    below.set_ylabel(f"sum − mean [{unit_of(view)}]")
+
+
+def across(pair: list[Axes], view: Viewed) -> None:
+    """The axis that a panel shares with the one below it."""
+    low, high = float(np.nanmin(view.x)), float(np.nanmax(view.x))
+    for ax in pair:
+        ax.set_xlim(low, high)
+        if view.over.x_unit == "deg":
+            step = next((s for s in (5, 10, 15, 30, 45, 90) if (high - low) / s < 8.01), 180)
+            ax.xaxis.set_major_locator(MultipleLocator(step))
+        ax.tick_params(labelbottom=ax is pair[-1])
+        ax.yaxis.set_label_coords(-0.13 if len(view.view.y) < 2 else -0.18, 0.5)
+        ax.yaxis.get_offset_text().set(x=1, ha="right")
+    pair[-1].set_xlabel(f"{view.over.x_name} [{view.over.x_unit}]")
+
+
+def marked(pair: list[Axes], view: Viewed, name: str) -> None:
+    """Vertical lines where something happens, with words where the curve leaves room."""
+    y = view.readable(name) if name else view.total()
+    unit = "°" if view.over.x_unit == "deg" else f" {pretty(view.over.x_unit)}"
+    for places in grouped(view):
+        for x in places.values():
+            for ax in pair:
+                ax.axvline(x, color=INK, linewidth=0.8, linestyle=(0, (1, 2)), zorder=2.4)
+        right = max(places.values()) > np.mean(pair[0].get_xlim())
+        x = min(places.values()) if right else max(places.values())
+        low, high = pair[0].get_ylim()
+        top = y[np.nanargmin(np.abs(view.x - x))] < 0.5 * (low + high)
+        words = "\n".join(f"{word} {number(at, 4)}{unit}" for word, at in places.items())
+        pair[0].annotate(words, (x, 0.97 if top else 0.03), rotation=90, fontsize=7, color=INK,
+                         xycoords=("data", "axes fraction"), textcoords="offset points",
+                         xytext=(-3 if right else 3, 0), ha="right" if right else "left",
+                         va="top" if top else "bottom", zorder=9, bbox=PAPER)
+
+
+def grouped(view: Viewed) -> list[dict[str, float]]:
+    """Marks from left to right; those that stand too near for words of their own are together."""
+    room = NEAR * float(np.ptp(view.x))
+    groups: list[dict[str, float]] = []
+    for word, x in sorted(view.own.marks.items(), key=lambda item: item[1]):
+        x *= view.over.x_scale
+        if groups and x - max(groups[-1].values()) < room:
+            groups[-1][word] = x
+        else:
+            groups.append({word: x})
+    return groups
+
+
+def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array) -> None:
+    """Everything that is drawn, beside the panels."""
+    handles: list[Any] = []
+    if view.view.stack:
+        handles += [Line2D([], [], label="sum", **SUM)]
+        handles += reversed([Patch(facecolor=colour, edgecolor="white", label=name) for name, colour
+                             in zip(view.view.stack, PILE * len(view.view.stack), strict=False)])
+    else:
+        handles += [Line2D([], [], label="reference", **REFERENCE)]
+        handles += [Line2D([], [], label=s, color=style[s].colour, linestyle=style[s].dash,
+                           marker=style[s].marker, markerfacecolor="white")
+                    for s in view.over.curves if any(n in view.over.channels for n in view.view.y)]
+    if view.view.dashed:
+        handles.append(Line2D([], [], label=view.view.dashed, **TARGET))
+    handles += [Line2D([], [], label=fill(name, WORDS), **look) for name, look in
+                zip(view.beside, THIN * len(view.beside), strict=False)]
+    if view.loop and not view.view.stack:
+        handles += [Line2D([], [], linestyle="", marker="o", color="#777777", markersize=4.5,
+                           markerfacecolor=face, label=f"{view.over.x_name} {way}")
+                    for face, way in (("white", "rises"), ("#777777", "falls"))]
+    figure.legend(handles=handles, loc="upper left", fontsize=8, handlelength=3.0,
+                  bbox_to_anchor=(1 - (KEY - 0.1) / size[0], 1 - 0.42 / size[1]))

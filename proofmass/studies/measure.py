@@ -1,9 +1,22 @@
-"""One run of a study: in the engine, on a processor of its own, held against the reference."""
+"""One run of a study: in the engine, on a processor of its own, held against the reference.
 
+No two timed runs of any study on this machine are on the same processor.
+
+The reference of many runs of a case is computed once where the same is asked for again.  That of a
+free motion is kept in a file as well: its integration takes longer than most runs, and must not
+count as time of the run that happens to be first.
+"""
+
+import getpass
+import io
+import os
+import platform
+import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import cast
@@ -13,16 +26,134 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import FAILURES
+from proofmass.compare import reference_for
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.isolate import isolated
+from proofmass.reference import grid
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import simulate
 from proofmass.strict import Kind
-from proofmass.studies.core import machine, own_core, pinned
 from proofmass.studies.invariants import invariants
-from proofmass.studies.row import KINDS, NAN
-from proofmass.studies.setting import Setting
-from proofmass.studies.truth import read_truth, truth, write_truth
+from proofmass.studies.record import KINDS, NAN, Setting
+
+try:
+    import fcntl
+except ImportError:  # Windows, where runs are not pinned
+    fcntl = None  # type: ignore[assignment]
+
+LOOK_AGAIN = 0.005  # s
+
+
+def cores() -> list[int]:
+    """The processors that runs may be pinned to; none where the system cannot."""
+    return sorted(os.sched_getaffinity(0)) if fcntl and hasattr(os, "sched_getaffinity") else []
+
+
+@contextmanager
+def own_core() -> Iterator[int | None]:
+    """A processor that nobody else gets meanwhile, waited for; None where there is no pinning.
+
+    Locks are on files, so that other processes keep away too, and go with the process that has
+    them.  Who waits does so at the head of a queue, lest a study that needs no pause keeps all.
+    """
+    if not cores():
+        yield None
+        return
+    with ExitStack() as held:
+        with lock_file("queue").open("w") as queue:
+            fcntl.flock(queue, fcntl.LOCK_EX)
+            core = first_free(held)
+        yield core
+
+
+def first_free(held: ExitStack) -> int:
+    """Wait for a processor, and keep it as long as `held`."""
+    while True:
+        for core in cores():
+            file = lock_file(f"core-{core}").open("w")
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.close()
+            else:
+                held.enter_context(file)
+                return core
+        time.sleep(LOOK_AGAIN)
+
+
+def lock_file(name: str) -> Path:
+    """A file to lock, this user's own."""
+    return Path(tempfile.gettempdir()) / f"proofmass-{getpass.getuser()}-{name}.lock"
+
+
+@contextmanager
+def pinned(core: int | None) -> Iterator[None]:
+    """Keep this process on one processor for a while."""
+    if core is None:
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {core})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+@cache
+def machine() -> str:
+    """This machine's kind of processor, and how many it has."""
+    name = platform.processor() or platform.machine()
+    told = Path("/proc/cpuinfo")
+    for line in told.read_text().splitlines() if told.exists() else ():
+        if line.startswith("model name"):
+            name = line.partition(":")[2].strip()
+    return f"{name} x {os.cpu_count()}"
+
+
+KEPT = 8  # references; the motions of driven runs differ, and nobody asks for them again
+known: dict[tuple[str, int, bytes], dict[str, Array]] = {}
+
+
+def truth(case: Case, curves: Curves) -> dict[str, Array]:
+    """`reference_for`, channel by channel; free motions and exact sweeps have it in common.
+
+    The integration of a free linkage takes longer than most runs that are held against it.
+    """
+    if (key := key_of(case, curves)) not in known:
+        keep(key, reference_for(case, curves).channels)
+    return known[key]
+
+
+def key_of(case: Case, curves: Curves) -> tuple[str, int, bytes]:
+    """What a reference depends on."""
+    asked = case.model_copy(update={"settings": {}}).model_dump_json()
+    where = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
+    return asked, case.model_path.stat().st_mtime_ns, where
+
+
+def keep(key: tuple[str, int, bytes], channels: dict[str, Array]) -> None:
+    """Remember a reference in this process, and forget the oldest one."""
+    while len(known) >= KEPT:
+        del known[next(iter(known))]
+    known[key] = channels
+
+
+def write_truth(case: Case, kind: Kind, file: Path) -> None:
+    """Write the reference of a free motion into a file, for `read_truth` in other processes."""
+    packed = io.BytesIO()
+    np.savez(packed, **truth(case, Curves(grid(case, kind), {})))  # type: ignore[arg-type]
+    write_whole(file, packed.getvalue())
+
+
+def read_truth(case: Case, kind: Kind, file: Path) -> None:
+    """Remember the reference that `write_truth` wrote, if it did; the case is the same."""
+    key = key_of(case, Curves(grid(case, kind), {}))
+    if key not in known and file.is_file():
+        with np.load(file) as arrays:
+            keep(key, dict(arrays))
+
 
 REFERENCE = 600.0  # s, after which a reference of a free motion is given up
 writing: dict[Path, Lock] = {}

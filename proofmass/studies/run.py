@@ -19,8 +19,7 @@ from pathlib import Path
 
 from proofmass.isolate import stopping
 from proofmass.studies.measure import Found, Task, measure
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store, key_of
 
 Progress = Callable[[str, int, int], None]

@@ -5,10 +5,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
-from proofmass.design.descent import STUCK, descend, norms
 from proofmass.design.pareto import front, write_front
-from proofmass.design.search import Effort, Search
-from proofmass.design.starts import scattered
+from proofmass.design.search import STUCK, Effort, Search, descend, norms, scattered
 from proofmass.errors import InputError
 from proofmass.front import nondominated
 

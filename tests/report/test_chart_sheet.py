@@ -10,8 +10,7 @@ from matplotlib import rc_context
 from matplotlib.colors import to_hex
 
 from proofmass.analytic.chart import Chart, Field, Line, Panel
-from proofmass.report.chart_line import MOST, dressed, thinned, tones
-from proofmass.report.chart_sheet import SLIM, SQUAT, chart_sheet
+from proofmass.report.charts import MOST, SLIM, SQUAT, chart_sheet, dressed, thinned, tones
 from proofmass.report.figures import save
 from proofmass.report.style import KNOWN, RC
 

@@ -17,7 +17,7 @@ from proofmass.report import headline, write_report
 from proofmass.report.data import input_rows, inputs, shown, thin
 from proofmass.report.drawing import SHEETS, pictured, tracks
 from proofmass.report.figures import tolerances
-from proofmass.report.paths import path, paths
+from proofmass.report.mechanism import path, paths
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.report.tables import unit_of

@@ -11,18 +11,17 @@ from typer.testing import CliRunner
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report import written
-from proofmass.report.diet_page import write_diet
-from proofmass.report.diet_sheet import SMALL, diet_sheet
+from proofmass.report.diet_page import SMALL, diet_sheet, write_diet
 from proofmass.report.style import RC
-from proofmass.studies.diet.diet_table import (
+from proofmass.studies.diet.table import (
     OPTION,
     SAID,
     WHOLE,
     Entry,
     read_entries,
+    sentences,
     write_entries,
 )
-from proofmass.studies.diet.diet_words import sentences
 from proofmass.studies.diet.trial import Cost
 from proofmass.studies.stress.boundary import Boundary, Limit
 from proofmass.studies.stress.stress import write_boundaries

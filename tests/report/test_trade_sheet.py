@@ -12,10 +12,16 @@ from matplotlib.text import Annotation
 
 from proofmass.errors import InputError
 from proofmass.report.style import KNOWN, RC
-from proofmass.report.trade_marks import planned, spread
-from proofmass.report.trade_page import write_trade
-from proofmass.report.trade_sheet import FRONT, dressed, trade_sheet, turn_sheet
-from proofmass.studies.row import Row
+from proofmass.report.trade_page import (
+    FRONT,
+    dressed,
+    planned,
+    spread,
+    trade_sheet,
+    turn_sheet,
+    write_trade,
+)
+from proofmass.studies.record import Row
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import Verdict, front
 from tests.studies.trade.trade_rows import line, study, verdict

@@ -15,8 +15,7 @@ from proofmass.report import write_report
 from proofmass.report.data import shown, ways
 from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
-from proofmass.report.view_sheet import grouped, view_sheet
-from proofmass.report.views import Viewed, all_viewed, caption, spread, viewed
+from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_sheet, viewed
 from proofmass.seen import Seen
 from proofmass.view import View
 from tests.report.test_report import case_of, curves_of, result_of

@@ -7,7 +7,7 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.studies.measure import Task
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Setting
 
 MODELS = Path(__file__).parents[2] / "models"
 STEPS = 0.01, 0.005, 0.0025, 0.002, 0.001

@@ -16,20 +16,17 @@ from proofmass.reference import evaluate, grid, laws
 from proofmass.sim.protocol import Curves, Diverged, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
-from proofmass.studies import core, measure
-from proofmass.studies import truth as truths
-from proofmass.studies.core import own_core, pinned
-from proofmass.studies.measure import Task, not_finite, observe, shares
+from proofmass.studies import measure
+from proofmass.studies.measure import Task, not_finite, observe, own_core, pinned, shares, truth
+from proofmass.studies.record import Setting
 from proofmass.studies.run import row
-from proofmass.studies.setting import Setting
-from proofmass.studies.truth import truth
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
 MODELS = Path(__file__).parents[2] / "models"
 PENDULUM = load_case(MODELS / "pendulum.toml")
 FOURBAR = load_case(MODELS / "fourbar.toml")
 EULER = Setting("mujoco", {"integrator": "Euler"})
-LIMITED = pytest.mark.skipif(not core.cores(), reason="runs are not pinned here")
+LIMITED = pytest.mark.skipif(not measure.cores(), reason="runs are not pinned here")
 
 
 def driven(case: Case, kind: Kind, x: Array) -> State:
@@ -79,7 +76,7 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
         return reference_for(case, curves)
 
     asked: list[dict] = []
-    monkeypatch.setattr(truths, "reference_for", count)
+    monkeypatch.setattr(measure, "reference_for", count)
     case, x = load_case(models / "fourbar.toml"), grid(FOURBAR, "duration")
     state = driven(FOURBAR, "duration", x)
     late = state[0] - 1e-3, *state[1:]
@@ -204,10 +201,10 @@ def test_a_sweep_that_ends_early_is_told(monkeypatch):
 
 @LIMITED
 def test_a_processor_is_given_to_one_run_at_a_time(monkeypatch):
-    monkeypatch.setattr(core, "cores", lambda: [0, 1])
+    monkeypatch.setattr(measure, "cores", lambda: [0, 1])
     with own_core() as one, own_core() as other:
         assert {one, other} == {0, 1}
-        monkeypatch.setattr(core.time, "sleep", lambda _: (_ for _ in ()).throw(TimeoutError))
+        monkeypatch.setattr(measure.time, "sleep", lambda _: (_ for _ in ()).throw(TimeoutError))
         with pytest.raises(TimeoutError), own_core():
             pass
     with own_core() as again:
@@ -231,7 +228,7 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
 
 
 def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
-    monkeypatch.setattr(core, "cores", list)
+    monkeypatch.setattr(measure, "cores", list)
     with own_core() as none:
         assert none is None
     assert not seen(0.01).pinned

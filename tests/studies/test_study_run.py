@@ -15,14 +15,12 @@ import pytest
 from proofmass.case import load_case
 from proofmass.errors import InputError
 from proofmass.sim.protocol import Curves
-from proofmass.studies import measure, truth
+from proofmass.studies import measure
 from proofmass.studies import run as runs
 from proofmass.studies.measure import Found, shares
-from proofmass.studies.row import NAN, Row
+from proofmass.studies.record import NAN, Row, Setting, read_table
 from proofmass.studies.run import pool, reference_of, row, run
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store
-from proofmass.studies.table import read_table
 from tests.studies.study_tasks import MODELS, own_locks, tasks  # noqa: F401, a fixture of all tests
 
 STUDY = """
@@ -30,7 +28,7 @@ import sys
 from pathlib import Path
 from proofmass.studies.run import pool, run
 from proofmass.studies.store import Store
-from proofmass.studies.table import write_table
+from proofmass.studies.record import write_table
 from proofmass.sim.protocol import Curves
 from tests.studies.study_tasks import tasks
 
@@ -145,8 +143,8 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
     assert [row.errors for row in rows] == plain
     assert limits == [("write_truth", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
     file, = tmp_path.glob("*.truth.npz")
-    monkeypatch.setattr(truth, "known", {})
-    monkeypatch.setattr(truth, "reference_for", None)
+    monkeypatch.setattr(measure, "known", {})
+    monkeypatch.setattr(measure, "reference_for", None)
     third = tasks()[2]
     assert run([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
     assert reference_of(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file

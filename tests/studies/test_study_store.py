@@ -11,10 +11,8 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.studies import store as stores
 from proofmass.studies.measure import Found, Task
-from proofmass.studies.row import NAN, Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import COLUMNS, NAN, Row, Setting, read_table, table, write_table
 from proofmass.studies.store import Store, key_of
-from proofmass.studies.table import COLUMNS, read_table, table, write_table
 from tests.studies.study_tasks import tasks
 
 TASK = tasks()[0]

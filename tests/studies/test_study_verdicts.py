@@ -17,16 +17,15 @@ from proofmass.isolate import Crashed, TimedOut
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.diet import diet, scene
-from proofmass.studies.diet.diet_table import Entry
-from proofmass.studies.diet.draft import read
-from proofmass.studies.diet.feature import DRAWN, Feature
-from proofmass.studies.diet.kept import Kept
+from proofmass.studies.diet.diet import Kept
+from proofmass.studies.diet.edits import read
+from proofmass.studies.diet.options import DRAWN, Feature
 from proofmass.studies.diet.scene import Scene, Watch
 from proofmass.studies.diet.scene import moved as moved_over
+from proofmass.studies.diet.table import Entry
 from proofmass.studies.diet.trial import Cost, Pace
 from proofmass.studies.measure import Found, Task
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress import stand
 from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect, told
@@ -34,8 +33,8 @@ from proofmass.studies.stress.stand import NotHere, Stand, judged, known, needs
 from proofmass.studies.stress.stand import observed as observed_run
 from proofmass.studies.trade.axes import Line
 from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sampled
-from proofmass.studies.trade.line import Track, clear, flat, level, observed, slowed
 from proofmass.studies.trade.orders import expected, jolted, nearest, off
+from proofmass.studies.trade.series import Track, clear, flat, level, observed, slowed
 from proofmass.studies.trade.verdict import front
 
 MODELS = Path(__file__).parents[2] / "models"

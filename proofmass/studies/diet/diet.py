@@ -1,16 +1,21 @@
 """``proofmass diet``: what a scene does not need.
 
-Each feature is taken out of the model, and every run of the scene is done again.  What changes no
-channel by more than it may is harmless; all that is harmless is then taken out together, or one
-after the other if not all of it can go at once, and what is left is looked at again.
+Each feature is removed from the model in turn, and every run of the scene is repeated.  A feature
+whose removal changes no channel by more than is allowed is harmless.  All harmless features are
+then removed together, or one after the other if not all of them can go at once, and the rest is
+tried again.
 
-Then options of the engine are made cheaper, one after the other, as long as what is measured is as
-true as before: see `proofmass.studies.diet.options`.
+Options of the engine are then made cheaper, one after the other, as long as the results are as
+close to the reference as before: see `proofmass.studies.diet.options`.
+
+Each trial is kept in a file of its own, so that a diet that was stopped goes on.
 """
 
+import pickle
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import mujoco
@@ -18,23 +23,57 @@ import mujoco
 from proofmass.check import FAILURES
 from proofmass.isolate import isolated
 from proofmass.sim.protocol import BadModel, Curves, Run
-from proofmass.studies.diet.diet_table import NO_GAIN, SAID, WHOLE, Entry, Moved
-from proofmass.studies.diet.draft import Draft
-from proofmass.studies.diet.feature import DRAWN, Feature, features
-from proofmass.studies.diet.kept import Kept
+from proofmass.studies.diet.edits import Draft
 from proofmass.studies.diet.options import (
     CLOCKED,
     COUNTED,
+    DRAWN,
     ORDERS,
+    Feature,
     Rungs,
+    features,
     integrators,
     stepped,
     steps,
     work,
 )
 from proofmass.studies.diet.scene import TIMED, Scene, Watch, moved, strayed
+from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Entry, Moved
 from proofmass.studies.diet.trial import Cost, Pace, attempt, paced
 from proofmass.studies.run import pool
+from proofmass.studies.store import digest, once, saved, sources, versions
+
+
+class Kept:
+    """What came of models in runs.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Made if it is not there; without one nothing is kept.
+    """
+
+    def __init__(self, folder: Path | None = None):
+        self.folder = folder
+        if folder:
+            folder.mkdir(parents=True, exist_ok=True)
+
+    def once(self, models: list[mujoco.MjModel], runs: Any, make: Callable[[], Any]) -> Any:
+        """What came of models in runs, made if it is not kept; of lists and numbers, as in JSON.
+
+        Parameters
+        ----------
+        models : list of MjModel
+        runs : object
+            All else that it depends on, such that it pickles.
+        make : callable
+        """
+        if not self.folder:
+            return make()
+        key = [*map(saved, models), pickle.dumps(runs), repr(versions("mujoco")).encode(),
+               sources().encode()]
+        return once(self.folder / f"{digest(b''.join(key))}.json", make)
+
 
 SLOWER = 20.0  # times as long as the model as it is takes: given up
 NOT_CHEAPER = 3.0  # times as long, of an option that is to be cheaper

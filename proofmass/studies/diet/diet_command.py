@@ -9,13 +9,18 @@ from rich.table import Table
 
 from proofmass.command import Dask, Jobs, answering, errors
 from proofmass.errors import InputError
-from proofmass.studies.diet.diet import Diet, Search
-from proofmass.studies.diet.diet_table import NO_GAIN, Entry, read_entries, write_entries
-from proofmass.studies.diet.diet_words import ranked, saving, sentences
-from proofmass.studies.diet.draft import read
-from proofmass.studies.diet.kept import Kept
+from proofmass.studies.diet.diet import Diet, Kept, Search
+from proofmass.studies.diet.edits import read, write
 from proofmass.studies.diet.scene import Scene, scene_of
-from proofmass.studies.diet.slim import write
+from proofmass.studies.diet.table import (
+    NO_GAIN,
+    Entry,
+    ranked,
+    read_entries,
+    saving,
+    sentences,
+    write_entries,
+)
 from proofmass.studies.run import pool
 from proofmass.terminal import console
 from proofmass.wording import number

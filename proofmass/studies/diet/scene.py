@@ -31,7 +31,7 @@ from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.studies.bounded import bounded
-from proofmass.studies.diet.draft import WATCHED, Draft, read
+from proofmass.studies.diet.edits import WATCHED, Draft, read
 from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, groups
 from proofmass.wording import listed, number
 

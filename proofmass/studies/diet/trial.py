@@ -18,7 +18,7 @@ from proofmass.sim.mujoco.coupling import independent_groups
 from proofmass.sim.mujoco.engine import follow
 from proofmass.sim.mujoco.model import begin
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
-from proofmass.studies.core import own_core, pinned
+from proofmass.studies.measure import own_core, pinned
 
 PASSIVE = "passive"
 STEPPED = ("duration", PASSIVE)  # runs that go by time steps

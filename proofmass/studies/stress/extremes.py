@@ -1,25 +1,243 @@
-"""What can be turned to an extreme in a case: how far it goes until a run is lost.
+"""What can be varied to an extreme in a case, and how far it goes until a run fails.
 
-See `proofmass.studies.stress.stand` for when that is.
+Among it are the energy of a free motion, which needs no reference, since the motion may be chaotic;
+the size of the whole mechanism, with which the curves must scale; and a spring in the joint that
+the drives move last, made stiffer over 12 decades.
+
+See `proofmass.studies.stress.stand` for when a run counts as failed.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import cast
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
 
 from proofmass.case import Case
+from proofmass.check import FAILURES
+from proofmass.isolate import isolated
 from proofmass.reference import compiled
+from proofmass.sidecar import Channel
 from proofmass.strict import Kind
-from proofmass.studies import rescaled
-from proofmass.studies.setting import Knob, Setting
-from proofmass.studies.store import Store
-from proofmass.studies.stress.boundary import Sought, Tried
-from proofmass.studies.stress.energy import energies
-from proofmass.studies.stress.singular import closings, limits, snaps, stretchings
-from proofmass.studies.stress.size import sizes
-from proofmass.studies.stress.stand import LONG, NotHere, Stand, known, needs
-from proofmass.studies.stress.stiffness import stiffnesses
-from proofmass.studies.stress.ways import longer
+from proofmass.studies import variants
+from proofmass.studies.bounded import bounded
+from proofmass.studies.invariants import conserved, invariants
+from proofmass.studies.measure import Found, Task, taken
+from proofmass.studies.record import Knob, Setting
+from proofmass.studies.store import Store, key_of
+from proofmass.studies.stress import theory
+from proofmass.studies.stress.boundary import NAN, Failure, Limit, Sought, Tried, told
+from proofmass.studies.stress.near_singular import closings, limits, snaps, stretchings
+from proofmass.studies.stress.stand import (
+    LONG,
+    TIMEOUT,
+    NotHere,
+    Stand,
+    judged,
+    known,
+    limit_of,
+    needs,
+    simulated,
+)
+from proofmass.studies.stress.ways import in_steps, longer
+from proofmass.studies.variants import movable, reread, with_model
+
+CONSERVING = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
+MOST = 2000  # samples
+OFF = 0.01
+"""Change of energy, over the largest kinetic energy, that is too much."""
+SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
+
+
+def energies(stand: Stand) -> Iterator[Sought]:
+    """More and more steps of a free motion, until its energy is off by a hundredth."""
+    why = "energy: something drives, loads or brakes it, or nothing is stepped"
+    needs(stand.kind == "duration" and not stand.case.drive, why)
+    watched = weighed(stand.case, stand.models)
+    needs(bounded(watched, stand.kind, conserved, watched), why)
+    yield from stand.integrated("steps until the energy is off by 1 %", "1",
+                                stand.seconds / stand.step, LONG,
+                                partial(drifted, stand, watched), CONSERVING)
+
+
+def weighed(case: Case, folder: Path) -> Case:
+    """The case with sensors of both energies alone, and without motors that stand idle."""
+    idle = not compiled(case).key_ctrl.any()
+
+    def change(root: Element) -> None:
+        for old in [one for one in root if one.tag == "sensor" or (one.tag == "actuator" and idle)]:
+            root.remove(old)
+        for key in root.iter("key") if idle else ():
+            key.attrib.pop("ctrl", None)
+        sensors = ElementTree.SubElement(root, "sensor")
+        for tag, name in SENSORS.items():
+            ElementTree.SubElement(sensors, tag, name=f"whole_{name}")
+    changed = with_model(case, folder, change)
+    return changed.model_copy(update={"channels": {
+        f"whole_{name}": Channel(equals=0.0, unit="J") for name in SENSORS.values()}})
+
+
+def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> Tried:
+    """Run for so many steps, and look at the energy."""
+    per = int(np.ceil(steps / MOST))
+    count = round(steps / per)
+    run = case.run["duration"].model_copy(update={"n": count + 1,
+                                                  "until": count * per * stand.step})
+    own = case.model_copy(update={"run": {"duration": run}})
+    task = Task(own, "duration", stand.setting.but(**knobs), "stress")
+    found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
+    if found.outcome != "ran":
+        limit = limit_of(found)
+        return Tried(Failure(f"{found.outcome}: {found.message}", limit,
+                             limit != Limit.OURS and not told(found.message)))
+    off = found.invariants.get("energy", 0.0)
+    lost = Failure(f"energy off by {off:.2g}", Limit.INACCURATE, silent=True)
+    return Tried(None if off <= OFF else lost, found.step)
+
+
+def weighing(task: Task) -> Found:
+    """Run a task for its energy alone."""
+    try:
+        return cast(Found, isolated(weighed_here, task, timeout=TIMEOUT))
+    except tuple(FAILURES) as error:
+        return Found(outcome=FAILURES[type(error)], message=str(error))
+
+
+def weighed_here(task: Task) -> Found:
+    """The same, in this process."""
+    curves = simulated(task)
+    return Found(invariants=invariants(task.case, curves), seconds=curves.seconds,
+                 steps=curves.steps, step=taken(task.run, curves))
+
+
+ROUNDING = 1e-9  # share of a curve's range that rounding may change, at worst in chaos
+NULL = 1e-6  # [m] `kFrameEps` of MuJoCo's src/user/user_model.cc
+
+
+def sizes(stand: Stand) -> Iterator[Sought]:
+    """All lengths longer and shorter, beside what MuJoCo compiles at all."""
+    model = compiled(stand.case)
+    driven = [int(model.joint(drive.joint).type[0]) for drive in stand.case.drive]
+    needs(not (stand.case.rod or mujoco.mjtJoint.mjJNT_SLIDE in driven
+               or stand.case.reference.endswith(".csv")), "size: the reference has its own lengths")
+    needs(len(variants.bodies(stand.case)) >= int((model.body_jntnum > 0).sum()),
+          "size: masses of geoms")
+    weighs = bool(model.opt.gravity.any()) if stand.kind != "duration" else not driven
+    least = smallest(model, weighs)
+    limit = least if least > 1e-6 else 0.0
+    if limit and stand.setting.engine != "mujoco":  # of another engine than the one it is read for
+        limit = NAN
+    for word, reach, expected in (("larger", 1e6, np.inf), ("smaller", 1e-6, limit)):
+        yield stand.sought(f"all lengths {word}", "times", 1.0, reach,
+                           partial(resized, stand, least), theory=expected,
+                           law="dimensional analysis, of what MuJoCo compiles")
+
+
+def resized(stand: Stand, least: float, factor: float) -> Tried:
+    """Run at another size, down to the least that MuJoCo compiles for other engines as well."""
+    if factor < least and stand.setting.engine != "mujoco":
+        return Tried(Failure(f"MuJoCo, which reads the model for {stand.setting.engine}, compiles "
+                             f"the same mechanism down to {least:.3g} times its size", Limit.OURS))
+    found = stand.run(variants.larger(stand.case, stand.models, factor))
+    return Tried(unlike(found, stand.run(stand.case)), found.step)
+
+
+def unlike(found: Found, own: Found) -> Failure | None:
+    """Why a run at another size is lost: errors must be those at its own, by dimensional analysis.
+
+    What is ten times as large is another curve; rounding is not that of another size.
+    """
+    if failure := judged(found):
+        return failure
+    for kind, error in found.errors.items():
+        if error > 10.0 * own.errors[kind] + ROUNDING:
+            return Failure(f"{kind} off by {error:.2g} of its range, {own.errors[kind]:.2g} at its "
+                           f"size", Limit.INACCURATE, silent=True)
+    return None
+
+
+def smallest(model: mujoco.MjModel, weighs: bool) -> float:
+    """Size from which on MuJoCo compiles the same mechanism.
+
+    It refuses inertias, s^2 times as large here, up to mjMINVAL, and takes for the origin of its
+    body what is less than 1e-6 m from it along each axis: sites, and where bodies weigh anything
+    their centres of mass.
+    """
+    alike = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT)  # turned as their bodies are
+    places = model.site_pos[model.site_sameframe == alike]
+    centres = model.body_ipos[(model.body_sameframe == alike) & weighs]
+    inertia = model.body_inertia[model.body_mass > 0]
+    return float(np.concatenate([NULL / np.abs(places).max(axis=1), NULL / np.abs(centres).max(
+        axis=1), np.sqrt(mujoco.mjMINVAL / inertia).max(axis=1)]).max())
+
+
+DECADES = 1e12
+BRIEF = 100  # steps of a free motion: the reference has to follow each swing of the spring
+
+
+def stiffnesses(stand: Stand) -> Iterator[Sought]:
+    """A stiffer and stiffer spring in the last hinge, from one that swings once in the run."""
+    needs(stand.kind == "duration" and movable(stand.case) and not stand.case.rod,
+          "stiffness in motion: nothing is stepped, or rods bend in it")
+    free = not stand.case.drive
+    needs(free or known(stand.case), "stiffness in motion: the springs move it as well")
+    joint, inertia = last_hinge(stand.case)
+    seconds = min(stand.seconds, BRIEF * stand.step) if free else stand.seconds
+    case = brief(reread(stand.case), seconds, stand.step) if free else stand.case
+    softest = inertia * (2.0 * np.pi / seconds) ** 2
+    limit = NAN
+    # one coordinate; in Chipmunk three of a body, which goes straight ahead during a step
+    if free and compiled(case).nv == 1 and stand.setting.engine == "mujoco":
+        z = theory.stiffest(integrator(stand), seconds / stand.step)
+        limit = inertia * (z / stand.step) ** 2
+    yield stand.sought(f"spring in {joint}", "N m/rad", softest, DECADES * softest,
+                       partial(sprung, stand, case, joint), theory=limit,
+                       law="" if limit != limit else "powers of the step's matrix")
+
+
+def integrator(stand: Stand) -> str:
+    """MuJoCo's integrator of the runs."""
+    own = mujoco.mjtIntegrator(compiled(stand.case).opt.integrator).name.removeprefix("mjINT_")
+    names = {name.upper(): name for name in theory.MAPS}
+    return str(stand.setting.knobs.get("integrator", names[own]))
+
+
+def last_hinge(case: Case) -> tuple[str, float]:
+    """The last hinge that is not driven, and the inertia that it moves [kg m^2]."""
+    model, driven = compiled(case), [drive.joint for drive in case.drive]
+    hinges = [j for j in range(model.njnt) if model.joint(j).name not in driven
+              and model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE]
+    needs(hinges, "stiffness in motion: no hinge but those that are driven")
+    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_resetDataKeyframe(model, data, model.key(case.start).id)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, inertia)
+    return str(model.joint(hinges[-1]).name), float(inertia[hinges[-1], hinges[-1]])
+
+
+def brief(case: Case, seconds: float, step: float) -> Case:
+    """The case with a shorter duration, looked at after every step."""
+    run = case.run["duration"].model_copy(update={"n": round(seconds / step) + 1})
+    return in_steps(case.model_copy(update={"run": {"duration": run}}), seconds, step)
+
+
+def sprung(stand: Stand, case: Case, joint: str, stiffness: float) -> Tried:
+    """Run with a spring."""
+    return stand.tried(with_spring(case, stand.models, joint, stiffness))
+
+
+def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
+    """The case with a spring in a joint, in place of what is there."""
+    def change(root: Element) -> None:
+        hinge = next(one for one in root.iter("joint") if one.get("name") == joint)
+        hinge.set("stiffness", repr(stiffness))
+    return with_model(case, folder, change)
+
 
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4", "discrete"
 MANY, PATIENCE = 200, 600.0  # segments, and how long so many may take [s]
@@ -92,18 +310,18 @@ def weights(stand: Stand) -> Iterator[Sought]:
     needs(known(stand.case) or "gravity" in stand.case.parameters,
           "gravity: the reference has its own")
     yield stand.sought("gravity", "times", 1.0, 1e6, lambda factor: stand.tried(
-        rescaled.weightier(stand.case, stand.models, factor)))
+        variants.weightier(stand.case, stand.models, factor)))
 
 
 def masses(stand: Stand) -> Iterator[Sought]:
     """The last body heavier and heavier, and lighter and lighter, than the others."""
-    bodies = len(rescaled.bodies(stand.case))
+    bodies = len(variants.bodies(stand.case))
     needs(bodies > 1, "mass ratio: one body, or masses of geoms")
     needs(stand.kind == "duration" and known(stand.case),
           "mass ratio: statics knows no inertia, or the reference has its own masses")
     for word, reach in (("heavier", 1e6), ("lighter", 1e-6)):
         yield stand.sought(f"last body {word}", "times", 1.0, reach, lambda factor: stand.tried(
-            rescaled.heavier(stand.case, stand.models, factor)))
+            variants.heavier(stand.case, stand.models, factor)))
 
 
 def springs(stand: Stand) -> Iterator[Sought]:
@@ -115,7 +333,7 @@ def springs(stand: Stand) -> Iterator[Sought]:
     for word, reach in (("stronger", 1e6), ("weaker", 1e-6)):
         yield stand.sought(f"springs and loads {word}", "times", 1.0, reach,
                            lambda factor: stand.tried(
-                               rescaled.stiffer(stand.case, stand.models, factor)))
+                               variants.stiffer(stand.case, stand.models, factor)))
 
 
 def segments(stand: Stand) -> Iterator[Sought]:

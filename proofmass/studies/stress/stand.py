@@ -24,11 +24,11 @@ from proofmass.sim.protocol import BadModel, Curves, NotSolved
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.measure import Found, Task, observe
-from proofmass.studies.reread import READS
-from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.record import Knob, Setting
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress.boundary import Failure, Limit, Sought, Trial, Tried, told
 from proofmass.studies.stress.ways import in_steps
+from proofmass.studies.variants import READS
 
 LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""

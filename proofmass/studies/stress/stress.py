@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from proofmass.files import write_whole
+from proofmass.studies.record import write_columns
 from proofmass.studies.store import Store, digest, once, sources, versions
-from proofmass.studies.stress import proven, specimens
+from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Trial, Tried
-from proofmass.studies.table import write_columns
 
 Progress = Callable[[str, int, int], None]
 COLUMNS = {
@@ -64,7 +64,7 @@ class Kept:
 
 def kept(sought: Sought, store: Store) -> Sought:
     """A boundary of a small model, with its trials kept; those of cases keep their own runs."""
-    code = "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (proven, specimens))
+    code = "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (problems, problems))
     name = repr((sought.what, sought.engine, sought.setting, sought.knob,
                  versions(sought.engine), sources(), code))
     return replace(sought, trial=Kept(sought.trial, store.folder, name))
@@ -77,7 +77,7 @@ def stress(sought: Iterable[Sought], workers: Executor,
     Parameters
     ----------
     sought : iterable of Sought
-        From `proofmass.studies.stress.proven.probes` and
+        From `proofmass.studies.stress.problems.probes` and
         `proofmass.studies.stress.extremes.extremes`.
     workers : Executor
         From `proofmass.studies.run.pool`.

@@ -12,7 +12,7 @@ from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, Limit
 from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.proven import probes
+from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.stress import kept, stress, write_boundaries
 from proofmass.terminal import console
 from proofmass.wording import number

@@ -13,7 +13,7 @@ from proofmass.reference import compiled, grid
 from proofmass.sim.mujoco.model import may_touch, rubs
 from proofmass.sim.pymunk.engine import CHIPMUNK_BIAS
 from proofmass.strict import Kind
-from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.record import Knob, Setting
 from proofmass.wording import spoken
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")

@@ -9,10 +9,9 @@ from textwrap import fill, indent
 from proofmass.case import Case
 from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
 from proofmass.strict import Kind
-from proofmass.studies.row import NAN, Row
-from proofmass.studies.trade.finer import Limits, promises
-from proofmass.studies.trade.line import FALLS, order
-from proofmass.studies.trade.snippet import snippet
+from proofmass.studies.record import NAN, Row
+from proofmass.studies.trade.program import snippet
+from proofmass.studies.trade.series import FALLS, Limits, order, promises
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
 from proofmass.studies.trade.words import cost, floored, off, told

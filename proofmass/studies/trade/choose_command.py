@@ -15,15 +15,15 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.strict import Kind
 from proofmass.studies.command import Errors, Longest, Runs, measured, named, seconds, turnable
-from proofmass.studies.row import Row
+from proofmass.studies.record import Row
 from proofmass.studies.run import pool
 from proofmass.studies.run import run as run_tasks
 from proofmass.studies.store import Store, versions
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, Verify, choose, printed, words
 from proofmass.studies.trade.disturbed import motions_of, within
-from proofmass.studies.trade.finer import BUDGET, LONGEST, Limits, known
 from proofmass.studies.trade.program import imposed, program
 from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
+from proofmass.studies.trade.series import BUDGET, LONGEST, Limits, known
 from proofmass.studies.trade.trade import chosen
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify

@@ -26,11 +26,11 @@ from proofmass.sim.contents import size
 from proofmass.sim.protocol import BadModel, Curves
 from proofmass.strict import Kind
 from proofmass.studies.measure import CONSTANT, Task, span
-from proofmass.studies.rescaled import times, with_model
-from proofmass.studies.row import KINDS, NAN
+from proofmass.studies.record import KINDS, NAN
 from proofmass.studies.store import Store, digest, key_of, once
 from proofmass.studies.stress.stand import simulated
 from proofmass.studies.trade.axes import as_given
+from proofmass.studies.variants import times, with_model
 from proofmass.wording import number
 
 NUDGE = 1e-9

@@ -18,11 +18,9 @@ from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
 from proofmass.sim.pymunk.dynamics import MOST
 from proofmass.sim.pymunk.engine import CHIPMUNK_BIAS
 from proofmass.strict import Kind
-from proofmass.studies.reread import READS, movable, reread
-from proofmass.studies.rescaled import thinned
-from proofmass.studies.row import NAN, Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import NAN, Row, Setting
 from proofmass.studies.trade.axes import Line, at_step
+from proofmass.studies.variants import READS, movable, reread, thinned
 
 MOVES = 1.1
 """Factor on the error from which a cause is one: a fifth of the error, if of first order."""

@@ -21,16 +21,13 @@ from proofmass.reference import compiled, grid
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from proofmass.studies.bounded import bounded
-from proofmass.studies.measure import Task
-from proofmass.studies.row import Row
+from proofmass.studies.measure import Task, truth
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.run import reference_of, run
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.axes import HARD, INTEGRATORS, as_given, leading
-from proofmass.studies.trade.finer import SAFE, Limits, scaled
-from proofmass.studies.trade.line import COARSE, FALLS
-from proofmass.studies.trade.line import order as order_of
-from proofmass.studies.truth import truth
+from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
+from proofmass.studies.trade.series import order as order_of
 
 Progress = Callable[[str, int, int], None]
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough

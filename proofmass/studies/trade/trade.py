@@ -23,15 +23,14 @@ from proofmass.files import write_whole
 from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.studies.measure import Task
-from proofmass.studies.row import NAN, Row
+from proofmass.studies.record import NAN, Row, write_table
 from proofmass.studies.run import pool, run
 from proofmass.studies.store import Store
-from proofmass.studies.table import write_table
 from proofmass.studies.trade.axes import WORK, Line, leading, lines
 from proofmass.studies.trade.disturbed import ROUNDED, Motion, motions_of, rounding, within
 from proofmass.studies.trade.floor import ROUNDING, UNKNOWN, Probe, factor, halvings, judge, probes
-from proofmass.studies.trade.line import Track, clear, flat, halved, least, observed
 from proofmass.studies.trade.orders import expected, nearest, off
+from proofmass.studies.trade.series import Track, clear, flat, halved, least, observed
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import ended, reached, worsened
 from proofmass.wording import number

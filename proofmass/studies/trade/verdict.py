@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from proofmass.front import nondominated
-from proofmass.studies.row import NAN, Row
+from proofmass.studies.record import NAN, Row
 
 
 @dataclass(frozen=True)

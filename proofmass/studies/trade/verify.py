@@ -23,11 +23,9 @@ from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.bounded import limited
 from proofmass.studies.measure import REFERENCE, Task, shares
-from proofmass.studies.row import NAN, Row
-from proofmass.studies.setting import Knob, Setting
+from proofmass.studies.record import NAN, Knob, Row, Setting
 from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.program import Ran, drive_words, imposed, tried
-from proofmass.studies.trade.snippet import SPACE, pasted, snippet
+from proofmass.studies.trade.program import SPACE, Ran, drive_words, imposed, pasted, snippet, tried
 from proofmass.wording import number
 
 LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)

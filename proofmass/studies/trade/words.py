@@ -2,9 +2,9 @@
 
 from math import isfinite
 
-from proofmass.studies.row import Row
-from proofmass.studies.trade.line import ASYMPTOTIC, Track, observed, still, still_falls, worse
+from proofmass.studies.record import Row
 from proofmass.studies.trade.orders import WITHIN
+from proofmass.studies.trade.series import ASYMPTOTIC, Track, observed, still, still_falls, worse
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number, spoken
 

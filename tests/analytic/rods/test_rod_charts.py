@@ -13,7 +13,7 @@ from proofmass.analytic.rods.rod_pair import MANY, sharing
 from proofmass.case import Case, load_case
 from proofmass.chart import chart_of
 from proofmass.errors import InputError
-from proofmass.report.chart_sheet import chart_sheet
+from proofmass.report.charts import chart_sheet
 from proofmass.report.style import RC
 from tests.report.test_chart_sheet import bold, dashed
 

@@ -14,8 +14,8 @@ from proofmass.sim.mujoco.program import write_program
 from proofmass.sim.mujoco.settings import PLACES, MujocoSettings, configure, named_values
 from proofmass.sim.protocol import Run
 from proofmass.solve import simulate
-from proofmass.studies.setting import Knob, Setting
-from proofmass.studies.trade.snippet import pasted, snippet
+from proofmass.studies.record import Knob, Setting
+from proofmass.studies.trade.program import pasted, snippet
 from tests.studies.trade.test_program import MODELS, bare
 
 OURS = {"settled", "flex", "defaults"}  # MuJoCo has no words for these

@@ -15,11 +15,9 @@ from proofmass.case import load_case
 from proofmass.cli import app
 from proofmass.compare import compare
 from proofmass.solve import plan
-from proofmass.studies.diet.cut import flatten
 from proofmass.studies.diet.diet import Diet, Search
-from proofmass.studies.diet.draft import Draft, read
+from proofmass.studies.diet.edits import Draft, all_digits, flatten, read, shortest, write
 from proofmass.studies.diet.scene import Scene, scene_of, watched
-from proofmass.studies.diet.slim import all_digits, shortest, write
 from proofmass.studies.diet.trial import most_iterations
 
 CORE = """

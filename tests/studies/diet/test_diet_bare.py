@@ -15,11 +15,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.studies.diet.cut import set_option
 from proofmass.studies.diet.diet import Diet, Search
-from proofmass.studies.diet.draft import Draft
+from proofmass.studies.diet.edits import Draft, set_option, write
 from proofmass.studies.diet.scene import scene_of
-from proofmass.studies.diet.slim import write
 from tests.studies.diet.test_diet import BALLAST, model
 
 BARE = Path(__file__).with_name("diet_bare.py")

@@ -10,11 +10,10 @@ import pytest
 from proofmass.case import load_case
 from proofmass.compare import compare, reference_for
 from proofmass.solve import plan, simulate
-from proofmass.studies.diet.cut import set_option
 from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.edits import set_option, write
 from proofmass.studies.diet.options import integrators, steps, tolerances
 from proofmass.studies.diet.scene import scene_of
-from proofmass.studies.diet.slim import write
 from tests.conftest import MODELS
 
 OWN = sorted(MODELS.glob("*.xml"))

@@ -8,9 +8,8 @@ import mujoco
 import pytest
 
 from proofmass.studies.diet import diet, options
-from proofmass.studies.diet.cut import set_option
 from proofmass.studies.diet.diet import Search
-from proofmass.studies.diet.draft import Draft
+from proofmass.studies.diet.edits import Draft, set_option
 from proofmass.studies.diet.scene import Scene, scene_of
 from proofmass.studies.diet.trial import Cost, Pace
 from tests.studies.diet.test_diet import model

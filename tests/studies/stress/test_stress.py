@@ -11,18 +11,16 @@ from typer.testing import CliRunner
 
 from proofmass.cli import app
 from proofmass.isolate import TimedOut
-from proofmass.report.stress_page import write_stress
-from proofmass.report.stress_sheet import stress_sheet
+from proofmass.report.stress_page import stress_sheet, write_stress
 from proofmass.sim.mjcf import compile_model
-from proofmass.studies import rescaled
+from proofmass.studies import variants
 from proofmass.studies.measure import observe
+from proofmass.studies.record import Setting
 from proofmass.studies.run import pool
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store
-from proofmass.studies.stress import singular
+from proofmass.studies.stress import near_singular
 from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect
-from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.size import resized, sizes
+from proofmass.studies.stress.extremes import extremes, resized, sizes
 from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
 from proofmass.studies.stress.ways import longer
 
@@ -132,15 +130,15 @@ def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stand):
 def test_a_scale_that_forgets_something_is_noticed(stand):
     """Lengths without gravity: the pendulum swings at another pace."""
     held = stand("pendulum")
-    larger = rescaled.larger(held.case, held.models, 4.0)
+    larger = variants.larger(held.case, held.models, 4.0)
     assert held.lost(larger) is None
-    forgotten = rescaled.with_model(
+    forgotten = variants.with_model(
         larger, held.models,
-        lambda root: rescaled.set_gravity(root, compile_model(larger.model_path), 0.25))
+        lambda root: variants.set_gravity(root, compile_model(larger.model_path), 0.25))
     assert held.lost(forgotten)
     assert held.lost(larger.model_copy(update={"channels": held.case.channels})) is None
     crank = stand("slider_crank")
-    larger = rescaled.larger(crank.case, crank.models, 4.0)
+    larger = variants.larger(crank.case, crank.models, 4.0)
     assert crank.lost(larger.model_copy(update={"channels": crank.case.channels}))
 
 
@@ -149,8 +147,8 @@ def test_stronger_springs_need_proportional_moments(stand, engine, factor):
     held = stand("balancer_sine", engine, "sweep")
     few = held.case.model_copy(update={"run": {
         "sweep": held.case.run["sweep"].model_copy(update={"n": 10})}})
-    assert held.lost(rescaled.stiffer(few, held.models, factor)) is None
-    wrong = rescaled.stiffer(few, held.models, factor).model_copy(
+    assert held.lost(variants.stiffer(few, held.models, factor)) is None
+    wrong = variants.stiffer(few, held.models, factor).model_copy(
         update={"channels": few.channels})
     assert held.lost(wrong).message.startswith("effort off by")
 
@@ -176,7 +174,7 @@ def test_limit_positions_come_from_the_reference(stand, engine):
     held = stand("triple_rocker", engine)
     case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
         update={"n": 41})}})
-    way = next(singular.limits(replace(held, case=case)))
+    way = next(near_singular.limits(replace(held, case=case)))
     assert way.knob == "drive's way"
     assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
     assert way.trial(0.99 * way.theory).failure is None
@@ -192,7 +190,7 @@ def test_a_model_with_another_limit_position_is_noticed(stand):
         next(s for s in root.iter("site") if s.get("name") == "rocker_end").set("pos", "2.55 0 0")
     case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
         update={"n": 41})}})
-    wrong = rescaled.with_model(case, held.models, change)
+    wrong = variants.with_model(case, held.models, change)
     sought = next(s for s in extremes(wrong, held.store)[0] if s.knob == "drive's way")
     found = sought.find()
     assert found.ratio < 0.99
@@ -203,7 +201,7 @@ def test_boundaries_that_begin_alike_do_not_meet(stand):
     """Eight threads change the same model at once; none finds a file of another gone."""
     held = stand("fourbar")
     for factor in np.linspace(2.0, 3.0, 20).tolist():
-        change = partial(rescaled.heavier, held.case, held.models)
+        change = partial(variants.heavier, held.case, held.models)
         with ThreadPoolExecutor(8) as threads:
             assert len({case.model for case in threads.map(change, [factor] * 8)}) == 1
 

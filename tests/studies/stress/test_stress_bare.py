@@ -21,9 +21,9 @@ import pytest
 from proofmass.reference import grid
 from proofmass.sim.protocol import Run
 from proofmass.studies.measure import Found
-from proofmass.studies.stress import energy, extremes, stiffness
+from proofmass.studies.stress import extremes
 from proofmass.studies.stress.boundary import Limit, Sought
-from proofmass.studies.stress.proven import probes
+from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.ways import in_steps, longer
 
 BARE = Path(__file__).parent / "bare"
@@ -93,7 +93,7 @@ def test_gravity_of_a_pendulum(stand, engine):
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_springs_in_a_pendulum(stand, engine):
-    sought, = stiffness.stiffnesses(stand("pendulum", engine))
+    sought, = extremes.stiffnesses(stand("pendulum", engine))
     agrees(sought, bare(engine, "pendulum, spring"))
 
 
@@ -105,7 +105,8 @@ def test_speed_of_a_driven_four_bar(stand):
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 def test_energy_of_a_free_four_bar(stand, integrator):
-    sought = next(s for s in energy.energies(stand("fourbar_released")) if s.setting == integrator)
+    found = extremes.energies(stand("fourbar_released"))
+    sought = next(s for s in found if s.setting == integrator)
     agrees(sought, bare("mujoco", f"fourbar_released, energy, {integrator}"))
 
 

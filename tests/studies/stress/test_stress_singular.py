@@ -7,24 +7,23 @@ import pytest
 
 from proofmass.analytic.rods.rod_snap import marks
 from proofmass.reference import compiled
-from proofmass.studies import rescaled
+from proofmass.studies import variants
 from proofmass.studies.measure import Found, Task
-from proofmass.studies.reread import reread
-from proofmass.studies.setting import Setting
-from proofmass.studies.stress import closing, energy, singular, stiffness, theory
+from proofmass.studies.record import Setting
+from proofmass.studies.stress import extremes, near_singular, theory
 from proofmass.studies.stress.boundary import Failure, Limit, bisect
-from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.stand import tried
+from proofmass.studies.variants import reread
 
 
 def test_grashof_knows_the_shortest_rocker(stand):
     """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
     held = stand("fourbar")
     case = reread(held.case)
-    link = closing.last_link(case)
+    link = near_singular.last_link(case)
     assert link == ("rocker_end",)
-    assert closing.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
-    assert closing.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
+    assert near_singular.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
+    assert near_singular.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
 
 
 @pytest.mark.slow
@@ -34,9 +33,9 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
     left = np.linspace(0.0, 2 * np.pi, 1_000_001)
     nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
     shortest = (3.5 - nearest) / 4.0
-    case, link = reread(held.case), closing.last_link(held.case)
-    assert closing.unclosed(case, link, "duration", held.models, shortest * 1.001) is None
-    assert closing.unclosed(case, link, "duration", held.models, shortest * 0.999)
+    case, link = reread(held.case), near_singular.last_link(held.case)
+    assert near_singular.unclosed(case, link, "duration", held.models, shortest * 1.001) is None
+    assert near_singular.unclosed(case, link, "duration", held.models, shortest * 0.999)
 
 
 @pytest.mark.parametrize(("name", "kind", "farthest"), [
@@ -46,18 +45,18 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
 def test_arms_reach_as_far_as_their_ends_are_apart(stand, name, kind, farthest):
     """Both links by the same share shorter, until they are stretched."""
     held = stand(name)
-    case, arm = reread(held.case), closing.last_arm(held.case)
+    case, arm = reread(held.case), near_singular.last_arm(held.case)
     model = compiled(case)
     shortest = farthest / sum(np.linalg.norm(model.site(link).pos) for link in arm)
-    assert closing.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
-    assert closing.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
+    assert near_singular.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
+    assert near_singular.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
 
 
 def test_an_arm_is_what_nothing_else_holds_or_drives(stand):
     """Not the legs of a platform that two loops hold, nor the bar of a slide, nor a driven one."""
-    assert closing.last_arm(stand("watt").case) == ("output_end", "second_end")
+    assert near_singular.last_arm(stand("watt").case) == ("output_end", "second_end")
     for name in ("threeprr", "slider_crank", "inverted_slider_crank"):
-        assert not closing.last_arm(stand(name).case), name
+        assert not near_singular.last_arm(stand(name).case), name
 
 
 @pytest.mark.parametrize("name", [
@@ -66,11 +65,12 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
     """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
     held = stand(name)
     held = replace(held, case=reread(held.case))
-    arm = closing.last_arm(held.case)
+    arm = near_singular.last_arm(held.case)
     shortest = {"fourbar": 8 / 9, "fivebar": 2 / 3}[name]
     shares = np.geomspace(2e-3, 3e-5, 4)
-    found = [tried(Task(closing.shortened(held.case, arm, held.models, shortest * (1 + share)),
-                        "duration", held.setting, "stress"), held.store) for share in shares]
+    cases = [near_singular.shortened(held.case, arm, held.models, shortest * (1 + share))
+             for share in shares]
+    found = [tried(Task(case, "duration", held.setting, "stress"), held.store) for case in cases]
     ratio = [one.errors["position"] / one.invariants["gap"] for one in found]
     # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
     assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
@@ -81,10 +81,10 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
     held = stand("fourbar")
     held = replace(held, case=reread(held.case))
     soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
-    link, arm = closing.last_link(held.case), closing.last_arm(held.case)
+    link, arm = near_singular.last_link(held.case), near_singular.last_arm(held.case)
     for links, length in ((link, 0.8), (arm, 8 / 9)):
-        assert singular.sparing(held, links, length, 5e-4).failure is None
-        failure = singular.sparing(soft, links, length, 5e-4).failure
+        assert near_singular.sparing(held, links, length, 5e-4).failure is None
+        failure = near_singular.sparing(soft, links, length, 5e-4).failure
         assert failure
         assert failure.silent
 
@@ -94,7 +94,7 @@ def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(s
     held, answer = stand("fourbar", kind="sweep"), Found(outcome="stopped", message="no pose")
     monkeypatch.setattr("proofmass.studies.stress.stand.tried", lambda *_: answer)
     held = replace(held, case=reread(held.case))
-    assert singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
+    assert near_singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
         "stopped: no pose", Limit.OURS)
     assert held.tried(held.case).failure == Failure("stopped: no pose", Limit.UNSTABLE)
 
@@ -103,7 +103,7 @@ def test_the_reference_snaps_at_its_fold(stand):
     """Found from curves there and back, against the equation of the fold."""
     case = stand("rod_snap", kind="sweep").case
     fold = marks(distance=0.8)["snaps to the left"] + case.drive[0].start
-    holds, breaks, _ = bisect(lambda far: singular.unreturned(case, far), 0.2, 2.7, 1e-9)
+    holds, breaks, _ = bisect(lambda far: near_singular.unreturned(case, far), 0.2, 2.7, 1e-9)
     assert np.sqrt(holds * breaks) == pytest.approx(fold, rel=1e-8)
 
 
@@ -116,7 +116,7 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
     for pieces in (10, 20):
         chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
         holds, breaks, failure = bisect(
-            lambda far, chain=chain: singular.snapped(chain, far).failure, 0.99 * fold,
+            lambda far, chain=chain: near_singular.snapped(chain, far).failure, 0.99 * fold,
             1.01 * fold, 1e-4)
         assert "unstable" in failure.message
         ends.append(np.sqrt(holds * breaks))
@@ -137,12 +137,12 @@ def test_a_rod_of_another_length_snaps_elsewhere(stand):
     assert abs(wrong / right - 1) > 0.01
     middle = np.sqrt(right * wrong)
     theirs = replace(held, case=longer)
-    assert bool(singular.snapped(held, middle).failure) is not bool(
-        singular.snapped(theirs, middle).failure)
+    assert bool(near_singular.snapped(held, middle).failure) is not bool(
+        near_singular.snapped(theirs, middle).failure)
 
 
 def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
-    (sought,) = stiffness.stiffnesses(stand("pendulum", integrator="Euler"))
+    (sought,) = extremes.stiffnesses(stand("pendulum", integrator="Euler"))
     assert sought.reach == pytest.approx(1e12 * sought.start)
     assert sought.trial(0.95 * sought.theory).failure is None
     failure = sought.trial(1.05 * sought.theory).failure
@@ -162,10 +162,10 @@ def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, br
     def change(root):
         for key in root.iter("key"):
             key.set("qpos", repr(swing))
-    held = replace(held, case=rescaled.with_model(held.case, held.models, change))
-    (sought,) = stiffness.stiffnesses(held)
-    steps = min(held.seconds / held.step, stiffness.BRIEF)
-    inertia = stiffness.last_hinge(held.case)[1]
+    held = replace(held, case=variants.with_model(held.case, held.models, change))
+    (sought,) = extremes.stiffnesses(held)
+    steps = min(held.seconds / held.step, extremes.BRIEF)
+    inertia = extremes.last_hinge(held.case)[1]
     theirs = inertia * (theory.stiffest("pymunk", steps) / held.step) ** 2
     assert sought.trial(holds * theirs).failure is None
     assert sought.trial(breaks * theirs).failure
@@ -180,12 +180,12 @@ def test_stiffest_is_where_the_phase_is_off():
 def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
     """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
     held = stand("pendulum", integrator="RK4")
-    case = stiffness.with_spring(energy.weighed(held.case, held.models), held.models,
-                                 stiffness.last_hinge(held.case)[0],
+    case = extremes.with_spring(extremes.weighed(held.case, held.models), held.models,
+                                 extremes.last_hinge(held.case)[0],
                                  (0.3 / held.step) ** 2)
     steps = theory.faded_after("RK4", 0.3, 0.99)
-    assert energy.drifted(held, case, {}, 0.95 * steps).failure is None
-    failure = energy.drifted(held, case, {}, 1.05 * steps).failure
+    assert extremes.drifted(held, case, {}, 0.95 * steps).failure is None
+    failure = extremes.drifted(held, case, {}, 1.05 * steps).failure
     assert failure
     assert failure.message.startswith("energy off by 0.01")
 
@@ -193,9 +193,9 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
 def test_what_applies_is_found_from_the_case(stand):
     """No loop, no drive: neither bars in line nor folds; a load: no energy."""
     held = stand("pendulum")
-    _, skipped = extremes(held.case, held.store)
+    _, skipped = extremes.extremes(held.case, held.store)
     assert "bars in line: no such links in a driven loop" in skipped
     assert "stretched arm: no such links in a driven loop" in skipped
     assert "fold: no rod that a single drive bends" in skipped
-    _, skipped = extremes(stand("rod_cantilever").case, held.store)
+    _, skipped = extremes.extremes(stand("rod_cantilever").case, held.store)
     assert any(why.startswith("energy: ") for why in skipped)

@@ -5,10 +5,9 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.studies.stress import specimens, theory
+from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Sought
-from proofmass.studies.stress.proven import MUJOCO, probes
-from proofmass.studies.stress.specimens import stepping, wheel
+from proofmass.studies.stress.problems import MUJOCO, probes, stepping, wheel
 
 PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
 QUICK = ["spring on a hinge, ζ = 0.3, Euler, dt ω", "spring on a hinge, ζ = 1, implicitfast, dt ω",
@@ -108,7 +107,7 @@ def test_map_is_that_of_chipmunk(z, zeta):
 
 def test_a_row_of_masses_has_the_frequencies_of_its_compiled_model():
     """Highest one of K against MuJoCo's mass matrix, in the joints' own coordinates."""
-    model = mujoco.MjModel.from_xml_string(specimens.chain(7))
+    model = mujoco.MjModel.from_xml_string(problems.chain(7))
     data, inertia = mujoco.MjData(model), np.zeros((7, 7))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)

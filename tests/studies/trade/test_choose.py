@@ -20,8 +20,7 @@ from proofmass.reference import compiled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.choose import (
@@ -37,9 +36,9 @@ from proofmass.studies.trade.choose import (
     words,
 )
 from proofmass.studies.trade.choose_command import solver_for
-from proofmass.studies.trade.finer import Limits
+from proofmass.studies.trade.program import pasted, snippet
 from proofmass.studies.trade.search import search
-from proofmass.studies.trade.snippet import pasted, snippet
+from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
 from tests.studies.trade.trade_rows import line, study, verdict

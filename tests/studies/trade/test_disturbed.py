@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 from proofmass.case import Case, load_case
 from proofmass.reference import compiled, grid
 from proofmass.studies.measure import Task
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.axes import lines

@@ -8,12 +8,12 @@ import pytest
 from proofmass.case import load_case
 from proofmass.reference import compiled
 from proofmass.studies.measure import Task, simulate
+from proofmass.studies.record import Setting
 from proofmass.studies.run import run
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
-from proofmass.studies.trade.line import order
 from proofmass.studies.trade.orders import expected
+from proofmass.studies.trade.series import order
 from tests.conftest import MODELS
 
 # A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a

@@ -19,7 +19,7 @@ from proofmass.drive import EXACT, InProportion, Law, Steady, Swing, motion_sour
 from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
 from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
 from proofmass.solve import simulate
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.program import (
     Ran,

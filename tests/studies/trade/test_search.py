@@ -11,13 +11,12 @@ import pytest
 from proofmass.case import Case, load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.measure import Task
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade import search as module
-from proofmass.studies.trade.finer import Limits
 from proofmass.studies.trade.program import Ran
 from proofmass.studies.trade.search import Family, families, finer_for_drives, left_after, search
+from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import Check, other_drives
 
 MODELS = Path(__file__).parents[3] / "models"

@@ -7,11 +7,11 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.studies.measure import Task
+from proofmass.studies.record import Setting
 from proofmass.studies.run import run
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
-from proofmass.studies.trade.finer import known, placed, promises
+from proofmass.studies.trade.series import known, placed, promises
 from tests.studies.study_tasks import tasks
 from tests.studies.trade.trade_rows import line, verdict
 

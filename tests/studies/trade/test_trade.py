@@ -11,14 +11,21 @@ from benchmarks.accuracy_places import orders_of_places
 from proofmass.case import load_case
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
+from proofmass.studies.record import Row, Setting, read_table
 from proofmass.studies.store import Store
-from proofmass.studies.table import read_table
 from proofmass.studies.trade import axes, trade
 from proofmass.studies.trade.axes import SIZE, Line, lines
-from proofmass.studies.trade.line import Track, flat, halved, least, level, observed, slowed, worse
 from proofmass.studies.trade.orders import WITHIN, expected, off
+from proofmass.studies.trade.series import (
+    Track,
+    flat,
+    halved,
+    least,
+    level,
+    observed,
+    slowed,
+    worse,
+)
 from proofmass.studies.trade.words import ended, reached, worsened
 
 MODELS = Path(__file__).parents[3] / "models"

@@ -8,9 +8,8 @@ import pytest
 from proofmass.case import load_case
 from proofmass.errors import InputError
 from proofmass.studies.measure import Task
-from proofmass.studies.row import Row
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.run import run
-from proofmass.studies.setting import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor import MOVES, Probe, gain, judge, probes
 

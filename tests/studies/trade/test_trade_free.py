@@ -16,7 +16,7 @@ from proofmass.case import Case, load_case
 from proofmass.studies.store import Store
 from proofmass.studies.trade import axes, trade
 from proofmass.studies.trade.axes import lines
-from proofmass.studies.trade.line import worse
+from proofmass.studies.trade.series import worse
 
 MODEL = Path(__file__).parents[3] / "models" / "fourbar.xml"
 G, END, N = 9.81, 10.0, 1001

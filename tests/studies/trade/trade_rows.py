@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from proofmass.studies.row import Row
+from proofmass.studies.record import Row
 from proofmass.studies.trade.verdict import Verdict
 
 SPAN = 6.28  # s of motion

@@ -1,23 +1,124 @@
-"""The figure of a chart: panels to one scale, and beside them what their lines are."""
+"""The figure of a chart: panels of one scale with lines, points and fields, and their legend."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from proofmass.analytic.chart import Chart, Line
+from proofmass.analytic.chart import Chart, Field, Line
 from proofmass.analytic.numerics import Array
-from proofmass.report.chart_field import ZERO, contours, filled
-from proofmass.report.chart_line import PLAIN, drawn, dressed, tones
 from proofmass.report.data import readable
-from proofmass.report.style import Look
+from proofmass.report.figures import every
+from proofmass.report.style import MUTED, SOLID, Dash, Look
+from proofmass.report.views import CASING, INK
 from proofmass.wording import pretty
+
+DASHES: list[Dash] = [(0, (4, 2)), (0, (1.2, 1.2)), (0, (8, 1.5, 1.2, 1.5)), (0, (2.5, 2.5)),
+                      (0, (9, 2))]
+MARKERS = "os^Dvp*"
+PLAIN = Look(INK, (0, (5, 3)), "o")  # of what has no label
+MOST = 500  # points of a line, about
+
+
+def tones(chart: Chart) -> dict[str, Look]:
+    """A look for every label of a chart, none of them a solver's; points are black."""
+    points = dict.fromkeys(line.label for line in chart.lines if line.label and line.points)
+    lines = dict.fromkeys(line.label for line in chart.lines if line.label and not line.points)
+    black = {label: Look(INK, SOLID, MARKERS[k % len(MARKERS)], k)
+             for k, label in enumerate(points)}
+    return black | {label: Look(MUTED[k % len(MUTED)], DASHES[k % len(DASHES)],
+                                MARKERS[k % len(MARKERS)], k) for k, label in enumerate(lines)}
+
+
+def drawn(ax: Axes, line: Line, look: Look, scale: Array, *, cased: bool = False) -> None:
+    """A line, thinned where it is long, or its points; on a field with white beside it."""
+    x, y = thinned(line).T * scale[:, None]
+    if line.points:
+        ax.plot(x, y, **dressed(line, look))
+        return
+    step = max(len(x) // 5, 1)  # markers, apart from those of other labels
+    ax.plot(x, y, **dressed(line, look), path_effects=CASING if cased else None,
+            markevery=((1 + look.number) % 4 * step // 4, step))
+
+
+def dressed(line: Line, look: Look) -> dict[str, Any]:
+    """Stable bold, unstable thin and dashed; points filled if stable, else hollow.
+
+    Labelled bold lines bear markers, which tell them apart on a black-and-white print.
+    """
+    shared: dict[str, Any] = {"color": look.colour, "zorder": 3 + line.stable + 2 * line.points}
+    if line.points:
+        return shared | {"linestyle": "", "marker": look.marker, "markersize": 4.6,
+                         "markerfacecolor": look.colour if line.stable else "white"}
+    if not line.stable:
+        return shared | {"linewidth": 0.9, "linestyle": look.dash}
+    bold = shared | {"linewidth": 2.0, "linestyle": "-", "solid_capstyle": "round"}
+    if look is PLAIN:
+        return bold
+    return bold | {"marker": look.marker, "markersize": 4.0, "markerfacecolor": "white",
+                   "markeredgewidth": 0.9}
+
+
+def thinned(line: Line) -> Array:
+    """At most about `MOST` of a line's points (n, 2), the ends of its pieces among them.
+
+    >>> line = Line(np.append(np.arange(3000.0), np.nan), np.ones(3001))
+    >>> thinned(line).shape
+    (501, 2)
+    """
+    points = np.stack([line.x, line.y], axis=1).astype(float)
+    points[~np.isfinite(points).all(axis=1)] = np.nan
+    if line.points or len(points) <= MOST:
+        return points
+    edges = np.flatnonzero(np.diff(np.isnan(points[:, 0]))) + 1
+    share = MOST / len(points)
+    return np.concatenate([every(piece, max(2, math.ceil(share * len(piece))))
+                           for piece in np.split(points, edges)])
+
+
+ZERO: dict[str, Any] = {"color": INK, "linewidth": 1.8}
+WITHIN = 0.96  # share of the values that the colours tell apart: they run into poles
+
+
+def contours(chart: Chart, field: Field) -> Array:
+    """Round levels for all fields of that label in a chart, so that one colour is one value."""
+    same = [panel.field for panel in chart.panels
+            if panel.field and panel.field.label == field.label]
+    values = np.concatenate([one.values.ravel() for one in same]) * readable(field.unit)[1]
+    values = values[np.isfinite(values)]
+    values = values if values.size else np.array([-1.0, 1.0])
+    top = float(np.quantile(np.abs(values), WITHIN))
+    ends = np.quantile(values, [0.5 - WITHIN / 2, 0.5 + WITHIN / 2])
+    return np.asarray(MaxNLocator(10).tick_values(*((-top, top) if field.signed else ends)))
+
+
+def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
+    """Colours that part at zero if it is signed, thin lines, dashed below zero, a bar beside."""
+    unit, factor = readable(field.unit)
+    values = np.ma.masked_invalid(np.transpose(field.values) * factor)
+    if not values.count():
+        return
+    grid = (field.x * scale[0], field.y * scale[1], values)
+    least, most = float(values.min()), float(values.max())
+    beyond = ("neither", "max", "min", "both")[(most > levels[-1]) + 2 * (least < levels[0])]
+    colours = ax.contourf(*grid, levels, cmap="PuOr" if field.signed else "cividis_r",
+                          extend=beyond, zorder=0.5)
+    colours.set_edgecolor("face")  # else hairlines of paper between them
+    met = levels[(least < levels) & (levels < most)]
+    if met.size:
+        ax.contour(*grid, met, colors=INK, linewidths=0.35, zorder=0.6)
+    if field.signed and least < 0 < most:
+        ax.contour(*grid, [0.0], colors=ZERO["color"], linewidths=ZERO["linewidth"], zorder=0.7)
+    bar = ax.figure.colorbar(colours, cax=ax.inset_axes((1.03, 0.0, 0.045, 1.0)))
+    bar.set_label(f"{field.label} [{pretty(unit)}]" if unit else field.label)
+
 
 WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side
 SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: at most, at least, else

@@ -1,7 +1,10 @@
-"""Changed copies of cases whose truth is known: by dimensional analysis, or not changed at all.
+"""Changed copies of cases whose reference is known: by dimensional analysis, or from the model.
 
-Times stay, and masses.  With all lengths s times as long, gravity is made s times as large; then
-forces are s, moments and energies s^2, inertias s^2 times as large, and the curves are the same.
+A self-referenced case reads its reference from its own MJCF, so that the MJCF may be changed.
+
+In a scaled case times and masses stay.  With all lengths s times as long, gravity is made s times
+as large; then forces are s, moments and energies s^2, inertias s^2 times as large, and the curves
+are the same.
 """
 
 from collections.abc import Callable
@@ -19,8 +22,30 @@ from proofmass.files import read_bytes, write_whole
 from proofmass.recorded import decoded
 from proofmass.reference import compiled
 from proofmass.sim.mjcf import read_tree
-from proofmass.studies.reread import READS
 from proofmass.studies.store import digest
+
+READS = "planar"
+"""The reference that knows the model's own sensors, whatever the model."""
+
+
+def reread(case: Case) -> Case:
+    """The case with its channels held to what the planar reference reads from the model.
+
+    Channels that must equal a number still must.  Drives must not take their law from the
+    reference that is left behind: see `movable`.
+    """
+    if case.reference == READS:
+        return case
+    channels = {name: channel if isinstance(channel.equals, float) else channel.model_copy(
+        update={"equals": name, "scale": 1.0, "shift": 0.0})
+        for name, channel in case.channels.items()}
+    return case.model_copy(update={"reference": READS, "parameters": {}, "channels": channels})
+
+
+def movable(case: Case) -> bool:
+    """Whether nothing of its motion is the reference's own: no law, no recorded curve."""
+    return not case.reference.endswith(".csv") and all(d.to is not None for d in case.drive)
+
 
 SIZE = {"m": 1, "m/s": 1, "m/s^2": 1, "N": 1, "N m": 2, "J": 2}
 """Powers of the length that units go with; angles and times with none."""

@@ -1,30 +1,145 @@
-"""How near a case can come to its singular poses, in each engine and in the reference.
+"""A linkage nearer and nearer to where it cannot be closed: a change point, or a stretched arm.
 
-Limit positions, which end a drive's way; poses in which bars come into line and assembly modes
-meet, when a link is just long enough; folds, in which a rod snaps to another equilibrium.
+Links of its last loop are shortened as far as the mechanism can still make its whole way.  There
+some of its bars come into line, and two assembly modes meet:
+
+    1, 2, r, 3, the crank turning    r -> 2         coupler and rocker in line, one on the other
+    1, c, r, 3, the crank turning    c + r -> 4     coupler and rocker in line, stretched
+    five-bar                         the last coupler alone, or both, as a four-bar's
+
+With a share g to spare the two modes are apart by an angle of the order sqrt(g).  A loop that an
+engine leaves open by a share e of its size turns the bars by e / sqrt(g), and passes into the other
+mode from g = e on.
+
+Other singular poses are limit positions, which end a drive's way, and folds, in which a rod snaps
+to another equilibrium.
 """
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from xml.etree.ElementTree import Element
 
+import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.planar import read
+from proofmass.analytic.planar.kinematics import Drives, newton
 from proofmass.case import Case
 from proofmass.errors import InputError
+from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.studies.measure import Task
-from proofmass.studies.reread import movable, reread
-from proofmass.studies.setting import Setting
-from proofmass.studies.store import key_of
-from proofmass.studies.stress import closing
+from proofmass.studies.record import Setting
+from proofmass.studies.store import MATTERS, Store, digest, key_of, model_bytes, once, sources
 from proofmass.studies.stress.boundary import Failure, Limit, Sought, Tried, bisect
 from proofmass.studies.stress.stand import LOST, Stand, judged, known, needs, tried
 from proofmass.studies.stress.ways import farther, followed, hinged, turning
+from proofmass.studies.variants import movable, reread, times, with_model
+
+LONGEST, SHORTEST = (1.1, 1.0), 0.2  # times its length: from where and to where it is shortened
+PACE = 0.02  # change of the link from one closed start pose to the next: none is leapt over
+LENGTH_WITHIN = 1e-9  # how sharply the shortest length is found
+
+
+Links = tuple[str, ...]
+"""Sites at the ends of links."""
+
+
+def ends(case: Case) -> Iterator[Links]:
+    """Of each loop, the last first, the ends of the links that it holds together."""
+    model = compiled(case)
+    for e in reversed(range(model.neq)):
+        if int(model.eq_objtype[e]) == mujoco.mjtObj.mjOBJ_SITE:
+            pair = int(model.eq_obj2id[e]), int(model.eq_obj1id[e])
+            yield tuple(str(model.site(site).name) for site in pair
+                        if model.site_bodyid[site] and model.site_pos[site].any())
+
+
+def last_link(case: Case) -> Links:
+    """The end of the last link that a loop holds; none if there is none."""
+    return next((links[:1] for links in ends(case) if links), ())
+
+
+def last_arm(case: Case) -> Links:
+    """The ends of both links of the last loop, if nothing else drives or holds them; or none."""
+    model, (last, *others) = compiled(case), [*ends(case)] or [()]
+    bodies = [int(model.site(link).bodyid[0]) for link in last]
+    held = {int(model.site(link).bodyid[0]) for links in others for link in links}
+    driven = {int(model.joint(drive.joint).bodyid[0]) for drive in case.drive}
+    return last if len(bodies) == 2 and not {*bodies} & (held | driven) else ()
+
+
+def shortened(case: Case, links: Links, folder: Path, factor: float) -> Case:
+    """The case with links so many times as long, and closed in its start pose."""
+    pose = closed(case, links, factor)
+
+    def change(root: Element) -> None:
+        for site in root.iter("site"):
+            if site.get("name") in links:
+                times(site, "pos", factor)
+        key = next(key for key in root.iter("key") if key.get("name") == case.start)
+        key.set("qpos", " ".join(map(repr, pose.tolist())))
+    return with_model(case, folder, change)
+
+
+def closed(case: Case, links: Links, factor: float) -> Array:
+    """Joint values of the start pose with links so many times as long.
+
+    Raises
+    ------
+    InputError
+        The loops cannot be closed there.
+    """
+    model = copy(compiled(case))
+    sites = [model.site(link).id for link in links]
+    lengths, joints = model.site_pos[sites].copy(), tuple(d.joint for d in case.drive)
+    pose = read(model, case.start)[0].start
+    for share in np.linspace(1.0, factor, int(abs(factor - 1.0) / PACE) + 2).tolist():
+        model.site_pos[sites] = share * lengths
+        mechanism, _ = read(model, case.start)
+        try:
+            pose = newton(mechanism, pose[None], Drives.of(mechanism, joints))[0]
+        except ValueError as error:
+            raise InputError(case.model_path, "", str(error)) from None
+    return pose
+
+
+def least(case: Case, links: Links, kind: Kind, folder: Path) -> float:
+    """Length of links, in their own, from which on the mechanism makes its whole way.
+
+    NaN where the reference has no poses with longer ones, or has them all with shorter ones.
+    """
+    for longest in LONGEST:
+        holds, breaks, _ = bisect(partial(unclosed, case, links, kind, folder), longest, SHORTEST,
+                                  LENGTH_WITHIN)
+        if holds == holds:
+            return float(np.sqrt(holds * breaks))
+    return float("nan")
+
+
+def least_kept(case: Case, links: Links, kind: Kind, store: Store) -> float:
+    """The same, found once for both engines: steps of the reference are short at singular poses."""
+    name = repr((case.model_dump_json(include=MATTERS), links, kind, sources()))
+    file = store.folder / f"{digest(name.encode() + model_bytes(case))}.least.json"
+    return float(once(file, lambda: least(case, links, kind, store.folder / "models")))
+
+
+def unclosed(case: Case, links: Links, kind: Kind, folder: Path, factor: float
+             ) -> Failure | None:
+    """Why the mechanism does not make its whole way with links so many times as long."""
+    try:
+        followed(shortened(case, links, folder, factor), kind)
+    except InputError as error:
+        return Failure(error.wrong, Limit.UNSTABLE)
+    return None
+
 
 TURNS = 2.0
-NEAREST, SHARP = 1e-9, 1e-12  # [rad] of a limit position; how sharply the reference knows it
+NEAREST, LIMIT_WITHIN = 1e-9, 1e-12  # [rad] of a limit position; how sharply the reference knows it
 SPARE, LEAST = 0.05, 1e-7  # share of a link beyond what just closes: from where, and to where
 PIECES = 10, 20, 40  # segments of a rod that is to snap
 SAMPLES = 41  # there and back; odd: one at the turn
@@ -39,7 +154,7 @@ def limits(stand: Stand) -> Iterator[Sought]:
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     swept = replace(stand, kind="sweep", setting=Setting(stand.setting.engine))
     reach = max(TURNS * 2 * np.pi, 2 * way)
-    limit = between(*bisect(partial(unreachable, case), way, reach, SHARP)[:2])
+    limit = between(*bisect(partial(unreachable, case), way, reach, LIMIT_WITHIN)[:2])
     yield swept.sought("drive's way", "rad", way, reach,
                        lambda far: swept.tried(farther(case, far)), "sweep", theory=limit,
                        law="where the reference has no pose any more")
@@ -65,22 +180,22 @@ def unreachable(case: Case, far: float) -> Failure | None:
 def closings(stand: Stand) -> Iterator[Sought]:
     """The last link with less and less to spare, until bars in line are passed the wrong way."""
     yield from spared(stand, "bars in line", "length to spare where bars come in line",
-                      closing.last_link(stand.case))
+                      last_link(stand.case))
 
 
 def stretchings(stand: Stand) -> Iterator[Sought]:
     """Both links of the last loop with less and less to spare, until they are stretched."""
     yield from spared(stand, "stretched arm", "length to spare where an arm is stretched",
-                      closing.last_arm(stand.case))
+                      last_arm(stand.case))
 
 
-def spared(stand: Stand, pose: str, knob: str, links: closing.Links) -> Iterator[Sought]:
+def spared(stand: Stand, pose: str, knob: str, links: Links) -> Iterator[Sought]:
     """Links with less and less to spare, in each run."""
     needs(stand.case.drive and movable(stand.case) and known(stand.case) and links,
           f"{pose}: no such links in a driven loop")
     case = reread(stand.case)
     way: Kind = "duration" if "duration" in case.run else "sweep"
-    length = closing.least_kept(case, links, way, stand.store)
+    length = least_kept(case, links, way, stand.store)
     needs(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("duration", "sweep") if kind in case.run):
         own = replace(stand, case=case, kind=kind)
@@ -88,13 +203,13 @@ def spared(stand: Stand, pose: str, knob: str, links: closing.Links) -> Iterator
                          own.words if kind == "duration" else kind)
 
 
-def sparing(stand: Stand, links: closing.Links, length: float, share: float) -> Tried:
+def sparing(stand: Stand, links: Links, length: float, share: float) -> Tried:
     """Run with links so much longer than what just closes.
 
     The reference has all poses.  A sweep that ends before one of them has not found it, which is a
     limit of our own.
     """
-    found = stand.tried(closing.shortened(stand.case, links, stand.models, length * (1.0 + share)))
+    found = stand.tried(shortened(stand.case, links, stand.models, length * (1.0 + share)))
     if found.failure and found.failure.message.startswith("stopped"):
         return found._replace(failure=found.failure._replace(limit=Limit.OURS))
     return found
@@ -106,7 +221,7 @@ def snaps(stand: Stand) -> Iterator[Sought]:
     needs(case.rod and "sweep" in case.run and len(case.drive) == 1 and movable(case),
           "fold: no rod that a single drive bends")
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
-    fold = between(*bisect(partial(unreturned, case), way / 16, way, SHARP)[:2])
+    fold = between(*bisect(partial(unreturned, case), way / 16, way, LIMIT_WITHIN)[:2])
     unit = "rad" if hinged(case) else "m"
     # an equilibrium that is followed ends at its fold, and need not fall
     knobs = {k: v for k, v in stand.setting.knobs.items() if k != "settled"}

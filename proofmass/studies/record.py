@@ -1,18 +1,138 @@
-"""Rows as a tidy table: one row a run, a CSV file with its columns described beside it."""
+"""A record of a study: one run, its setting, how far it was off and what it cost; tables of them.
+
+A setting is one engine with a value for each of its parameters.  A table is a CSV file with one
+record a row, and a file beside it that describes the columns.
+"""
 
 import csv
 import io
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
-from proofmass.studies.row import NAN, Row
+from proofmass.sim.protocol import Run
+from proofmass.solve import plan
+from proofmass.strict import Kind
+
+Knob = str | float | int | bool | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """An engine and what is set in it, in place of all that a sidecar says.
+
+    Attributes
+    ----------
+    engine : str
+        mujoco or pymunk.
+    knobs : dict of str to Knob
+        Settings of `sim.with_ENGINE`: timestep [s], integrator, solref ..; and `segments`, of all
+        rods of the case.
+    """
+
+    engine: str
+    knobs: dict[str, Knob] = field(default_factory=dict)
+
+    def but(self, **knobs: Knob) -> "Setting":
+        """The same with other knobs."""
+        return Setting(self.engine, {**self.knobs, **knobs})
+
+    def applied(self, case: Case, kind: Kind) -> tuple[Case, Run]:
+        """The case, with its rods cut as the setting says, and what to ask of its engine."""
+        knobs: dict[str, Any] = dict(self.knobs)
+        if segments := knobs.pop("segments", None):
+            case = case.model_copy(update={"rod": {
+                name: rod.model_copy(update={"segments": segments})
+                for name, rod in case.rod.items()}})
+        case = case.model_copy(update={"settings": {self.engine: knobs}})
+        return case, plan(case, kind, self.engine)
+
+
+NAN = float("nan")
+KINDS = {"position": ("rad", "m"), "rate": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2"),
+         "effort": ("N", "N m"), "energy": ("J",)}
+"""Kinds of channels, by their units; errors are told for each."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of a study.
+
+    Attributes
+    ----------
+    study : str
+        trade, choose, stress or diet.
+    case, run, engine : str
+        What was run.
+    line, axis : str
+        Which line of the study's figure the run belongs to (all knobs but one, in words), and the
+        knob that changes along it.
+    value : float
+        Of that knob.
+    knobs : dict of str to Knob
+        All of them.
+    errors : dict of str to float
+        Largest error of each kind of channel, as a share of the reference's range, at the state
+        that the drives really had.
+    invariants : dict of str to float
+        gap [m]; energy, its drift over the largest kinetic energy, where nothing drives or brakes;
+        stretch of rods [1].
+    seconds, steps : float, int
+        Least wall time of the repeats [s], of the first run where there are none; time steps.
+    repeats : tuple of float
+        All wall times [s], warm-up apart.
+    pinned : bool
+        Whether its process kept to one processor, which no other run of a study used meanwhile.
+    shared : float
+        Share of the time of the run in `seconds` that its processor gave to others.
+    machine : str
+        Processor that it was on, and how many the machine has.
+    outcome, message : str
+        ran; stopped: a sweep that ended early, with errors up to there; or why there are no errors:
+        diverged, not finite, no reference (at a pose that the run came to), crashed, timed out,
+        out of memory, unsupported.
+    key : str
+        What its files in the store are called: ``store.curves(row.key)``.
+    asked : dict of str to float
+        `errors` at the state that the drives were asked to have; empty without drives in time.
+    step : float
+        Time step that the engine took [s], which need not be the one that was asked for: whole
+        steps lead from sample to sample.  NaN where nothing was stepped, or the run gave no curves.
+    """
+
+    study: str
+    case: str
+    run: str
+    engine: str
+    line: str
+    axis: str
+    value: float
+    knobs: dict[str, Knob] = field(default_factory=dict)
+    errors: dict[str, float] = field(default_factory=dict)
+    invariants: dict[str, float] = field(default_factory=dict)
+    seconds: float = NAN
+    steps: int = 0
+    repeats: tuple[float, ...] = ()
+    pinned: bool = False
+    shared: float = NAN
+    machine: str = ""
+    outcome: str = "ran"
+    message: str = ""
+    key: str = ""
+    asked: dict[str, float] = field(default_factory=dict)
+    step: float = NAN
+
+    def reached(self, kind: str) -> float:
+        """Error of a kind that somebody gets who asks for the motion; NaN if there is none."""
+        return (self.asked or self.errors).get(kind, NAN)
+
 
 SPREAD = {  # a column for each key
     "knobs": "knob", "errors": "error", "asked": "asked", "invariants": "invariant"}

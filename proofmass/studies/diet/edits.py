@@ -1,0 +1,466 @@
+"""A model that is edited: an `MjSpec`, the rods that complete it, and what may be removed from it.
+
+Every element without a name gets one while it is studied, such as ``geom 3 of crank``, and loses it
+when the model is written.  A model without sensors gets sensors at every joint, or at those
+elements that are to be watched.
+
+The edits are functions of a draft and of names; they change the draft in place.  An element that is
+gone already, with another feature, stays gone.  A written model has all its digits, and nothing that
+was added for the study.
+"""
+
+import ctypes
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from threading import Lock
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.errors import InputError, suggest
+from proofmass.files import write_whole
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.rods import compile_with_rods
+
+Cut = Callable[["Draft"], None]
+NAMED = ("bodies", "joints", "geoms", "sites", "cameras", "lights", "sensors", "actuators",
+         "equalities", "tendons", "pairs", "excludes", "skins", "textures", "keys")
+JOINT, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
+PROBES = {  # of each kind of joint: what is read, of the joint or of its body
+    JOINT.mjJNT_HINGE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
+    JOINT.mjJNT_SLIDE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
+    JOINT.mjJNT_BALL: (S.mjSENS_FRAMEQUAT, S.mjSENS_FRAMEANGVEL),
+    JOINT.mjJNT_FREE: (S.mjSENS_FRAMEPOS, S.mjSENS_FRAMEQUAT, S.mjSENS_FRAMELINVEL,
+                       S.mjSENS_FRAMEANGVEL)}
+
+
+FRAME = PROBES[JOINT.mjJNT_FREE]
+WATCHED = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
+"""Lists of what can be watched by name, and what one of them is called."""
+READ_AS = {"joints": OBJ.mjOBJ_JOINT, "bodies": OBJ.mjOBJ_XBODY, "sites": OBJ.mjOBJ_SITE}
+
+
+class Draft:
+    """An MJCF file, and what was cut from it.
+
+    Parameters
+    ----------
+    file : Path
+    rods : tuple of Rod
+        What a sidecar completes it with.  Several may complete it with other shapes of them.
+    probing : bool
+        Whether a model without sensors gets one for everything that moves.
+    cuts : tuple of callable
+        What was done to it, one after the other; each is given the draft.
+    watch : tuple of str
+        Names of joints, bodies, sites and sensors: these alone are read, and nothing else is
+        probed.
+
+    Attributes
+    ----------
+    spec : MjSpec
+        Without the rods.
+    share : int
+        Of the segments that the rods have, so many times fewer are taken.
+    given : set of (str, str)
+        Names given to what had none, after the list of the spec that it is in.
+    probes : set of str
+        Sensors that were added.
+    """
+
+    def __init__(self, file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
+                 cuts: tuple[Cut, ...] = (), watch: tuple[str, ...] = ()):
+        self.file, self.rods, self.share = file, rods, 1
+        self.source, self.watch = (file, rods, probing), watch
+        self.alone = Lock()  # two threads that compile one spec crash
+        self.spec = mujoco.MjSpec.from_file(str(file))
+        self.given = {(kind, name) for kind in NAMED for name in unnamed(self.spec, kind)}
+        self.probes = set[str]()
+        if watch:
+            self.probes = set(probes_of(self.spec, watch)) if probing else set()
+        elif probing and not self.spec.sensors:
+            self.probes = set(probes(self.spec))
+        if not rods:
+            self.spec.compile()  # so that what is cut goes from its keys as well
+        self.cuts: tuple[Cut, ...] = ()
+        for cut in cuts:
+            cut(self)
+            self.cuts += (cut,)
+
+    def without(self, cut: Cut) -> "Draft":
+        """The same with one more cut; made anew, since a spec that waits for rods cannot be copied.
+
+        Raises
+        ------
+        ValueError
+            It cannot be made.
+        """
+        return Draft(*self.source, (*self.cuts, cut), self.watch)
+
+    def again(self) -> "Draft":
+        """The same, to be used up."""
+        return Draft(*self.source, self.cuts, self.watch)
+
+    def compiled(self, rods: tuple[Rod, ...] = ()) -> mujoco.MjModel:
+        """The model, with these rods or its own.
+
+        Raises
+        ------
+        ValueError
+            Something names what is no longer there.
+        """
+        try:
+            if self.rods:
+                return compile_with_rods(self.again().spec, self.segmented(rods or self.rods))
+            with self.alone:
+                return self.spec.compile()
+        except (mujoco.FatalError, BadModel) as error:
+            raise ValueError(str(error)) from None
+
+    def segmented(self, rods: tuple[Rod, ...]) -> tuple[Rod, ...]:
+        """Rods in as few segments as they have by now."""
+        return tuple(replace(rod, segments=rod.segments // self.share) for rod in rods)
+
+    def find(self, kind: str, name: str) -> Any:
+        """An element of one of the spec's lists; None where it is gone."""
+        return next((e for e in getattr(self.spec, kind) if e.name == name), None)
+
+    def drop(self, kind: str, name: str) -> None:
+        """Delete an element, and the probes that read it; what is gone stays gone."""
+        if element := self.find(kind, name):
+            word = READ_AS.get(kind)
+            for sensor in list(self.spec.sensors):
+                if sensor.name in self.probes and (sensor.objtype, sensor.objname) == (word, name):
+                    self.spec.delete(sensor)
+            self.spec.delete(element)
+
+
+def read(file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
+         watch: tuple[str, ...] = ()) -> Draft:
+    """A draft of a file as it is.
+
+    Raises
+    ------
+    InputError
+        No such file, it does not compile, or nothing in it has a name that is to be watched.
+    """
+    if not file.is_file() or file.suffix != ".xml":
+        raise InputError(file, "", "no such model; give an MJCF file, NAME.xml")
+    try:
+        compile_model(file, rods)
+        draft = Draft(file, rods, probing, (), watch)
+    except BadModel as error:
+        raise InputError(file, "", str(error).removeprefix(f"{file.name}: ")) from None
+    there = names(draft.spec)
+    for name in watch:
+        if name not in there:
+            raise InputError(file, "--watch", f"no joint, body, site or sensor is called {name!r}; "
+                             f"{suggest(name, there)}")
+    return draft
+
+
+def names(spec: mujoco.MjSpec) -> list[str]:
+    """The names of all that can be watched."""
+    return list(dict.fromkeys(e.name for kind in WATCHED for e in getattr(spec, kind)
+                              if (kind, e.name) != ("bodies", "world")))
+
+
+def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
+    """Give names to the elements of a list that have none, and tell them."""
+    taken = {element.name for element in getattr(spec, kind)}
+    for k, element in enumerate(getattr(spec, kind)):
+        if not element.name:
+            body = getattr(getattr(element, "parent", None), "name", "")
+            name = f"{type(element).__name__[3:].lower()} {k}" + (f" of {body}" if body else "")
+            while name in taken:
+                name += "'"
+            element.name = name
+            taken.add(name)
+            yield name
+
+
+def probes(spec: mujoco.MjSpec) -> Iterator[str]:
+    """Add a sensor for everything that moves, and tell their names."""
+    for joint in spec.joints:
+        scalar = joint.type in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE)
+        for kind in PROBES[joint.type]:
+            name = f"{joint.name} {kind.name[7:].lower()}"
+            spec.add_sensor(name=name, type=kind,
+                            objtype=OBJ.mjOBJ_JOINT if scalar else OBJ.mjOBJ_XBODY,
+                            objname=joint.name if scalar else joint.parent.name)
+            yield name
+
+
+def probes_of(spec: mujoco.MjSpec, watch: tuple[str, ...]) -> Iterator[str]:
+    """Add sensors for the joints, bodies and sites that are called so, and tell their names.
+
+    What is watched of a joint is its value and its rate, of a body or a site its place, its
+    attitude and both velocities.
+    """
+    for kind, word in WATCHED.items():
+        for element in [e for e in getattr(spec, kind) if e.name in watch and kind in READ_AS]:
+            read, what, name = READ_AS[kind], FRAME, element.name
+            if kind == "joints":
+                what = PROBES[element.type]
+                if element.type in (JOINT.mjJNT_BALL, JOINT.mjJNT_FREE):
+                    read, name = OBJ.mjOBJ_XBODY, element.parent.name
+            for sensor in what:
+                probe = f"{word} {element.name} {sensor.name[7:].lower()}"
+                spec.add_sensor(name=probe, type=sensor, objtype=read, objname=name)
+                yield probe
+
+
+GEOM = mujoco.mjtGeom
+AUTO = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # where a body has none of its own
+ROUNDING = 1e-9
+
+
+def switch_off(draft: Draft, bit: int) -> None:
+    """Set a disable flag."""
+    draft.spec.option.disableflags |= bit
+
+
+def set_option(draft: Draft, name: str, value: float) -> None:
+    """Set one of the engine's options."""
+    setattr(draft.spec.option, name, value)
+
+
+def masks_off(draft: Draft, name: str) -> None:
+    """Let a geom collide with nothing."""
+    if geom := draft.find("geoms", name):
+        geom.contype = geom.conaffinity = 0
+
+
+def unlimit(draft: Draft, name: str) -> None:
+    """Take the limits off a joint."""
+    if joint := draft.find("joints", name):
+        joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def flatten(draft: Draft, name: str) -> None:
+    """Delete a material; what is made of it keeps its colour.
+
+    Raises
+    ------
+    ValueError
+        A tendon is made of it: MuJoCo does not let a tendon's material be taken off.
+    """
+    material = draft.find("materials", name)
+    if material is None:
+        return
+    for tendon in draft.spec.tendons:
+        if tendon.material == name:
+            raise ValueError(f"tendon {tendon.name!r} is made of it, which cannot be undone")
+    for kind in ("geom", "site"):
+        for element in getattr(draft.spec, f"{kind}s"):
+            if element.material == name:
+                element.material, element.rgba = "", material.rgba
+            usual = getattr(element.classname, kind)
+            if usual.material == name:
+                usual.material = ""
+    draft.spec.delete(material)
+
+
+def undraw(draft: Draft, name: str) -> None:
+    """Delete a geom that collides with nothing; its body keeps the inertia that it gave."""
+    if geom := draft.find("geoms", name):
+        weigh(draft, geom.parent)
+        draft.spec.delete(geom)
+
+
+def enclose(draft: Draft, name: str) -> None:
+    """Replace a mesh by the box of the same inertia, which the compiler fits to it."""
+    geom = draft.find("geoms", name)
+    if geom is None or geom.type != GEOM.mjGEOM_MESH:
+        return
+    weigh(draft, geom.parent)
+    geom.type = GEOM.mjGEOM_BOX
+    fitted = draft.compiled().geom(name)
+    geom.meshname, geom.fromto = "", [np.nan] * 6
+    geom.size, geom.pos, geom.quat = fitted.size, fitted.pos, fitted.quat
+    geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+
+
+def weigh(draft: Draft, body: mujoco._specs.MjsBody) -> None:
+    """Write down the inertia that the compiler finds for a body in its geoms.
+
+    Where it finds it in spite of an inertia that is given, all bodies get what it finds.
+    """
+    compiler, model = draft.spec.compiler, draft.compiled()
+    by_rule = compiler.inertiafromgeom != AUTO or compiler.settotalmass > 0
+    for one in draft.spec.bodies[1:] if by_rule else [body]:
+        if one.name == "world" or (one.explicitinertial and not by_rule):
+            continue
+        found = model.body(one.name)
+        one.explicitinertial, one.mass = True, found.mass[0]
+        one.ipos, one.iquat, one.inertia = found.ipos, found.iquat, found.inertia
+    compiler.inertiafromgeom, compiler.settotalmass = AUTO, -1
+
+
+def coarser(draft: Draft, share: int) -> None:
+    """Cut every rod into so many times fewer segments."""
+    draft.share = share
+
+
+def planar(draft: Draft, name: str, normal: Array) -> None:
+    """Replace a free joint by two slides and a hinge, or a ball by a hinge, about `normal`.
+
+    The normal is that of the world.  In every key the joint must be in that plane.
+
+    Raises
+    ------
+    ValueError
+        A key leaves the plane.
+    """
+    joint = draft.find("joints", name)
+    if joint is None:
+        return
+    before, body, free = draft.compiled(), joint.parent, joint.type == JOINT.mjJNT_FREE
+    data = mujoco.MjData(before)
+    mujoco.mj_kinematics(before, data)
+    turn = data.body(body.name).xmat.reshape(3, 3)
+    axis = turn.T @ normal
+    one = turn.T @ np.roll(normal, 1)
+    across = [one, np.cross(axis, one)] if free else []
+    poses = [flat_pose(before, key, joint, np.array([*across, axis]))
+             for key in range(before.nkey)]
+    draft.drop("joints", name)
+    added = []
+    for k, way in enumerate(across):
+        body.add_joint(name=f"{name} {k + 1}", type=JOINT.mjJNT_SLIDE, axis=way)
+        added.append(f"{name} {k + 1}")
+    body.add_joint(name=f"{name} 0", type=JOINT.mjJNT_HINGE, axis=axis)
+    added.append(f"{name} 0")
+    fill(draft, added, poses)
+
+
+def flat_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tuple[Array, Array]:
+    """Values and rates of slides and hinge that stand for a free joint or a ball in a key."""
+    there = model.joint(joint.name)  # type: ignore[attr-defined]
+    pose = model.key_qpos[key, there.qposadr[0] :]
+    speed = model.key_qvel[key, there.dofadr[0] :]
+    zero, spin = model.qpos0[there.qposadr[0] :], speed[:3]
+    place, pace, shift = np.zeros(3), np.zeros(3), 0
+    turn = np.zeros(9)
+    if len(axes) == 3:
+        mujoco.mju_quat2Mat(turn, zero[3:7])
+        place, pace = (turn.reshape(3, 3).T @ v for v in (pose[:3] - zero[:3], speed[:3]))
+        spin, shift = speed[3:6], 3
+    back, rest = np.zeros(4), np.zeros(4)
+    mujoco.mju_negQuat(back, zero[shift : shift + 4])
+    mujoco.mju_mulQuat(rest, back, pose[shift : shift + 4])
+    axis, ways = axes[-1], axes[:-1]
+    angle = 2 * np.arctan2(rest[1:] @ axis, rest[0])
+    off = [rest[1:] - (rest[1:] @ axis) * axis, spin - (spin @ axis) * axis]
+    off += [place - ways.T @ (ways @ place), pace - ways.T @ (ways @ pace)] if len(ways) else []
+    if np.abs(off).max() > ROUNDING:
+        raise ValueError(f"key {model.key(key).name!r} leaves the plane")
+    return np.array([*(ways @ place), angle]), np.array([*(ways @ pace), spin @ axis])
+
+
+def fill(draft: Draft, joints: list[str], poses: list[tuple[Array, Array]]) -> None:
+    """Put values and rates of new joints into all keys."""
+    model = draft.compiled()
+    for key, (values, rates) in zip(draft.spec.keys, poses, strict=True):
+        pose, speed = model.key(key.name).qpos.copy(), model.key(key.name).qvel.copy()
+        for joint, value, rate in zip(joints, values, rates, strict=True):
+            pose[model.joint(joint).qposadr[0]] = value
+            speed[model.joint(joint).dofadr[0]] = rate
+        key.qpos, key.qvel = pose, speed
+
+
+DIGITS = 17  # of a number in double precision
+FLOATS = ("rgba",)  # attributes in single precision
+NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+def write(draft: Draft, file: Path, dressed: bool = False) -> None:
+    """Write a model; files that it names are found from there as they were from its source.
+
+    One that is `dressed` keeps its probes and the names that it was given.
+    """
+    spec = draft.again().spec
+    keys = {key.name: (list(key.qpos), list(key.qvel)) for key in spec.keys}
+    if not dressed:
+        undress(draft, spec)
+    compile_with_rods(spec, draft.rods) if draft.rods else spec.compile()
+    for folder in ("meshdir", "texturedir") if spec.meshes or spec.textures else ():
+        place = os.path.relpath(draft.file.parent / getattr(spec, folder), file.parent)
+        setattr(spec, folder, place)
+    with all_digits():
+        text = shortest(spec.to_xml())
+    write_whole(file, bare(text, draft.rods, keys) if draft.rods else text)
+
+
+def undress(draft: Draft, spec: mujoco.MjSpec) -> None:
+    """Take off what a draft was given to be studied."""
+    for sensor in list(spec.sensors):
+        if sensor.name in draft.probes:
+            spec.delete(sensor)
+    for kind, name in draft.given:
+        for element in getattr(spec, kind):
+            if element.name == name:
+                element.name = ""
+
+
+@contextmanager
+def all_digits() -> Iterator[None]:
+    """Let the engine write numbers as exact as they are, not in six digits, where it can.
+
+    The switch is its own, and not one of the bindings.
+    """
+    folder = Path(mujoco.__file__).parent
+    libraries = [ctypes.CDLL(str(f)) for f in folder.iterdir()
+                 if re.fullmatch(r"(lib)?mujoco[\d.]*\.(so|dylib|dll)[\d.]*", f.name)]
+    switch = next((lib._mjPRIVATE__set_xml_precision for lib in libraries
+                   if hasattr(lib, "_mjPRIVATE__set_xml_precision")), lambda digits: None)
+    switch(DIGITS)
+    try:
+        yield
+    finally:
+        switch(6)
+
+
+def shortest(text: str) -> str:
+    """The same XML with numbers as short as they can be told.
+
+    >>> shortest('<geom rgba="0.40000000596046448 1 1 1" size="0.10000000000000001 1e-05 3"/>')
+    '<geom rgba="0.4 1 1 1" size="0.1 1e-05 3"/>'
+    """
+    def short(match: re.Match[str]) -> str:
+        name, values = match.groups()
+        if not all(NUMBER.fullmatch(value) for value in values.split()):
+            return match[0]
+        told = [f"{float(v):.7g}" if name in FLOATS else repr(float(v)).removesuffix(".0")
+                if "." in v else v for v in values.split()]
+        return f'{name}="{" ".join(told)}"'
+
+    return re.sub(r'(\w+)="([^"]*)"', short, text)
+
+
+def bare(text: str, rods: tuple[Rod, ...], keys: dict[str, tuple[list[float], list[float]]]) -> str:
+    """A completed model as it is without its rods, with its own keys."""
+    root = ElementTree.fromstring(text, ElementTree.XMLParser(
+        target=ElementTree.TreeBuilder(insert_comments=True)))
+    roots = {f"{rod.name}.{k}" for rod in rods for k in (0, 1)}
+    loops = {rod.name for rod in rods} | {f"{rod.name}.slider" for rod in rods}
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if (child.tag == "body" and child.get("name") in roots) or (
+                    child.tag == "connect" and child.get("name") in loops) or (
+                    child.tag == "key" and child.get("name") not in keys):
+                parent.remove(child)
+    for key in root.iter("key"):
+        for name, values in zip(("qpos", "qvel"), keys[key.get("name", "")], strict=True):
+            key.attrib.pop(name, None)
+            if values:
+                key.set(name, " ".join(f"{v:.17g}" for v in values))
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
