@@ -5,8 +5,8 @@ when the model is written.  A model without sensors gets sensors at every joint,
 elements that are to be watched.
 
 The edits are functions of a draft and of names; they change the draft in place.  An element that is
-gone already, with another feature, stays gone.  A written model has all its digits, and nothing that
-was added for the study.
+gone already, with another feature, stays gone.  A written model has all its digits, and nothing
+that was added for the study.
 """
 
 import ctypes
