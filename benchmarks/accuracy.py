@@ -81,7 +81,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
     given = parser.parse_args(argv)
-    files = sorted((ROOT / "models").glob("pendulum.toml" if given.quick else "*.toml"))
+    files = sorted((ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"),
+                   key=lambda file: file.name)
     with folders(given.quick, given.folder) as (folder, docs):
         cases = [case for case in map(load_case, files) if turnable(case, None)]
         study = (trade(cases, Store(folder / "runs"), budget=0.01, repeats=1) if given.quick else

@@ -72,18 +72,20 @@ class Asked:
 
 
 ASKED = (
-    Asked("models/fourbar.toml", "fourbar", "mujoco", "flywheel", "position", 1e-5, True),
-    Asked("models/fourbar.toml", "fourbar", "mujoco", "servo", "position", 1e-4),
-    Asked("models/fourbar.toml", "fourbar", "pymunk", "gear", "position", 1e-5, True),
-    Asked("models/fourbar_released.toml", "fourbar_released", "mujoco", "", "position", 1e-5,
-          True),
-    Asked("models/fourbar_released.toml", "fourbar_released", "pymunk", "", "position", 1e-3, True),
-    Asked("models/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-6, True),
-    Asked("models/pendulum.toml", "pendulum", "pymunk", "", "position", 1e-4, True),
-    Asked("models/slider_crank.toml", "slider_crank", "mujoco", "equality", "position", 1e-3),
-    Asked("models/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
-    Asked("models/inverted_slider_crank_classic.toml", "swinging_block", "mujoco", "flywheel",
-          "acceleration", 1e-2),
+    Asked("models/linkages/fourbar.toml", "fourbar", "mujoco", "flywheel", "position", 1e-5, True),
+    Asked("models/linkages/fourbar.toml", "fourbar", "mujoco", "servo", "position", 1e-4),
+    Asked("models/linkages/fourbar.toml", "fourbar", "pymunk", "gear", "position", 1e-5, True),
+    Asked("models/linkages/fourbar_released.toml", "fourbar_released", "mujoco", "", "position",
+          1e-5, True),
+    Asked("models/linkages/fourbar_released.toml", "fourbar_released", "pymunk", "", "position",
+          1e-3, True),
+    Asked("models/linkages/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-6, True),
+    Asked("models/linkages/pendulum.toml", "pendulum", "pymunk", "", "position", 1e-4, True),
+    Asked("models/linkages/slider_crank.toml", "slider_crank", "mujoco", "equality", "position",
+          1e-3),
+    Asked("models/linkages/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
+    Asked("models/linkages/inverted_slider_crank_classic.toml", "swinging_block", "mujoco",
+          "flywheel", "acceleration", 1e-2),
     Asked("examples/models/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
           1e-6),
     Asked("examples/models/double_pendulum.toml", "double_pendulum", "pymunk", "", "position",
@@ -100,7 +102,7 @@ ASKED = (
           1e-5),
     Asked("examples/models/fivebar_swing.toml", "fivebar_swing", "pymunk", "gear", "acceleration",
           1e-4))
-QUICK = (Asked("models/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-4, True),)
+QUICK = (Asked("models/linkages/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-4, True),)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -74,7 +74,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "diet")
     given = parser.parse_args(argv)
-    files = sorted(ROOT.glob("models/pendulum.xml" if given.quick else "models/*.xml"))
+    files = sorted((ROOT / "models").rglob("pendulum.xml" if given.quick else "*.xml"),
+                   key=lambda file: file.name)
     rounds = 1 if given.quick else ROUNDS  # pairs of runs
     with folders(given.quick, given.folder) as (folder, docs):
         own = {file.stem: searched(file, folder, rounds, tune=False) for file in files}

@@ -30,7 +30,7 @@ from proofmass.sim.protocol import Run
 from proofmass.solve import plan, simulate
 
 Array = NDArray[np.float64]
-MODELS = ROOT / "models"
+MODELS = ROOT / "models" / "linkages"
 CLOSED = {"fourbar": "four-bar", "slider_crank": "slider-crank", "fivebar": "five-bar",
           "inverted_slider_crank": "inverted slider-crank", "hacksaw": "hacksaw",
           "inverted_slider_crank_classic": "swinging block", "threeprr": "3PRR"}

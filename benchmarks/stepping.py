@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     quick = command(__doc__).parse_args(argv).quick
     print(f"{'case':<18}{'solver':<16}{'steps':>8}{'bare [s]':>10}{'run [s]':>10}{'ratio':>8}")
     for name in ("fourbar",) if quick else ("fourbar", "hacksaw", "pendulum"):
-        case = load_case(ROOT / "models" / f"{name}.toml")
+        case = load_case(ROOT / "models" / "linkages" / f"{name}.toml")
         for solver in case.run["duration"].solvers:
             if not solver.startswith("mujoco"):
                 continue

@@ -16,7 +16,7 @@ from proofmass.sim.pymunk.dynamics import SURE, prepared, step_through
 from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import aim
 
-MODEL = ROOT / "models" / "fourbar.xml"
+MODEL = ROOT / "models" / "linkages" / "fourbar.xml"
 SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
 
 

@@ -110,7 +110,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         store = Store(folder / "runs")
         with pool() as workers:
             known = stress([kept(one, store) for one in islice(probes(), most)], workers)
-            cases = {name: extremes(load_case(ROOT / "models" / f"{name}.toml"), store)
+            cases = {name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))),
+                                    store)
                      for name in (("pendulum",) if given.quick else CASES)}
             turned = stress([one for sought, _ in cases.values() for one in sought[:most]],
                             workers)

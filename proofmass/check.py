@@ -1,9 +1,10 @@
 """From paths to verdicts: find the cases, run every solver, compare."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,17 @@ LOADING = 60.0  # [s] until the reading of a sidecar is given up
 
 @dataclass(frozen=True)
 class Result:
-    """All that was found out: comparisons, the curves and rows behind them, the inputs at fault."""
+    """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
+
+    `paths` are the files and folders that were given; `family_of` names a case's folder by them.
+    """
 
     cases: list[Case] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     refined: list[Row] = field(default_factory=list)
     errors: list[InputError] = field(default_factory=list)
+    paths: tuple[Path, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -57,22 +62,70 @@ class Result:
 
 
 def find(paths: Iterable[Path]) -> Iterator[Path]:
-    """Sidecars, and models that no sidecar speaks of, below the given files and folders."""
+    """Sidecars, and models without a sidecar, among the given files and below the given folders.
+
+    They come folder by folder.  Hidden folders and links to folders are not searched.
+
+    Raises
+    ------
+    InputError
+        A path is not there or no input; a folder cannot be read, after all that can.
+    """
     for path in paths:
         if not path.exists():
             raise InputError(path, "", "no such file or folder")
         if path.is_dir():
-            sidecars, models = sorted(path.glob("*.toml")), sorted(path.glob("*.xml"))
-            if not sidecars and not models:
-                raise InputError(path, "", "no sidecar (.toml) and no model (.xml) in this folder")
-            yield from sidecars
-            yield from (model for model in models if not model.with_suffix(".toml").exists())
+            yield from search_folder(path)
         elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
             yield path.with_suffix(".toml")
         elif path.suffix in (".toml", ".xml"):
             yield path
         else:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
+
+
+def search_folder(folder: Path) -> Iterator[Path]:
+    """What `find` yields of a folder."""
+    unreadable: list[OSError] = []
+    nothing = True
+    for place, folders, files in os.walk(folder, onerror=unreadable.append):
+        there = [Path(place) / name for name in sorted(files + folders)]
+        folders[:] = sorted(name for name in folders
+                            if not name.startswith(".") and not name.endswith((".toml", ".xml")))
+        found = [file for file in there if file.suffix == ".toml"]
+        found += [file for file in there
+                  if file.suffix == ".xml" and not file.with_suffix(".toml").exists()]
+        nothing = nothing and not found
+        yield from found
+    for error in unreadable:
+        raise InputError(Path(error.filename), "", f"cannot be read: {error.strerror}")
+    if nothing:
+        raise InputError(folder, "", "no sidecar (.toml) and no model (.xml) in this folder")
+
+
+def family_of(file: Path, paths: Iterable[Path]) -> str:
+    """The folder of a file, as it is called below the given folder in which the file was found.
+
+    A file that lies in the given folder itself, or that was given, has its folder's own name.
+
+    >>> family_of(Path("models/linkages/fourbar.toml"), [Path("models")])
+    'linkages'
+    >>> family_of(Path("models/linkages/fourbar.toml"), [Path("models/linkages")])
+    'linkages'
+    """
+    folder = file.parent
+    given = [path for path in paths if folder.is_relative_to(path)]
+    nearest = max(given, key=lambda path: len(path.parts), default=folder)
+    return (folder.relative_to(nearest).as_posix() if folder != nearest
+            else Path(os.path.abspath(folder)).name)
+
+
+def require_different_names(cases: Iterable[Case]) -> None:
+    """Raise InputError if two cases have the same name, by which results and pages go."""
+    first: dict[str, Path] = {}
+    for case in cases:
+        if (twin := first.setdefault(case.name, case.file)) != case.file:
+            raise InputError(case.file, "", f"its name is taken by {twin}; results go by name")
 
 
 def read(path: Path) -> Case:
@@ -195,7 +248,8 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
     Result
         Bad input is collected in `Result.errors`; the other cases still run.
     """
-    result = Result()
+    paths = tuple(map(Path, paths))
+    result = Result(paths=paths)
     with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         try:
             tasks = planned(collect(paths, result.errors), result, pool)
@@ -217,9 +271,7 @@ def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
                 tasks.append(path)
                 continue
             case = read[path].result()
-            twin = next((c.file for c in result.cases if c.name == case.name), None)
-            if twin:
-                raise InputError(path, "", f"its name is taken by {twin}; results go by name")
+            require_different_names([*result.cases, case])
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
             tasks += refinements(case)
             result.cases.append(case)
@@ -248,9 +300,17 @@ def done(tasks: list[Task], result: Result, pool: Executor,
 
 
 def judge(tasks: list[Task], outcomes: dict[int, Outcome], result: Result) -> None:
-    """Put what came of the tasks into the result, in their order."""
+    """Put what came of the tasks into the result, in their order.
+
+    A model without a sidecar whose name another has as well is called by its folder, too.
+    """
+    named = Counter(t.stem for t in tasks if isinstance(t, Path))
+    named.update(case.name for case in result.cases)
     for k in sorted(outcomes):
         task, (comparisons, curves) = tasks[k], outcomes[k]
+        if isinstance(task, Path) and named[task.stem] > 1:
+            whole = f"{family_of(task, result.paths)}/{task.stem}"
+            comparisons = [replace(c, case=whole) for c in comparisons]
         if isinstance(task, Finer):
             try:
                 rows, comparisons = task.study.add(task.segments, outcomes[k])
@@ -273,7 +333,8 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
     found: dict[Path, None] = {}
     for path in paths:
         try:
-            found.update(dict.fromkeys(find([Path(path)])))
+            for file in find([Path(path)]):
+                found[file] = None
         except InputError as error:
             errors.append(error)
         except OSError as error:

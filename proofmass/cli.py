@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from proofmass.check import Result, check, collect, read
+from proofmass.check import Result, check, collect, read, require_different_names
 from proofmass.command import Jobs, answering, counting, errors
 from proofmass.design.command import app as design
 from proofmass.errors import InputError
@@ -102,14 +102,17 @@ def list_command(paths: Paths = None) -> None:
     """List the cases and their runs; nothing is run."""
     found: list[InputError] = []
     cases, lone = [], []
-    for path in collect(paths or [Path("models")], found):
+    paths = paths or [Path("models")]
+    for path in collect(paths, found):
         try:
             if path.suffix == ".xml":
                 lone.append(path)
             else:
-                cases.append(read(path))
+                case = read(path)
+                require_different_names([*cases, case])
+                cases.append(case)
         except InputError as error:
             found.append(error)
-    console().print(case_table(cases, lone))
+    console().print(case_table(cases, lone, paths))
     complain(found)
     raise typer.Exit(2 if found else 0)

@@ -1,7 +1,7 @@
 """pytest items from sidecars: one for each solver of a case.
 
-``pytest models/fourbar.toml`` runs a case, ``pytest "models/fourbar.toml::pymunk"`` one solver of
-it.  An item fails where ``proofmass check`` would: same code, same tolerances.
+``pytest models/linkages/fourbar.toml`` runs a case, and with ``::pymunk`` behind it one solver.
+An item fails where ``proofmass check`` would: same code, same tolerances.
 """
 
 from collections.abc import Iterator

@@ -144,7 +144,7 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     Examples
     --------
     >>> from proofmass import load_case, solve
-    >>> curves = solve(load_case("models/fourbar.toml"), "sweep", "mujoco")
+    >>> curves = solve(load_case("models/linkages/fourbar.toml"), "sweep", "mujoco")
     >>> round(float(curves.channels["rocker"][0]), 6)
     2.245928
     """

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from proofmass.case import Case
-from proofmass.check import Result
+from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
 
 KEYS = ("case", "solver", "run", "channel", "unit", "error_max", "at", "error_rms", "nrmse",
@@ -134,14 +134,15 @@ def failures(result: Result) -> Iterator[Text]:
                style="bold" if result.exit_code == 0 else "bold red")
 
 
-def case_table(cases: list[Case], lone: list[Path]) -> Table:
-    """What `proofmass list` shows."""
-    table = Table("case", "model", "reference", "runs", "channels", "title", box=None,
+def case_table(cases: list[Case], lone: list[Path], paths: list[Path]) -> Table:
+    """What `proofmass list` shows: cases by their folders below the given paths."""
+    table = Table("folder", "case", "model", "reference", "runs", "channels", "title", box=None,
                   header_style="bold", pad_edge=False)
     for case in cases:
         runs = "; ".join(f"{kind}: {', '.join(run.solvers)}" for kind, run in case.run.items())
-        table.add_row(case.name, case.model, case.reference, runs, str(len(case.channels)),
-                      case.title)
+        table.add_row(family_of(case.file, paths), case.name, case.model, case.reference, runs,
+                      str(len(case.channels)), case.title)
     for model in lone:
-        table.add_row(model.stem, model.name, "–", "unchecked: no sidecar", "", "")
+        table.add_row(family_of(model, paths), model.stem, model.name, "–",
+                      "unchecked: no sidecar", "", "")
     return table

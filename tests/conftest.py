@@ -15,9 +15,9 @@ from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.stand import Stand
+from tests.shipped import MODELS, models_like
 
 pytest_plugins = ["pytester"]
-MODELS = Path(__file__).parent.parent / "models"
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
 if sys.dont_write_bytecode:
     # PYTHONDONTWRITEBYTECODE, which many containers set, keeps files of bytecode from the sources.
@@ -40,8 +40,12 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture
 def models(tmp_path: Path) -> Path:
-    """A copy of `models/` that a test may change."""
-    return Path(shutil.copytree(MODELS, tmp_path / "models", copy_function=shutil.copyfile))
+    """A copy of all files below `models/`, in one folder, that a test may change."""
+    folder = tmp_path / "models"
+    folder.mkdir()
+    for file in models_like("*.*"):
+        shutil.copyfile(file, folder / file.name)
+    return folder
 
 
 @pytest.fixture

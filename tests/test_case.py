@@ -1,15 +1,13 @@
 """A sidecar by itself: which key is at fault, which channels and tolerances a run has."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from proofmass.case import load_case
 from proofmass.errors import InputError
 from proofmass.view import View
-
-MODELS = Path(__file__).parent.parent / "models"
+from tests.shipped import shipped
 
 
 @pytest.mark.parametrize(("name", "old", "new", "key", "wrong"), [
@@ -48,14 +46,14 @@ def test_a_fault_is_said_at_its_key(name, old, new, key, wrong, models, edit):
 
 
 def test_a_rest_may_end_where_its_shortest_rod_does(models, edit):
-    case = load_case(MODELS / "rod_cantilever.toml")
+    case = load_case(shipped("rod_cantilever.toml"))
     length = min(rod.length for rod in case.rods)
     file = edit("rod_cantilever.toml", r"\[run.rest\]", f"[run.rest]\nuntil = {length!r}")
     assert load_case(str(file)).run["rest"].until == length
 
 
 def test_channels_and_tolerances_of_a_run():
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     assert set(case.channels) - set(case.channels_of("duration")) == {"holding_moment"}
     assert list(case.channels_of("sweep")) == list(case.channels)
     assert case.tolerance_for("duration", "mujoco", "rocker_rate").of_range == 2e-6
@@ -63,15 +61,15 @@ def test_channels_and_tolerances_of_a_run():
 
 
 def test_a_key_of_a_drive_has_a_number_where_there_are_several():
-    assert load_case(MODELS / "fourbar.toml").drive_key(0, "law") == "drive.law"
-    threeprr = load_case(MODELS / "threeprr.toml")
+    assert load_case(shipped("fourbar.toml")).drive_key(0, "law") == "drive.law"
+    threeprr = load_case(shipped("threeprr.toml"))
     assert threeprr.drive_key(2, "law") == "drive.2.law"
     two = threeprr.model_copy(update={"drive": threeprr.drive[:2]})
     assert two.drive_key(0, "law") == "drive.0.law"
 
 
 def test_a_view_shows_the_first_run_that_has_its_channels():
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     channels = {**case.channels, "rocker": case.channels["rocker"].model_copy(
         update={"only": "duration"})}
     case = case.model_copy(update={"channels": channels})

@@ -3,18 +3,22 @@
 What would go to a worker process is called here.
 """
 
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from proofmass.check import (
     FAILURES,
     LOADING,
     Result,
     check,
+    collect,
+    family_of,
     file_of,
     find,
     judge,
@@ -22,15 +26,18 @@ from proofmass.check import (
     load,
     measured,
     one_task,
+    read,
     run_one,
     step_unchecked,
     stopped,
 )
+from proofmass.cli import app
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed
 from proofmass.refined import Finer, errors
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
+from tests.shipped import MODELS
 
 CHECK = sys.modules[check.__module__]  # whose name in the package is that of the function
 
@@ -111,6 +118,79 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
                          (OSError(), ("", "cannot be read: OSError"))):
         workers.fails["load_case"] = error
         assert wrong(load, short) == words
+
+
+def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
+    """Hidden folders and links to folders are not; a pipe is found, and reading it is an error."""
+    for name in ("b.toml", "a/c.xml", "a/x/d.toml", "a/x/d.xml", ".git/e.toml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    (tmp_path / "a" / "round").symlink_to(tmp_path)
+    (tmp_path / "a" / "loop.toml").symlink_to(tmp_path / "a" / "loop.toml")
+    os.mkfifo(tmp_path / "a" / "x" / "pipe.toml")
+    (tmp_path / "a" / "folder.xml").mkdir()
+    (tmp_path / "a" / "folder.xml" / "not_searched.toml").write_text("")
+    assert [file.relative_to(tmp_path).as_posix() for file in find([tmp_path])] == [
+        "b.toml", "a/loop.toml", "a/c.xml", "a/folder.xml", "a/x/d.toml", "a/x/pipe.toml"]
+    for name, words in (("a/loop.toml", "Too many levels"), ("a/x/pipe.toml", "a device or pipe")):
+        assert words in wrong(read, tmp_path / name)[1]
+
+
+def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
+    locked = models / "locked"
+    locked.mkdir()
+    scandir = os.scandir
+
+    def refuse(path):
+        if Path(path) == locked:
+            raise PermissionError(13, "Permission denied", str(locked))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refuse)
+    errors = []
+    assert models / "fourbar.toml" in collect([models], errors)
+    assert [str(error) for error in errors] == [f"{locked}: cannot be read: Permission denied"]
+
+
+def test_families_are_named_by_folders_below_the_paths(monkeypatch):
+    def named(file, *paths):
+        return family_of(Path(file), [Path(path) for path in paths])
+
+    assert named("m/rods/a.toml", "m") == "rods"
+    assert named("m/rods/long/a.toml", "m") == "rods/long"
+    assert named("m/rods/long/a.toml", "m", "m/rods") == "long"
+    assert named("m/rods/a.toml", "m/rods") == "rods"
+    assert named("m/rods/a.toml", "m/rods/a.toml") == "rods"
+    assert named("rods/a.toml", ".") == "rods"
+    assert named("../m/a.toml", "../m") == "m"
+    monkeypatch.chdir(MODELS)
+    assert named("a.toml", ".") == "models"
+
+
+def test_two_cases_of_one_name_are_an_error_that_names_both_files(models, tmp_path):
+    (tmp_path / "models" / "again").mkdir()
+    twin = tmp_path / "models" / "again" / "pendulum.toml"
+    for file in (twin, twin.with_suffix(".xml")):
+        file.write_bytes((models / file.name).read_bytes())
+    words = f"{twin}: its name is taken by {models / 'pendulum.toml'}; results go by name"
+    result = check([models / "pendulum.toml", twin.parent])
+    assert [str(error) for error in result.errors] == [words]
+    assert {c.outcome for c in result.comparisons} == {"agrees", "unchecked"}
+    for command in ("list", "trade"):
+        answer = CliRunner().invoke(app, [command, str(models / "pendulum.toml"),
+                                          str(twin.parent)])
+        assert answer.exit_code == 2
+        assert words in answer.output.replace("\n", "")
+
+
+def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / "robots" / name).mkdir(parents=True)
+        (tmp_path / "robots" / name / "scene.xml").write_bytes(
+            (models / "pendulum.xml").read_bytes())
+    (tmp_path / "robots" / "arm.xml").write_bytes((models / "pendulum.xml").read_bytes())
+    assert [c.case for c in check([tmp_path / "robots"]).comparisons] == [
+        "arm", "a/scene", "b/scene"]
 
 
 def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):

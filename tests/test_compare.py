@@ -35,12 +35,11 @@ from proofmass.solve import plan
 from proofmass.terminal import worst
 from proofmass.units import si_unit
 from proofmass.view import View
-
-MODELS = Path(__file__).parent.parent / "models"
+from tests.shipped import models_like, shipped
 
 
 def test_error_measures_of_a_known_difference():
-    case = load_case(MODELS / "pendulum.toml")
+    case = load_case(shipped("pendulum.toml"))
     x = np.linspace(0, 1, 5)
     truth = np.array([0.0, 1, 2, 3, 4])
     error = np.array([0, 0, -2e-11, 1e-11, 0])
@@ -55,7 +54,7 @@ def test_error_measures_of_a_known_difference():
     assert c.message.startswith("RK4 at 1 ms")  # the tolerance's reason
 
 
-PENDULUM = load_case(MODELS / "pendulum.toml")
+PENDULUM = load_case(shipped("pendulum.toml"))
 
 
 def in_unit(case, channel: str, **changed):
@@ -83,7 +82,7 @@ def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
     x, zero = np.linspace(0, 4, 3), np.zeros(3)
     c = one(PENDULUM, "duration", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {})
     assert c.nrmse == pytest.approx(2.0)  # 0.5 rad/s; one in the 4 s of the motion is 0.25
-    rod = load_case(MODELS / "rod_cantilever.toml")
+    rod = load_case(shipped("rod_cantilever.toml"))
     c = one(rod, "rest", "mujoco", "rod.moment", Curves(x, {"rod.moment": zero + 0.5}), zero, {})
     assert np.isnan(c.nrmse)
 
@@ -96,7 +95,7 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     c = one(PENDULUM, "duration", "mujoco", "angle", curves, truth, {})
     assert c.error_later == pytest.approx(1e-10, rel=1e-4, abs=0)  # at 3; 1e-16 of rounding at 1
     assert c.of_range_later == pytest.approx(c.of_range / 1.1, rel=1e-4, abs=0)
-    rod = load_case(MODELS / "rod_cantilever.toml")
+    rod = load_case(shipped("rod_cantilever.toml"))
     name = next(iter(rod.channels))
     assert np.isnan(one(rod, "rest", "mujoco", name, Curves(x, {name: truth}), truth, {}
                         ).error_later)
@@ -154,7 +153,7 @@ def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
 @pytest.mark.parametrize("channel", ["pin.x", "coupler.angle", "pin.y"])
 def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
     """Of a triple rocker, whose modes start 0.24, 0.34 and 0.47 of these channels' ranges apart."""
-    case = load_case(MODELS / "triple_rocker.toml")
+    case = load_case(shipped("triple_rocker.toml"))
     x = grid(case, "sweep")
     state = plan(case, "sweep", "mujoco").motion(x)
     own, other = (evaluate(case, x, state, mode=mode).channels[channel] for mode in (1, -1))
@@ -166,7 +165,7 @@ def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
 
 
 def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
-    case = load_case(MODELS / "triple_rocker.toml")
+    case = load_case(shipped("triple_rocker.toml"))
     x = grid(case, "sweep")
     state = plan(case, "sweep", "mujoco").motion(x)
     truth, other = (evaluate(case, x, state, mode=mode) for mode in (1, -1))
@@ -191,7 +190,7 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
 def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
     def of(**curves):
         x = np.zeros(2)
-        return misfit(load_case(MODELS / "fourbar.toml"),
+        return misfit(load_case(shipped("fourbar.toml")),
                       *(Curves(x, {name: np.array(values[k]) for name, values in curves.items()})
                         for k in (0, 1)))
 
@@ -237,7 +236,7 @@ def test_a_curve_in_millimetres_and_degrees_is_the_curve_in_si(models, edit):
 
 def test_closed_form_is_the_recorded_hacksaw_curve():
     """Two computations of the same mechanism that know nothing of each other."""
-    closed, recorded = (load_case(MODELS / f"{n}.toml") for n in ("hacksaw", "hacksaw_recorded"))
+    closed, recorded = (load_case(shipped(f"{n}.toml")) for n in ("hacksaw", "hacksaw_recorded"))
     x = grid(recorded, "sweep")
     ours = evaluate(closed, x, plan(closed, "sweep", "mujoco").motion(x))
     theirs = evaluate(recorded, x, None)
@@ -316,7 +315,7 @@ def test_a_model_without_a_sidecar_is_unchecked(models):
 
 def test_paths_may_be_folders_sidecars_or_models(models):
     assert [p.name for p in find([models / "fourbar.xml"])] == ["fourbar.toml"]
-    assert {p.stem for p in find([models])} == {p.stem for p in MODELS.glob("*.toml")}
+    assert {p.stem for p in find([models])} == {p.stem for p in models_like()}
 
 
 GEARS = """<mujoco>
@@ -381,14 +380,14 @@ def test_a_wrong_gear_ratio_is_found_by_a_constant_rate(tmp_path, off):
 
 
 def scale(channel: str, values: list[float], name: str = "fourbar", run: str = "sweep") -> float:
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     x = np.linspace(0, 4, len(values))
     drive = (x[None], np.full((1, x.size), 3.0), 0 * x[None])
     return scale_of(case, run, channel, Curves(x, {}, drive=drive), np.array(values))
 
 
 def test_what_of_range_is_a_share_of():
-    extent = size(compiled(load_case(MODELS / "fourbar.toml")), "start")
+    extent = size(compiled(load_case(shipped("fourbar.toml"))), "start")
     assert extent == 3.0  # the ground; nothing reaches beyond its ends
     assert scale("rocker", [5.0, 5.5]) == 0.5
     assert scale("rocker", [5.0, 5.0009]) == 1.0  # an angle of 286 degrees is no size
@@ -407,7 +406,7 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
     def of(name: str, *rates: list[float], run: str = "sweep", extent: float = 3.0) -> float:
         x = np.array([2.0, 6.0])
         drive = (np.zeros((len(rates), 2)), np.array(rates), np.zeros((len(rates), 2)))
-        return time_of(load_case(MODELS / f"{name}.toml"), run,
+        return time_of(load_case(shipped(f"{name}.toml")), run,
                        Curves(x, {}, drive=drive if rates else None), extent)
 
     assert of("fourbar", [1.0, -4.0]) == 0.25
@@ -434,7 +433,7 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
 ])
 def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
     """With the parameter off by its would-notice the error of that channel is the limit."""
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     x = grid(case, kind)
     state = plan(case, kind, "mujoco").motion(x) if case.drive else None
     truth = evaluate(case, x, state)
@@ -467,7 +466,7 @@ def test_would_notice_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
 
 
 def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     x = np.linspace(0.0, 1.0, 5)
     state = plan(case, "duration", "mujoco").motion(x)
     curves = Curves(x, evaluate(case, x, state).channels, drive=state)
@@ -479,13 +478,13 @@ def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
 
 
 def test_a_recorded_curve_is_not_asked_at_the_drives_state():
-    case = load_case(MODELS / "hacksaw_recorded.toml")
+    case = load_case(shipped("hacksaw_recorded.toml"))
     x = grid(case, "sweep")
     state = plan(case, "sweep", "mujoco").motion(x)
     off = tuple(part + 0.1 for part in state)
     found = reference_for(case, Curves(x, {}, drive=off)).channels
     truth = evaluate(case, x, None).channels
     assert all(np.array_equal(found[name], truth[name]) for name in truth)
-    closed = load_case(MODELS / "hacksaw.toml")
+    closed = load_case(shipped("hacksaw.toml"))
     assert not np.array_equal(reference_for(closed, Curves(x, {}, drive=off)).channels["r1"],
                               reference_for(closed, Curves(x, {}, drive=state)).channels["r1"])

@@ -5,7 +5,6 @@ at a changed parameter it shows what the change does to the verdicts.
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,8 +27,8 @@ from proofmass.reference import evaluate, grid, module_of
 from proofmass.report.tables import not_known, notice, unnoticed
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
+from tests.shipped import models_like, shipped
 
-MODELS = Path(__file__).parent.parent / "models"
 QUICK = ("fivebar", "rod_cantilever", "rod_buckled", "balancer_progressive_locked",
          "slider_crank", "change_point", "pendulum")
 """A parameter that is 0, lengths that can only grow, a stiffness that can only grow, one that
@@ -101,11 +100,11 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
             assert c.channel in set().union(*sides), (key, c.channel, change)
 
 
-CASES = sorted(file.stem for file in MODELS.glob("*.toml"))
+CASES = sorted(file.stem for file in models_like())
 
 
 def every_run(name: str, all_channels: bool) -> None:
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     if isinstance(module_of(case), Recorded):
         assert changeable(case) == {}
         return
@@ -129,7 +128,7 @@ def test_what_is_said_of_a_parameter_is_what_a_changed_one_does(name):
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_said_of_every_parameter_is_what_a_changed_one_does(name):
     # an equilibrium of rods at changed parameters takes up to seconds
-    every_run(name, all_channels=not load_case(MODELS / f"{name}.toml").rod)
+    every_run(name, all_channels=not load_case(shipped(f"{name}.toml")).rod)
 
 
 def of(curve, low: float = -np.inf, high: float = np.inf):
@@ -216,7 +215,7 @@ def test_large_changes(curve, low, high, found):
 @pytest.mark.parametrize(("name", "key", "begin"), [
     ("rod_cantilever", "length", ""), ("rod_buckled", "length", ""), ("fivebar", "left_x", "0 ± ")])
 def test_the_page_says_what_is_noticed(name, key, begin):
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     kind = next(iter(case.run))
     found = compare(case, kind, "mujoco", exact(case, kind))
     assert key not in unnoticed(case, found) + not_known(case, found)
@@ -227,7 +226,7 @@ def test_the_page_says_what_is_noticed(name, key, begin):
 
 def test_the_page_says_what_is_not_known():
     """The reference takes a stop that holds a preload at 0 only."""
-    case = load_case(MODELS / "balancer_sine_preload.toml")
+    case = load_case(shipped("balancer_sine_preload.toml"))
     found = compare(case, "sweep", "mujoco", exact(case, "sweep"))
     assert not_known(case, found) == ["low2"]
     assert unnoticed(case, found) == ["target_moment"]  # of a curve that no channel is held to
@@ -236,13 +235,13 @@ def test_the_page_says_what_is_not_known():
 
 
 def test_whole_numbers_and_words_are_neither():
-    assert set(changeable(load_case(MODELS / "rfr3.toml"))) == {
+    assert set(changeable(load_case(shipped("rfr3.toml")))) == {
         "side", "radius", "theta1", "theta2", "theta3", "length", "stiffness", "force_y"}
-    assert "target" not in changeable(load_case(MODELS / "balancer_sine.toml"))
+    assert "target" not in changeable(load_case(shipped("balancer_sine.toml")))
 
 
 def test_a_mode_is_no_quantity_and_what_a_reference_takes_besides_is_one():
-    fourbar = load_case(MODELS / "fourbar.toml")
+    fourbar = load_case(shipped("fourbar.toml"))
     assert "mode" not in changeable(fourbar)
     more = {**fourbar.parameters, "unknown": 2.0}
     assert changeable(fourbar.model_copy(update={"parameters": more}))["unknown"] == 2.0
@@ -250,7 +249,7 @@ def test_a_mode_is_no_quantity_and_what_a_reference_takes_besides_is_one():
 
 def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
     """A reference of two parameters, 0 and 5: steps of 5e-6, and a change where 1e-3 is used up."""
-    case = load_case(MODELS / "fivebar.toml")
+    case = load_case(shipped("fivebar.toml"))
     asked = []
 
     def evaluated(case, x, state, **changed):

@@ -11,8 +11,7 @@ import pytest
 from proofmass.case import Case, load_case
 from proofmass.compare import compare
 from proofmass.solve import solve
-
-MODELS = Path(__file__).parent.parent / "models"
+from tests.shipped import shipped
 
 Place = tuple[str, str, int, float]
 # where each length of the drawing stands in the MJCF: element path, attribute, index, sign
@@ -44,7 +43,7 @@ PARALLEL_ROBOT = {
 
 def chain(name: str) -> dict[str, list[Place]]:
     """Lengths of a balancer, each along its segment in the rest posture."""
-    tree = ElementTree.parse(MODELS / f"{name}.xml")
+    tree = ElementTree.parse(shipped(f"{name}.xml"))
     ends = [BODY.format(body.get("name")) for body in tree.findall(".//body/body")]
     found = {"pendulum": [at(SITE, "pendulum_tip", 1)]}
     for i, path in enumerate([*ends, SITE.format("tip")], start=1):
@@ -124,7 +123,7 @@ def few(case: Case, kind: str) -> Case:
 @cache
 def would_notice(name: str, kind: str, solver: str) -> dict[str, float]:
     """The smallest change of each parameter that a channel of the good model notices, in SI."""
-    case = few(load_case(MODELS / f"{name}.toml"), kind)
+    case = few(load_case(shipped(f"{name}.toml")), kind)
     comparisons = compare(case, kind, solver, solve(case, kind, solver))
     outcomes = {c.outcome for c in comparisons}
     assert "agrees" in outcomes
@@ -153,7 +152,7 @@ def runs(quick: bool) -> list[tuple[str, str, str, str]]:
     """Case, length, solver and kind of run: the quick ones, or all others."""
     found = []
     for name, key in CASES:
-        case = loaded(MODELS / f"{name}.toml")
+        case = loaded(shipped(f"{name}.toml"))
         for kind, run in case.run.items():
             for solver in ("mujoco", "pymunk"):
                 fast = (kind, solver) == ("sweep", "mujoco") or ((name, key) in QUICK and (
@@ -188,7 +187,7 @@ def test_an_engine_with_another_length_differs_from_the_general_solver(name, mod
     kind, run = next(iter(case.run.items()))
     brief = run.model_copy(update={"until": 0.1 * run.until}) if run.until else run
     case = case.model_copy(update={"run": {**case.run, kind: brief}})
-    good = MODELS / case.model
+    good = shipped(case.model)
     lengthen(case.model_path, [PLANAR[name]], 1e-4)
     curves = solve(case, kind, "mujoco")
     case.model_path.write_text(good.read_text())
@@ -206,7 +205,7 @@ def test_a_law_is_broken_by_a_wrong_length_in_the_model(models):
 
 @pytest.fixture(scope="module")
 def sweep():
-    case = load_case(MODELS / "hacksaw.toml")
+    case = load_case(shipped("hacksaw.toml"))
     return case, solve(case, "sweep", "mujoco")
 
 

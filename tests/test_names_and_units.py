@@ -26,8 +26,8 @@ from proofmass.solve import plan, solve
 from proofmass.units import powers, same_quantity, si_unit
 from proofmass.validate import validate
 from tests.report.test_report import curves_of, result_of
+from tests.shipped import MODELS, models_like, shipped
 
-MODELS = Path(__file__).parent.parent / "models"
 MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
 WRONG = {
     "solver of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujco"',
@@ -107,7 +107,7 @@ def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit,
 @given(key=st.sampled_from(["solver", "unit", "channels"]),
        pattern=st.text(st.sampled_from("abcdmojunkrp.*?[]:/ "), min_size=1, max_size=8))
 def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     names = {"solver": [s for run in case.run.values() for s in run.solvers],
              "unit": [c.unit for c in case.channels.values()], "channels": [*case.channels]}[key]
     tolerance = {"abs": 1.0, "why": "x", key: pattern}
@@ -147,7 +147,7 @@ def test_an_angle_is_a_quantity_of_its_own():
     assert powers("deg") == (0, 0, 0, 1)
 
 
-@pytest.mark.parametrize("case", sorted(MODELS.glob("*.toml")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("case", models_like(), ids=lambda file: file.stem)
 def test_own_cases_are_valid(case):
     validate(load_case(case))
 
@@ -155,7 +155,7 @@ def test_own_cases_are_valid(case):
 def test_si_units_do_not_import_pint():
     """Its import takes longer than that of the rest."""
     line = ("import sys; from proofmass.case import load_case; from proofmass.validate import "
-            "validate; validate(load_case('models/hacksaw_recorded.toml')); "
+            "validate; validate(load_case('models/linkages/hacksaw_recorded.toml')); "
             "sys.exit('pint' in sys.modules)")
     subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)
 
@@ -175,7 +175,7 @@ why = "in the channel's unit"
 
 
 def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
-    before = {c.channel: c for c in of_sweep(load_case(MODELS / "fourbar.toml"), 0.01)}
+    before = {c.channel: c for c in of_sweep(load_case(shipped("fourbar.toml")), 0.01)}
     case = load_case(in_degrees(models, edit))
     after = {c.channel: c for c in of_sweep(case, 0.01)}
     for name, unit, factor in (("rocker", "deg", 180 / np.pi), ("pin.x", "mm", 1e3),
@@ -191,7 +191,7 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
                 notice.size * 1e-3 / factor / known.allowed, rel=1e-6)
     x = np.linspace(0, 2 * np.pi, 37)
     truth = evaluate(case, x, plan(case, "sweep", "mujoco").motion(x)).channels
-    plain = evaluate(load_case(MODELS / "fourbar.toml"), x,
+    plain = evaluate(load_case(shipped("fourbar.toml")), x,
                      plan(case, "sweep", "mujoco").motion(x)).channels
     assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # shift, in deg
 

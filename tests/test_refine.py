@@ -14,6 +14,7 @@ from proofmass.reference import evaluate, grid
 from proofmass.refined import Study, errors, refinements
 from proofmass.report import write_report
 from proofmass.sim.protocol import Curves
+from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 
 FILE = "rod_cantilever.toml"
@@ -46,7 +47,7 @@ def verdicts(file: Path) -> dict[str, list[Comparison]]:
 
 def studied(off: Callable[[int, Array], Array], **asked: object) -> tuple[Study, list[Comparison]]:
     """A study of what nobody ran: the reference's own curves, off by so much at arc lengths."""
-    case = load_case(Path(__file__).parent.parent / "models" / FILE)
+    case = load_case(shipped(FILE))
     assert case.refine is not None
     case = case.model_copy(update={"refine": case.refine.model_copy(update=asked)})
     found: list[Comparison] = []

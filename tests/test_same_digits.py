@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.shipped import shipped
+
 ROOT = Path(__file__).parent.parent
 NAMES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
 SOLVED = """
@@ -79,7 +81,7 @@ def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of
     """A reference of 400 equations, which workers and this process find in another folder."""
     (tmp_path / "solved.py").write_text(REFERENCE)
     (tmp_path / "solved.toml").write_text(SIDECAR)
-    (tmp_path / "fourbar.xml").write_bytes((ROOT / "models" / "fourbar.xml").read_bytes())
+    (tmp_path / "fourbar.xml").write_bytes(shipped("fourbar.xml").read_bytes())
     (tmp_path / "sitecustomize.py").write_text(
         f"import sys; sys.path.append({str(ROOT)!r}); sys.path.append({str(tmp_path)!r}); "
         "from proofmass.analytic import REFERENCES; REFERENCES['solved'] = 'solved'")
@@ -92,7 +94,7 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
 
     Rods of 50 segments have 100 coordinates in MuJoCo; those of 20 have 120 in pymunk.
     """
-    pair, swing = ((ROOT / f"models/{name}.toml").read_text()
+    pair, swing = (shipped(f"{name}.toml").read_text()
                    for name in ("rfr2_natural", "pendulum"))
     both = 'solvers = ["mujoco", "pymunk"]'
     texts = {"coarse": pair.replace(both, 'solvers = ["pymunk"]'),
@@ -103,7 +105,7 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
         assert text not in (pair, swing)
         model = "pendulum" if name == "swing" else "rfr2_natural"
         (tmp_path / f"{name}.toml").write_text(text)
-        (tmp_path / f"{name}.xml").write_text((ROOT / f"models/{model}.xml").read_text())
+        (tmp_path / f"{name}.xml").write_text(shipped(f"{model}.xml").read_text())
     models = [str(tmp_path / f"{name}.toml") for name in texts]
     found = []
     for threads, jobs, order in ((1, 1, 1), (2, 2, -1)):

@@ -13,8 +13,7 @@ from proofmass.check import Result
 from proofmass.compare import UNCHECKED, Comparison, DetectableChange
 from proofmass.errors import InputError
 from proofmass.terminal import as_json, case_table, console, failures, mark, number, summary, worst
-
-MODELS = Path(__file__).parent.parent / "models"
+from tests.shipped import MODELS, shipped
 
 
 def of(case: str = "one", solver: str = "mujoco", channel: str = "y", outcome: str = "agrees",
@@ -87,7 +86,7 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
 
 
 def test_a_case_without_a_check_has_a_line():
-    case = load_case(MODELS / "pendulum.toml")
+    case = load_case(shipped("pendulum.toml"))
     lines = list(failures(Result(
         [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")])))
     assert [str(span.style) for span in lines[0].spans] == ["red"]
@@ -150,13 +149,13 @@ def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatc
 
 
 def test_cases_are_listed_with_their_runs():
-    case = load_case(MODELS / "fourbar.toml")
-    table = case_table([case], [Path("lone/humanoid.xml")])
+    case = load_case(shipped("fourbar.toml"))
+    table = case_table([case], [Path("lone/humanoid.xml")], [MODELS, Path("lone")])
     assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     assert [list(row) for row in zip(*columns, strict=True)] == [
-        ["case", "model", "reference", "runs", "channels", "title"],
-        ["fourbar", "fourbar.xml", "fourbar",
+        ["folder", "case", "model", "reference", "runs", "channels", "title"],
+        ["linkages", "fourbar", "fourbar.xml", "fourbar",
          "sweep: mujoco, pymunk; duration: mujoco, mujoco:default, pymunk, pymunk:default", "17",
          case.title],
-        ["humanoid", "humanoid.xml", "–", "unchecked: no sidecar", "", ""]]
+        ["lone", "humanoid", "humanoid.xml", "–", "unchecked: no sidecar", "", ""]]

@@ -55,7 +55,7 @@ def balancer_command(
     catalogue: Annotated[Path | None, typer.Option(help="CSV file 'spring,stiffness [N m/rad]' to "
                          "choose the springs from.", show_default="907, 903, 908")] = None,
     beside: Annotated[list[Path] | None, typer.Option(help="Sidecar of a balancer to draw beside "
-                      "it, such as models/balancer_sine_free.toml; several times.")] = None,
+                      "it, such as models/balancers/balancer_sine.toml; several times.")] = None,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
 

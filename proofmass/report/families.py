@@ -1,37 +1,65 @@
-"""The order of the index: cases by their reference, what is wrong first."""
+"""The order of the index: cases by their folder and their reference, what is wrong first."""
 
 import inspect
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 from proofmass.case import Case
+from proofmass.check import family_of
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
 
 ORDER = ("bad", "open", "good")
+RECORDED = "recorded curves"
 
 
-def families(cases: Iterable[Case], cards: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Cards under the reference that their cases share.
+Card = dict[str, Any]
+
+
+def families(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]) -> list[Card]:
+    """Cards by the folders of their cases below the given paths, and by references within.
 
     Returns
     -------
     list of dict
-        ``name``, ``what`` (a line on the reference), ``cards`` and ``state``, the worst of them.
-        Families with something wrong come first, then by name; recorded curves last.
+        ``name`` (the folder), ``parts`` and ``state``, the worst of them.  Each part has ``name``
+        (the reference), ``what`` (a line on it), ``cards`` and ``state``.  What has something
+        wrong comes first, then by name; recorded curves last.
     """
-    found: dict[str, dict[str, Any]] = {}
-    for case, card in zip(cases, cards, strict=True):
-        recorded = case.reference.endswith(".csv")
-        name = "recorded curves" if recorded else case.reference
-        family = found.setdefault(name, {"name": name, "what": about(case), "cards": [],
-                                         "last": recorded})
-        family["cards"].append(card)
-    for family in found.values():
-        family["cards"].sort(key=lambda c: (ORDER.index(c["state"]), c["name"]))
-        family["state"] = family["cards"][0]["state"]
-    return sorted(found.values(), key=lambda f: (f["state"] != "bad", f["last"], f["name"]))
+    pairs, paths = list(zip(cases, cards, strict=True)), list(paths)
+    found = []
+    for name, own in grouped(pairs, lambda case: family_of(case.file, paths)).items():
+        parts = [part(*one) for one in grouped(own, reference_of).items()]
+        parts.sort(key=lambda p: (p["state"] != "bad", p["name"] == RECORDED, p["name"]))
+        found.append({"name": name, "parts": parts, "state": worst(parts)})
+    return sorted(found, key=lambda f: (f["state"] != "bad", f["name"]))
+
+
+def grouped(pairs: list[tuple[Case, Card]], key: Callable[[Case], str]
+            ) -> dict[str, list[tuple[Case, Card]]]:
+    """Cases and their cards by a key of the case."""
+    found: dict[str, list[tuple[Case, Card]]] = {}
+    for case, card in pairs:
+        found.setdefault(key(case), []).append((case, card))
+    return found
+
+
+def part(name: str, pairs: list[tuple[Case, Card]]) -> Card:
+    """Cards of one reference."""
+    cards = sorted((card for _, card in pairs), key=lambda c: (ORDER.index(c["state"]), c["name"]))
+    return {"name": name, "what": about(pairs[0][0]), "cards": cards, "state": worst(cards)}
+
+
+def worst(cards: list[Card]) -> str:
+    """The worst state of some cards or parts."""
+    return min((card["state"] for card in cards), key=ORDER.index)
+
+
+def reference_of(case: Case) -> str:
+    """What a part is called."""
+    return RECORDED if case.reference.endswith(".csv") else case.reference
 
 
 def about(case: Case) -> str:

@@ -108,8 +108,9 @@ def write_report(result: Result, folder: Path | str,
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
     write_whole(index, env.get_template("index.html").render(
-        families=families(result.cases, cards), style=style, about=facts, studies=studies,
-        states=Counter(c["state"] for c in cards), errors=[complaint(e) for e in result.errors],
+        families=families(result.cases, cards, result.paths), style=style, about=facts,
+        studies=studies, states=Counter(c["state"] for c in cards),
+        errors=[complaint(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel]))
     return index
 

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from proofmass.case import Case
-from proofmass.check import collect, load
+from proofmass.check import collect, load, require_different_names
 from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.strict import Kind
@@ -78,6 +78,7 @@ def named(paths: list[Path]) -> list[Case]:
             for file in files if file.suffix != ".toml"]
     if wrong or not cases:
         raise (wrong or lone)[0]
+    require_different_names(cases)
     for one in lone:
         errors.print(f"passed over: {one}", markup=False)
     return cases

@@ -1,7 +1,6 @@
 """``proofmass design balancer``: files, words, exit codes, bad input."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,7 @@ from proofmass.check import Result
 from proofmass.design import command
 from proofmass.design.command import app
 from proofmass.design.search import Effort, Search
-
-MODELS = Path(__file__).parents[2] / "models"
+from tests.shipped import shipped
 
 
 @pytest.fixture(autouse=True)
@@ -95,7 +93,7 @@ def test_a_table_of_ones_own(tmp_path):
 def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
     monkeypatch.setattr(command, "check", lambda files: Result([load_case(f) for f in files]))
     monkeypatch.setattr(report, "write_report", lambda _, folder: folder / "index.html")
-    file = MODELS / "balancer_sine_free.toml"
+    file = shipped("balancer_sine_free.toml")
     answer = run("--free-angle", "--beside", file, "-o", tmp_path)
     assert answer.exit_code == 0, answer.output
     theirs, ours = load_case(file), load_case(tmp_path / "balancer_sine.toml")
@@ -104,7 +102,7 @@ def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    (("--beside", MODELS / "fourbar.toml"), ("reference", "'fourbar' is no balancer")),
+    (("--beside", shipped("fourbar.toml")), ("reference", "'fourbar' is no balancer")),
     (("--beside", "nowhere.toml"), ("nowhere.toml", "no such file")),
     (("--target", "cosine"), ("no such target", "sine180", "--table")),
     (("--segments", "5"), ("segments must be 3 or 4",)),
@@ -134,7 +132,7 @@ def test_a_table_that_is_none(tmp_path, text, words):
 @pytest.mark.slow
 def test_the_engines_agree_with_what_was_found(tmp_path):
     answer = run("--free-angle", "--effort", "0.1", "--pareto", "--beside",
-                 MODELS / "balancer_sine_free.toml", "-o", tmp_path)
+                 shipped("balancer_sine_free.toml"), "-o", tmp_path)
     assert answer.exit_code == 0, answer.output
     assert "The model is the mechanism" in answer.output
     assert (tmp_path / "report" / "index.html").is_file()

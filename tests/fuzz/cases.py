@@ -11,7 +11,8 @@ import re
 from functools import cache
 from pathlib import Path
 
-MODELS = Path(__file__).parent.parent.parent / "models"
+from tests.shipped import shipped
+
 TIMEOUT = 6.0
 """Limit of each run of a small case [s]; a run that has no fault takes 0.05 s.  The limit
 includes the start of an engine's process, 1.5 s on a quiet machine."""
@@ -46,16 +47,16 @@ ROWS = {"hacksaw_recorded": slice(300, 308)}
 @cache
 def small(name: str) -> tuple[tuple[str, bytes], ...]:
     """Files of a small case, as pairs of name and content."""
-    text = (MODELS / f"{OF.get(name, name)}.toml").read_text(encoding="utf-8")
+    text = shipped(f"{OF.get(name, name)}.toml").read_text(encoding="utf-8")
     for old, new in EDITS[name]:
         text = re.sub(old, new, text)
     text = re.sub(r"(?m)^(\[run\.\w+\])$", rf"\1\ntimeout = {TIMEOUT}", text)
     model = re.search(r'(?m)^model = "(.*)"', text)
     files = {f"{name}.toml": text.encode()}
     xml = model[1] if model else f"{name}.xml"
-    files[xml] = (MODELS / xml).read_bytes()
+    files[xml] = shipped(xml).read_bytes()
     if rows := ROWS.get(name):
-        lines = (MODELS / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        lines = shipped(f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
         files[f"{name}.csv"] = "".join(lines[:3] + lines[rows]).encode()
     return tuple(files.items())
 

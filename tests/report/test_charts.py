@@ -13,8 +13,8 @@ from proofmass.errors import InputError
 from proofmass.report import write_report
 from proofmass.view import ChartTable
 from tests.report.test_report import case_of, curves_of, result_of
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[2] / "models"
 STUB = '''"""A crank that knows two charts."""
 
 import numpy as np
@@ -110,7 +110,7 @@ def test_complaints_of_the_function_are_those_of_the_sidecar(stub: Path) -> None
 
 def test_a_recorded_curve_has_no_charts() -> None:
     table = ChartTable(title="t", draw="equilibria")
-    case = load_case(MODELS / "hacksaw_recorded.toml")
+    case = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(InputError, match="has no chart 'equilibria'; there are: none"):
         check_charts(case.model_copy(update={"chart": (table,)}))
 

@@ -1,6 +1,5 @@
 """What the pages say of a mechanism: freedoms, Grashof class, stroke, share of crank angles."""
 
-from pathlib import Path
 
 import pytest
 
@@ -8,8 +7,8 @@ from proofmass.case import load_case
 from proofmass.check import Result
 from proofmass.reference import facts
 from proofmass.report import write_report
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[2] / "models"
 SAYS = {  # lengths of B. Díaz Lozano 2019; figures in tests/data
     "fourbar": {"Grashof class": "crank-rocker, margin 0.5 m", "rocker swings": "47.18°",
                 "time ratio": "1.0233", "transmission angle": "51.32° to 125.10°"},
@@ -23,12 +22,12 @@ SAYS = {  # lengths of B. Díaz Lozano 2019; figures in tests/data
 
 @pytest.mark.parametrize("name", SAYS)
 def test_facts_are_those_of_the_documents(name):
-    found = facts(load_case(MODELS / f"{name}.toml"))
+    found = facts(load_case(shipped(f"{name}.toml")))
     assert {key: found[key] for key in SAYS[name]} == SAYS[name]
 
 
 def test_a_reference_without_facts_has_none():
-    assert facts(load_case(MODELS / "pendulum.toml")) == {}
+    assert facts(load_case(shipped("pendulum.toml"))) == {}
 
 
 def test_parameters_at_fault_have_none(models, edit):
@@ -37,7 +36,7 @@ def test_parameters_at_fault_have_none(models, edit):
 
 
 def test_a_page_shows_them(tmp_path):
-    index = write_report(Result(cases=[load_case(MODELS / "fourbar.toml")]), tmp_path)
+    index = write_report(Result(cases=[load_case(shipped("fourbar.toml"))]), tmp_path)
     page = index.with_name("fourbar.html").read_text(encoding="utf-8")
     assert "<dt>freedoms</dt><dd>1</dd>" in page
     assert "<dt>Grashof class</dt><dd>crank-rocker, margin 0.5 m</dd>" in page

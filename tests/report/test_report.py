@@ -23,13 +23,13 @@ from proofmass.report.svg import inline
 from proofmass.report.tables import unit_of
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
+from tests.shipped import models_like, shipped
 
-MODELS = Path(__file__).parents[2] / "models"
 EVIL = '<script>alert("x")</script> & crank'
 
 
 def case_of(name: str, n: int = 37, **changed: object) -> Case:
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     runs = {k: r.model_copy(update={"n": n}) for k, r in case.run.items()}
     return case.model_copy(update={"run": runs, **changed})
 
@@ -332,7 +332,7 @@ def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
     assert list(tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]
 
 
-@pytest.mark.parametrize("file", sorted(MODELS.glob("*.toml")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
 def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> None:
     """A docstring tells the page; the remark in the sidecar was written by itself."""
     case, remarks = load_case(file), dict(re.findall(

@@ -26,7 +26,7 @@ from proofmass.studies.diet.trial import Cost
 from proofmass.studies.stress.boundary import Boundary, Limit
 from proofmass.studies.stress.stress import write_boundaries
 from proofmass.studies.trade.trade import Trade, write_study
-from tests.conftest import MODELS
+from tests.shipped import shipped
 from tests.studies.trade.trade_rows import study
 
 HEAVY, LEAN = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
@@ -134,7 +134,7 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(studies: list[Path]
                                                              tmp_path: Path) -> None:
     out = tmp_path / "report"
     more = [word for folder in studies for word in ("--study", str(folder))]
-    answer = CliRunner().invoke(app, ["report", str(MODELS / "pendulum.toml"), "-o", str(out),
+    answer = CliRunner().invoke(app, ["report", str(shipped("pendulum.toml")), "-o", str(out),
                                       *more])
     assert answer.exit_code == 0, answer.output
     pages = sorted(out.rglob("*.html"))
@@ -154,7 +154,7 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(studies: list[Path]
 
 
 def test_a_report_without_studies_does_not_speak_of_them(tmp_path: Path) -> None:
-    CliRunner().invoke(app, ["report", str(MODELS / "pendulum.toml"), "-o", str(tmp_path)])
+    CliRunner().invoke(app, ["report", str(shipped("pendulum.toml")), "-o", str(tmp_path)])
     for name in ("index", "pendulum"):
         assert "Studies" not in (tmp_path / f"{name}.html").read_text(encoding="utf-8")
 

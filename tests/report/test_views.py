@@ -19,6 +19,7 @@ from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread,
 from proofmass.seen import Seen
 from proofmass.view import View
 from tests.report.test_report import case_of, curves_of, result_of
+from tests.shipped import shipped
 
 OTHER = {"crank": 0.8, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
 LOOP = View(title="Loop", x="rocker", y=("coupler.angle", "holding_moment"))
@@ -238,7 +239,7 @@ def test_lengths_beside_that_cannot_close_are_named() -> None:
 
 
 def test_a_recorded_curve_has_views_but_no_parameters_beside() -> None:
-    case = load_case(Path("models/hacksaw_recorded.toml"))
+    case = load_case(shipped("hacksaw_recorded.toml"))
     name, unit = next((c.equals, c.unit) for c in case.channels.values())
     view = View(title="t", x=case.drive[0].joint, y=name)
     case = case.model_copy(update={"view": (view,)})

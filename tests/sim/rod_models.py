@@ -10,10 +10,11 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco import engine as with_mujoco
 from proofmass.sim.protocol import Curves, Drive, Rod, Run
 from proofmass.sim.pymunk import engine as with_pymunk
+from tests.shipped import shipped
 
 ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}
 FIGURES = json.loads((Path(__file__).parents[1] / "data" / "rod_in_engines.json").read_text())
-PAIR = Path(__file__).parents[2] / "models" / "rfr2_natural.xml"
+PAIR = shipped("rfr2_natural.xml")
 CLAMPS = np.radians([40.0, 60.0])
 STEEL = 210e9 * np.pi * 0.0015**4 / 64  # EI [N m2] of the pair's rods
 MODEL = """<mujoco><compiler angle="radian"/><option gravity="{gravity}"><flag contact="disable"/>

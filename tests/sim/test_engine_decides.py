@@ -1,7 +1,6 @@
 """The engine decides every verdict: one that does nothing, or has stiffer springs, never agrees."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import pymunk
@@ -17,9 +16,9 @@ from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.links import Joint
 from proofmass.solve import plan, simulate
+from tests.shipped import models_like
 
-MODELS = Path(__file__).parents[2] / "models"
-CASES = {file.stem: load_case(file) for file in sorted(MODELS.glob("*.toml"))}
+CASES = {file.stem: load_case(file) for file in models_like()}
 RUNS = [(name, kind, solver) for name, case in CASES.items()
         for kind, run in case.run.items() for solver in run.solvers]
 MUJOCO = ("mj_step", "mj_step1", "mj_step2", "mj_forward", "mj_fwdPosition", "mj_fwdVelocity",

@@ -1,6 +1,5 @@
 """Sweeps that meet a limit position or hold something twice: said, and nothing lost."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +7,7 @@ import pytest
 from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.mobility import mobility
-
-MODELS = Path(__file__).parents[2] / "models"
+from tests.shipped import shipped
 
 LIMIT = np.arccos((4 + 9 - 4.5**2) / 12)
 """Crank angle [rad] at which coupler and rocker of (2, 2, 2.5, 3) are in line: 2.219516."""
@@ -45,7 +43,7 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
     "pendulum": 1, "change_point": 1}.items())
 def test_mobility_is_grueblers(name, freedoms):
     """The printed ones: B. Diaz Lozano 2019, text lines 1180, 2320, 3023, 3450."""
-    assert mobility(load_case(MODELS / f"{name}.toml")) == freedoms
+    assert mobility(load_case(shipped(f"{name}.toml"))) == freedoms
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

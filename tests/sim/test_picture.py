@@ -16,8 +16,8 @@ from proofmass.report.families import families
 from proofmass.report.svg import compact
 from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run
+from tests.shipped import MODELS, shipped
 
-MODELS = Path(__file__).parents[2] / "models"
 BARE = """<mujoco>
   <worldbody>
     <body name="arm">
@@ -36,7 +36,7 @@ BARE = """<mujoco>
 
 
 def test_poses_are_those_of_the_closed_form() -> None:
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     shape, note = pictured(case)
     assert shape is not None
     assert note == ""
@@ -51,7 +51,7 @@ def test_poses_are_those_of_the_closed_form() -> None:
 
 
 def test_a_swing_is_drawn_on_its_way_there() -> None:
-    shape, _ = pictured(load_case(MODELS / "triple_rocker.toml"))
+    shape, _ = pictured(load_case(shipped("triple_rocker.toml")))
     assert shape is not None
     assert shape.inputs[0, [0, -1]] == pytest.approx([-2, 2])
     way = np.diff(shape.inputs[0])
@@ -86,7 +86,7 @@ def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
 def test_what_leaves_the_plane_is_not_drawn_and_named(tmp_path: Path) -> None:
     (tmp_path / "bare.xml").write_text(BARE.format(
         more='<body><joint name="askew" axis="1 0 0"/><geom size="1"/></body>'))
-    (tmp_path / "bare.toml").write_text((MODELS / "pendulum.toml").read_text(encoding="utf-8"))
+    (tmp_path / "bare.toml").write_text(shipped("pendulum.toml").read_text(encoding="utf-8"))
     case = load_case(tmp_path / "bare.toml")
     page = write_report(Result(cases=[case]), tmp_path).with_name("bare.html").read_text(
         encoding="utf-8")
@@ -94,13 +94,18 @@ def test_what_leaves_the_plane_is_not_drawn_and_named(tmp_path: Path) -> None:
     assert not (tmp_path / "figures" / "bare-mechanism.svg").exists()
 
 
-def test_index_goes_by_reference_with_what_is_wrong_first() -> None:
-    names = ("hacksaw_recorded", "pendulum", "hacksaw", "fourbar", "fivebar")
-    cases = [load_case(MODELS / f"{name}.toml") for name in names]
+def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:
+    names = ("hacksaw_recorded", "rfr3", "pendulum", "hacksaw", "fourbar", "fivebar",
+             "balancer_sine")
+    cases = [load_case(shipped(f"{name}.toml")) for name in names]
     cards = [{"name": c.name, "state": "bad" if c.name == "pendulum" else "good"} for c in cases]
-    found = families(cases, cards)
-    assert [f["name"] for f in found] == ["pendulum", "fivebar", "fourbar", "hacksaw",
-                                          "recorded curves"]
+    found = families(cases, cards, [MODELS])
+    assert [(f["name"], f["state"]) for f in found] == [
+        ("linkages", "bad"), ("balancers", "good"), ("rods", "good")]
+    assert [p["name"] for p in found[0]["parts"]] == ["pendulum", "fivebar", "fourbar", "hacksaw",
+                                                      "recorded curves"]
+    assert found[0]["parts"][-1]["what"] == "Measured, or computed by another program."
+    assert [c["name"] for p in found[2]["parts"] for c in p["cards"]] == ["rfr3"]
 
 
 def test_compact_svg_keeps_the_numbers_in_its_words() -> None:

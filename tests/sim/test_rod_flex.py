@@ -1,7 +1,6 @@
 """Rods as one-dimensional flexes of MuJoCo, against the elastica and the flex's own energy."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from proofmass.compare import compare
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import points, stations
 from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported
+from tests.shipped import shipped
 from tests.sim.rod_models import FIGURES, PAIR, STEEL, held, model, pull
 
-MODELS = Path(__file__).parents[2] / "models"
 SHAPE = "r.x", "r.y", "r.angle", "r.moment"
 BENT = '<site name="pin" pos="0.8 0.1 0"/>'
 FEET = ('<site name="c1" pos="-0.3 0 0" euler="0 0 0.6981317007977318"/>'
@@ -179,7 +178,7 @@ def test_stations_stand_half_an_element_beside_the_clamp():
 
 def test_another_rod_is_found_out():
     """The verdict turns for a rod that is stiffer or longer than the case's parameters say."""
-    case, outcomes = load_case(MODELS / "rod_flex.toml"), []
+    case, outcomes = load_case(shipped("rod_flex.toml")), []
     for change in ({}, {"stiffness": 1.02}, {"length": 1.01}):
         rods = tuple(replace(rod, **change) for rod in case.rods)
         run = Run("rest", np.linspace(0.0, 1.0, 41), tuple(case.channels_of("rest")),

@@ -10,12 +10,12 @@ from proofmass.analytic.rods.shooting import integrate
 from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.sim.protocol import Drive, Rod, Run
-from tests.conftest import MODELS
 from tests.independent.rods import chain_rod
 from tests.independent.rods.chain import chain
+from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES, STEEL
 
-MODEL = MODELS / "rod_snap.xml"
+MODEL = shipped("rod_snap.xml")
 NAMES = "tip.angle", "holding_moment", "energy"
 
 
@@ -109,7 +109,7 @@ def test_a_wrong_rod_is_found(old, new, edit):
 
 def test_no_sample_falls_between_the_folds_of_rod_and_chain():
     """A sample there would be on one side in the engines and on the other in the reference."""
-    case = load_case(MODELS / "rod_snap.toml")
+    case = load_case(shipped("rod_snap.toml"))
     drive, n = case.drive[0], case.run["sweep"].n
     angle = np.abs(drive.start * np.cos(2.0 * np.pi * np.arange(n) / (n - 1)))
     assert drive.to == -drive.start

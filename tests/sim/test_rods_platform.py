@@ -18,10 +18,10 @@ from proofmass.sim.protocol import Drive, Rod
 from proofmass.solve import plan, solve
 from tests.analytic.rods.rod_assembly_cases import DATA, EI
 from tests.independent.rods.chain_assembly import settle
+from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES, constant, model, rest
 from tests.verdicts import verdicts
 
-MODELS = Path(__file__).parents[2] / "models"
 CHAINS = {row["name"]: row for row in json.loads(
     (Path(__file__).parents[1] / "data" / "rod_chain.json").read_text())["3RFR"]["equilibria"]}
 EACH = pytest.mark.parametrize("engine", ENGINES)
@@ -35,7 +35,7 @@ KEYS = {"S1": (POSE, (-0.53, -0.94, -1.05), 2),
 
 def at_rest(engine: str, name: str, segments: int, folder: Path):
     """A solution of Table 8 in an engine, from the platform's pose and the turns of its rods."""
-    case, (pose, turns, _) = load_case(MODELS / "rfr3.toml"), KEYS[name]
+    case, (pose, turns, _) = load_case(shipped("rfr3.toml")), KEYS[name]
     text, model = case.model_path.read_text(), folder / "rfr3.xml"
     assert POSE in text
     model.write_text(text.replace(POSE, pose))
@@ -85,7 +85,7 @@ def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
 @EACH
 def test_sliders_lead_the_platform(engine):
     """Every sample of the driven case, against the chains' equilibria followed from the first."""
-    case = load_case(MODELS / "pfr3.toml")
+    case = load_case(shipped("pfr3.toml"))
     run = plan(case, "sweep", engine)
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
     found = ENGINES[engine](case.model_path, run).channels
@@ -222,7 +222,7 @@ def test_another_equilibrium_is_named(edit):
 
 def test_what_a_comparison_would_notice():
     """Small changes of every parameter that is a length, an angle or a stiffness."""
-    case = load_case(MODELS / "rfr3.toml")
+    case = load_case(shipped("rfr3.toml"))
     found = compare(case, "rest", "mujoco", solve(case, "rest", "mujoco"))
     least: dict[str, float] = {}
     for c in found:

@@ -1,6 +1,5 @@
 """The written-out slope of pymunk's energy, against complex steps of the energy itself."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +8,8 @@ from proofmass import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.pymunk.kinematics import bound, jacobian, potential, slope, values
 from proofmass.sim.pymunk.rebuild import read_links
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[2] / "models"
 NAMES = ["hacksaw_cutting", "inverted_slider_crank", "threeprr", "balancer_weight",
          "balancer_progressive_contact", "rfr2_natural", "rod_into_circle"]
 
@@ -18,7 +17,7 @@ NAMES = ["hacksaw_cutting", "inverted_slider_crank", "threeprr", "balancer_weigh
 @pytest.mark.parametrize("name", NAMES)
 def test_the_slope_is_that_of_the_energy(name):
     """Hinges, slides, loops, springs, stops, weights, motors and dead loads, in wild poses."""
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     model = compile_model(case.model_path, case.rods)
     links = read_links(model, case.start, tuple(model.joint(d.joint).id for d in case.drive))
     stops = tuple(joint for joint in links.joints if joint.limits)

@@ -1,6 +1,5 @@
 """Slides: driven ones in both engines against the inverse closed form, and stops."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +7,9 @@ import pytest
 from proofmass.sim.mujoco import engine as with_mujoco
 from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.pymunk import engine as with_pymunk
+from tests.shipped import shipped
 
-HACKSAW = Path(__file__).parents[2] / "models" / "hacksaw.xml"
+HACKSAW = shipped("hacksaw.xml")
 CRANK_SENSORS = """<sensor>
     <jointpos name="theta2" joint="crank"/>
     <jointvel name="omega2" joint="crank"/>"""

@@ -8,14 +8,14 @@ import pytest
 from proofmass.case import load_case
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Setting
+from tests.shipped import MODELS
 
-MODELS = Path(__file__).parents[2] / "models"
 STEPS = 0.01, 0.005, 0.0025, 0.002, 0.001
 LINES = (("mujoco", {"integrator": "Euler"}), ("mujoco", {"integrator": "RK4"}),
          ("mujoco", {"integrator": "implicitfast"}), ("pymunk", {"iterations": 10}))
 
 
-def tasks(models: Path = MODELS) -> list[Task]:
+def tasks(models: Path = MODELS / "linkages") -> list[Task]:
     """Four lines of five steps."""
     case = load_case(models / "pendulum.toml")
     short = case.run["duration"].model_copy(update={"until": 0.5, "n": 51})

@@ -1,7 +1,6 @@
 """What a run of a study gives: errors as shares of a range, invariants, failures, wall times."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,11 +19,11 @@ from proofmass.studies import measure
 from proofmass.studies.measure import Task, not_finite, observe, own_core, pinned, shares, truth
 from proofmass.studies.record import Setting
 from proofmass.studies.run import row
+from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
-MODELS = Path(__file__).parents[2] / "models"
-PENDULUM = load_case(MODELS / "pendulum.toml")
-FOURBAR = load_case(MODELS / "fourbar.toml")
+PENDULUM = load_case(shipped("pendulum.toml"))
+FOURBAR = load_case(shipped("fourbar.toml"))
 EULER = Setting("mujoco", {"integrator": "Euler"})
 LIMITED = pytest.mark.skipif(not measure.cores(), reason="runs are not pinned here")
 
@@ -94,7 +93,7 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
 
 
 def test_curves_that_are_constant_have_no_share():
-    case = load_case(MODELS / "peaucellier.toml")
+    case = load_case(shipped("peaucellier.toml"))
     x = grid(case, "sweep")
     state = driven(case, "sweep", x)
     curves = {n: y + 1.0 for n, y in evaluate(case, x, state).channels.items()
@@ -172,7 +171,7 @@ def test_curves_that_are_not_finite_have_no_errors(monkeypatch):
 
 
 def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypatch):
-    case = load_case(MODELS / "double_rocker.toml")
+    case = load_case(shipped("double_rocker.toml"))
     x = grid(case, "duration")
     away = np.full((1, x.size), np.pi), np.ones((1, x.size)), np.zeros((1, x.size))
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, {}, drive=away))

@@ -21,7 +21,8 @@ from proofmass.studies.measure import Found, shares
 from proofmass.studies.record import NAN, Row, Setting, read_table
 from proofmass.studies.run import pool, reference_of, row, run
 from proofmass.studies.store import Store
-from tests.studies.study_tasks import MODELS, own_locks, tasks  # noqa: F401, a fixture of all tests
+from tests.shipped import shipped
+from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
 
 STUDY = """
 import sys
@@ -148,7 +149,7 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
     third = tasks()[2]
     assert run([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
     assert reference_of(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
-    driven = replace(third, case=load_case(MODELS / "fourbar.toml"))
+    driven = replace(third, case=load_case(shipped("fourbar.toml")))
     assert reference_of(driven, Store(tmp_path)) is None
 
 

@@ -36,12 +36,11 @@ from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sa
 from proofmass.studies.trade.orders import expected, jolted, nearest, off
 from proofmass.studies.trade.series import Track, clear, flat, level, observed, slowed
 from proofmass.studies.trade.verdict import front
-
-MODELS = Path(__file__).parents[2] / "models"
+from tests.shipped import shipped
 
 
 def case_of(name: str):
-    return load_case(MODELS / f"{name}.toml")
+    return load_case(shipped(f"{name}.toml"))
 
 
 FOURBAR = case_of("fourbar")  # timestep 1e-3, solref 0.005 1, solimp 0.9999 0.9999 0.001

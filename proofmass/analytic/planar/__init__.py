@@ -95,7 +95,7 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     Examples
     --------
     >>> import mujoco
-    >>> model = mujoco.MjModel.from_xml_path("models/fourbar.xml")
+    >>> model = mujoco.MjModel.from_xml_path("models/linkages/fourbar.xml")
     >>> motion = solve([0.0, 0.5], model=model, joints=("crank",))
     >>> [round(float(motion[name][0]), 8) for name in ("pin.x", "pin.y", "rocker_rate")]
     [1.4375, 1.95156187, -0.5]

@@ -60,7 +60,8 @@ def choose_command(
     """
     with answering(f"{store} keeps the runs"):
         if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
-            raise InputError(path, "", "give the sidecar of one case, such as models/fourbar.toml")
+            raise InputError(path, "", "give the sidecar of one case, such as "
+                             "models/linkages/fourbar.toml")
         case, = named([path])
         kind = chosen(case, cast(Kind | None, run and run.value))
         asked(case, kind, error, solver)

@@ -1,6 +1,6 @@
 """The study of work and precision: orders of lines, their error floors, and what it costs.
 
-    study = trade([load_case("models/fourbar.toml")], Store(folder / "runs"), workers)
+    study = trade([load_case("models/linkages/fourbar.toml")], Store(folder / "runs"), workers)
     write_study(study, folder)
 
 Free motions are disturbed first: chaotic ones are judged up to where a trajectory means something.

@@ -11,9 +11,9 @@ from pathlib import Path
 from proofmass.design.template import SOLVERS, write_case
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.independent.balancer import prototype
+from tests.shipped import MODELS
 
 OURS = Path(__file__).parents[3] / "docs" / "balancer_designs.json"
-MODELS = Path(__file__).parents[3] / "models"
 THESIS = ("S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
           "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
           "segments are ours")
@@ -86,4 +86,4 @@ DESIGNS = {
 
 if __name__ == "__main__":
     for name, design in DESIGNS.items():
-        design.write(MODELS, name)
+        design.write(MODELS / "balancers", name)

@@ -1,6 +1,5 @@
 """Free motions of the general planar solver: closed forms, second formulations, energy."""
 
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,8 +10,8 @@ from proofmass.analytic.linkages import fourbar, pendulum
 from proofmass.analytic.planar import SingularHere, read, solve
 from proofmass.analytic.planar.dynamics import free_motion, kinetic, potential
 from proofmass.analytic.planar.kinematics import move
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[3] / "models"
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
 MASSES = {"crank_mass": 1.0, "coupler_mass": 2.0, "rocker_mass": 2.5}
 
@@ -27,7 +26,7 @@ def hinge(attributes: str, more: str = "", key: str = 'qpos="0.4"') -> mujoco.Mj
 
 
 def test_pendulum_is_its_closed_form():
-    model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
+    model = mujoco.MjModel.from_xml_path(str(shipped("pendulum.xml")))
     t = np.linspace(0, 10, 101)
     found = solve(t, model=model)
     truth = pendulum.solve(t, length=1.0 + 1e-14, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
@@ -79,7 +78,7 @@ def test_double_pendulum_is_the_textbook_one():
 @pytest.fixture(scope="module")
 def released():
     """The four-bar let go from its start pose for 1.2 s."""
-    model = mujoco.MjModel.from_xml_path(str(MODELS / "fourbar.xml"))
+    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
     mechanism, _ = read(model, "start")
     return mechanism, free_motion(mechanism, np.linspace(0, 1.2, 25))
 

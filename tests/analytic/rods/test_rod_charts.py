@@ -1,7 +1,6 @@
 """Charts of two rods on one pin: all equilibria, as they are drawn."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,9 @@ from proofmass.errors import InputError
 from proofmass.report.charts import chart_sheet
 from proofmass.report.style import RC
 from tests.report.test_chart_sheet import bold, dashed
+from tests.shipped import shipped
 
-NATURAL = Path(__file__).parents[3] / "models" / "rfr2_natural.toml"
+NATURAL = shipped("rfr2_natural.toml")
 
 
 @pytest.fixture(scope="module")

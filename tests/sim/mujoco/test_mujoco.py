@@ -11,13 +11,12 @@ from proofmass.reference import evaluate
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
 from proofmass.solve import plan
-
-MODELS = Path(__file__).parents[3] / "models"
+from tests.shipped import shipped
 
 
 def worst(name: str, kind: str, units: tuple[str, ...], **settings) -> float:
     """Largest error over the range, of the channels in those units."""
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     curves = simulate(case.model_path, replace(plan(case, kind, "mujoco"), settings=settings))
     truth = evaluate(case, curves.x, curves.drive)
     return max(float(np.abs(curves.channels[n] - truth.channels[n]).max()
@@ -37,7 +36,7 @@ def test_sweep_is_the_closed_form_to_rounding(name):
 @pytest.mark.parametrize("samples", [63, 75, 83, 107])
 def test_a_stride_that_ends_on_a_change_point_is_taken_with_the_next(samples):
     """Half of these sample widths is a stride, and one of its ends is pi or 3 pi."""
-    case = load_case(MODELS / "change_point.toml")
+    case = load_case(shipped("change_point.toml"))
     run = plan(case, "sweep", "mujoco")
     curves = simulate(case.model_path, replace(run, x=np.linspace(0, 4 * np.pi, samples)))
     truth = evaluate(case, curves.x, curves.drive)
@@ -97,7 +96,7 @@ def test_a_duration_says_what_it_was_stepped_with(models, edit):
 
 
 def test_a_sweep_uses_no_settings_of_the_stepping_engine():
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     one, two = (simulate(case.model_path, replace(
         plan(case, "sweep", "mujoco"), x=np.linspace(0, 1, 5), settings=settings))
         for settings in ({}, {"defaults": True, "iterations": 1}))

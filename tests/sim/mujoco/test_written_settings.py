@@ -16,7 +16,8 @@ from proofmass.sim.protocol import Run
 from proofmass.solve import simulate
 from proofmass.studies.record import Knob, Setting
 from proofmass.studies.trade.program import pasted, snippet
-from tests.studies.trade.test_program import MODELS, bare
+from tests.shipped import shipped
+from tests.studies.trade.test_program import bare
 
 OURS = {"settled", "flex", "defaults"}  # MuJoCo has no words for these
 SAID = sorted(MujocoSettings.model_fields.keys() - OURS)
@@ -164,7 +165,7 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(changed: dict, uncha
     """Bit by bit, with a loop of a time constant of one step, or of two iterations a step."""
     base = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.004, 1.0),
             "solimp": (0.9999, 0.9999, 0.001), "warmstart": False}
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     table = case.run["duration"].model_copy(update={"n": 21})
     case = case.model_copy(update={"run": {"duration": table}})
     _, run = Setting("mujoco", {**base, **changed}).applied(case, "duration")

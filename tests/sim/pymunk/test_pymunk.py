@@ -12,8 +12,8 @@ from proofmass.analytic.linkages import fourbar
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
 from proofmass.sim.pymunk.engine import simulate
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[3] / "models"
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
 BAR = '<inertial pos=".5 0 0" mass="1" diaginertia=".01 .1 .1"/>'
 ARM = f'<body name="arm"><joint name="arm"/>{BAR}</body>'
@@ -93,7 +93,7 @@ def test_geoms_on_one_body_do_not_count_as_contact(tmp_path):
 
 
 def test_bad_names():
-    model, x = MODELS / "pendulum.xml", np.linspace(0, 0.1, 11)
+    model, x = shipped("pendulum.xml"), np.linspace(0, 0.1, 11)
     with pytest.raises(BadModel, match=r"'speed'.*angle, rate"):
         simulate(model, Run("duration", x, ("speed",)))
     with pytest.raises(BadModel, match=r"'begin'.*start"):
@@ -108,10 +108,11 @@ def test_open_start_pose(edit):
         simulate(file, Run("sweep", np.linspace(0, 1, 5), (), (turning(),)))
 
 
+FOURBAR = shipped("fourbar.xml")
 ROCKER = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pin.y")
 
 
-def fourbar_errors(dt: float, model: Path = MODELS / "fourbar.xml", kind: str = "duration"):
+def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "duration"):
     run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),),
               settings={"timestep": dt})
     curves = simulate(model, run)
@@ -138,7 +139,7 @@ def test_sweep_is_exact():
 
 def test_holding_moment_and_missing_accelerations():
     run = Run("sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", ROCKER[2]), (turning(),))
-    curves = simulate(MODELS / "fourbar.xml", run)
+    curves = simulate(FOURBAR, run)
     truth = fourbar.solve(curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0,
                           rocker_mass=2.5)["holding_moment"]
     # rounding of impulses: 1e-13 N m measured on 20 N m
@@ -155,7 +156,7 @@ def test_wrong_length_is_caught(edit):
 
 def turned_model(tmp_path: Path) -> Path:
     """The fourbar turned by 90 degrees about x: into the x-z plane, axes along -y."""
-    text = (MODELS / "fourbar.xml").read_text()
+    text = FOURBAR.read_text()
     text = text.replace('gravity="0 -9.81 0"', 'gravity="0 0 -9.81"')
     text = text.replace("<joint name=", '<joint axis="0 -1 0" name=')
     text = re.sub(r'diaginertia="(\S+) (\S+) (\S+)"', r'diaginertia="\1 \3 \2"', text)
@@ -169,7 +170,7 @@ def test_another_plane_gives_the_same(tmp_path, kind):
     channels = ("rocker", "rocker_rate", "coupler.angle", "pin.x")
     run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning(),))
     there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), (turning(),))
-    flat, upright = simulate(MODELS / "fourbar.xml", run), simulate(turned_model(tmp_path), there)
+    flat, upright = simulate(FOURBAR, run), simulate(turned_model(tmp_path), there)
     pairs = [*((c, c, 1) for c in channels), ("pin.y", "pin.z", 1),
              ("coupler_rate.z", "coupler_rate.y", -1)]
     for mine, theirs, sign in pairs:
@@ -218,7 +219,7 @@ def test_hinge_rests_on_its_stop(tmp_path):
 def pendulum(dt: float):
     channels = ("angle", "rate", "acceleration", "kinetic", "potential")
     run = Run("duration", np.linspace(0, 4, 201), channels, settings={"timestep": dt})
-    got = simulate(MODELS / "pendulum.xml", run).channels
+    got = simulate(shipped("pendulum.xml"), run).channels
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     sn, cn, *_ = ellipj(ellipk(k * k) + w * run.x, k * k)
     angle = -2 * np.arcsin(k * sn)
@@ -241,14 +242,14 @@ def test_too_few_iterations_diverge():
     run = Run("duration", np.linspace(0, 7, 71), ("rocker",), (turning(),),
               settings={"iterations": 3})
     with pytest.raises(Diverged, match="lost at time"):
-        simulate(MODELS / "fourbar.xml", run)
+        simulate(FOURBAR, run)
 
 
 def test_defaults_are_softer_and_recorded():
     run = Run("duration", np.linspace(0, 6, 61), ("rocker",), (turning(),),
               settings={"defaults": True})
-    curves = simulate(MODELS / "fourbar.xml", run)
+    curves = simulate(FOURBAR, run)
     assert curves.settings["iterations"] == 10
     assert curves.settings["error_bias"] == (1 - 0.1) ** 60
-    gap = simulate(MODELS / "fourbar.xml", Run("duration", run.x, (), (turning(),))).gap
+    gap = simulate(FOURBAR, Run("duration", run.x, (), (turning(),))).gap
     assert curves.gap > 10 * gap  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2

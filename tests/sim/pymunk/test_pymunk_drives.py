@@ -11,8 +11,8 @@ from proofmass.sim.pymunk.dynamics import contraction
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import build, put
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[3] / "models"
 HEAD = ('<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"><flag contact="disable"/>'
         "</option>")
 G = 9.81
@@ -206,7 +206,7 @@ LIMIT = np.pi - np.arccos((3**2 + 2.5**2 - (2 - 1) ** 2) / (2 * 3 * 2.5))  # fol
 
 def test_a_sweep_stops_at_a_limit_position_and_keeps_what_it_has():
     run = Run("sweep", np.linspace(2.25, LIMIT + 0.3, 101), ("rocker", "rocker_rate"), (ROCKER,))
-    got = simulate(MODELS / "fourbar.xml", run)
+    got = simulate(shipped("fourbar.xml"), run)
     done = got.x.size
     assert got.x[-1] < LIMIT < run.x[done]
     assert got.stopped.startswith(f"stopped at rocker = {got.x[-1]:.6g}: the loops cannot be "
@@ -226,12 +226,12 @@ def test_the_gap_beyond_a_limit_is_the_least_one(write):
 def test_a_sweep_that_cannot_begin_is_a_bad_model():
     run = Run("sweep", LIMIT + np.array([-0.01, 0.02, 0.03]), (), (ROCKER,))
     with pytest.raises(BadModel, match=r"cannot be closed at rocker = .*, open by"):
-        simulate(MODELS / "fourbar.xml", run)
+        simulate(shipped("fourbar.xml"), run)
 
 
 def test_contraction_is_what_the_engine_does():
     """One step from rest under gravity, with n and 2 n iterations, against very many."""
-    model = mujoco.MjModel.from_xml_path(str(MODELS / "fourbar.xml"))
+    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
     links, speeds = read_links(model, "start", ()), {}
     # the pins alone leave the linkage free to fall
     for count in (60, 120, 5000):

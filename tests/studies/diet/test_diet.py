@@ -19,6 +19,7 @@ from proofmass.studies.diet.diet import Diet, Search
 from proofmass.studies.diet.edits import Draft, all_digits, flatten, read, shortest, write
 from proofmass.studies.diet.scene import Scene, scene_of, watched
 from proofmass.studies.diet.trial import most_iterations
+from tests.shipped import shipped
 
 CORE = """
 <mujoco model="core">
@@ -146,7 +147,7 @@ def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
 
 
 def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
-    case = load_case(Path(__file__).parents[3] / "models" / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     run = plan(case, "duration", "mujoco")
     watch = watched(case, run, "mujoco", read(case.model_path))
     found = [c for c in compare(case, "duration", "mujoco", watch.before) if c.allowed > 0]
@@ -217,8 +218,8 @@ def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar
 @pytest.mark.parametrize("name", ["fourbar", "balancer4_sam", "rod_pinned"])
 def test_a_model_is_written_with_all_its_digits(tmp_path, name):
     from proofmass.case import load_case
-    rods = load_case(f"models/{name}.toml").rods
-    draft, file = Draft(Path(f"models/{name}.xml"), rods), tmp_path / f"{name}.xml"
+    rods = load_case(shipped(f"{name}.toml")).rods
+    draft, file = Draft(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"
     write(draft, file)
     before, after = draft.compiled(), Draft(file, rods).compiled()
     for field in ("qpos0", "key_qpos", "key_ctrl", "body_inertia", "jnt_stiffness", "eq_solref",

@@ -14,9 +14,9 @@ from proofmass.studies.diet.diet import Search
 from proofmass.studies.diet.edits import set_option, write
 from proofmass.studies.diet.options import integrators, steps, tolerances
 from proofmass.studies.diet.scene import scene_of
-from tests.conftest import MODELS
+from tests.shipped import models_like, shipped
 
-OWN = sorted(MODELS.glob("*.xml"))
+OWN = models_like("*.xml")
 
 
 def gone(file: Path) -> list[str]:
@@ -25,7 +25,7 @@ def gone(file: Path) -> list[str]:
     return [e.title for e in found.entries if e.outcome == "harmless"]
 
 
-@pytest.mark.parametrize("file", [MODELS / "pendulum.xml", *(
+@pytest.mark.parametrize("file", [shipped("pendulum.xml"), *(
     pytest.param(f, marks=pytest.mark.slow) for f in OWN if f.stem != "pendulum")],
     ids=lambda file: file.stem)
 def test_own_models_have_nothing_left_to_remove(file):

@@ -41,14 +41,13 @@ from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
+from tests.shipped import shipped
 from tests.studies.trade.trade_rows import line, study, verdict
-
-MODELS = Path(__file__).parents[3] / "models"
 
 
 @pytest.fixture
 def fourbar() -> Case:
-    return load_case(MODELS / "fourbar.toml")
+    return load_case(shipped("fourbar.toml"))
 
 
 def holds(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
@@ -199,7 +198,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw", "pendulum", "slider_crank_inclined"])
 def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
     """Each solver of the run that has settings, with what `check` runs it with."""
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     step = compiled(case).opt.timestep
     tried = [(s.engine, s.knobs) for line in lines(case, "duration") for s in line.settings]
     for solver in case.run["duration"].solvers:
@@ -253,7 +252,7 @@ KNOBS = [{"timestep": 1e-3 / 3, "integrator": "EULER", "solver": "cg", "iteratio
 def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) -> None:
     """The compiled options are, to the last bit, what `configure` writes."""
     file = tmp_path / "fourbar.xml"
-    text = (MODELS / "fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
+    text = shipped("fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
     soft = ('<default><default class="soft"><equality solref="0.3 3" solimp="0.7 0.8 0.003"/>'
             '</default></default><worldbody>')
     file.write_text(text.replace("<worldbody>", soft, 1))
@@ -298,7 +297,7 @@ def test_segments_are_the_sidecars() -> None:
 
 def test_a_free_motion_starts_later_on_the_same_motion() -> None:
     """The state that a shifted run starts from is the closed form's at that time."""
-    case = load_case(MODELS / "pendulum.toml")
+    case = load_case(shipped("pendulum.toml"))
     angle, rate = state_at(case, 0.3)
     truth = pendulum.solve(0.3, length=1.0, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
     # by the general solver, at 3e-14 a step
@@ -309,7 +308,7 @@ def test_a_free_motion_starts_later_on_the_same_motion() -> None:
 @pytest.mark.parametrize("name", [
     "fourbar", "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)])
 def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     case = case.model_copy(update={"run": {"duration": case.run["duration"].model_copy(
         update={"n": 101, "until": None if case.drive else 1.0})}})
     row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3,
@@ -326,11 +325,11 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
 
 
 def test_no_other_start_is_said() -> None:
-    case = load_case(MODELS / "hacksaw_recorded.toml")
+    case = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(Unsupported, match="recorded curve"):
         shifted(case, "duration", Setting("mujoco"))
     with pytest.raises(Unsupported, match="a rest has one start"):
-        shifted(load_case(MODELS / "rod_cantilever.toml"), "rest", Setting("mujoco"))
+        shifted(load_case(shipped("rod_cantilever.toml")), "rest", Setting("mujoco"))
 
 
 def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
@@ -347,7 +346,7 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
     rows = line("tuned", integrator="RK4")
     text = printed(chosen(fourbar, rows, 1e-4), fourbar)
     assert "position within 1e-4 of its range" in text
-    merged = mujoco.MjModel.from_xml_string(pasted(MODELS / "fourbar.xml", text))
+    merged = mujoco.MjModel.from_xml_string(pasted(shipped("fourbar.xml"), text))
     assert merged.opt.timestep == 0.0005
     knobs = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
     rows = [replace(row, engine="pymunk", knobs=knobs) for row in rows]
@@ -371,7 +370,7 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
     ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
 def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path) -> None:
     words = asked.split()
-    found = CliRunner().invoke(app, ["choose", str(MODELS / words[0]), *words[1:],
+    found = CliRunner().invoke(app, ["choose", str(shipped(words[0])), *words[1:],
                                      "--store", str(tmp_path)])
     assert found.exit_code == 2
     assert right in found.stderr

@@ -28,6 +28,7 @@ from proofmass.studies.trade.disturbed import (
     rounding,
     within,
 )
+from tests.shipped import shipped
 
 ROOT = Path(__file__).parents[3]
 TIMES = np.linspace(0.0, 20.0, 401)
@@ -101,7 +102,7 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
 @pytest.mark.parametrize("name", ["pendulum", "fourbar_released"])
 def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
     """A pendulum's phase parts in proportion to time, not faster."""
-    case = load_case(ROOT / "models" / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     motion = motion_of(case, "duration", Store(tmp_path), 60.0)
     assert np.isnan(motion.rate)
     assert np.isnan(motion.horizon)
@@ -110,7 +111,7 @@ def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
 
 
 def test_a_driven_motion_has_no_free_start(tmp_path):
-    case = load_case(ROOT / "models" / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     assert motion_of(case, "duration", Store(tmp_path), 60.0) is None
     assert within(case, "duration", None) is case
 

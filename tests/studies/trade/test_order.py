@@ -14,7 +14,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.orders import expected
 from proofmass.studies.trade.series import order
-from tests.conftest import MODELS
+from tests.shipped import models_like, shipped
 
 # A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a
 # tenth take at most 0.2 away.
@@ -26,7 +26,7 @@ WALL = 2e-7
 # A step that ends near the folded pose leaves the loop open after 3000 iterations, which a rate
 # does not see and a difference of rates does: order 1.5 from 12 to 2 ms, and none below.
 SINGULAR = "change_point", "acceleration"
-CASES = {case.name: case for case in map(load_case, sorted(MODELS.glob("*.toml")))
+CASES = {case.name: case for case in map(load_case, models_like())
          if "duration" in case.run and not case.reference.endswith(".csv")}  # these have an error
 
 
@@ -63,7 +63,7 @@ def test_pymunk_with_its_bias_is_not(tmp_path):
 
 def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
     """Energy swings with the gap, h T, and falls by h T^2 t, for the gap is late by T."""
-    case = load_case(MODELS / "pendulum.toml")
+    case = load_case(shipped("pendulum.toml"))
 
     def fall_and_swing(h, lag):
         setting = Setting("pymunk", {"timestep": h, "error_bias": np.exp(-1 / lag)})
@@ -82,7 +82,7 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
 def test_that_order_is_expected_of_what_is_let_go_alone():
     for name, orders in (("pendulum", (1.0, 2.0)), ("fourbar_released", (1.0, 2.0)),
                          ("fourbar", (1.0,))):
-        case = load_case(MODELS / f"{name}.toml")
+        case = load_case(shipped(f"{name}.toml"))
         line = next(one for one in lines(case, "duration") if one.axis == "error_bias")
         assert expected(case, "duration", line, "position") == orders
         assert expected(case, "duration", line, "acceleration") == (*orders, 0.0)

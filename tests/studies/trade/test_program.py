@@ -30,15 +30,15 @@ from proofmass.studies.trade.program import (
     tried,
     written,
 )
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[3] / "models"
 COARSE = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.032, 1.0),
           "solimp": (0.9999, 0.9999, 0.001)}
 
 
 def short(name: str, n: int = 21, until: float | None = None) -> Case:
     """A case with a few samples of its duration."""
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     table = case.run["duration"].model_copy(update={"n": n, **({"until": until} if until else {})})
     return case.model_copy(update={"run": {"duration": table}})
 
@@ -235,7 +235,7 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
 
 
 def test_what_no_program_can_be_written_for_is_named() -> None:
-    rod = load_case(MODELS / "rod_cantilever.toml")
+    rod = load_case(shipped("rod_cantilever.toml"))
     run = Run("duration", np.linspace(0.0, 1.0, 3), (), rods=rod.rods)
     with pytest.raises(Unsupported, match="rods"):
         write_program(rod.model_path, run, "", "")
@@ -297,8 +297,8 @@ def test_a_drive_that_the_model_disables_is_refused(options: str, kind: str, sai
 
 
 def test_free_motions_have_one_program() -> None:
-    assert imposed(load_case(MODELS / "pendulum.toml"), "mujoco") == IMPOSED[:1]
-    assert imposed(load_case(MODELS / "fourbar.toml"), "mujoco") == IMPOSED
+    assert imposed(load_case(shipped("pendulum.toml")), "mujoco") == IMPOSED[:1]
+    assert imposed(load_case(shipped("fourbar.toml")), "mujoco") == IMPOSED
 
 
 def test_a_program_is_written_in_a_worker() -> None:

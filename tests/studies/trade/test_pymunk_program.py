@@ -27,9 +27,9 @@ from proofmass.sim.protocol import BadSetting, Curves, Diverged, Drive, Imposed,
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
+from tests.shipped import models_like, shipped
 
-MODELS = Path(__file__).parents[3] / "models"
-ALL = sorted(file.stem for file in MODELS.glob("*.toml")
+ALL = sorted(file.stem for file in models_like()
              if "pymunk" in getattr(load_case(file).run.get("duration"), "solvers", ()))
 QUICK = ("pendulum", "fourbar_released", "fourbar", "slider_crank", "threeprr", "hacksaw",
          "double_rocker", "inverted_slider_crank_held")
@@ -104,7 +104,7 @@ def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tup
 @pytest.mark.parametrize("name", [
     name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL])
 def test_a_program_does_what_simulate_does(name, tmp_path):
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     got, wanted = both(case, run_of(case), tmp_path)
     np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding of a shortened grid
     assert got.steps == wanted.steps
@@ -115,7 +115,7 @@ def test_a_program_does_what_simulate_does(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["fourbar", "inverted_slider_crank"])
 def test_motors_do_what_gears_do(name, tmp_path):
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     got, wanted = both(case, run_of(case), tmp_path, Imposed("motor"))
     assert "SimpleMotor" in got.text
     assert "GearJoint" not in got.text.partition("drives = [")[2]
@@ -232,7 +232,7 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     truth = -2 * np.arcsin(k * ellipj(ellipk(k**2) + w * run.x, k**2)[0])
     for dt in (2e-3, 1e-3):
-        text = write_program(MODELS / "pendulum.xml", replace(
+        text = write_program(shipped("pendulum.xml"), replace(
             run, settings={"timestep": dt, "iterations": 10, "error_bias": 0.0}), "", "")
         errors.append(abs(ran(tmp_path / f"{dt}", text).curves["angle"] - truth).max())
     # (w dt)^2 / 24 of the period, a phase of 1e-5 rad after 10 s, and some more of a wide swing
@@ -290,7 +290,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     That is its first second.  The error of a start without the step before it is of first order,
     that of the program of second: their ratio is 74 at 1 ms, 375 at 0.2 ms, 750 at 0.1 ms.
     """
-    case = load_case(MODELS / "fourbar_released.toml")
+    case = load_case(shipped("fourbar_released.toml"))
     run = replace(run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100,
                                                "error_bias": 0.0})
     truth = reference.evaluate(case, run.x, None).channels
@@ -309,7 +309,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
 
 def test_a_lost_run_says_so_as_simulate_does(tmp_path):
     """A five-bar near a singular pose, in too few iterations."""
-    case = load_case(MODELS / "fivebar.toml")
+    case = load_case(shipped("fivebar.toml"))
     run = replace(run_of(case), settings={"timestep": 2e-3, "iterations": 50, "error_bias": 0.0})
     with pytest.raises(Diverged) as lost:
         simulate(case.model_path, run)
@@ -320,7 +320,7 @@ def test_a_lost_run_says_so_as_simulate_does(tmp_path):
 
 
 def test_a_value_that_is_not_finite_is_an_error(tmp_path):
-    case = load_case(MODELS / "pendulum.toml")
+    case = load_case(shipped("pendulum.toml"))
     run = replace(run_of(case, 3), settings={"timestep": 2e-3, **EXACT})
     text = write_program(case.model_path, run, "", "")
     wrong, hits = re.subn(r"return 0\.5 \* \(early", "return np.nan * (early", text)
@@ -334,7 +334,7 @@ HEAD = 'Line one, "quoted" and \\N{DASH} \\.\n\n"""import os"""\0\x1b é \u2028 
 
 @pytest.mark.parametrize(("head", "doc"), [("", None), (HEAD, HEAD), ("\\", "\\")])
 def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
-    case = load_case(MODELS / "slider_crank.toml")
+    case = load_case(shipped("slider_crank.toml"))
     run = replace(run_of(case, 3), settings={"timestep": 5e-3, **EXACT})
     text = write_program(case.model_path, run, motion_of(run), head)
     tree = ast.parse(text)
@@ -362,7 +362,7 @@ def test_the_examples_in_the_writer_hold():
     ({}, Imposed("belt"), ValueError, "'belt'; known: gear, motor"),
 ])
 def test_what_cannot_be_written_is_named(change, drive, error, named):
-    case = load_case(MODELS / "threeprr.toml")
+    case = load_case(shipped("threeprr.toml"))
     run = replace(run_of(case), **{"settings": {"timestep": 1e-3, **EXACT}, **change})
     with pytest.raises(error, match=named):
         write_program(case.model_path, run, "", "", drive)

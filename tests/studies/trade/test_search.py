@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
-from pathlib import Path
 
 import pymunk
 import pytest
@@ -18,14 +17,14 @@ from proofmass.studies.trade.program import Ran
 from proofmass.studies.trade.search import Family, families, finer_for_drives, left_after, search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import Check, other_drives
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[3] / "models"
 SAMPLE = 3.14159265358979 / 180
 
 
 @pytest.fixture(scope="module")
 def fourbar() -> Case:
-    return load_case(MODELS / "fourbar.toml")
+    return load_case(shipped("fourbar.toml"))
 
 
 class World:

@@ -1,7 +1,6 @@
 """Finer steps than a study took: where the errors of a line fall on, its own order tells."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -12,10 +11,11 @@ from proofmass.studies.run import run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.series import known, placed, promises
+from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 from tests.studies.trade.trade_rows import line, verdict
 
-CASE = load_case(Path(__file__).parents[3] / "models" / "fourbar.toml")
+CASE = load_case(shipped("fourbar.toml"))
 NEEDED = 1e-9
 
 

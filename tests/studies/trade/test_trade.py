@@ -1,7 +1,6 @@
 """Work and precision: lines, their orders by theory, failures in the table, the command."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,8 +26,7 @@ from proofmass.studies.trade.series import (
     worse,
 )
 from proofmass.studies.trade.words import ended, reached, worsened
-
-MODELS = Path(__file__).parents[3] / "models"
+from tests.shipped import shipped
 
 
 def falling(order, scale=1.0, floor=0.0, count=8):
@@ -189,7 +187,7 @@ def test_a_slope_that_changes_is_no_order():
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
 def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     found = lines(case, next(k for k in ("duration", "rest", "sweep") if k in case.run))
     assert len({line.name for line in found}) == len(found)
     for line in found:
@@ -207,7 +205,7 @@ def test_every_integrator_of_mujoco_has_a_line():
 
 
 def test_steps_are_odd_in_number_and_within_the_work():
-    case = load_case(MODELS / "change_point.toml")
+    case = load_case(shipped("change_point.toml"))
     steps = axes.timesteps(case, 4)
     numbers = steps[0] / np.array(steps)
     assert numbers == pytest.approx(np.round(numbers))
@@ -216,7 +214,7 @@ def test_steps_are_odd_in_number_and_within_the_work():
 
 
 def test_a_rigid_sweep_has_nothing_to_turn():
-    assert lines(load_case(MODELS / "fourbar.toml"), "sweep") == []
+    assert lines(load_case(shipped("fourbar.toml")), "sweep") == []
 
 
 def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
@@ -224,7 +222,7 @@ def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
     assert SIZE["error_bias"](np.exp(-1 / 0.25)) == pytest.approx(0.25)
 
 
-PENDULUM = load_case(MODELS / "pendulum.toml")
+PENDULUM = load_case(shipped("pendulum.toml"))
 # Released from rest, semi-implicit Euler is a leapfrog half a step early: places are off by the
 # first order, rates by the second. Runge-Kutta is of fourth order, Chipmunk with bias 0 of second;
 # its bias, which falls with the step, is of first order.
@@ -292,7 +290,7 @@ def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
 
 def test_a_wrong_integrator_is_off(pendulum):
     """A line that is run with Euler and said to be RK4's is flagged."""
-    case = load_case(MODELS / "pendulum.toml")
+    case = load_case(shipped("pendulum.toml"))
     fourth = next(line for line in lines(case, "duration") if line.name == "MuJoCo RK4")
     rows = [row for row in pendulum[0].rows if row.line == "MuJoCo Euler"]
     seen = observed(Track(fourth, rows[:len(fourth.settings)]).points("position"))
@@ -300,7 +298,7 @@ def test_a_wrong_integrator_is_off(pendulum):
 
 
 def test_failures_stay_in_the_table(tmp_path, monkeypatch):
-    case = load_case(MODELS / "fourbar.toml")
+    case = load_case(shipped("fourbar.toml"))
     line = Line("pymunk", "few", "iterations", tuple(
         Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)))
     monkeypatch.setattr(trade, "lines", lambda *_: [line])
@@ -312,7 +310,7 @@ def test_failures_stay_in_the_table(tmp_path, monkeypatch):
 
 def test_a_run_that_a_case_lacks_is_bad_input():
     with pytest.raises(InputError, match="there is no such run; there are: duration"):
-        trade.chosen(load_case(MODELS / "pendulum.toml"), "rest")
+        trade.chosen(load_case(shipped("pendulum.toml")), "rest")
 
 
 def command(*args):
@@ -323,23 +321,23 @@ def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, mon
     monkeypatch.setattr(axes, "WORK", 3e3)
     monkeypatch.setattr(trade, "lines", lambda case, kind: [
         line for line in lines(case, kind) if line.name in ORDERS])
-    first = command(MODELS / "pendulum.toml", "-o", tmp_path, "--error", "rate")
+    first = command(shipped("pendulum.toml"), "-o", tmp_path, "--error", "rate")
     assert first.exit_code == 0, first.output
     assert "MuJoCo RK4" in first.output
     assert "s for 1e-06" in first.output
     assert "a run is given up after 30 s (--longest)" in first.output
     files = {file: file.stat().st_mtime_ns for file in (tmp_path / "runs").glob("*.json")}
     before = (tmp_path / "trade.csv").read_text()
-    assert command(MODELS / "pendulum.toml", "-o", tmp_path).exit_code == 0
+    assert command(shipped("pendulum.toml"), "-o", tmp_path).exit_code == 0
     assert files == {f: f.stat().st_mtime_ns for f in (tmp_path / "runs").glob("*.json")}
     assert (tmp_path / "trade.csv").read_text() == before
 
 
 @pytest.mark.parametrize(("args", "words"), [
     (["nothing.toml"], "no such file"),
-    ([MODELS / "pendulum.toml", "--run", "sweep"], "no such run"),
-    ([MODELS / "pendulum.toml", "--run", "motion"], "--run"),
-    ([MODELS / "pendulum.toml", "--longest", "0"], "--longest 0: give a number of seconds above 0"),
+    ([shipped("pendulum.toml"), "--run", "sweep"], "no such run"),
+    ([shipped("pendulum.toml"), "--run", "motion"], "--run"),
+    ([shipped("pendulum.toml"), "--longest", "0"], "--longest 0: give a number of seconds above 0"),
 ])
 def test_bad_input_is_one_line(args, words, tmp_path):
     answer = command(*args, "-o", tmp_path)
@@ -361,6 +359,6 @@ def test_a_model_without_a_sidecar_is_bad_input_and_among_others_passed_over(tmp
 
 
 def test_what_has_nothing_to_trade_is_said(tmp_path):
-    answer = command(MODELS / "fourbar.toml", "--run", "sweep", "-o", tmp_path)
+    answer = command(shipped("fourbar.toml"), "--run", "sweep", "-o", tmp_path)
     assert answer.exit_code == 0
     assert "nothing to trade in its sweep" in answer.output

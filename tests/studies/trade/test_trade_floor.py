@@ -1,7 +1,6 @@
 """Error floors whose causes are known: each is found when it is put there, by no other name."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -12,10 +11,10 @@ from proofmass.studies.record import Row, Setting
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor import MOVES, Probe, gain, judge, probes
+from tests.shipped import shipped
 
-MODELS = Path(__file__).parents[3] / "models"
 HARD = (0.9999, 0.9999, 0.001)
-FOURBAR = load_case(MODELS / "fourbar.toml")
+FOURBAR = load_case(shipped("fourbar.toml"))
 STIFF = Setting("mujoco", {"timestep": 2e-3, "integrator": "RK4", "solref": (0.032, 1.0),
                            "solimp": HARD})
 
@@ -79,13 +78,13 @@ def test_a_bias_is_found(tmp_path):
 def test_a_bias_is_found_by_taking_it_away_with_iterations_enough_for_that(tmp_path):
     """Its start is a jolt, however short its time; without it 750 iterations open the loop."""
     setting = Setting("pymunk", {"timestep": 0.5e-3, "defaults": True})
-    errors, found = moved(tmp_path, load_case(MODELS / "fivebar.toml"), setting)
+    errors, found = moved(tmp_path, load_case(shipped("fivebar.toml")), setting)
     assert judge(errors["acceleration"], found, "acceleration")[0] == "bias of the loops"
 
 
 def test_a_recorded_curve_is_found_by_half_of_it(tmp_path):
     """Between rows the drive has no kink in its third derivative, which its law has."""
-    case = load_case(MODELS / "hacksaw_recorded.toml")
+    case = load_case(shipped("hacksaw_recorded.toml"))
     setting = Setting("pymunk", {"timestep": 0.25e-3, "error_bias": 0.0, "iterations": 100})
     errors, found = moved(tmp_path, case, setting)
     assert judge(errors["acceleration"], found, "acceleration")[0] == "the reference"
@@ -101,7 +100,7 @@ def test_too_few_iterations_are_found(tmp_path):
 
 
 def test_segments_of_a_rod_are_found(tmp_path):
-    case = load_case(MODELS / "rod_cantilever.toml")
+    case = load_case(shipped("rod_cantilever.toml"))
     errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 40}), "rest")
     assert judge(errors["position"], found, "position")[0] == "segments"
     assert gains(errors, found, "position")["segments"] == pytest.approx(4.0, rel=0.1)  # n^-2
@@ -109,7 +108,7 @@ def test_segments_of_a_rod_are_found(tmp_path):
 
 def test_samples_between_the_ends_of_links_are_found(tmp_path):
     """Ten straight links, sampled in 41 places: chords are off where there are no joints."""
-    case = load_case(MODELS / "rod_cantilever.toml")
+    case = load_case(shipped("rod_cantilever.toml"))
     errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 10}), "rest")
     assert gains(errors, found, "position")["sampling"] > 1.0
 
@@ -201,7 +200,7 @@ def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
 @pytest.mark.parametrize(("name", "missing"), [("stephenson", "the reference"),
                                                ("pendulum", "softness of the loops")])
 def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
-    case = load_case(MODELS / f"{name}.toml")
+    case = load_case(shipped(f"{name}.toml"))
     setting = Setting("mujoco", {"timestep": 1e-3})
     assert missing not in {p.cause for p in probes(case, "duration", setting, tmp_path)}
 

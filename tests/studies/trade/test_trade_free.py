@@ -4,7 +4,6 @@ Nothing of this package is on the other side: scipy integrates the crank's own e
 and bare Chipmunk are stepped here.
 """
 
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -17,8 +16,9 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade import axes, trade
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.series import worse
+from tests.shipped import shipped
 
-MODEL = Path(__file__).parents[3] / "models" / "fourbar.xml"
+MODEL = shipped("fourbar.xml")
 G, END, N = 9.81, 10.0, 1001
 NAMES = ("MuJoCo Euler, default softness", "pymunk, defaults")
 

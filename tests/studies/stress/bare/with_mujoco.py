@@ -4,7 +4,7 @@
     python -I tests/bare/with_mujoco.py "pendulum, Euler"     # one
 
 Nothing of proofmass is imported: what `proofmass stress` says of MuJoCo must hold here as well.
-The models of mechanisms are the files in `models/`; springs are written here.  A run is lost when
+The mechanisms are the files in `models/linkages/`; springs are written here.  A run is lost when
 MuJoCo warns, when it is not finite, when a loop is open by a tenth of the model's extent, or when
 a position is off by a tenth of its range.  Every position is looked at after every step.
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-MODELS = Path(__file__).parents[4] / "models"
+MODELS = Path(__file__).parents[4] / "models" / "linkages"
 WITHIN = 2e-3  # share of a limit to which it is bisected
 LOST = 0.1
 GRAVITY = 9.81
