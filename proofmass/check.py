@@ -248,11 +248,11 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
     Result
         Bad input is collected in `Result.errors`; the other cases still run.
     """
-    paths = tuple(map(Path, paths))
-    result = Result(paths=paths)
+    given = tuple(map(Path, paths))
+    result = Result(paths=given)
     with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         try:
-            tasks = planned(collect(paths, result.errors), result, pool)
+            tasks = planned(collect(given, result.errors), result, pool)
             outcomes = done(tasks, result, pool, progress)
             judge(tasks, outcomes, result)
         except BaseException:

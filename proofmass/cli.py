@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
+from proofmass.case import Case
 from proofmass.check import Result, check, collect, read, require_different_names
 from proofmass.command import Jobs, answering, counting, errors
 from proofmass.design.command import app as design
@@ -101,7 +102,8 @@ def report_command(
 def list_command(paths: Paths = None) -> None:
     """List the cases and their runs; nothing is run."""
     found: list[InputError] = []
-    cases, lone = [], []
+    cases: list[Case] = []
+    lone: list[Path] = []
     paths = paths or [Path("models")]
     for path in collect(paths, found):
         try:
