@@ -16,7 +16,7 @@ from pathlib import Path
 
 from benchmarks import ROOT, command, folders
 from benchmarks.rivals import Duel, duel
-from examples import truths
+from examples.chosen import truths
 from proofmass.case import Case, load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import Setting
@@ -33,14 +33,15 @@ from proofmass.wording import number
 
 RIVALS = 200  # random settings beside each chosen one
 LONGEST = 30.0  # s
+OWN = "examples/chosen/models"
 HEAD = """# Programs that choose writes
 
 `python -m benchmarks.choose` made this. Each line is a setting that `proofmass choose CASE --error
 ASKED --solver ENGINE --drive DRIVE -o run.py` found. *Printed* is the error that it prints, *bare*
 that of the CSV file that the program writes with `python -I`, in which there is no proofmass, held
-against [formulas of each mechanism and scipy's DOP853](../examples/truths.py) that share no code
-with it; both are shares of the range. *Ratio* is bare over printed, *seconds* the wall time of the
-program's steps.
+against formulas of each mechanism and scipy's DOP853 (`examples/chosen/truths.py`) that share no
+code with it; both are shares of the range. *Ratio* is bare over printed, *seconds* the wall time of
+the program's steps.
 
 | case | engine | drive | asked | printed | bare | ratio | seconds | setting |
 |---|---|---|---|---|---|---|---|---|"""
@@ -60,7 +61,7 @@ chosen setting.
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of `choose`; `truth` is a name of `examples.truths`."""
+    """What is asked of `choose`; `truth` is a name of `examples.chosen.truths`."""
 
     path: str
     truth: str
@@ -86,21 +87,21 @@ ASKED = (
     Asked("models/linkages/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
     Asked("models/linkages/inverted_slider_crank_classic.toml", "swinging_block", "mujoco",
           "flywheel", "acceleration", 1e-2),
-    Asked("examples/models/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
+    Asked("examples/chosen/models/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
           1e-6),
-    Asked("examples/models/double_pendulum.toml", "double_pendulum", "pymunk", "", "position",
+    Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "pymunk", "", "position",
           1e-3),
-    Asked("examples/models/jansen.toml", "jansen", "mujoco", "flywheel", "position", 1e-5, True),
-    Asked("examples/models/jansen.toml", "jansen", "pymunk", "gear", "position", 1e-4, True),
-    Asked("examples/models/quick_return.toml", "quick_return", "mujoco", "flywheel", "rate", 1e-3),
-    Asked("examples/models/quick_return.toml", "quick_return", "pymunk", "gear", "position", 1e-4),
-    Asked("examples/models/spring_slider.toml", "spring_slider", "mujoco", "", "position", 1e-5,
+    Asked(f"{OWN}/jansen.toml", "jansen", "mujoco", "flywheel", "position", 1e-5, True),
+    Asked(f"{OWN}/jansen.toml", "jansen", "pymunk", "gear", "position", 1e-4, True),
+    Asked(f"{OWN}/quick_return.toml", "quick_return", "mujoco", "flywheel", "rate", 1e-3),
+    Asked(f"{OWN}/quick_return.toml", "quick_return", "pymunk", "gear", "position", 1e-4),
+    Asked(f"{OWN}/spring_slider.toml", "spring_slider", "mujoco", "", "position", 1e-5,
           True),
-    Asked("examples/models/spring_slider.toml", "spring_slider", "pymunk", "", "position", 1e-3,
+    Asked(f"{OWN}/spring_slider.toml", "spring_slider", "pymunk", "", "position", 1e-3,
           True),
-    Asked("examples/models/fivebar_swing.toml", "fivebar_swing", "mujoco", "flywheel", "position",
+    Asked(f"{OWN}/fivebar_swing.toml", "fivebar_swing", "mujoco", "flywheel", "position",
           1e-5),
-    Asked("examples/models/fivebar_swing.toml", "fivebar_swing", "pymunk", "gear", "acceleration",
+    Asked(f"{OWN}/fivebar_swing.toml", "fivebar_swing", "pymunk", "gear", "acceleration",
           1e-4))
 QUICK = (Asked("models/linkages/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-4, True),)
 

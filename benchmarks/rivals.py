@@ -1,7 +1,7 @@
 """Random settings beside a chosen one: is any of them as good and cheaper?
 
 Every setting is written as a program and run in this process, which has the engines loaded; the
-error is that of the curves in its file, against `examples.truths`.
+error is that of the curves in its file, against `examples.chosen.truths`.
 """
 
 import io
@@ -17,7 +17,7 @@ from types import FrameType
 
 import mujoco
 
-from examples import truths
+from examples.chosen import truths
 from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.sim.protocol import Imposed

@@ -1,6 +1,6 @@
-"""The programs in examples/: in a bare interpreter, against formulas, without proofmass.
+"""The programs in examples/chosen/: in a bare interpreter, against formulas, without proofmass.
 
-`examples/truths.py` is held against itself here: rates are derivatives, energies are kept.
+`examples/chosen/truths.py` is held against itself here: rates are derivatives, energies are kept.
 """
 
 import re
@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from examples import truths
+from examples.chosen import truths
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
-COMMANDS = dict(re.findall(r"^proofmass choose (.*) -o examples/(\w+)\.py$",
+EXAMPLES = Path(__file__).parent.parent / "examples" / "chosen"
+COMMANDS = dict(re.findall(r"^proofmass choose (.*) -o examples/chosen/(\w+)\.py$",
                            (EXAMPLES / "README.md").read_text(encoding="utf-8"), re.MULTILINE))
 COMMANDS = {name: asked for asked, name in COMMANDS.items()}
 HEAD = re.compile(r'^"""(\w+), duration: (\w+) within (\S+) of its range\.$', re.MULTILINE)
@@ -52,7 +52,7 @@ def test_every_program_has_its_command() -> None:
         assert float(given["--error"]) == error
         assert given.get("--of", "position") == of
         assert given["--solver"] in name
-        assert (EXAMPLES.parent / model).is_file()
+        assert (EXAMPLES.parent.parent / model).is_file()
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -4,7 +4,7 @@ Points of linkages are complex numbers x + iy, each with its velocity and accele
 bars meet is an intersection of two circles, differentiated twice.  What is let go follows one or
 two equations of motion, integrated by DOP853 at a relative tolerance of 1e-12.
 
-    python examples/truths.py fourbar curves.csv
+    python examples/chosen/truths.py fourbar curves.csv
 
 prints the largest error of the positions, rates and accelerations in a file, each as a share of the
 range of the true curve.
