@@ -1,0 +1,42 @@
+"""A balancer: torsion springs that carry an inverted pendulum.
+
+A chain of three segments with torsion springs pushes the pendulum back by nearly m g r
+sin(angle), the moment of its weight. The sweep follows the static equilibrium of the chain, and
+the script holds the moment against two laws: how close it comes to the wanted sine, and that its
+work is the energy of the springs.
+
+    uv run python examples/balancer.py [SIDECAR]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from proofmass import load_case, solve
+
+MODELS = Path(__file__).parent.parent / "models"
+
+
+def main(sidecar: Path) -> None:
+    """Sweep the balancer in both engines and print what its moment amounts to."""
+    case = load_case(sidecar)
+    weight = float(case.parameters["target_moment"])  # m g r [N m]
+    for engine in ("mujoco", "pymunk"):
+        curves = solve(case, "sweep", engine)
+        angle = curves.drive[0][0]  # the drive goes up and comes back
+        up = slice(0, int(np.argmax(angle)) + 1)
+        moment, energy = (curves.channels[name][up] for name in ("holding_moment", "energy"))
+        angle = angle[up]
+        work = np.trapezoid(moment, angle)
+        degrees = np.radians(np.arange(1, 91))  # where the source of the model compares
+        off = np.interp(degrees, angle, moment) - weight * np.sin(degrees)
+        rms = np.sqrt(np.mean(off**2))
+        print(f"{engine:8}0 to {np.degrees(angle[-1]):.0f} degrees: rms of moment - m g r sin "
+              f"{rms / weight:.4f} m g r")
+        print(f"{'':8}work {work:.3f} J, energy of the springs {energy[-1] - energy[0]:.3f} J, "
+              f"energy of the weight {weight * (1 - np.cos(angle[-1])):.3f} J")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if sys.argv[1:] else MODELS / "balancers" / "balancer_sine.toml")

@@ -1,0 +1,127 @@
+"""The scripts in examples/: each runs by itself, and what it prints obeys a law or a printed value.
+
+They are run by hand as well, so they are started as a user starts them, in an empty folder: one
+writes nothing there.
+"""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import proofmass
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+SCRIPTS = sorted(file.stem for file in EXAMPLES.glob("*.py"))
+NUMBER = r"(-?[\d.]+(?:e[+-]?\d+)?)"
+
+
+def printed(name: str, folder: Path, *args: str) -> str:
+    """Standard output of a script."""
+    done = subprocess.run([sys.executable, str(EXAMPLES / f"{name}.py"), *args], cwd=folder,
+                          text=True, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    if not args:
+        assert not list(folder.iterdir())
+    return done.stdout
+
+
+def numbers(pattern: str, text: str) -> list[tuple[float, ...]]:
+    """The numbers in every line that a pattern finds, in which N stands for one."""
+    found = re.findall(pattern.replace("N", NUMBER), text)
+    return [tuple(map(float, one if isinstance(one, tuple) else (one,))) for one in found]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_is_short_and_uses_what_is_public(name: str) -> None:
+    text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    assert 20 <= len(text.splitlines()) <= 70
+    assert f"examples/{name}.py" in (ast.get_docstring(tree) or "")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("proofmass"):
+            assert node.module == "proofmass"
+            assert {one.name for one in node.names} <= set(proofmass.__all__)
+        if isinstance(node, ast.Import):
+            assert not any(one.name.startswith("proofmass") for one in node.names)
+
+
+def test_every_script_is_listed_and_shown() -> None:
+    assert len(SCRIPTS) == 8
+    listed = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    shown = (EXAMPLES.parent / "docs" / "examples.md").read_text(encoding="utf-8")
+    for name in SCRIPTS:
+        assert f"| `{name}.py` |" in listed
+        assert f'--8<-- "examples/{name}.py"' in shown
+
+
+def test_check_a_model(tmp_path: Path) -> None:
+    text = printed("check_a_model", tmp_path)
+    assert len(re.findall(r"^\w+ +\w+ +agrees: ", text, re.MULTILINE)) == 4  # 2 runs, 2 engines
+    assert "mujoco:default  is shown, not checked" in text
+    assert "a rocker longer by" in text
+    assert text.endswith("exit code 0\n")
+
+
+def test_compare_two_engines(tmp_path: Path) -> None:
+    """pymunk is of second order; MuJoCo's error is that of its loop, whatever the step."""
+    text = printed("compare_two_engines", tmp_path)
+    orders = numbers(r"pymunk +\S+ +\S+ +N +\S+", text)
+    assert [order for order, in orders] == pytest.approx([2.0] * 2, abs=0.1)
+    _, coarse, fine = numbers(r"mujoco +\S+ +N +\S+ +\S+", text)
+    assert fine == pytest.approx(coarse, rel=0.5)  # a quarter if it were of second order
+
+
+def test_read_curves(tmp_path: Path) -> None:
+    """The swing of the rocker is that of two triangles; samples are a degree apart, which costs
+    the cosine of half a degree, 4e-5."""
+    text = printed("read_curves", tmp_path, str(tmp_path))
+    run, geometry = numbers(r"swings by N rad", text)
+    assert run[0] == pytest.approx(geometry[0], abs=1.1e-3)  # three decimals are printed
+    table = (tmp_path / "fourbar.csv").read_text(encoding="utf-8").splitlines()
+    assert table[0].startswith("crank,")
+    assert len(table) == 362
+
+
+def test_choose_a_setting(tmp_path: Path) -> None:
+    """A pendulum let go keeps its energy; 1e-3 of the angle's range, pi, is 3e-3 of m g L."""
+    text = printed("choose_a_setting", tmp_path)
+    ((change,),) = numbers(r"the energy changes by at most N of m g L", text)
+    assert 0.0 < change < 4e-3
+    assert "MuJoCo" in text
+
+
+def test_sweep_in_python(tmp_path: Path) -> None:
+    """Work is energy; Simpson's rule with 60 intervals leaves 1e-6 of it."""
+    found = numbers(r"work N J, energy N J", printed("sweep_in_python", tmp_path))
+    assert len(found) == 2
+    for work, energy in found:
+        assert work == pytest.approx(energy, abs=1.1e-5 + 1e-6 * abs(energy))
+        assert abs(energy) > 1.0
+
+
+def test_balancer(tmp_path: Path) -> None:
+    """The thesis prints an error of 0.0835; work is the energy that the springs give."""
+    text = printed("balancer", tmp_path)
+    errors = numbers(r"m g r sin N m g r", text)
+    assert [error for error, in errors] == pytest.approx([0.0835] * 2, abs=2e-4)
+    for work, energy in numbers(r"work N J, energy of the springs N J", text):
+        assert work == pytest.approx(energy, abs=1.1e-3)  # three decimals, trapezoids
+
+
+def test_rods(tmp_path: Path) -> None:
+    """Second order, and the tip that Mattiasson prints with five decimals."""
+    found = numbers(r"order N; limit N m, printed N m", printed("rods", tmp_path))
+    assert len(found) == 2
+    for order, limit, there in found:
+        assert order == pytest.approx(2.0, abs=0.1)
+        assert limit == pytest.approx(there, abs=2e-5)
+
+
+def test_recorded_curve(tmp_path: Path) -> None:
+    text = printed("recorded_curve", tmp_path)
+    assert len(re.findall(r"recording 0 mm off, \w+ +agrees: 0\.00\d mm", text)) == 2
+    assert len(re.findall(r"recording 2 mm off, \w+ +differs: 2\.00\d mm", text)) == 2
