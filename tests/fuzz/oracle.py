@@ -27,7 +27,7 @@ Harmless changes, which no verdict has to notice, and why:
 - steps, iterations, softness: they are the engine's accuracy, which the tolerance judges;
 - samples, limits of time, rates and ends of a drive: both sides follow them;
 - lengths of a model whose reference is the general solver: it reads them from the same MJCF, as
-  the README says;
+  docs/sidecar.md says;
 - tolerances that are wider, narrower or gone, channels, runs and solvers that are gone: the result
   says so (`allowed`, "unchecked", no row);
 - words: titles, sources, reasons.

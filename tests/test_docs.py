@@ -1,0 +1,170 @@
+"""The pages in docs/ name every key, setting, reference and public name that there is.
+
+Tables of keys are compared with the classes that read them, defaults included, so that a key which
+is added, renamed or given another default fails here until its page says so.
+"""
+
+import importlib
+import inspect
+import re
+import shutil
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+import proofmass
+from proofmass import Case, check, load_case
+from proofmass.analytic import REFERENCES
+from proofmass.analytic.chart import Chart
+from proofmass.sim.mujoco.engine import MujocoSettings
+from proofmass.sim.pymunk.engine import PymunkSettings
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+OWN = ("model", "start", "joints")  # what a reference is given of the case itself
+
+
+def page(name: str) -> str:
+    """The text of a page."""
+    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def section(text: str, heading: str) -> str:
+    """What stands below a heading, up to the next one."""
+    head = re.search(rf"^#+ {re.escape(heading)}$", text, re.MULTILINE)
+    assert head, f"no heading {heading!r}"
+    return re.split(r"^#+ ", text[head.end():], maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def rows(text: str) -> dict[str, list[str]]:
+    """The rows of all tables by the word in backticks that they begin with."""
+    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+             for line in text.splitlines() if re.match(r"\| \**`", line)]
+    return {row[0].strip("*`"): row[1:] for row in cells}
+
+
+def tables_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """The tables of a sidecar that a table has, by key."""
+    found = {}
+    for name, field in model.model_fields.items():
+        for part in re.findall(r"proofmass[\w.]*\.(\w+)", str(field.annotation)):
+            where = re.search(rf"(proofmass[\w.]*)\.{part}\b", str(field.annotation))
+            assert where
+            kind = getattr(importlib.import_module(where[1]), part)
+            if inspect.isclass(kind) and issubclass(kind, BaseModel):
+                found[field.alias or name] = kind
+    return found
+
+
+HEADINGS = {"drive": "`[drive]`", "rod": "`[rod.NAME]`", "run": "`[run.KIND]`",
+            "channels": "`[channels]`", "tolerance": "`[[tolerance]]`", "view": "`[[view]]`",
+            "chart": "`[[chart]]`", "beside": "`[beside.NAME]`", "refine": "`[refine]`"}
+
+
+def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:
+    """Hold a table of keys against the class that reads it."""
+    there = {key: row for key, row in rows(text).items() if len(row) == 4}
+    fields = {field.alias or name: field for name, field in model.model_fields.items()
+              if name != "file"}
+    assert list(there) == list(fields)
+    for key, field in fields.items():
+        *_, default, meaning = there[key]
+        own = filled.get(key, field.default)
+        if own is PydanticUndefined:
+            own = field.default_factory and field.default_factory()
+        if field.is_required() and key not in filled:
+            assert default == "required", key
+        elif own is None:
+            assert default == "none", key
+        else:
+            told = tomllib.loads(f"value = {default.strip('`')}")["value"]
+            assert told == (list(own) if isinstance(own, tuple) else own), key
+        assert meaning or key in ("title", "length"), key
+
+
+def test_every_table_of_a_sidecar_has_a_section() -> None:
+    assert tables_of(Case).keys() == HEADINGS.keys()
+
+
+def test_top_level_keys() -> None:
+    compare_keys(section(page("sidecar"), "Top level"), Case, {"model": "NAME.xml"})
+
+
+@pytest.mark.parametrize("key", HEADINGS)
+def test_keys_of_a_table(key: str) -> None:
+    compare_keys(section(page("sidecar"), HEADINGS[key]), tables_of(Case)[key], {})
+
+
+@pytest.mark.parametrize(("engine", "model"), [("MuJoCo", MujocoSettings),
+                                               ("pymunk", PymunkSettings)])
+def test_settings_of_an_engine(engine: str, model: type[BaseModel]) -> None:
+    compare_keys(section(page("engines"), f"Settings of {engine}"), model, {})
+
+
+def test_references_and_their_parameters() -> None:
+    there = rows(section(page("sidecar"), "References").split("Further functions")[0])
+    there = {name: row for name, row in there.items() if len(row) == 2}
+    assert list(there) == list(REFERENCES)
+    for name, (_, parameters) in there.items():
+        solve = importlib.import_module(REFERENCES[name]).solve
+        takes = {p.name: p.default is p.empty for p in inspect.signature(solve).parameters.values()
+                 if p.kind is p.KEYWORD_ONLY and p.name not in OWN}
+        told = {word: bool(bold) for bold, word in re.findall(r"(\*\*)?`(\w+)`", parameters)}
+        assert told == takes, name
+
+
+def test_functions_that_a_sidecar_can_name() -> None:
+    there = rows(section(page("sidecar"), "References").split("Further functions")[1])
+    for name, module in REFERENCES.items():
+        functions = dict(inspect.getmembers(importlib.import_module(module), inspect.isfunction))
+        charts = [key for key, function in functions.items()
+                  if inspect.signature(function).return_annotation is Chart]
+        laws, marks, draw = (re.findall(r"`(\w+)`", cell)
+                             for cell in there.get(name, ["", "", ""]))
+        assert draw == charts, name
+        assert marks == [key for key in functions if key == "marks"], name
+        assert set(laws) <= functions.keys(), name
+
+
+def test_public_names_are_on_the_page() -> None:
+    told = re.findall(r"^::: proofmass\.(\w+)$", page("python"), re.MULTILINE)
+    assert sorted(told) == sorted(proofmass.__all__)
+
+
+def test_the_glossary_has_25_words_in_order() -> None:
+    words = [line.split("|")[1].strip() for line in page("glossary").splitlines()
+             if line.startswith("| ")][1:]
+    assert words == sorted(words)
+    assert len(words) == 25
+
+
+def test_readme_is_short_and_its_sidecar_agrees(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 150
+    sidecar, = re.findall(r"^```toml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    assert len(sidecar.splitlines()) <= 15
+    shutil.copy(ROOT / "models" / "linkages" / "fourbar.xml", tmp_path / "mine.xml")
+    (tmp_path / "mine.toml").write_text(sidecar, encoding="utf-8")
+    result = check([tmp_path / "mine.toml"])
+    assert not result.errors
+    assert [c.outcome for c in result.comparisons] == ["agrees"] * 2
+    assert result.exit_code == 0
+
+
+def test_the_first_sidecar_of_the_page_loads(tmp_path: Path) -> None:
+    sidecar = re.findall(r"^```toml\n(.*?)^```$", page("sidecar"), re.MULTILINE | re.DOTALL)[0]
+    shutil.copy(ROOT / "models" / "linkages" / "fourbar.xml", tmp_path / "mine.xml")
+    (tmp_path / "mine.toml").write_text(sidecar, encoding="utf-8")
+    assert load_case(tmp_path / "mine.toml").reference == "fourbar"
+
+
+def test_links_lead_somewhere() -> None:
+    """Of README.md and of examples/; those between pages are found by ``mkdocs build --strict``."""
+    for file in (ROOT / "README.md", ROOT / "examples" / "README.md",
+                 ROOT / "examples" / "chosen" / "README.md"):
+        for target in re.findall(r"\]\(([^)#]+)", file.read_text(encoding="utf-8")):
+            assert (file.parent / target).exists(), f"{file}: {target}"
