@@ -87,7 +87,7 @@ ASKED = (
     Asked("models/linkages/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
     Asked("models/linkages/inverted_slider_crank_classic.toml", "swinging_block", "mujoco",
           "flywheel", "acceleration", 1e-2),
-    Asked("examples/chosen/models/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
+    Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
           1e-6),
     Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "pymunk", "", "position",
           1e-3),
