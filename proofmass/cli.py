@@ -1,35 +1,41 @@
-"""The command line: check, report, list, design, trade, choose, stress, diet."""
+"""The command line: check, report, list, design, trade, choose, stress, diet.
 
+Commands import what they need when they are called, so that help and errors of options come at
+once.
+"""
+
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 from rich.text import Text
 
-from proofmass.case import Case
-from proofmass.check import Result, check, collect, read, require_different_names
-from proofmass.command import Jobs, answering, counting, errors
-from proofmass.design.command import app as design
+from proofmass.command import Dask, Jobs, answering, counting, errors
 from proofmass.errors import InputError
-from proofmass.studies.command import trade_command
-from proofmass.studies.diet.diet_command import diet_command
-from proofmass.studies.stress.stress_command import stress_command
-from proofmass.studies.trade.choose_command import choose_command
-from proofmass.terminal import as_json, case_table, console, failures, summary
+from proofmass.studies import BUDGET, LONGEST
+
+if TYPE_CHECKING:
+    from proofmass.case import Case
+    from proofmass.check import Result
+    from proofmass.strict import Kind
 
 app = typer.Typer(help="Hold multibody simulators against mathematics.",
                   no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+design = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
 app.add_typer(design, name="design")
-app.command("trade")(trade_command)
-app.command("diet")(diet_command)
-app.command("choose")(choose_command)
-app.command("stress")(stress_command)
 Paths = Annotated[list[Path] | None, typer.Argument(
     help="Sidecars, models or folders.", show_default="models/")]
+Longest = Annotated[float, typer.Option(help="Wall time after which a run is given up.",
+                                        metavar="SECONDS")]
+Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
+Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
 
 
-def examine(paths: list[Path] | None, jobs: int | None) -> Result:
+def examine(paths: list[Path] | None, jobs: int | None) -> "Result":
     """`check` with a progress bar on standard error."""
+    from proofmass.check import check
+
     with counting() as advance:
         result = check(paths or [Path("models")], jobs, advance)
     complain(result.errors)
@@ -42,8 +48,10 @@ def complain(found: list[InputError]) -> None:
         errors.print(Text.assemble(("error: ", "bold red"), str(error)))
 
 
-def show(result: Result, every_channel: bool = False) -> None:
+def show(result: "Result", every_channel: bool = False) -> None:
     """Print the table, the failures, and the count."""
+    from proofmass.terminal import console, failures, summary
+
     out = console()
     for table in summary(result, every_channel, out.width):
         out.print(table)
@@ -64,6 +72,8 @@ def check_command(
     Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
     checked; 2: bad input.
     """
+    from proofmass.terminal import as_json
+
     result = examine(paths, jobs)
     if json:
         print(as_json(result))
@@ -101,6 +111,9 @@ def report_command(
 @app.command("list")
 def list_command(paths: Paths = None) -> None:
     """List the cases and their runs; nothing is run."""
+    from proofmass.check import collect, read, require_different_names
+    from proofmass.terminal import case_table, console
+
     found: list[InputError] = []
     cases: list[Case] = []
     lone: list[Path] = []
@@ -118,3 +131,166 @@ def list_command(paths: Paths = None) -> None:
     console().print(case_table(cases, lone, paths))
     complain(found)
     raise typer.Exit(2 if found else 0)
+
+
+@design.callback()
+def design_command() -> None:
+    """Find a mechanism, write it as a case, check it."""
+
+
+@design.command("balancer")
+def balancer_command(
+    target: Annotated[str, typer.Option(help="Wanted moment: sine, "
+                      "progressive, progressive-degressive, degressive-progressive, laevo or "
+                      "sine180.")] = "sine",
+    table: Annotated[Path | None, typer.Option(help="Wanted moment over m g r as a CSV file, with "
+                     "the columns 'angle \\[deg]' and 'moment [1]', instead.")] = None,
+    segments: Annotated[int, typer.Option(help="3 or 4.")] = 3,
+    springs: Annotated[str, typer.Option(help="linear, nonlinear (one k and A for all joints) or "
+                       "each (a k and A of its own for each joint).")] = "linear",
+    preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
+    free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
+    contact: Annotated[bool, typer.Option("--contact", help="Joint 2 meets a stop.")] = False,
+    relaxed: Annotated[bool, typer.Option("--relaxed", help="Lengths from 0.1 to 0.9.")] = False,
+    elbow_down: Annotated[bool, typer.Option("--elbow-down", help="Of the last two segments at "
+                          "rest.")] = False,
+    bound: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH, instead of the usual "
+                     "bounds of a parameter; several times.")] = None,
+    power: Annotated[float, typer.Option(min=1, max=2, help="Of the error in the aim: 2 for the "
+                     "least error, 1 for the best work reduction.")] = 2.0,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same design.")] = 1,
+    effort: Annotated[float, typer.Option(min=0.05, max=20, help="Times as many starts.")] = 1.0,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder.")] = Path("design"),
+    pareto: Annotated[bool, typer.Option("--pareto", help="Trade error for evenly shared energy "
+                      "as well.")] = False,
+    catalogue: Annotated[Path | None, typer.Option(help="CSV file 'spring,stiffness [N m/rad]' to "
+                         "choose the springs from.", show_default="907, 903, 908")] = None,
+    beside: Annotated[list[Path] | None, typer.Option(help="Sidecar of a balancer to draw beside "
+                      "it, such as models/balancers/balancer_sine.toml; several times.")] = None,
+) -> None:
+    """Find the balancer that meets a moment-angle characteristic best.
+
+    Writes the case with its report, design.json, and the state of the search: a search that was
+    interrupted goes on where it stopped when it is called again in the same way. Exit codes as for
+    check.
+    """
+    from proofmass.design.command import design_balancer
+
+    design_balancer(target, table, segments, springs, preload, free_angle, contact, relaxed,
+                    elbow_down, bound, power, seed, effort, output, pareto, catalogue, beside)
+
+
+@app.command("trade")
+def trade_command(
+    paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and finished "
+                      "runs.")] = Path("trade"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    longest: Longest = LONGEST,
+    run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
+                   "first of these that a case has")] = None,
+    error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
+    = Errors.position,
+) -> None:
+    """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
+
+    Every finished run is kept: a study that was stopped goes on when the command is given again.
+    Exit code 0: done; 1: nothing ran; 2: bad input.
+    """
+    from proofmass.studies.command import run_trade
+
+    run_trade(paths, output, jobs, dask, longest, cast("Kind | None", run and run.value),
+              error.value)
+
+
+@app.command("diet")
+def diet_command(
+    model: Annotated[Path, typer.Argument(help="MJCF file; sidecars beside it say what it is "
+                     "for.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The slim model; the table "
+                      "stands beside it.", show_default="diet/MODEL.xml")] = None,
+    seconds: Annotated[float, typer.Option(min=1e-3, help="To follow a model without a sidecar, "
+                       "from its key.")] = 5.0,
+    watch: Annotated[list[str] | None, typer.Option("--watch", help="A joint, body, site or sensor "
+                     "that matters; what does not act on it goes. Can be given again. Without it "
+                     "all that is measured, or moves, is watched.")] = None,
+    error: Annotated[float | None, typer.Option("--error", min=0.0, help="How far other options of "
+                     "the engine may take a channel from the fine solution, as a share of its "
+                     "range. Without a sidecar; a tenth more than now if not given.")] = None,
+    keep_options: Annotated[bool, typer.Option("--keep-options", help="The engine's options stay "
+                            "as they are; nothing goes but what changes no run.")] = False,
+    blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
+    = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+) -> None:
+    """Find what a scene does not need, and write the model without it.
+
+    Each feature is taken out by itself and every run is done again: those of the sidecars, within
+    their tolerances, or the motion from the model's key, to rounding. Then solver tolerance,
+    iterations, time step, integrator and solver are made cheaper where the error of the reference,
+    or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
+    goes on when the command is given again. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.studies.diet.diet_command import run_diet
+
+    run_diet(model, output, seconds, watch, error, keep_options, blind, jobs, dask)
+
+
+@app.command("choose")
+def choose_command(
+    path: Annotated[Path, typer.Argument(help="A sidecar.", metavar="CASE")],
+    error: Annotated[float, typer.Option(help="Largest error, as a share of the range of the "
+                                         "reference.")],
+    of: Annotated[Errors, typer.Option(help="Of what.")] = Errors.position,
+    solver: Annotated[str, typer.Option(help="mujoco or pymunk.", show_default="any")] = "",
+    run: Annotated[Runs | None, typer.Option(help="Which run of the case.", show_default="the "
+                   "first of these that it has")] = None,
+    drive: Annotated[str, typer.Option(help="How the program moves its drives: flywheel, servo or "
+                                       "equality in MuJoCo; gear or motor in pymunk.",
+                                       show_default="the first of these, which is ideal")] = "",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="A Python program that runs "
+                      "the motion with that setting, without proofmass.",
+                      show_default="lines to paste are printed")] = None,
+    store: Annotated[Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks "
+                                        "is run.")] = Path("trade"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    longest: Longest = LONGEST,
+    budget: Annotated[float, typer.Option(help="Wall time [s] of the whole search.",
+                                          metavar="SECONDS")] = BUDGET,
+) -> None:
+    """Find the cheapest setting whose error is as small as is asked for.
+
+    Its measured error must be half of that.  Then it is run as a program of its own, without
+    proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
+    program is written with -o; without it the lines of the setting are printed, to paste.
+    Exit code 0: found; 1: no setting is good enough; 2: bad input.
+    """
+    from proofmass.studies.trade.choose_command import run_choose
+
+    run_choose(path, error, of.value, solver, cast("Kind | None", run and run.value), drive, output,
+               store, jobs, dask, longest, budget)
+
+
+@app.command("stress")
+def stress_command(
+    paths: Annotated[list[Path] | None, typer.Argument(help="Sidecars or folders.",
+                     show_default="small models whose limits theory knows")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, the page "
+                      "and finished runs.")] = Path("stress"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
+) -> None:
+    """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
+
+    Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
+    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, with
+    the limits that theory knows beside the measured ones. Every run is kept: a study that was
+    stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.studies.stress.stress_command import run_stress
+
+    run_stress(paths, output, jobs, dask, only)

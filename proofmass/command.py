@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from proofmass.errors import InputError
-from proofmass.sim.protocol import BadModel
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
@@ -22,6 +21,8 @@ Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://hos
 @contextmanager
 def answering(kept: str) -> Iterator[None]:
     """Say in a line what is wrong with the input, or after Ctrl-C what is `kept`; then exit."""
+    from proofmass.sim.protocol import BadModel  # numpy and pydantic are slow to load
+
     try:
         yield
     except (KeyboardInterrupt, InputError, BadModel, ValueError, OSError) as error:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import BPoly, CubicHermiteSpline
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Curves, Diverged, Run
@@ -98,6 +97,8 @@ class Samples:
     def __call__(self, x: Array) -> State:
         if np.array_equal(x, self.x):
             return self.value, self.rate, self.acceleration
+        from scipy.interpolate import CubicHermiteSpline  # slow to load
+
         spline = CubicHermiteSpline(self.x, self.value, self.rate)
         return spline(x), spline(x, 1), np.interp(x, self.x, self.acceleration)
 
@@ -218,6 +219,8 @@ def table_times(laws: Sequence[object], x: Array) -> Array:
         off = 0.0
         for law in laws:
             value, rate, acceleration = np.broadcast_arrays(*law(times))  # type: ignore[operator]
+            from scipy.interpolate import BPoly  # slow to load
+
             spline = BPoly.from_derivatives(times, np.column_stack([value, rate, acceleration]))
             exact = np.broadcast_to(law(middle)[0], middle.shape)  # type: ignore[operator]
             span = float(np.ptp(value)) or 1.0

@@ -1,14 +1,14 @@
 """How many freedoms a planar model has, and whether its loops hold something twice."""
 
 from functools import cache
+from typing import TYPE_CHECKING
 
-from mujoco import MjModel
-
-from proofmass.analytic.planar import Overconstrained, read
-from proofmass.analytic.planar.kinematics import freedoms, nearest
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.reference import compiled
+
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
 
 def mobility(case: Case) -> int | None:
@@ -25,6 +25,8 @@ def mobility(case: Case) -> int | None:
     InputError
         The loops are over-constrained: forces in them would not be determined.
     """
+    from proofmass.analytic.planar import Overconstrained  # scipy is slow to load
+
     try:
         return freedoms_of(compiled(case), case.start)
     except Overconstrained as error:
@@ -34,7 +36,10 @@ def mobility(case: Case) -> int | None:
 
 
 @cache
-def freedoms_of(model: MjModel, start: str) -> int:
+def freedoms_of(model: "MjModel", start: str) -> int:
     """Freedoms of a compiled model, found once for all runs."""
+    from proofmass.analytic.planar import read
+    from proofmass.analytic.planar.kinematics import freedoms, nearest
+
     mechanism, _ = read(model, start)
     return freedoms(mechanism, nearest(mechanism, mechanism.start))

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -21,48 +21,14 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.recorded import read_recorded
 
-app = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
 
-
-@app.callback()
-def design() -> None:
-    """Find a mechanism, write it as a case, check it."""
-
-
-@app.command("balancer")
-def balancer_command(
-    target: Annotated[str, typer.Option(help=f"Wanted moment: {', '.join(TARGETS)}.")] = "sine",
-    table: Annotated[Path | None, typer.Option(help="Wanted moment over m g r as a CSV file, with "
-                     "the columns 'angle \\[deg]' and 'moment [1]', instead.")] = None,
-    segments: Annotated[int, typer.Option(help="3 or 4.")] = 3,
-    springs: Annotated[str, typer.Option(help="linear, nonlinear (one k and A for all joints) or "
-                       "each (a k and A of its own for each joint).")] = "linear",
-    preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
-    free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
-    contact: Annotated[bool, typer.Option("--contact", help="Joint 2 meets a stop.")] = False,
-    relaxed: Annotated[bool, typer.Option("--relaxed", help="Lengths from 0.1 to 0.9.")] = False,
-    elbow_down: Annotated[bool, typer.Option("--elbow-down", help="Of the last two segments at "
-                          "rest.")] = False,
-    bound: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH, instead of the usual "
-                     "bounds of a parameter; several times.")] = None,
-    power: Annotated[float, typer.Option(min=1, max=2, help="Of the error in the aim: 2 for the "
-                     "least error, 1 for the best work reduction.")] = 2.0,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same design.")] = 1,
-    effort: Annotated[float, typer.Option(min=0.05, max=20, help="Times as many starts.")] = 1.0,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder.")] = Path("design"),
-    pareto: Annotated[bool, typer.Option("--pareto", help="Trade error for evenly shared energy "
-                      "as well.")] = False,
-    catalogue: Annotated[Path | None, typer.Option(help="CSV file 'spring,stiffness [N m/rad]' to "
-                         "choose the springs from.", show_default="907, 903, 908")] = None,
-    beside: Annotated[list[Path] | None, typer.Option(help="Sidecar of a balancer to draw beside "
-                      "it, such as models/balancers/balancer_sine.toml; several times.")] = None,
+def design_balancer(
+    target: str, table: Path | None, segments: int, springs: str, preload: bool, free_angle: bool,
+    contact: bool, relaxed: bool, elbow_down: bool, bound: list[str] | None, power: float,
+    seed: int, effort: float, output: Path, pareto: bool, catalogue: Path | None,
+    beside: list[Path] | None,
 ) -> None:
-    """Find the balancer that meets a moment-angle characteristic best.
-
-    Writes the case with its report, design.json, and the state of the search: a search that was
-    interrupted goes on where it stopped when it is called again in the same way. Exit codes as for
-    check.
-    """
+    """What ``proofmass design balancer`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the state"):
         wanted = read_target(table) if table else named(target)
         others = read_balancers(beside or [])

@@ -1,24 +1,23 @@
 """``proofmass trade``: what accuracy costs, and what limits it."""
 
-from enum import StrEnum
 from itertools import groupby
 from math import inf
 from pathlib import Path
-from typing import Annotated, cast
 
 import typer
 from rich.table import Table
 
 from proofmass.case import Case
 from proofmass.check import collect, load, require_different_names
-from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.command import answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.strict import Kind
+from proofmass.studies import LONGEST
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.orders import off
-from proofmass.studies.trade.trade import LONGEST, Trade, chosen, cost, limits, trade, write_study
+from proofmass.studies.trade.trade import Trade, chosen, cost, limits, trade, write_study
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import turned
 from proofmass.terminal import console, number
@@ -26,32 +25,10 @@ from proofmass.terminal import console, number
 WANTED = (1e-4, 1e-6)  # errors whose price the table tells
 SAID = "what the error floor is, or how far the line came"
 
-Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
-Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
 
-
-Longest = Annotated[float, typer.Option(help="Wall time after which a run is given up.",
-                                        metavar="SECONDS")]
-
-
-def trade_command(
-    paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and finished "
-                      "runs.")] = Path("trade"),
-    jobs: Jobs = None,
-    dask: Dask = None,
-    longest: Longest = LONGEST,
-    run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
-                   "first of these that a case has")] = None,
-    error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
-    = Errors.position,
-) -> None:
-    """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
-
-    Every finished run is kept: a study that was stopped goes on when the command is given again.
-    Exit code 0: done; 1: nothing ran; 2: bad input.
-    """
-    kind = cast(Kind | None, run and run.value)
+def run_trade(paths: list[Path], output: Path, jobs: int | None, dask: str | None, longest: float,
+              kind: Kind | None, error: str) -> None:
+    """What ``proofmass trade`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the runs"):
         from proofmass.report.trade_page import write_trade  # matplotlib is slow to load
 
@@ -59,7 +36,7 @@ def trade_command(
             raise typer.Exit(0)
         study = measured(cases, output, jobs, dask, kind, seconds("--longest", longest))
         write_study(study, output)
-        show(study, error.value)
+        show(study, error)
         errors.print(limits(longest), markup=False, highlight=False)
         print(write_trade(output, output).first if study.rows else output / "trade.csv")
     raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))

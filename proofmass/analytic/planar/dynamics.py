@@ -16,7 +16,6 @@ F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equation
 """
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.kinematics import (
@@ -186,6 +185,8 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
     CannotAssemble, SingularHere, Overconstrained
         The start pose; or the motion meets a pose where freedoms appear.
     """
+    from scipy.integrate import DOP853  # slow to load
+
     q = nearest(m, m.start)
     if not freedoms(m, q):
         raise SingularHere("the mechanism has no freedom")

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.mechanism import (
@@ -273,6 +272,8 @@ def nearest(m: Mechanism, q: Array) -> Array:
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
     if m.rows and not gap(m, q)[0] < CLOSED * m.size:
+        from scipy.optimize import least_squares  # slow to load
+
         best = least_squares(lambda q: residual(m, move(m, q[None]), q[None])[0], m.start)
         open_by, name = gap(m, best.x)
         raise CannotAssemble(f"cannot be assembled from the start pose: loop {name!r} stays open "

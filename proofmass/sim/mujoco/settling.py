@@ -18,7 +18,6 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-import scipy.linalg
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.equilibrium import DEPENDENT, Resting
@@ -117,6 +116,8 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 def weigh(linkage: Linkage) -> None:
     """Give the joints their armature and damping, and the drives their flywheels."""
+    import scipy.linalg  # slow to load
+
     model, data, dofs = linkage.model, linkage.data, linkage.dofs
     rest = Resting(copy.copy(model), copy.copy(data), linkage.joints, linkage.freedoms())
     rest.settle()

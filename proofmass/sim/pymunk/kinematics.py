@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel
@@ -205,6 +204,8 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
 
     def moved(flat: Array) -> Array:
         return np.vstack([(links.sizes * flat).reshape(-1, 3), ground])
+
+    from scipy.optimize import least_squares  # slow to load
 
     fit = least_squares(lambda flat: weight * missing(links, moved(flat), drives),
                         pose[:-1].ravel() / links.sizes, xtol=1e-12, ftol=1e-12, gtol=1e-12)

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 
-from proofmass.command import Dask, Jobs, answering, errors
+from proofmass.command import answering, errors
 from proofmass.errors import InputError
 from proofmass.studies.diet.diet import Diet, Kept, Search
 from proofmass.studies.diet.edits import read, write
@@ -29,34 +27,10 @@ GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain",
         "matters": "✗ matters"}
 
 
-def diet_command(
-    model: Annotated[Path, typer.Argument(help="MJCF file; sidecars beside it say what it is "
-                     "for.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The slim model; the table "
-                      "stands beside it.", show_default="diet/MODEL.xml")] = None,
-    seconds: Annotated[float, typer.Option(min=1e-3, help="To follow a model without a sidecar, "
-                       "from its key.")] = 5.0,
-    watch: Annotated[list[str] | None, typer.Option("--watch", help="A joint, body, site or sensor "
-                     "that matters; what does not act on it goes. Can be given again. Without it "
-                     "all that is measured, or moves, is watched.")] = None,
-    error: Annotated[float | None, typer.Option("--error", min=0.0, help="How far other options of "
-                     "the engine may take a channel from the fine solution, as a share of its "
-                     "range. Without a sidecar; a tenth more than now if not given.")] = None,
-    keep_options: Annotated[bool, typer.Option("--keep-options", help="The engine's options stay "
-                            "as they are; nothing goes but what changes no run.")] = False,
-    blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
-    = False,
-    jobs: Jobs = None,
-    dask: Dask = None,
-) -> None:
-    """Find what a scene does not need, and write the model without it.
-
-    Each feature is taken out by itself and every run is done again: those of the sidecars, within
-    their tolerances, or the motion from the model's key, to rounding. Then solver tolerance,
-    iterations, time step, integrator and solver are made cheaper where the error of the reference,
-    or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
-    goes on when the command is given again. Exit code 0: done; 2: bad input.
-    """
+def run_diet(model: Path, output: Path | None, seconds: float, watch: list[str] | None,
+             error: float | None, keep_options: bool, blind: bool, jobs: int | None,
+             dask: str | None) -> None:
+    """What ``proofmass diet`` does; `proofmass.cli` says what it is given."""
     from proofmass.report.diet_page import write_diet  # matplotlib is slow to load
 
     file = output or Path("diet") / model.name

@@ -1,12 +1,10 @@
 """``proofmass stress``: where engines break, and where theory says that they must."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 
-from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.command import answering, counting, errors
 from proofmass.studies.command import named
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
@@ -18,22 +16,9 @@ from proofmass.terminal import console
 from proofmass.wording import number
 
 
-def stress_command(
-    paths: Annotated[list[Path] | None, typer.Argument(help="Sidecars or folders.",
-                     show_default="small models whose limits theory knows")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, the page "
-                      "and finished runs.")] = Path("stress"),
-    jobs: Jobs = None,
-    dask: Dask = None,
-    only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
-) -> None:
-    """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
-
-    Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
-    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, with
-    the limits that theory knows beside the measured ones. Every run is kept: a study that was
-    stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
-    """
+def run_stress(paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None,
+               only: str) -> None:
+    """What ``proofmass stress`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the runs"):
         from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
 

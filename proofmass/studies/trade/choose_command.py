@@ -4,17 +4,16 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import Annotated, cast
 
 import typer
 
 from proofmass.case import Case
 from proofmass.check import collect
-from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.command import answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.strict import Kind
-from proofmass.studies.command import Errors, Longest, Runs, measured, named, seconds, turnable
+from proofmass.studies.command import measured, named, seconds, turnable
 from proofmass.studies.record import Row
 from proofmass.studies.run import pool
 from proofmass.studies.run import run as run_tasks
@@ -23,47 +22,22 @@ from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, Verify, choos
 from proofmass.studies.trade.disturbed import motions_of, within
 from proofmass.studies.trade.program import imposed, program
 from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
-from proofmass.studies.trade.series import BUDGET, LONGEST, Limits, known
+from proofmass.studies.trade.series import Limits, known
 from proofmass.studies.trade.trade import chosen
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
 
 
-def choose_command(
-    path: Annotated[Path, typer.Argument(help="A sidecar.", metavar="CASE")],
-    error: Annotated[float, typer.Option(help="Largest error, as a share of the range of the "
-                                         "reference.")],
-    of: Annotated[Errors, typer.Option(help="Of what.")] = Errors.position,
-    solver: Annotated[str, typer.Option(help="mujoco or pymunk.", show_default="any")] = "",
-    run: Annotated[Runs | None, typer.Option(help="Which run of the case.", show_default="the "
-                   "first of these that it has")] = None,
-    drive: Annotated[str, typer.Option(help="How the program moves its drives: flywheel, servo or "
-                                       "equality in MuJoCo; gear or motor in pymunk.",
-                                       show_default="the first of these, which is ideal")] = "",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="A Python program that runs "
-                      "the motion with that setting, without proofmass.",
-                      show_default="lines to paste are printed")] = None,
-    store: Annotated[Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks "
-                                        "is run.")] = Path("trade"),
-    jobs: Jobs = None,
-    dask: Dask = None,
-    longest: Longest = LONGEST,
-    budget: Annotated[float, typer.Option(help="Wall time [s] of the whole search.",
-                                          metavar="SECONDS")] = BUDGET,
-) -> None:
-    """Find the cheapest setting whose error is as small as is asked for.
-
-    Its measured error must be half of that.  Then it is run as a program of its own, without
-    proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
-    program is written with -o; without it the lines of the setting are printed, to paste.
-    Exit code 0: found; 1: no setting is good enough; 2: bad input.
-    """
+def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None, drive: str,
+               output: Path | None, store: Path, jobs: int | None, dask: str | None,
+               longest: float, budget: float) -> None:
+    """What ``proofmass choose`` does; `proofmass.cli` says what it is given."""
     with answering(f"{store} keeps the runs"):
         if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
             raise InputError(path, "", "give the sidecar of one case, such as "
                              "models/linkages/fourbar.toml")
         case, = named([path])
-        kind = chosen(case, cast(Kind | None, run and run.value))
+        kind = chosen(case, kind)
         asked(case, kind, error, solver)
         solver = solver_for(case, kind, drive, solver)
         writable(case, kind, output)
@@ -76,7 +50,7 @@ def choose_command(
                 motion, = motions_of([case], [kind], runs, workers, longest)
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
                 told = motion.words if motion else ""
-                rows = search(case, of.value, error / MARGIN, runs, workers, solver,
+                rows = search(case, of, error / MARGIN, runs, workers, solver,
                               limits=limits, slack=slack_for(case, drive), progress=advance)
             more = list(known(case, kind, rows, runs, solver))
             limits.known, rows = len(more), rows + more
@@ -84,10 +58,10 @@ def choose_command(
         else:
             study = measured([case], store, jobs, dask, kind, longest)
             rows, verdicts = study.rows, study.verdicts
-        there(rows, of.value)
+        there(rows, of)
         check = partial(verify, store=runs, longest=longest, drive=drive, compare=True)
         try:
-            choice = choose_with_drive(case, kind, rows, error, of.value, solver, verdicts, check,
+            choice = choose_with_drive(case, kind, rows, error, of, solver, verdicts, check,
                                        runs, limits)
             choice = replace(choice, motion=told)
         except Cannot as why:

@@ -15,6 +15,7 @@ from math import inf, isclose, isfinite, log
 
 from proofmass.case import Case
 from proofmass.strict import Kind
+from proofmass.studies import BUDGET, LONGEST
 from proofmass.studies.measure import Task
 from proofmass.studies.record import NAN, Knob, Row, Setting
 from proofmass.studies.run import row as row_of
@@ -254,8 +255,6 @@ def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | N
 
 
 SAFE = 0.8  # of the error that is needed: orders change a little
-LONGEST = 30.0  # s, of a run
-BUDGET = 300.0  # s, of a whole search
 APART = 1.4  # times a step that the one before it must be, for an order to be told from both
 
 

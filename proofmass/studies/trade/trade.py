@@ -22,6 +22,7 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.reference import compiled
 from proofmass.strict import Kind
+from proofmass.studies import LONGEST
 from proofmass.studies.measure import Task
 from proofmass.studies.record import NAN, Row, write_table
 from proofmass.studies.run import pool, run
@@ -35,8 +36,7 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import ended, reached, worsened
 from proofmass.wording import number
 
-BUDGET = 2.0  # s, of one run, for engines that take much longer than usual
-LONGEST = 30.0  # s, after which a run is given up
+USUAL = 2.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
 Progress = Callable[[str, int, int], None]
 Place = tuple[int, int]  # of a lane, and of a setting on its line
@@ -108,7 +108,7 @@ class Lane:
 
 
 def trade(cases: Iterable[Case], store: Store, workers: Executor | None = None,
-          kind: Kind | None = None, *, budget: float = BUDGET, longest: float = LONGEST,
+          kind: Kind | None = None, *, budget: float = USUAL, longest: float = LONGEST,
           repeats: int = REPEATS, progress: Progress = lambda *_: None) -> Trade:
     """Measure what accuracy costs.
 
@@ -286,7 +286,7 @@ def as_rounding(row: Row, kind: str, away: Mapping[str, float]) -> tuple[str, st
                       f"its error is {number(error, 2)}")
 
 
-def limits(longest: float, budget: float = BUDGET) -> str:
+def limits(longest: float, budget: float = USUAL) -> str:
     """What a study goes no further than, in words."""
     return (f"Limits: a line of settings ends at {number(WORK)} evaluations of forces, after a run "
             f"of more than {number(budget)} s, or where nothing falls any more; a run is given up "
