@@ -25,13 +25,13 @@ from proofmass.case import Case, load_case
 from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.command import measured, turnable
 from proofmass.studies.record import Row
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
+from proofmass.studies.trade.trade_command import measured, turnable
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import brief
 from proofmass.wording import number, spoken

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from proofmass.report.stress_page import NEAR, THEORY, subject
 from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.page import NEAR, THEORY, subject
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, spoken
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
-from proofmass.report.diet_page import LOOKS, diet_sheet, write_diet
 from proofmass.report.figures import save
 from proofmass.report.style import RC
+from proofmass.studies.diet.command import finish
 from proofmass.studies.diet.diet import ROUNDS, Kept, Search
-from proofmass.studies.diet.diet_command import finish
+from proofmass.studies.diet.page import LOOKS, diet_sheet, write_diet
 from proofmass.studies.diet.scene import scene_of
 from proofmass.studies.diet.table import SAID, WHOLE, Entry, ranked, read_entries, sentences
 from proofmass.studies.measure import machine

@@ -16,15 +16,15 @@ from matplotlib import rc_context
 from benchmarks import ROOT, command, folders
 from proofmass.case import load_case
 from proofmass.report.figures import save
-from proofmass.report.stress_page import NEAR, stress_sheet
 from proofmass.report.style import RC
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.page import NEAR, stress_sheet
 from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.stress import kept, stress, write_boundaries
-from proofmass.studies.stress.stress_command import reached
 from proofmass.wording import number
 
 CASES = ("fourbar", "slider_crank", "double_rocker", "change_point", "fivebar", "pendulum",

@@ -95,11 +95,12 @@ def report_command(
 
     Exit codes as for check.
     """
-    from proofmass.report import write_report, written  # matplotlib is slow to load
+    from proofmass.report import write_report  # matplotlib is slow to load
+    from proofmass.studies.pages import write_study_pages
 
     with answering(f"{output} is not complete"), errors.status("drawing studies"):
         output.mkdir(parents=True, exist_ok=True)
-        studies = written(study or [], output)
+        studies = write_study_pages(study or [], output)
     result = examine(paths, jobs)
     show(result)  # before anything is written: what was found out is not lost with a full disk
     with answering(f"{output} is not complete"), errors.status("drawing"):
@@ -198,7 +199,7 @@ def trade_command(
     Every finished run is kept: a study that was stopped goes on when the command is given again.
     Exit code 0: done; 1: nothing ran; 2: bad input.
     """
-    from proofmass.studies.command import run_trade
+    from proofmass.studies.trade.trade_command import run_trade
 
     run_trade(paths, output, jobs, dask, longest, cast("Kind | None", run and run.value),
               error.value)
@@ -233,7 +234,7 @@ def diet_command(
     or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
     goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
-    from proofmass.studies.diet.diet_command import run_diet
+    from proofmass.studies.diet.command import run_diet
 
     run_diet(model, output, seconds, watch, error, keep_options, blind, jobs, dask)
 
@@ -291,6 +292,6 @@ def stress_command(
     the limits that theory knows beside the measured ones. Every run is kept: a study that was
     stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
-    from proofmass.studies.stress.stress_command import run_stress
+    from proofmass.studies.stress.command import run_stress
 
     run_stress(paths, output, jobs, dask, only)

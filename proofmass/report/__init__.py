@@ -1,12 +1,11 @@
 """The report: self-contained pages that say in one line what agrees, and why the rest does not.
 
-`write_report`, and `written` for studies, is all that the rest of the project needs.  `words` holds
+`write_report` is all that the rest of the project needs.  `words` holds
 the sentences and the numbers, `tables` the rows, `figures` the curves, `paths` and `mechanism` what
 moves in the plane; `drawing` draws them (SVG and PNG), `pages` puts them into `templates/`.
 """
 
 from proofmass.report.pages import write_report
-from proofmass.report.studies import written
 from proofmass.report.words import headline
 
-__all__ = ["headline", "write_report", "written"]
+__all__ = ["headline", "write_report"]

@@ -65,7 +65,7 @@ def write_report(result: Result, folder: Path | str,
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each case.
     studies : sequence of Study
-        That the pages lead to; see `proofmass.report.studies.written`.
+        That the pages lead to; see `proofmass.studies.pages.write_study_pages`.
 
     Returns
     -------

@@ -1,12 +1,12 @@
-"""What a compiled MJCF offers by name, its channels' units, and how large and heavy it is."""
+"""What a compiled MJCF holds: names, units of channels, anchors of loops, size and mass."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 
-from proofmass.sim.mujoco.model import gear_of_force, joint_of
+from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel, Rod
 
 KEPT = 64  # models whose sizes are remembered
@@ -109,3 +109,80 @@ def size(model: mujoco.MjModel, key: str) -> float:
 def mass(model: mujoco.MjModel) -> float:
     """Mass of all that moves [kg]."""
     return float(model.body_mass[model.body_weldid != 0].sum())
+
+
+def may_touch(model: mujoco.MjModel) -> bool:
+    """Whether contacts may arise: of geoms of two bodies, or of a pair that the model names."""
+    off = mujoco.mjtDisableBit
+    if model.opt.disableflags & int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
+        return False
+    touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
+    return bool(model.npair or np.unique(touchable).size > 1)
+
+
+def rubs(model: mujoco.MjModel) -> bool:
+    """Whether joints or tendons have dry friction."""
+    off = mujoco.mjtDisableBit
+    return not model.opt.disableflags & int(off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT) and (
+        bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any()))
+
+
+def joint_of(model: mujoco.MjModel, actuator: int) -> int:
+    """The joint that an actuator acts on, or -1."""
+    on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    found = int(model.actuator_trntype[actuator]) in on_joint
+    return int(model.actuator_trnid[actuator, 0]) if found else -1
+
+
+def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
+    """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
+    return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
+
+
+def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
+    """Gear of the actuator of a joint, by which its force is multiplied to act on the joint.
+
+    Raises
+    ------
+    BadModel
+        It is 0, so that the joint's moment is no force of the actuator.
+    """
+    if not (gear := float(gear_of(model, actuator)[0])):
+        raise BadModel(f"the gear of actuator {model.actuator(actuator).name!r} is 0 in the MJCF, "
+                       f"so that its force does not act on its joint; give another, such as 1")
+    return gear
+
+
+def connects(model: mujoco.MjModel) -> list[int]:
+    """Numbers of the ``connect`` equalities that are active at the start."""
+    kind = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT
+    return np.flatnonzero(kind & model.eq_active0.astype(bool)).tolist()
+
+
+def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[Array, Array]:
+    """World position of the two points that ``connect`` number i holds together.
+
+    `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
+    """
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
+        return one, two
+    one, two = (
+        pose["xpos"][..., b, :] + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(
+            pose["xpos"][..., b, :].shape)
+        for b, p in ((model.eq_obj1id[i], model.eq_data[i, 0:3]),
+                     (model.eq_obj2id[i], model.eq_data[i, 3:6])))
+    return one, two
+
+
+def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
+    """Bodies that the two points of ``connect`` number i belong to."""
+    pair = model.eq_obj1id[i], model.eq_obj2id[i]
+    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+        return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
+    return int(pair[0]), int(pair[1])
+
+
+def pose_of(data: mujoco.MjData) -> dict[str, Array]:
+    """The present pose, as `anchors` wants it."""
+    return {"site_xpos": data.site_xpos, "xpos": data.xpos, "xmat": data.xmat}

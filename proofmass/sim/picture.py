@@ -15,8 +15,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import anchor_bodies, anchors, connects, pose_of
 from proofmass.sim.mujoco.equilibrium import linkage_of
-from proofmass.sim.mujoco.model import anchor_bodies, anchors, connects, load, pose_of
+from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
 from proofmass.sim.rods import chain, joints_of

@@ -10,9 +10,8 @@ from typer.testing import CliRunner
 
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.report import written
-from proofmass.report.diet_page import SMALL, diet_sheet, write_diet
 from proofmass.report.style import RC
+from proofmass.studies.diet.page import SMALL, diet_sheet, write_diet
 from proofmass.studies.diet.table import (
     OPTION,
     SAID,
@@ -23,6 +22,7 @@ from proofmass.studies.diet.table import (
     write_entries,
 )
 from proofmass.studies.diet.trial import Cost
+from proofmass.studies.pages import write_study_pages
 from proofmass.studies.stress.boundary import Boundary, Limit
 from proofmass.studies.stress.stress import write_boundaries
 from proofmass.studies.trade.trade import Trade, write_study
@@ -164,7 +164,7 @@ def test_a_report_without_studies_does_not_speak_of_them(tmp_path: Path) -> None
 def test_folders_that_are_wrong_are_said(studies: list[Path], tmp_path: Path, twice: bool,
                                          words: str) -> None:
     with pytest.raises(InputError, match=words):
-        written([studies[2]] * 2 if twice else [tmp_path], tmp_path / "report")
+        write_study_pages([studies[2]] * 2 if twice else [tmp_path], tmp_path / "report")
     answer = CliRunner().invoke(app, ["report", "--study", str(tmp_path), "-o", str(tmp_path)])
     assert answer.exit_code == 2
     assert "no study is there" in answer.output

@@ -12,7 +12,8 @@ from matplotlib.text import Annotation
 
 from proofmass.errors import InputError
 from proofmass.report.style import KNOWN, RC
-from proofmass.report.trade_page import (
+from proofmass.studies.record import Row
+from proofmass.studies.trade.page import (
     FRONT,
     dressed,
     planned,
@@ -21,7 +22,6 @@ from proofmass.report.trade_page import (
     turn_sheet,
     write_trade,
 )
-from proofmass.studies.record import Row
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import Verdict, front
 from tests.studies.trade.trade_rows import line, study, verdict

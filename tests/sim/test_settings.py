@@ -6,8 +6,8 @@ import pytest
 
 from proofmass.case import load_case
 from proofmass.check import check
+from proofmass.sim.contents import may_touch, rubs
 from proofmass.sim.mujoco.engine import check_settings as mujoco_settings
-from proofmass.sim.mujoco.model import may_touch, rubs
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepped_with
 from proofmass.sim.protocol import BadSetting
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings

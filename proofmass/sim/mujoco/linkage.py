@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.model import anchor_bodies, anchors, loop_gap, pose_of
+from proofmass.sim.contents import anchor_bodies, anchors, pose_of
+from proofmass.sim.mujoco.model import loop_gap
 from proofmass.sim.protocol import BadModel, Unsupported
 
 EQ = mujoco.mjtEq

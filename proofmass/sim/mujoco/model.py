@@ -1,12 +1,12 @@
 """Loading a MuJoCo model and reading its sensors; shared by all kinds of runs."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import anchors, connects, joint_of, pose_of
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.plane import find_plane
@@ -60,22 +60,6 @@ def key_of(model: mujoco.MjModel, run: Run) -> int:
     return named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
 
 
-def may_touch(model: mujoco.MjModel) -> bool:
-    """Whether contacts may arise: of geoms of two bodies, or of a pair that the model names."""
-    off = mujoco.mjtDisableBit
-    if model.opt.disableflags & int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
-        return False
-    touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
-    return bool(model.npair or np.unique(touchable).size > 1)
-
-
-def rubs(model: mujoco.MjModel) -> bool:
-    """Whether joints or tendons have dry friction."""
-    off = mujoco.mjtDisableBit
-    return not model.opt.disableflags & int(off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT) and (
-        bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any()))
-
-
 def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
     """The id of a named element, or an error that lists the names there are."""
     index = mujoco.mj_name2id(model, kind, name)
@@ -85,32 +69,6 @@ def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
         there = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
         raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, there))}")
     return index
-
-
-def joint_of(model: mujoco.MjModel, actuator: int) -> int:
-    """The joint that an actuator acts on, or -1."""
-    on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-    found = int(model.actuator_trntype[actuator]) in on_joint
-    return int(model.actuator_trnid[actuator, 0]) if found else -1
-
-
-def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
-    """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
-    return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
-
-
-def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
-    """Gear of the actuator of a joint, by which its force is multiplied to act on the joint.
-
-    Raises
-    ------
-    BadModel
-        It is 0, so that the joint's moment is no force of the actuator.
-    """
-    if not (gear := float(gear_of(model, actuator)[0])):
-        raise BadModel(f"the gear of actuator {model.actuator(actuator).name!r} is 0 in the MJCF, "
-                       f"so that its force does not act on its joint; give another, such as 1")
-    return gear
 
 
 def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
@@ -125,41 +83,6 @@ def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
             first = name(int(np.flatnonzero(values)[0]))
             raise Unsupported(f"frictionloss of {word} {first!r} in a {kind}: at rest dry friction "
                               f"is not determined")
-
-
-def connects(model: mujoco.MjModel) -> list[int]:
-    """Numbers of the ``connect`` equalities that are active at the start."""
-    kind = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT
-    return np.flatnonzero(kind & model.eq_active0.astype(bool)).tolist()
-
-
-def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[Array, Array]:
-    """World position of the two points that ``connect`` number i holds together.
-
-    `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
-    """
-    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
-        one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
-        return one, two
-    one, two = (
-        pose["xpos"][..., b, :] + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(
-            pose["xpos"][..., b, :].shape)
-        for b, p in ((model.eq_obj1id[i], model.eq_data[i, 0:3]),
-                     (model.eq_obj2id[i], model.eq_data[i, 3:6])))
-    return one, two
-
-
-def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
-    """Bodies that the two points of ``connect`` number i belong to."""
-    pair = model.eq_obj1id[i], model.eq_obj2id[i]
-    if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
-        return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
-    return int(pair[0]), int(pair[1])
-
-
-def pose_of(data: mujoco.MjData) -> dict[str, Array]:
-    """The present pose, as `anchors` wants it."""
-    return {"site_xpos": data.site_xpos, "xpos": data.xpos, "xmat": data.xmat}
 
 
 def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:

@@ -14,10 +14,11 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import joint_of
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL, start
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, is_acceleration, joint_of, load
+from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
 from proofmass.sim.mujoco.sensors import withhold_drives
 from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
 from proofmass.sim.program_text import TEMPLATES, escaped

@@ -3,8 +3,9 @@
 import mujoco
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import gear_of_force, joint_of
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, gear_of_force, is_acceleration, joint_of
+from proofmass.sim.mujoco.model import Recorder, is_acceleration
 
 S = mujoco.mjtSensor
 MOMENTS = (int(S.mjSENS_ACTUATORFRC), int(S.mjSENS_JOINTACTFRC))

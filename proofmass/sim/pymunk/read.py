@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.model import gear_of_force, joint_of
+from proofmass.sim.contents import gear_of_force, joint_of
 from proofmass.sim.plane import Plane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, turned

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.model import gear_of, joint_of
+from proofmass.sim.contents import gear_of, joint_of
 from proofmass.sim.plane import PARALLEL, Plane, find_plane
 from proofmass.sim.protocol import BadModel, Unsupported
 from proofmass.sim.pymunk.links import HAIR, Hold, Joint, Links, Pull

@@ -10,7 +10,7 @@ from math import log
 
 from proofmass.case import Case
 from proofmass.reference import compiled, grid
-from proofmass.sim.mujoco.model import may_touch, rubs
+from proofmass.sim.contents import may_touch, rubs
 from proofmass.sim.pymunk.engine import CHIPMUNK_BIAS
 from proofmass.strict import Kind
 from proofmass.studies.record import Knob, Setting

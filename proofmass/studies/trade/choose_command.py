@@ -13,7 +13,7 @@ from proofmass.command import answering, counting, errors
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.strict import Kind
-from proofmass.studies.command import measured, named, seconds, turnable
+from proofmass.studies.command import named, seconds
 from proofmass.studies.record import Row
 from proofmass.studies.run import pool
 from proofmass.studies.run import run as run_tasks
@@ -24,6 +24,7 @@ from proofmass.studies.trade.program import imposed, program
 from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
 from proofmass.studies.trade.series import Limits, known
 from proofmass.studies.trade.trade import chosen
+from proofmass.studies.trade.trade_command import measured, turnable
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
 

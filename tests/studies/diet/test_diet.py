@@ -259,7 +259,7 @@ def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, mo
         answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])
         assert answer.exit_code == 0, answer.output
         monkeypatch.setattr(Search, "ran", None)  # the second time nothing is run again
-        monkeypatch.setattr("proofmass.studies.diet.diet_command.finish", lambda *_: None)
+        monkeypatch.setattr("proofmass.studies.diet.command.finish", lambda *_: None)
     assert "sun" not in slim.read_text()
     assert not list(slim.parent.glob("*.part*"))
     rows = list(csv.DictReader(slim.with_suffix(".csv").read_text().splitlines()))

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from proofmass.cli import app
 from proofmass.isolate import TimedOut
-from proofmass.report.stress_page import stress_sheet, write_stress
 from proofmass.sim.mjcf import compile_model
 from proofmass.studies import variants
 from proofmass.studies.measure import observe
@@ -21,6 +20,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress import near_singular
 from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect
 from proofmass.studies.stress.extremes import extremes, resized, sizes
+from proofmass.studies.stress.page import stress_sheet, write_stress
 from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
 from proofmass.studies.stress.ways import longer
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from proofmass.errors import InputError
-from proofmass.report.diet_page import write_diet
-from proofmass.report.stress_page import write_stress
 from proofmass.report.study import Study, Written
-from proofmass.report.trade_page import write_trade
+from proofmass.studies.diet.page import write_diet
+from proofmass.studies.stress.page import write_stress
+from proofmass.studies.trade.page import write_trade
 
 Write = Callable[[Path, Path, str], Written]
 HOME = "../index.html"
@@ -35,7 +35,7 @@ KINDS = (
 )
 
 
-def written(folders: Iterable[Path], output: Path) -> list[Study]:
+def write_study_pages(folders: Iterable[Path], output: Path) -> list[Study]:
     """Write the pages of studies below a report, from their tables.
 
     Raises

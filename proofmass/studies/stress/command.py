@@ -20,7 +20,7 @@ def run_stress(paths: list[Path] | None, output: Path, jobs: int | None, dask: s
                only: str) -> None:
     """What ``proofmass stress`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the runs"):
-        from proofmass.report.stress_page import write_stress  # matplotlib is slow to load
+        from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
 
         found = measured(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")

@@ -31,7 +31,7 @@ def run_diet(model: Path, output: Path | None, seconds: float, watch: list[str] 
              error: float | None, keep_options: bool, blind: bool, jobs: int | None,
              dask: str | None) -> None:
     """What ``proofmass diet`` does; `proofmass.cli` says what it is given."""
-    from proofmass.report.diet_page import write_diet  # matplotlib is slow to load
+    from proofmass.studies.diet.page import write_diet  # matplotlib is slow to load
 
     file = output or Path("diet") / model.name
     with answering("what was tried is kept"):

@@ -1,0 +1,92 @@
+"""``proofmass trade``: what accuracy costs, and what limits it."""
+
+from itertools import groupby
+from pathlib import Path
+
+import typer
+from rich.table import Table
+
+from proofmass.case import Case
+from proofmass.command import answering, counting, errors
+from proofmass.strict import Kind
+from proofmass.studies import LONGEST
+from proofmass.studies.command import named, seconds
+from proofmass.studies.run import pool
+from proofmass.studies.store import Store
+from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.orders import off
+from proofmass.studies.trade.trade import Trade, chosen, cost, limits, trade, write_study
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.words import turned
+from proofmass.terminal import console, number
+
+WANTED = (1e-4, 1e-6)  # errors whose price the table tells
+SAID = "what the error floor is, or how far the line came"
+
+
+def run_trade(paths: list[Path], output: Path, jobs: int | None, dask: str | None, longest: float,
+              kind: Kind | None, error: str) -> None:
+    """What ``proofmass trade`` does; `proofmass.cli` says what it is given."""
+    with answering(f"{output} keeps the runs"):
+        from proofmass.studies.trade.page import write_trade  # matplotlib is slow to load
+
+        if not (cases := [case for case in named(paths) if turnable(case, kind)]):
+            raise typer.Exit(0)
+        study = measured(cases, output, jobs, dask, kind, seconds("--longest", longest))
+        write_study(study, output)
+        show(study, error)
+        errors.print(limits(longest), markup=False, highlight=False)
+        print(write_trade(output, output).first if study.rows else output / "trade.csv")
+    raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
+
+
+def turnable(case: Case, kind: Kind | None) -> bool:
+    """Whether there is something to turn in a case; says so if not."""
+    which = chosen(case, kind)
+    if lines(case, which):
+        return True
+    errors.print(f"{case.name}: nothing to trade in its {which}, which both engines solve to "
+                 f"rounding")
+    return False
+
+
+def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None,
+             kind: Kind | None, longest: float = LONGEST) -> Trade:
+    """`trade` with a progress bar on standard error, which tells what chaotic motions are."""
+    with pool(jobs, dask) as workers, counting(letters=40) as advance:
+        study = trade(cases, Store(folder / "runs"), workers, kind, longest=longest,
+                      progress=advance)
+    for case, motion in {v.case: v.motion for v in study.verdicts if v.motion}.items():
+        errors.print(f"{case}: {motion}", markup=False, highlight=False)
+    return study
+
+
+def show(study: Trade, kind: str) -> None:
+    """A table with one row for each line, on standard output."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("case", "line", "order", "expected", "error floor", "best",
+                 *(f"s for {error:g}" for error in WANTED), SAID):
+        right = name not in ("case", "line", SAID)
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    told = {(v.case, v.line): v for v in study.verdicts if v.kind == kind}
+    last = ""
+    for (case, line), rows in groupby(study.rows, lambda row: (row.case, row.line)):
+        own = list(rows)
+        figures = [number(cost(own, kind, error)) for error in WANTED]
+        best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
+        verdict = told.get((case, line), Verdict(case, "", "", line, kind))
+        lost = next((f"{turned(row)}: {row.outcome}: {row.message}" for row in own
+                     if row.outcome != "ran"), "")
+        table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.floor),
+                      number(best), *figures, "; ".join(filter(None, (
+                          verdict.cause, verdict.reached, verdict.worse, lost))))
+        last = case
+    if table.row_count:
+        console().print(table)
+
+
+def spoken(verdict: Verdict) -> tuple[str, str]:
+    """Orders, the observed one with a mark if theory expects another."""
+    seen, wanted = verdict.observed, verdict.expected
+    return (f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",
+            f"{wanted:g}" if wanted == wanted else "–")
