@@ -1,7 +1,7 @@
 """Limits of MuJoCo, measured with MuJoCo and NumPy alone.
 
-    python -I tests/bare/with_mujoco.py                       # all of them, as JSON
-    python -I tests/bare/with_mujoco.py "pendulum, Euler"     # one
+    python -I tests/studies/stress/bare/with_mujoco.py                       # all of them, as JSON
+    python -I tests/studies/stress/bare/with_mujoco.py "pendulum, Euler"     # one
 
 Nothing of proofmass is imported: what `proofmass stress` says of MuJoCo must hold here as well.
 The mechanisms are the files in `models/linkages/`; springs are written here.  A run is lost when

@@ -1,7 +1,7 @@
 """Limits of Chipmunk, measured with pymunk and NumPy alone; see `with_mujoco.py` beside it.
 
-    python -I tests/bare/with_pymunk.py                     # all of them, as JSON
-    python -I tests/bare/with_pymunk.py "pendulum, step"    # one
+    python -I tests/studies/stress/bare/with_pymunk.py                     # all of them, as JSON
+    python -I tests/studies/stress/bare/with_pymunk.py "pendulum, step"    # one
 
 All mechanisms are built by hand.  Chipmunk moves positions with the velocity of the step before, so
 that a run that is known begins one step before its start, with the velocity that leads there.
