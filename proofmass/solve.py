@@ -125,7 +125,7 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     ----------
     case : Case
         The sidecar.
-    kind : {"sweep", "duration", "rest"}
+    kind : "sweep", "duration" or "rest"
         Which of its runs.
     solver : str
         Engine, or ``engine:variant``.
