@@ -120,7 +120,10 @@ def test_references_and_their_parameters() -> None:
 def test_functions_that_a_sidecar_can_name() -> None:
     there = rows(section(page("sidecar"), "References").split("Further functions")[1])
     for name, module in REFERENCES.items():
-        functions = dict(inspect.getmembers(importlib.import_module(module), inspect.isfunction))
+        own = importlib.import_module(module)
+        functions = {key: function for key, function in
+                     inspect.getmembers(own, inspect.isfunction)
+                     if key in getattr(own, "__all__", dir(own))}
         charts = [key for key, function in functions.items()
                   if inspect.signature(function).return_annotation is Chart]
         laws, marks, draw = (re.findall(r"`(\w+)`", cell)

@@ -29,7 +29,7 @@ NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 def test_committed_files_are_what_the_template_gives(name, tmp_path):
     DESIGNS[name].write(tmp_path, name)
     for ending in (".xml", ".toml"):
-        committed = shipped(name).with_suffix(ending).read_text()
+        committed = shipped(f"{name}{ending}").read_text()
         written = (tmp_path / name).with_suffix(ending).read_text()
         assert NUMBER.split(written) == NUMBER.split(committed)
         # another processor has other sines: rounding of a start pose's sums of up to four links

@@ -13,6 +13,7 @@ from proofmass.studies import store as stores
 from proofmass.studies.measure import Found, Task
 from proofmass.studies.record import COLUMNS, NAN, Row, Setting, read_table, table, write_table
 from proofmass.studies.store import Store, key_of
+from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 
 TASK = tasks()[0]
@@ -130,7 +131,7 @@ def test_keys_tell_recorded_curves_apart(models):
 
 
 def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
-    task = Task(load_case(TASK.case.file.parent / "rod_cantilever.toml"), "rest",
+    task = Task(load_case(shipped("rod_cantilever.toml")), "rest",
                 Setting("mujoco", {"segments": 10}))
     assert key_of(task) != key_of(replace(task, setting=task.setting.but(segments=20)))
     with pytest.raises(InputError, match="segments"):
