@@ -26,7 +26,8 @@ TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to w
 class Case(Strict):
     """One sidecar.  `file` is where it was read; everything else stands in it.
 
-    `unchecked` says that nothing of the case is checked, on purpose.
+    `unchecked` says that nothing of the case is checked, on purpose.  `unmatched` are sensors that
+    are not listed and have the name of no quantity.
     """
 
     file: Path
@@ -47,6 +48,7 @@ class Case(Strict):
     beside: dict[str, Beside] = Field({})
     refine: Refine | None = None
     unchecked: bool = False
+    unmatched: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -57,6 +59,11 @@ class Case(Strict):
     def model_path(self) -> Path:
         """The MJCF file."""
         return self.file.parent / self.model
+
+    def require_model(self) -> None:
+        """Raise InputError if there is no such file."""
+        if not self.model_path.is_file():
+            raise InputError(self.file, "model", f"no file {self.model!r} beside the sidecar")
 
     @property
     def rods(self) -> tuple[Rod, ...]:
@@ -228,10 +235,14 @@ def load_case(file: Path | str) -> Case:
     InputError
         Unreadable, an unknown key, a missing key, a tolerance without a reason, ...
     """
+    from proofmass.defaults import (
+        fill_defaults,  # which looks at the model and the reference of a case
+    )
+
     file = Path(file)
     try:
-        table = tomllib.loads(read_text(file))
-        case = Case(**{"model": file.stem + ".xml", **table, "file": file})
+        table = {"model": file.stem + ".xml", **tomllib.loads(read_text(file)), "unmatched": ()}
+        case = Case(**{**fill_defaults(table, file), "file": file})
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
@@ -241,6 +252,5 @@ def load_case(file: Path | str) -> Case:
         raise InputError(file, "", "its tables or arrays are nested too deeply") from None
     except (ValueError, OverflowError) as error:
         raise InputError(file, "", f"not TOML: {error}") from None
-    if not case.model_path.is_file():
-        raise InputError(file, "model", f"no file {case.model!r} beside the sidecar")
+    case.require_model()
     return case

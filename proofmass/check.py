@@ -129,7 +129,7 @@ def require_different_names(cases: Iterable[Case]) -> None:
 
 
 def read(path: Path) -> Case:
-    """Read a sidecar in another process; its model and its reference are not looked at.
+    """Read a sidecar in another process, with its model and reference if it leaves channels out.
 
     Raises
     ------
@@ -250,6 +250,7 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
     """
     given = tuple(map(Path, paths))
     result = Result(paths=given)
+    result = Result(paths=tuple(map(Path, paths)))
     with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         try:
             tasks = planned(collect(given, result.errors), result, pool)

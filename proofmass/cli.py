@@ -1,4 +1,4 @@
-"""The command line: check, report, list, design, trade, choose, stress, diet.
+"""The command line: check, report, list, show, design, trade, choose, stress, diet.
 
 Commands import what they need when they are called, so that help and errors of options come at
 once.
@@ -295,3 +295,26 @@ def stress_command(
     from proofmass.studies.stress.command import run_stress
 
     run_stress(paths, output, jobs, dask, only)
+
+
+@app.command("show")
+def show_command(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
+) -> None:
+    """Print the sidecar of a case with all that it leaves to defaults.
+
+    The text is a sidecar of the same case. Nothing is run. Exit code 0, or 2: bad input.
+    """
+    from proofmass.check import find, read
+    from proofmass.show import as_toml
+    from proofmass.terminal import not_checked
+
+    with answering("nothing is kept"):
+        file, = find([path]) if path.is_file() else [path]
+        if file.suffix != ".toml":
+            raise InputError(path, "", "give the sidecar of one case, such as "
+                             "models/linkages/fourbar.toml")
+        case = read(file)
+        print(as_toml(case), end="")
+        if case.unmatched:
+            errors.print(not_checked(case))

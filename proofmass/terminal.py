@@ -110,7 +110,7 @@ def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
 
 def failures(result: Result) -> Iterator[Text]:
     """A line for each run that failed, by its worst channel, and for each case in which nothing was
-    checked; and the counts of all outcomes.
+    checked; sensors that no quantity is found for; and the counts of all outcomes.
     """
     for (case, run, solver), rows in groupby(result.comparisons,
                                              lambda c: (c.case, c.run, c.solver)):
@@ -125,6 +125,9 @@ def failures(result: Result) -> Iterator[Text]:
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
+    for case in result.cases:
+        if case.unmatched:
+            yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
     counts = {o: sum(c.outcome == o for c in result.comparisons)
               for o in dict.fromkeys(c.outcome for c in result.comparisons)}
     words = [f"{n} {o}" for o, n in counts.items()]
@@ -132,6 +135,12 @@ def failures(result: Result) -> Iterator[Text]:
         words.append(f"{len(result.unchecked)} case(s) without any check")
     yield Text(", ".join(words) or "nothing to check",
                style="bold" if result.exit_code == 0 else "bold red")
+
+
+def not_checked(case: Case) -> str:
+    """What is said of the sensors that a case does not check."""
+    return (f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
+            f"has their names, and the sidecar does not list them")
 
 
 def case_table(cases: list[Case], lone: list[Path], paths: list[Path]) -> Table:

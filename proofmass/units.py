@@ -17,6 +17,9 @@ PLAIN = {  # with the powers of length, mass, time and angle in them
     "1": (0, 0, 0, 0), "m": (1, 0, 0, 0), "kg": (0, 1, 0, 0), "s": (0, 0, 1, 0),
     "rad": (0, 0, 0, 1), "m/s": (1, 0, -1, 0), "rad/s": (0, 0, -1, 1), "m/s^2": (1, 0, -2, 0),
     "rad/s^2": (0, 0, -2, 1), "N": (1, 1, -2, 0), "N m": (2, 1, -2, 0), "J": (2, 1, -2, 0)}
+KINDS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"),
+         "acceleration": ("rad/s^2", "m/s^2")}
+"""Kinds of motion, by their SI units."""
 WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")  # SI words that stay as they are written
 EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
 

@@ -50,17 +50,28 @@ def check_model(case: Case, model: MjModel) -> None:
             raise InputError(case.file, case.drive_key(k, "joint"), f"{case.model} has no joint "
                              f"{drive.joint!r}; {suggest(drive.joint, joints(model))}")
     for name, channel in case.channels.items():
-        try:
-            delivered = channel_unit(model, name, case.rods)
-        except KeyError as error:
-            there = [*sensors(model), *case.rod]
-            raise InputError(case.file, f"channels.{name}", f"{case.model} has no sensor "
-                             f"{error.args[0]!r}; {suggest(error.args[0], there)}") from None
-        except BadModel as error:
-            raise InputError(case.file, f"channels.{name}", str(error)) from None
+        delivered = delivered_unit(case, model, name)
         if delivered is not None and not same_quantity(channel.unit, delivered):
             raise InputError(case.file, f"channels.{name}.unit", f"{channel.unit!r} measures "
                              f"another quantity than the sensor, which delivers {delivered}")
+
+
+def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
+    """The SI unit of what the sensor of a channel delivers; None where the model leaves it open.
+
+    Raises
+    ------
+    InputError
+        The model has no such sensor, or the sensor no such part.
+    """
+    try:
+        return channel_unit(model, name, case.rods)
+    except KeyError as error:
+        there = [*sensors(model), *case.rod]
+        raise InputError(case.file, f"channels.{name}", f"{case.model} has no sensor "
+                         f"{error.args[0]!r}; {suggest(error.args[0], there)}") from None
+    except BadModel as error:
+        raise InputError(case.file, f"channels.{name}", str(error)) from None
 
 
 def first_samples(case: Case, run: Run) -> Curves:

@@ -15,7 +15,7 @@ from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.stand import Stand
-from tests.shipped import MODELS, models_like
+from tests.shipped import MODELS, models_like, written_out
 
 pytest_plugins = ["pytester"]
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
@@ -40,11 +40,17 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture
 def models(tmp_path: Path) -> Path:
-    """A copy of all files below `models/`, in one folder, that a test may change."""
+    """A copy of all files below `models/`, in one folder, that a test may change.
+
+    The sidecars leave nothing to defaults, so that a test can change any line.
+    """
     folder = tmp_path / "models"
     folder.mkdir()
     for file in models_like("*.*"):
-        shutil.copyfile(file, folder / file.name)
+        if file.suffix == ".toml":
+            (folder / file.name).write_text(written_out(file), encoding="utf-8")
+        else:
+            shutil.copyfile(file, folder / file.name)
     return folder
 
 

@@ -1,6 +1,11 @@
 """The files of `models/` by their names, which are unique: a test need not know their folders."""
 
+import re
+from functools import cache
 from pathlib import Path
+
+from proofmass.case import load_case
+from proofmass.show import as_toml
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -14,3 +19,14 @@ def shipped(name: str) -> Path:
 def models_like(pattern: str = "*.toml") -> list[Path]:
     """The files below `models/` whose names match, sorted by name."""
     return sorted(MODELS.rglob(pattern), key=lambda file: file.name)
+
+
+@cache
+def written_out(file: Path) -> str:
+    """The text of a sidecar with all that it leaves to defaults behind its own lines, to edit."""
+    text = file.read_text(encoding="utf-8")
+    if re.search(r"equals = .*unit = ", text):
+        return text
+    head = re.split(r"(?m)^\[(?:run|channels)\]", re.sub(r"(?m)^accuracy\..*\n", "", text))[0]
+    filled = as_toml(load_case(file), every=False)
+    return f"{head.rstrip()}\n\n{filled[filled.index('[run.'):]}"

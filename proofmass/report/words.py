@@ -9,11 +9,9 @@ from proofmass.compare import OPEN, Comparison
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
-from proofmass.units import si_unit
+from proofmass.units import KINDS, si_unit
 from proofmass.wording import listed, number, spoken
 
-KINDS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s"),
-         "acceleration": ("m/s^2", "rad/s^2")}
 LOST = ("diverged", "crashed", "timed out", "out of memory")
 SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
            "diverged": "⚠", "crashed": "⚠", "timed out": "⚠", "out of memory": "⚠"}

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.plane import PARALLEL, find_plane
+from proofmass.sim.protocol import BadModel, Rod, Unsupported
 
 KEPT = 64  # models whose sizes are remembered
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -43,6 +44,44 @@ def keys(model: mujoco.MjModel) -> list[str]:
 def sensors(model: mujoco.MjModel) -> list[str]:
     """The names of the sensors."""
     return [model.sensor(s).name for s in range(model.nsensor)]
+
+
+def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
+    """The channels of each sensor that tell of a motion in the plane of a planar mechanism.
+
+    Of an x axis that is its angle, of a linear vector the parts in the plane, if that is one of two
+    axes of the world, and of an angular vector the part normal to it.
+    """
+    found, across = {}, normal_part(model, key)
+    for s, name in enumerate(sensors(model)):
+        kind = S(int(model.sensor_type[s]))
+        if kind == S.mjSENS_FRAMEXAXIS:
+            found[name] = [f"{name}.angle"]
+        elif model.sensor_dim[s] == 3:
+            parts = {"linear": "xyz".replace(across, ""), "angular": across or "xyz"}
+            turns = UNITS.get(kind, "").startswith("rad")
+            found[name] = [f"{name}.{part}" for part in parts["angular" if turns else "linear"]]
+        else:
+            found[name] = [name] if model.sensor_dim[s] == 1 else []
+    return found
+
+
+def normal_part(model: mujoco.MjModel, key: str) -> str:
+    """The part of a vector that is normal to the plane of a mechanism; empty if there is none."""
+    data = mujoco.MjData(model)
+    if key in keys(model):
+        mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
+    mujoco.mj_kinematics(model, data)
+    try:
+        normal = np.abs(find_plane(model, data).normal) if model.njnt else np.zeros(3)
+    except Unsupported:
+        return ""
+    return "xyz"[int(normal.argmax())] if normal.max() > 1 - PARALLEL else ""
+
+
+def measures_actuator(model: mujoco.MjModel, sensor: str) -> bool:
+    """Whether a sensor shows the force of an actuator, which sweeps alone have."""
+    return S(int(model.sensor_type[sensors(model).index(sensor)])) == S.mjSENS_ACTUATORFRC
 
 
 def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) -> str | None:

@@ -7,7 +7,7 @@ A simulator knows no reference and no tolerance.  It imports nothing of the core
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -20,6 +20,17 @@ Law = Callable[[Array], tuple[Array, Array, Array]]
 
 
 MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest models, 12 days
+
+
+class Limit(NamedTuple):
+    """How far an engine may be off, as a share of the reference's range, and why.
+
+    The `ACCURACY` of an engine has one for ``sweep`` (all channels), and for ``position``,
+    ``velocity`` and ``acceleration`` (channels of a duration), as far as the engine states them.
+    """
+
+    of_range: float
+    why: str
 
 
 class Unsupported(Exception):

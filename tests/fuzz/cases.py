@@ -11,7 +11,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from tests.shipped import shipped
+from tests.shipped import shipped, written_out
 
 TIMEOUT = 6.0
 """Limit of each run of a small case [s]; a run that has no fault takes 0.05 s.  The limit
@@ -47,7 +47,7 @@ ROWS = {"hacksaw_recorded": slice(300, 308)}
 @cache
 def small(name: str) -> tuple[tuple[str, bytes], ...]:
     """Files of a small case, as pairs of name and content."""
-    text = shipped(f"{OF.get(name, name)}.toml").read_text(encoding="utf-8")
+    text = written_out(shipped(f"{OF.get(name, name)}.toml"))
     for old, new in EDITS[name]:
         text = re.sub(old, new, text)
     text = re.sub(r"(?m)^(\[run\.\w+\])$", rf"\1\ntimeout = {TIMEOUT}", text)

@@ -7,6 +7,7 @@ import mujoco
 
 from proofmass.sim.mjcf import refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
+from proofmass.sim.mujoco.accuracy import ACCURACY as ACCURACY
 from proofmass.sim.mujoco.dynamics import duration, passive
 from proofmass.sim.mujoco.model import load, loop_gap
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from proofmass.sim.protocol import Curves, Run
+from proofmass.sim.pymunk.accuracy import ACCURACY as ACCURACY
 from proofmass.sim.pymunk.dynamics import duration
 from proofmass.sim.pymunk.model import CHIPMUNK_BIAS as CHIPMUNK_BIAS
 from proofmass.sim.pymunk.model import PymunkSettings, find_channels, read_model

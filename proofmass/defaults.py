@@ -1,0 +1,232 @@
+"""What a sidecar need not say: runs, samples, solvers, channels, tolerances.
+
+`fill_defaults` returns the table of a sidecar with all of them; `proofmass show` prints it.
+"""
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from proofmass.case import Case
+from proofmass.errors import InputError, suggest
+from proofmass.reference import compiled, quantities
+from proofmass.sim.contents import channel_names, measures_actuator
+from proofmass.sim.protocol import Limit
+from proofmass.solve import engine_module, engines, plan
+from proofmass.strict import Strict
+from proofmass.units import KINDS, si_unit
+from proofmass.validate import delivered_unit, first_samples
+
+SAMPLES = 361  # of a sweep or a duration: a turn in degrees
+OTHERS = "*"
+"""The key of ``[channels]`` for all sensors that are not listed."""
+ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "beside", "refine", "unchecked")
+Table = dict[str, Any]
+
+
+class Accuracy(Strict):
+    """``accuracy.ENGINE``: shares of the range instead of those that the engine states.
+
+    `sweep` is of all channels of a sweep, the others of the channels of a duration.
+    """
+
+    sweep: float | None = Field(None, gt=0)
+    position: float | None = Field(None, gt=0)
+    velocity: float | None = Field(None, gt=0)
+    acceleration: float | None = Field(None, gt=0)
+
+
+class Levels(Strict):
+    """All of ``accuracy``."""
+
+    accuracy: dict[str, Accuracy] = Field({})
+
+
+def fill_defaults(table: Table, file: Path) -> Table:
+    """The table of a sidecar with its runs, channels and tolerances filled in.
+
+    The model is compiled and the reference evaluated at two samples if the table leaves a channel
+    out.  What is wrong in the table otherwise is left to `Case`.
+
+    Raises
+    ------
+    InputError
+        A channel has no quantity or no unit; an accuracy is used by no run.
+    """
+    levels = Levels(accuracy=table.get("accuracy", {})).accuracy
+    table = {key: value for key, value in table.items() if key != "accuracy"}
+    table = fill_channels(fill_runs(table), file)
+    return fill_tolerances(table, levels, file)
+
+
+def fill_runs(table: Table) -> Table:
+    """A driven case has a sweep and a duration if it names no run; runs have all engines.
+
+    A duration has each engine's own default settings as well, which are shown and not checked.
+    """
+    runs = table.get("run", {"sweep": {}, "duration": {}} if "drive" in table else None)
+    if not isinstance(runs, dict):
+        return table
+    own = {} if is_recorded(table) else {"n": SAMPLES}
+    timed = [solver for engine in engines() for solver in (engine, f"{engine}:default")]
+    defaults: Table = {"sweep": {**own, "solvers": engines()},
+                       "duration": {**own, "solvers": timed}, "rest": {"solvers": engines()}}
+    return {**table, "run": {kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict)
+                             else run for kind, run in runs.items()}}
+
+
+def is_recorded(table: Table) -> bool:
+    """Whether the reference is a recorded curve."""
+    return str(table.get("reference", "")).endswith(".csv")
+
+
+def fill_channels(table: Table, file: Path) -> Table:
+    """Each channel has its quantity and its unit.
+
+    Sensors of which no part is listed are channels if ``[channels]`` is left out or has a ``"*"``;
+    those that match no quantity are in ``unmatched``.
+    """
+    listed = table.get("channels", {OTHERS: {}})
+    if not isinstance(listed, dict) or not all(isinstance(c, dict) for c in listed.values()):
+        return table
+    others = listed.get(OTHERS)
+    if others is None and all("equals" in c and "unit" in c for c in listed.values()):
+        return table
+    if others:
+        raise InputError(file, f'channels."{OTHERS}"', "it stands for all sensors that are not "
+                         f'listed and has no keys of its own; write "{OTHERS}" = {{}}')
+    bare = Case(**{**{key: value for key, value in table.items() if key not in ABOUT_CHANNELS},
+                   "channels": {OTHERS: {"equals": 0.0, "unit": "1"}}, "file": file})
+    bare.require_model()
+    model, known = compiled(bare), quantities_of(bare)
+    found: Table = {}
+    for name, channel in listed.items():
+        if name == OTHERS:
+            continue
+        unit = channel.get("unit") or delivered_unit(bare, model, name)
+        if unit is None:
+            raise InputError(file, f"channels.{name}.unit", "missing; the model leaves it open")
+        equals = channel.get("equals", match_quantity(name, si_or_none(unit), known))
+        if equals is None:
+            raise InputError(file, f"channels.{name}.equals", f"missing; no quantity of "
+                             f"{bare.reference} has the name of the sensor; {suggest(name, known)}")
+        found[name] = {**channel, "equals": equals, "unit": unit}
+    unmatched = list[str]()
+    sensors = channel_names(model, bare.start) if others is not None else {}
+    named = {name.partition(".")[0] for name in found}
+    for sensor in (one for one in sensors if one not in named):
+        only = {"only": "sweep"} if measures_actuator(model, sensor) else {}
+        there = {name: {"equals": equals, "unit": unit, **only} for name in sensors[sensor]
+                 if (unit := delivered_unit(bare, model, name))
+                 and (equals := match_quantity(name, unit, known))}
+        if not there or (only and "sweep" not in bare.run):
+            unmatched.append(sensor)
+        else:
+            found |= there
+    if not found:
+        raise InputError(file, "channels", f"no sensor of {bare.model} has the name of a quantity "
+                         f"of {bare.reference}; {suggest('', known)}")
+    return {**table, "channels": found, "unmatched": unmatched}
+
+
+def quantities_of(case: Case) -> list[str]:
+    """The names of what the reference knows."""
+    kind = next(iter(case.run))
+    few = first_samples(case, plan(case, kind, case.run[kind].solvers[0]))
+    return list(quantities(case, few.x, few.drive, case.parameters))
+
+
+def si_or_none(unit: str) -> str | None:
+    """The SI unit of the same quantity; None of an unknown unit, which `Case` names."""
+    try:
+        return si_unit(unit)[0]
+    except ValueError:
+        return None
+
+
+def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | None:
+    """The quantity that has a channel's name, or None.
+
+    The dot may be an underscore, ``_velocity.x`` and ``_acceleration.x`` may be short as ``_vx``
+    and ``_ax``, the ``.z`` of an angular rate or acceleration and the ``_angle`` of an angle may be
+    left out.
+
+    >>> match_quantity("pin_velocity.x", "m/s", ["pin_x", "pin_vx"])
+    'pin_vx'
+    >>> match_quantity("rocker", "rad", ["rocker_rate", "rocker_angle"])
+    'rocker_angle'
+    """
+    name, _, part = channel.partition(".")
+    names = [channel]
+    if part:
+        names.append(f"{name}_{part}")
+    for long, short in ("_velocity", "_v"), ("_acceleration", "_a"):
+        if part and name.endswith(long):
+            names.append(f"{name.removesuffix(long)}{short}{part}")
+    if part == "z" and unit in ("rad/s", "rad/s^2"):
+        names.append(name)
+    if not part and unit == "rad":
+        names.append(f"{name}_angle")
+    return next((each for each in names if each in known), None)
+
+
+def fill_tolerances(table: Table, levels: dict[str, Accuracy], file: Path) -> Table:
+    """A driven linkage has the engine's own tolerances in each run where it has none for it.
+
+    Free motions, rods and recorded curves have none: what they are off by is not the engine's alone
+    to say.
+    """
+    own, channels = table.get("tolerance", []), table.get("channels")
+    own = [own] if isinstance(own, dict) else own
+    runs = table.get("run")
+    if not (isinstance(own, list) and all(isinstance(t, dict) for t in own)
+            and isinstance(channels, dict) and isinstance(runs, dict)):
+        return table
+    added, used = list[Table](), set[tuple[str, str]]()
+    if table.get("drive") and not (table.get("rod") or table.get("unchecked")
+                                   or is_recorded(table)):
+        for engine in engines():
+            for kind, run in runs.items():
+                if engine not in solvers_of(run) or any(speaks_of(t, kind, engine) for t in own):
+                    continue
+                level = levels.get(engine) or Accuracy.model_validate({})
+                for part, units in parts_of(kind, channels).items():
+                    limit: Limit | None = getattr(engine_module(engine), "ACCURACY", {}).get(part)
+                    if limit is not None:
+                        used.add((engine, part))
+                        added.append({"run": kind, "solver": engine, **units, "of_range":
+                                      getattr(level, part) or limit.of_range, "why": limit.why})
+    for engine, level in levels.items():
+        for part in level.model_fields_set:
+            if (engine, part) not in used:
+                raise InputError(file, f"accuracy.{engine}.{part}", "it is used by no run: it goes "
+                                 "with a drive, a closed form or the planar reference, no rods, "
+                                 "and no [[tolerance]] for the same run and engine")
+    return {**table, "tolerance": [*own, *added]} if added else table
+
+
+def solvers_of(run: Any) -> list[Any]:
+    """The solvers of a run as the sidecar has them; variants have no default tolerance."""
+    solvers = run.get("solvers", []) if isinstance(run, dict) else []
+    return solvers if isinstance(solvers, list) else []
+
+
+def speaks_of(tolerance: Table, kind: str, engine: str) -> bool:
+    """Whether a tolerance of the sidecar is for that run and that engine."""
+    patterns = tolerance.get("solver", "*")
+    patterns = [patterns] if isinstance(patterns, str) else patterns
+    return tolerance.get("run", kind) == kind and any(
+        fnmatchcase(engine, str(pattern)) for pattern in patterns)
+
+
+def parts_of(kind: str, channels: dict[str, Any]) -> dict[str, dict[str, list[str]]]:
+    """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
+    there = [str(c["unit"]) for c in channels.values()
+             if isinstance(c, dict) and "unit" in c and c.get("only", kind) == kind]
+    if kind != "duration":
+        return {"sweep": {}} if kind == "sweep" and there else {}
+    units = {part: [u for u in dict.fromkeys([*si, *there])
+                    if u in there and si_or_none(u) in si] for part, si in KINDS.items()}
+    return {part: {"unit": of_part} for part, of_part in units.items() if of_part}

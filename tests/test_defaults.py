@@ -1,0 +1,188 @@
+"""What a sidecar need not say: what is filled in, what is told, and the text with all of it."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.case import Case, load_case
+from proofmass.check import Result
+from proofmass.cli import app
+from proofmass.defaults import match_quantity
+from proofmass.errors import InputError
+from proofmass.report import pages, write_report
+from proofmass.show import as_toml
+from proofmass.sim.mujoco.accuracy import ACCURACY as MUJOCO
+from proofmass.sim.pymunk.accuracy import ACCURACY as PYMUNK
+from proofmass.terminal import failures
+from tests.shipped import models_like, shipped
+
+SHORT = """title = "t"
+source = "s"
+reference = "fourbar"
+{more}
+[parameters]
+crank = 1.0
+coupler = 2.0
+rocker = 2.5
+ground = 3.0
+mode = 1
+[drive]
+joint = "crank"
+to = 6.0
+{tables}"""
+
+
+@pytest.fixture(autouse=True)
+def here(monkeypatch):
+    """Sidecars are read in this process, not in a worker."""
+    monkeypatch.setattr(sys.modules["proofmass.check"], "isolated",
+                        lambda function, *args, **limits: function(*args))
+
+
+def short(folder: Path, more: str = "", tables: str = "") -> Case:
+    """A case of the four-bar's model that says no more than it must."""
+    file = folder / "short.toml"
+    file.write_text(SHORT.format(more=more, tables=tables))
+    (folder / "short.xml").write_bytes(shipped("fourbar.xml").read_bytes())
+    return load_case(file)
+
+
+def wrong(folder: Path, more: str = "", tables: str = "") -> str:
+    """The error of such a case, without its folder."""
+    with pytest.raises(InputError) as error:
+        short(folder, more, tables)
+    return str(error.value).removeprefix(f"{folder}/")
+
+
+@pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
+def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
+    """With all keys, and with those alone that change something."""
+    again = tmp_path / file.name
+    for other in file.parent.glob("*.[cx]*"):
+        (tmp_path / other.name).write_bytes(other.read_bytes())
+    case = load_case(file)
+    for every in (True, False):
+        again.write_text(as_toml(case, every), encoding="utf-8")
+        assert load_case(again).model_copy(update={"file": file}) == case
+        assert "accuracy" not in tomllib.loads(as_toml(case, every))
+
+
+def test_the_four_bar_is_short_and_shown_whole():
+    file = shipped("fourbar.toml")
+    assert len(file.read_text(encoding="utf-8").splitlines()) <= 30
+    answer = CliRunner().invoke(app, ["show", str(file)])
+    assert answer.exit_code == 0
+    table = tomllib.loads(answer.stdout)
+    assert table["channels"]["pin_velocity.x"] == {
+        "equals": "pin_vx", "unit": "m/s", "scale": 1.0, "shift": 0.0}
+    assert table["channels"]["holding_moment"]["only"] == "sweep"
+    assert table["run"]["sweep"]["timeout"] == 120.0
+    assert len(table["tolerance"]) == 8
+    for name in ("no_such_file.toml", str(shipped("watt.xml").parent)):
+        assert CliRunner().invoke(app, ["show", name]).exit_code == 2
+
+
+def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
+    case = short(tmp_path)
+    assert {kind: (run.n, run.solvers) for kind, run in case.run.items()} == {
+        "sweep": (361, ("mujoco", "pymunk")),
+        "duration": (361, ("mujoco", "mujoco:default", "pymunk", "pymunk:default"))}
+    assert case.channels["rocker"].equals == "rocker_angle"
+    assert case.channels["coupler_rate.z"].unit == "rad/s"
+    allowed = {(kind, solver, name): tolerance and (tolerance.of_range, tolerance.why)
+               for kind, run in case.run.items() for solver in run.solvers
+               for name in case.channels_of(kind)
+               for tolerance in [case.tolerance_for(kind, solver, name)]}
+    for engine, own in (("mujoco", MUJOCO), ("pymunk", PYMUNK)):
+        assert allowed["sweep", engine, "holding_moment"] == own["sweep"]
+        assert allowed["duration", engine, "pin.x"] == own["position"]
+        assert allowed["duration", engine, "rocker_rate"] == own["velocity"]
+        assert allowed["duration", engine, "point_acceleration.y"] == own["acceleration"]
+    assert not any(allowed["duration", f"{e}:default", "pin.x"] for e in ("mujoco", "pymunk"))
+
+
+def test_an_accuracy_replaces_the_engine_s_share_and_keeps_its_reason(tmp_path):
+    case = short(tmp_path, "accuracy.pymunk = { velocity = 7e-7, sweep = 3e-11 }")
+    velocity, sweep, position = (case.tolerance_for(*place) for place in (
+        ("duration", "pymunk", "rocker_rate"), ("sweep", "pymunk", "rocker"),
+        ("duration", "pymunk", "rocker")))
+    assert (velocity.of_range, velocity.why) == (7e-7, PYMUNK["velocity"].why)
+    assert (sweep.of_range, position.of_range) == (3e-11, PYMUNK["position"].of_range)
+    assert case.tolerance_for("duration", "mujoco", "rocker_rate").of_range == (
+        MUJOCO["velocity"].of_range)
+
+
+def test_a_tolerance_of_its_own_stands_alone_for_its_run_and_engine(tmp_path):
+    case = short(tmp_path, tables='[[tolerance]]\nrun = "sweep"\nsolver = "pymunk"\n'
+                 'channels = "pin.x"\nabs = 1.0\nwhy = "w"\n')
+    assert case.tolerance_for("sweep", "pymunk", "pin.x").abs == 1.0
+    assert case.tolerance_for("sweep", "pymunk", "pin.y") is None
+    assert case.tolerance_for("sweep", "mujoco", "pin.y").of_range == MUJOCO["sweep"].of_range
+    assert case.tolerance_for("duration", "pymunk", "pin.y").of_range == (
+        PYMUNK["position"].of_range)
+
+
+def test_listed_channels_are_all_unless_the_others_are_asked_for(tmp_path):
+    law = '"pin.x" = { equals = 0.5, unit = "mm" }\nrocker = {}\n'
+    assert list(short(tmp_path, tables=f"[channels]\n{law}").channels) == ["pin.x", "rocker"]
+    case = short(tmp_path, tables=f'[channels]\n{law}"*" = {{}}\n')
+    assert (case.channels["pin.x"].equals, case.channels["pin.x"].unit) == (0.5, "mm")
+    assert "pin.y" not in case.channels  # the sensor is listed
+    assert case.channels["point.y"].equals == "point_y"
+    position = case.tolerance_for("duration", "mujoco", "pin.x")
+    assert position.unit == ("rad", "m", "mm")
+
+
+def test_a_sensor_without_a_quantity_is_told(tmp_path):
+    short(tmp_path)
+    model = tmp_path / "short.xml"
+    model.write_text(model.read_text().replace('name="rocker_rate"', 'name="rate_of_the_rocker"'))
+    file = tmp_path / "short.toml"
+    case = load_case(file)
+    assert case.unmatched == ("rate_of_the_rocker",)
+    assert "rocker_rate" not in case.channels
+    words = "not checked: sensors rate_of_the_rocker; no quantity of fourbar has their names"
+    answer = CliRunner().invoke(app, ["show", str(file)])
+    assert words in answer.stderr
+    assert tomllib.loads(answer.stdout)["channels"]["*"] == {}
+    file.write_text(answer.stdout)
+    assert load_case(file) == case
+    assert next(failures(Result(cases=[case]))).plain.startswith(f"· short: {words}")
+
+
+def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
+    monkeypatch.setattr(pages, "isolated", lambda function, *args, **limits: function(*args))
+    monkeypatch.setattr(pages, "drawn", lambda *_: pages.Drawings({}))
+    case = short(tmp_path).model_copy(update={"unmatched": ("askew", "tilt")})
+    page = write_report(Result(cases=[case]), tmp_path / "r").with_name("short.html")
+    assert "Not checked: sensors askew, tilt.</strong>" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("more", "tables", "words"), [
+    ("accuracy.mujocco = { sweep = 1e-9 }", "", "accuracy.mujocco.sweep: it is used by no run"),
+    ("accuracy.mujoco = { speed = 1e-9 }", "", "accuracy.mujoco: unknown key 'speed'"),
+    ("accuracy.mujoco = { sweep = -1.0 }", "", "accuracy.mujoco.sweep: Input should be greater"),
+    ("accuracy.mujoco = { sweep = 1e-9 }", '[[tolerance]]\nof_range = 1.0\nwhy = "w"',
+     "accuracy.mujoco.sweep: it is used by no run"),
+    ("", '[channels]\n"*" = { unit = "m" }', 'channels."*": it stands for all sensors'),
+    ("", "[channels]\nrokcer = {}", "channels.rokcer: short.xml has no sensor 'rokcer'"),
+    ("", '[channels]\n"point.z" = {}', "channels.point.z.equals: missing; no quantity of fourbar"),
+    ("", "[channels]\nrocker = 5", "channels.rocker"),
+    ('model = "none.xml"', "", "model: no file 'none.xml'"),
+])
+def test_a_fault_in_what_is_filled_in_is_said_at_its_key(more, tables, words, tmp_path):
+    assert f"short.toml: {words}" in wrong(tmp_path, more, tables)
+
+
+@pytest.mark.parametrize(("channel", "unit", "quantity"), [
+    ("tip.x", "m", "tip.x"), ("pin.y", "m", "pin_y"), ("coupler.angle", "rad", "coupler_angle"),
+    ("pin_velocity.x", "m/s", "pin_vx"), ("pin_acceleration.y", "m/s^2", "pin_ay"),
+    ("coupler_rate.z", "rad/s", "coupler_rate"), ("slider_velocity.z", "m/s", None),
+    ("rocker", "rad", "rocker_angle"), ("slide", "m", "slide"), ("crank", "m", None)])
+def test_a_channel_has_the_quantity_of_its_name(channel, unit, quantity):
+    known = ["tip.x", "tip_x", "pin_y", "pin_vx", "pin_ay", "coupler_angle", "coupler_rate",
+             "rocker_angle", "slide", "slider_velocity", "crank_angle"]
+    assert match_quantity(channel, unit, known) == quantity
