@@ -21,10 +21,11 @@ from matplotlib import rc_context
 from benchmarks import ROOT, accuracy_sheet, command, folders
 from benchmarks.accuracy_far import far
 from benchmarks.accuracy_lines import causes, orders
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
+from proofmass.sidecar import load_case
 from proofmass.studies.record import Row
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store

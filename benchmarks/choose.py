@@ -17,7 +17,8 @@ from pathlib import Path
 from benchmarks import ROOT, command, folders
 from benchmarks.rivals import Duel, duel
 from examples.chosen import truths
-from proofmass.case import Case, load_case
+from proofmass.case import Case
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import Setting
 from proofmass.studies.run import pool

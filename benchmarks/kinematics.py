@@ -24,8 +24,9 @@ from proofmass.analytic.linkages import fivebar, fourbar, slider_crank, threeprr
 from proofmass.analytic.planar.branch import Branch
 from proofmass.analytic.planar.kinematics import rates
 from proofmass.analytic.planar.mechanism import read
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.reference import call, compiled, module_of
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Run
 from proofmass.solve import plan, simulate
 

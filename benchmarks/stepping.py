@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from benchmarks import ROOT, command
-from proofmass.case import load_case
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.dynamics import start
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.linkage import Linkage

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from proofmass.case import Case as Case
-    from proofmass.case import load_case as load_case
     from proofmass.check import check as check
     from proofmass.compare import Comparison as Comparison
     from proofmass.compare import compare as compare
     from proofmass.errors import InputError as InputError
     from proofmass.reference import evaluate as evaluate
+    from proofmass.sidecar import load_case as load_case
     from proofmass.sim.protocol import Curves as Curves
     from proofmass.solve import solve as solve
 
     __version__: str
 
-PUBLIC = {"Case": "case", "load_case": "case", "check": "check", "Comparison": "compare",
+PUBLIC = {"Case": "case", "load_case": "sidecar", "check": "check", "Comparison": "compare",
           "compare": "compare", "InputError": "errors", "evaluate": "reference",
           "Curves": "sim.protocol", "solve": "solve"}
 """Modules by the names that they give to the package; they are imported when a name is used."""

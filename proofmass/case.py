@@ -1,26 +1,347 @@
-"""A case: one sidecar, parsed and checked.
+"""A case and all tables of its sidecar.
 
-The sidecar says what cannot be said in MJCF: where the truth comes from, which sensor must equal
-which quantity, how close, and why that close.  Unknown keys are errors.
+The sidecar says what cannot be said in MJCF: the reference, which sensor must equal which quantity,
+how close, and why that close.  Unknown keys are errors.
+
+A view is a figure of curves over something else than the run's own x, which must rise: a loop runs
+over time in a run, and over a channel in a view.  A chart is a figure of what the reference knows
+beside the runs, such as all equilibria.
+
+``[refine]`` repeats a run with its rods in more and more segments.  An error e of order p falls by
+r^p when a rod is cut into r times as many segments, n2 = r n1, and then two runs point to the limit
+of many segments (Richardson), except for terms of higher order:
+
+    p = log(e1 / e2) / log r          v = v2 + (v2 - v1) / (r^p - 1)
 """
 
-import tomllib
 from fnmatch import fnmatchcase
+from itertools import pairwise
+from math import gcd
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from proofmass.errors import InputError, suggest
-from proofmass.files import read_text
-from proofmass.refine import Refine
-from proofmass.rod import RodTable
-from proofmass.sidecar import Channel, DriveTable, RunTable, Tolerance
+from proofmass.isolate import MEMORY
 from proofmass.sim.protocol import Rod
 from proofmass.strict import Kind, Strict
-from proofmass.view import Beside, ChartTable, View
+from proofmass.units import si_unit
 
-TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to where an error is
+
+def known_unit(unit: str) -> str:
+    """The unit itself; ValueError if there is no such unit."""
+    si_unit(unit)
+    return unit
+
+
+class DriveTable(Strict):
+    """``[drive]``, or one of several ``[[drive]]``: a joint that is moved, and how.
+
+    One of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and ``period`` (a swing
+    to and fro); ``law`` with ``until``, a function of the reference's module, or three columns of
+    a recorded reference (value, rate, acceleration).  The first drive leads.  Another with ``from``
+    and ``to`` keeps its proportion to the first one's progress (`to` may equal `from`: it is held);
+    one with a joint alone takes its row of the first one's law.
+    """
+
+    joint: str
+    start: float = Field(0.0, alias="from")
+    to: float | None = None
+    rate: float | None = None
+    period: float | None = Field(None, gt=0)
+    law: str | tuple[str, str, str] | None = None
+    until: float | None = Field(None, gt=0)
+    parameters: dict[str, float] = Field({})
+
+    @field_validator("law", mode="before")
+    @classmethod
+    def _named(cls, law: Any) -> Any:
+        columns = isinstance(law, list | tuple) and [type(c) for c in law] == [str] * 3
+        if law is not None and not isinstance(law, str) and not columns:
+            raise ValueError(f"{law!r} is neither the name of a function of the reference's module "
+                             f"nor three columns of a recorded curve: [value, rate, acceleration]")
+        return law
+
+    @property
+    def steady(self) -> bool:
+        """Whether it runs at constant speed, so that a sweep can go by its value."""
+        return self.to is not None and self.period is None
+
+    def check_leader(self) -> None:
+        """Raise ValueError if this table alone does not say how its joint moves."""
+        if (self.to is None) == (self.law is None):
+            raise ValueError("give either from, to and rate, or from, to and period, or law")
+        if self.rate is not None and not self.steady:
+            raise ValueError("rate goes with from and to alone")
+        if isinstance(self.law, str) and self.until is None:
+            raise ValueError("a law needs until = the last time [s]")
+        if self.to is not None and self.to == self.start:
+            raise ValueError("to must differ from 'from'")
+        if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
+            raise ValueError("rate must be non-zero and lead from 'from' to 'to'")
+
+    def check_follower(self) -> None:
+        """Raise ValueError if this table says more than a drive after the first one may."""
+        for key in ("rate", "period", "until"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key} belongs to the first drive, which leads")
+
+    @property
+    def speed(self) -> float:
+        """Rate of a steady drive [rad/s or m/s], 1 when the sidecar gives none."""
+        return 1.0 if self.rate is None else self.rate
+
+
+MOST_SAMPLES = 10**8
+"""Samples of a run: a curve of them is 0.8 GB, and a run has dozens of curves."""
+
+
+class RunTable(Strict):
+    """``[run.sweep]``, ``[run.duration]`` or ``[run.rest]``: how many samples, which solvers.
+
+    `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.  A run,
+    its model and its reference have `timeout` [s] and `memory` [GiB].
+    """
+
+    n: int | None = Field(None, ge=2, le=MOST_SAMPLES)
+    until: float | None = Field(None, gt=0)
+    solvers: tuple[str, ...] = Field(min_length=1)
+    timeout: float = Field(120.0, gt=0)
+    memory: float = Field(MEMORY, gt=0)
+
+
+class Channel(Strict):
+    """``[channels]``: sensor = scale * quantity + shift, in `unit`.
+
+    `equals` names a quantity of the reference, or is a number: then the curve must be constant.
+    `unit` is any unit of what the sensor delivers; sensor and quantity are both brought from SI to
+    it.  `shift`, and `equals` if it is a number, are in that unit; `scale` is a plain factor.
+    """
+
+    equals: str | float
+    unit: str
+    scale: float = 1.0
+    shift: float = 0.0
+    only: Kind | None = None
+
+    @field_validator("unit")
+    @classmethod
+    def _known_unit(cls, unit: str) -> str:
+        return known_unit(unit)
+
+    @property
+    def si_unit(self) -> str:
+        """The SI unit of the same quantity, in which simulators and references deliver it."""
+        return si_unit(self.unit)[0]
+
+    @property
+    def factor(self) -> float:
+        """What a number in `unit` is multiplied by to be in SI."""
+        return si_unit(self.unit)[1]
+
+
+class Tolerance(Strict):
+    """``[[tolerance]]``: a number, where it holds, and the reason for it.
+
+    `run`, `solver`, `unit` and `channels` select; what is left out selects all.  The number is
+    `abs`, in the channel's unit, or `of_range`, a share of the reference curve's range; of a curve
+    that does not move, a share of its size, see `proofmass.compare.scale_of`.
+    """
+
+    run: Kind | None = None
+    solver: tuple[str, ...] = ("*",)
+    unit: tuple[str, ...] = ("*",)
+    channels: tuple[str, ...] = ("*",)
+    abs: float | None = Field(None, gt=0)
+    of_range: float | None = Field(None, gt=0)
+    why: str
+
+    @field_validator("solver", "unit", "channels", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _complete(self) -> "Tolerance":
+        if (self.abs is None) == (self.of_range is None):
+            raise ValueError("give either abs (in the channel's unit) or of_range")
+        if not self.why.strip():
+            raise ValueError("why is empty; a tolerance needs its reason")
+        return self
+
+    def covers(self, run: str, solver: str, name: str, unit: str) -> bool:
+        """Whether this tolerance speaks of that channel of that solver in that run."""
+        return (self.run in (None, run)
+                and any(fnmatchcase(solver, s) for s in self.solver)
+                and ("*" in self.unit or unit in self.unit)
+                and any(fnmatchcase(name, c) for c in self.channels))
+
+    def allowed(self, scale: float) -> float:
+        """The largest error allowed on a curve of that range or size, in the curve's unit."""
+        return self.abs if self.abs is not None else float(self.of_range or 0) * scale
+
+
+class View(Strict):
+    """``[[view]]``: a figure of the report.
+
+    Names are channels, driven joints, or quantities of the reference.  `y` is drawn as the
+    reference and every solver, a panel each; `stack` piles up quantities of the reference and draws
+    their sum as a line.  `dashed` is held beside `y`, a target for one.  `marks` are places on x by
+    what happens there, or a function of the reference's module that tells them of its parameters.
+    `unit` and `x_unit` are those of names that no channel knows; such names and marks are in SI.
+    """
+
+    title: str = Field(min_length=1)
+    x: str
+    y: tuple[str, ...] = ()
+    stack: tuple[str, ...] = ()
+    dashed: str | None = None
+    marks: str | dict[str, float] = Field({})
+    unit: str | None = None
+    x_unit: str | None = None
+    run: Kind | None = None
+
+    @field_validator("y", "stack", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @field_validator("unit", "x_unit")
+    @classmethod
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return None if unit is None else known_unit(unit)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "View":
+        if bool(self.y) == bool(self.stack):
+            raise ValueError("give either y or stack")
+        if self.dashed is not None and len(self.y) != 1:
+            raise ValueError("dashed goes with one y")
+        return self
+
+
+class ChartTable(Strict):
+    """``[[chart]]``: a figure of the report that the reference's module computes.
+
+    `draw` is a function of it that returns an `proofmass.analytic.chart.Chart`.  It gets the case's
+    parameters that it takes by name, and `parameters` in addition, or instead of them.
+    """
+
+    title: str = Field(min_length=1)
+    draw: str
+    parameters: dict[str, int | float | str | tuple[float, ...]] = Field({})
+
+
+class Beside(Strict):
+    """``[beside.NAME]``: another parameter set of the same reference, drawn thin in every view."""
+
+    parameters: dict[str, float | str]
+
+
+MOST_SEGMENTS = 10**5
+"""Segments of a rod: one matrix of the engines, a row and a column for each, is then 80 GB."""
+Segments = Annotated[int, Field(le=MOST_SEGMENTS)]
+
+
+class RodTable(Strict):
+    """``[rod.NAME]``: where a rod is held, what it is made of, and how it is cut into links.
+
+    It begins at the site `from`, its tangent along that site's x axis, and bends about the z axis.
+    The site `to` of another body, or ``OTHER.tip`` of a rod before it, holds its far end; left out,
+    that is free.  `turn` is that of its tangent from end to end in the start pose, an arc [rad]:
+    which of several equilibria it comes to rest in.  Sensors on the sites ``NAME.middle`` and
+    ``NAME.tip`` stay in place whatever the number of `segments`.  `mass` is needed where gravity
+    acts.
+    """
+
+    start: str = Field(alias="from")
+    to: str | None = None
+    length: float = Field(gt=0)
+    stiffness: float = Field(gt=0)
+    segments: Segments = Field(20, ge=2)
+    ends: tuple[Literal["clamped", "pinned"], Literal["clamped", "pinned", "free"]] = (
+        "clamped", "pinned")
+    scheme: Literal["half", "double", "naive"] = "half"
+    mass: float | None = Field(None, gt=0)
+    turn: float = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _loose(cls, table: Any) -> Any:
+        if isinstance(table, dict) and "to" not in table:
+            return {"ends": ("clamped", "free"), **table}
+        return table
+
+    @model_validator(mode="after")
+    def _held(self) -> "RodTable":
+        if (self.to is None) != (self.ends[1] == "free"):
+            raise ValueError(f"its far end is {self.ends[1]}: " + (
+                "give to = the site that holds it" if self.to is None else "leave out to"))
+        if self.ends[1] == "clamped" and self.scheme != "half":
+            raise ValueError(f"scheme {self.scheme!r} has no clamp at the far end; use half")
+        if self.ends == ("pinned", "free"):
+            raise ValueError("a rod that is pinned here and free there swings; clamp it")
+        return self
+
+    def built(self, name: str) -> Rod:
+        """What a simulator is asked to build."""
+        return Rod(name, self.start, self.to, self.length, self.stiffness, self.segments,
+                   self.ends, self.scheme, self.mass, self.turn)
+
+
+class Refine(Strict):
+    """``[refine]``: every rod in so many `segments`, one number after the other, in one `run`.
+
+    The largest error of each of the `channels` must fall with `order`, from each number to the next
+    and `within` so much.  A rest is sampled where every number of segments has the same place on
+    its links, for what lies between their ends is off by more or less.  Errors up to `wall`, in the
+    channel's unit, are left to rounding and to the reference, and show no order.  `richardson` is
+    what the limits of places may be off by at the last sample [m]; `between` the two numbers that
+    they are taken from, the last two if left out.
+    """
+
+    segments: tuple[Segments, ...] = Field(min_length=2)
+    run: Kind = "rest"
+    channels: tuple[str, ...] = ("*",)
+    order: float = Field(gt=0)
+    within: float = Field(gt=0)
+    wall: float = Field(1e-9, gt=0)
+    richardson: float | None = Field(None, gt=0)
+    between: tuple[int, int] | None = None
+    why: str
+
+    @field_validator("channels", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _rising(self) -> "Refine":
+        if self.segments[0] < 2 or any(a >= b for a, b in pairwise(self.segments)):
+            raise ValueError(f"segments = {list(self.segments)} must rise, from 2 or more")
+        if self.between not in (None, *pairwise(self.segments)):
+            raise ValueError(f"between = {list(self.between or ())} must be neighbours in segments")
+        if self.between and self.richardson is None:
+            raise ValueError("between goes with richardson = what the limit may be off by")
+        if not self.why.strip():
+            raise ValueError("why is empty; an order needs its reason")
+        return self
+
+    def covers(self, channel: str) -> bool:
+        """Whether the order of a channel's error is asked for."""
+        return any(fnmatchcase(channel, pattern) for pattern in self.channels)
+
+    def sampled(self, run: RunTable) -> RunTable:
+        """The run with the samples that all numbers of segments have in common."""
+        if self.run != "rest":
+            return run
+        return run.model_copy(update={"n": gcd(*self.segments) + 1, "until": None})
+
+    @property
+    def last(self) -> tuple[int, int]:
+        """The two numbers of segments that point to the limit."""
+        return self.between or (self.segments[-2], self.segments[-1])
 
 
 class Case(Strict):
@@ -218,39 +539,3 @@ class Case(Strict):
         return next((t for t in self.tolerance if t.covers(kind, solver, name, unit)), None)
 
 
-def load_case(file: Path | str) -> Case:
-    """Read a sidecar.
-
-    Parameters
-    ----------
-    file : path
-        ``NAME.toml``; the model is ``NAME.xml`` beside it unless the sidecar says otherwise.
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    InputError
-        Unreadable, an unknown key, a missing key, a tolerance without a reason, ...
-    """
-    from proofmass.defaults import (
-        fill_defaults,  # which looks at the model and the reference of a case
-    )
-
-    file = Path(file)
-    try:
-        table = {"model": file.stem + ".xml", **tomllib.loads(read_text(file)), "unmatched": ()}
-        case = Case(**{**fill_defaults(table, file), "file": file})
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
-        wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
-        raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
-    except RecursionError:
-        raise InputError(file, "", "its tables or arrays are nested too deeply") from None
-    except (ValueError, OverflowError) as error:
-        raise InputError(file, "", f"not TOML: {error}") from None
-    case.require_model()
-    return case

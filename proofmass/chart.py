@@ -5,11 +5,10 @@ from collections.abc import Callable
 from functools import partial
 
 from proofmass.analytic.chart import Chart
-from proofmass.case import Case
+from proofmass.case import Case, ChartTable
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
-from proofmass.view import ChartTable
 
 NAMED = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.compare import GOOD, OPEN, Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated, stopping
 from proofmass.mobility import mobility
 from proofmass.reference import grid
 from proofmass.refined import Finer, Row, errors, refinements
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind

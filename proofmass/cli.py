@@ -306,7 +306,7 @@ def show_command(
     The text is a sidecar of the same case. Nothing is run. Exit code 0, or 2: bad input.
     """
     from proofmass.check import find, read
-    from proofmass.show import as_toml
+    from proofmass.sidecar import as_toml
     from proofmass.terminal import not_checked
 
     with answering("nothing is kept"):

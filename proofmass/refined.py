@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from proofmass.case import Case
+from proofmass.case import Case, Refine
 from proofmass.compare import Comparison, one, reference_for, verdict
 from proofmass.isolate import isolated
-from proofmass.refine import Refine
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit

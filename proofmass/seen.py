@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import mujoco
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.case import Case, View
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded
 from proofmass.reference import channels, compiled, module_of, quantities
 from proofmass.sim.protocol import Curves
-from proofmass.view import View
 
 
 @dataclass(frozen=True)

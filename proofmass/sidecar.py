@@ -1,163 +1,358 @@
-"""The small tables of a sidecar: drives, runs, channels, tolerances."""
+"""Reading and writing a sidecar: what it leaves out is filled in with defaults.
 
+`load_case` reads one, `fill_defaults` gives the table of a sidecar with its runs, samples, solvers,
+channels and tolerances, and `as_toml` writes a case as the text of a sidecar that leaves nothing to
+defaults.
+"""
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationError
 
-from proofmass.isolate import MEMORY
-from proofmass.strict import Kind, Strict
-from proofmass.units import si_unit
+from proofmass.case import Case
+from proofmass.errors import InputError, suggest
+from proofmass.files import read_text
+from proofmass.reference import compiled, quantities
+from proofmass.sim.contents import channel_names, measures_actuator
+from proofmass.sim.protocol import Limit
+from proofmass.solve import engine_module, engines, plan
+from proofmass.strict import Strict
+from proofmass.units import KINDS, si_unit
+from proofmass.validate import delivered_unit, first_samples
+
+SAMPLES = 361  # of a sweep or a duration: a turn in degrees
+OTHERS = "*"
+"""The key of ``[channels]`` for all sensors that are not listed."""
+ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "beside", "refine", "unchecked")
+Table = dict[str, Any]
 
 
-def known_unit(unit: str) -> str:
-    """The unit itself; ValueError if there is no such unit."""
-    si_unit(unit)
-    return unit
+class Accuracy(Strict):
+    """``accuracy.ENGINE``: shares of the range instead of those that the engine states.
 
-
-class DriveTable(Strict):
-    """``[drive]``, or one of several ``[[drive]]``: a joint that is moved, and how.
-
-    One of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and ``period`` (a swing
-    to and fro); ``law`` with ``until``, a function of the reference's module, or three columns of
-    a recorded reference (value, rate, acceleration).  The first drive leads.  Another with ``from``
-    and ``to`` keeps its proportion to the first one's progress (`to` may equal `from`: it is held);
-    one with a joint alone takes its row of the first one's law.
+    `sweep` is of all channels of a sweep, the others of the channels of a duration.
     """
 
-    joint: str
-    start: float = Field(0.0, alias="from")
-    to: float | None = None
-    rate: float | None = None
-    period: float | None = Field(None, gt=0)
-    law: str | tuple[str, str, str] | None = None
-    until: float | None = Field(None, gt=0)
-    parameters: dict[str, float] = Field({})
-
-    @field_validator("law", mode="before")
-    @classmethod
-    def _named(cls, law: Any) -> Any:
-        columns = isinstance(law, list | tuple) and [type(c) for c in law] == [str] * 3
-        if law is not None and not isinstance(law, str) and not columns:
-            raise ValueError(f"{law!r} is neither the name of a function of the reference's module "
-                             f"nor three columns of a recorded curve: [value, rate, acceleration]")
-        return law
-
-    @property
-    def steady(self) -> bool:
-        """Whether it runs at constant speed, so that a sweep can go by its value."""
-        return self.to is not None and self.period is None
-
-    def check_leader(self) -> None:
-        """Raise ValueError if this table alone does not say how its joint moves."""
-        if (self.to is None) == (self.law is None):
-            raise ValueError("give either from, to and rate, or from, to and period, or law")
-        if self.rate is not None and not self.steady:
-            raise ValueError("rate goes with from and to alone")
-        if isinstance(self.law, str) and self.until is None:
-            raise ValueError("a law needs until = the last time [s]")
-        if self.to is not None and self.to == self.start:
-            raise ValueError("to must differ from 'from'")
-        if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
-            raise ValueError("rate must be non-zero and lead from 'from' to 'to'")
-
-    def check_follower(self) -> None:
-        """Raise ValueError if this table says more than a drive after the first one may."""
-        for key in ("rate", "period", "until"):
-            if getattr(self, key) is not None:
-                raise ValueError(f"{key} belongs to the first drive, which leads")
-
-    @property
-    def speed(self) -> float:
-        """Rate of a steady drive [rad/s or m/s], 1 when the sidecar gives none."""
-        return 1.0 if self.rate is None else self.rate
+    sweep: float | None = Field(None, gt=0)
+    position: float | None = Field(None, gt=0)
+    velocity: float | None = Field(None, gt=0)
+    acceleration: float | None = Field(None, gt=0)
 
 
-MOST = 10**8
-"""Samples of a run: a curve of them is 0.8 GB, and a run has dozens of curves."""
+class Levels(Strict):
+    """All of ``accuracy``."""
+
+    accuracy: dict[str, Accuracy] = Field({})
 
 
-class RunTable(Strict):
-    """``[run.sweep]``, ``[run.duration]`` or ``[run.rest]``: how many samples, which solvers.
+def fill_defaults(table: Table, file: Path) -> Table:
+    """The table of a sidecar with its runs, channels and tolerances filled in.
 
-    `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.  A run,
-    its model and its reference have `timeout` [s] and `memory` [GiB].
+    The model is compiled and the reference evaluated at two samples if the table leaves a channel
+    out.  What is wrong in the table otherwise is left to `Case`.
+
+    Raises
+    ------
+    InputError
+        A channel has no quantity or no unit; an accuracy is used by no run.
     """
-
-    n: int | None = Field(None, ge=2, le=MOST)
-    until: float | None = Field(None, gt=0)
-    solvers: tuple[str, ...] = Field(min_length=1)
-    timeout: float = Field(120.0, gt=0)
-    memory: float = Field(MEMORY, gt=0)
+    levels = Levels(accuracy=table.get("accuracy", {})).accuracy
+    table = {key: value for key, value in table.items() if key != "accuracy"}
+    table = fill_channels(fill_runs(table), file)
+    return fill_tolerances(table, levels, file)
 
 
-class Channel(Strict):
-    """``[channels]``: sensor = scale * quantity + shift, in `unit`.
+def fill_runs(table: Table) -> Table:
+    """A driven case has a sweep and a duration if it names no run; runs have all engines.
 
-    `equals` names a quantity of the reference, or is a number: then the curve must be constant.
-    `unit` is any unit of what the sensor delivers; sensor and quantity are both brought from SI to
-    it.  `shift`, and `equals` if it is a number, are in that unit; `scale` is a plain factor.
+    A duration has each engine's own default settings as well, which are shown and not checked.
     """
-
-    equals: str | float
-    unit: str
-    scale: float = 1.0
-    shift: float = 0.0
-    only: Kind | None = None
-
-    @field_validator("unit")
-    @classmethod
-    def _known_unit(cls, unit: str) -> str:
-        return known_unit(unit)
-
-    @property
-    def si_unit(self) -> str:
-        """The SI unit of the same quantity, in which simulators and references deliver it."""
-        return si_unit(self.unit)[0]
-
-    @property
-    def factor(self) -> float:
-        """What a number in `unit` is multiplied by to be in SI."""
-        return si_unit(self.unit)[1]
+    runs = table.get("run", {"sweep": {}, "duration": {}} if "drive" in table else None)
+    if not isinstance(runs, dict):
+        return table
+    own = {} if is_recorded(table) else {"n": SAMPLES}
+    timed = [solver for engine in engines() for solver in (engine, f"{engine}:default")]
+    defaults: Table = {"sweep": {**own, "solvers": engines()},
+                       "duration": {**own, "solvers": timed}, "rest": {"solvers": engines()}}
+    return {**table, "run": {kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict)
+                             else run for kind, run in runs.items()}}
 
 
-class Tolerance(Strict):
-    """``[[tolerance]]``: a number, where it holds, and the reason for it.
+def is_recorded(table: Table) -> bool:
+    """Whether the reference is a recorded curve."""
+    return str(table.get("reference", "")).endswith(".csv")
 
-    `run`, `solver`, `unit` and `channels` select; what is left out selects all.  The number is
-    `abs`, in the channel's unit, or `of_range`, a share of the reference curve's range; of a curve
-    that does not move, a share of its size, see `proofmass.compare.scale_of`.
+
+def fill_channels(table: Table, file: Path) -> Table:
+    """Each channel has its quantity and its unit.
+
+    Sensors of which no part is listed are channels if ``[channels]`` is left out or has a ``"*"``;
+    those that match no quantity are in ``unmatched``.
     """
+    listed = table.get("channels", {OTHERS: {}})
+    if not isinstance(listed, dict) or not all(isinstance(c, dict) for c in listed.values()):
+        return table
+    others = listed.get(OTHERS)
+    if others is None and all("equals" in c and "unit" in c for c in listed.values()):
+        return table
+    if others:
+        raise InputError(file, f'channels."{OTHERS}"', "it stands for all sensors that are not "
+                         f'listed and has no keys of its own; write "{OTHERS}" = {{}}')
+    bare = Case(**{**{key: value for key, value in table.items() if key not in ABOUT_CHANNELS},
+                   "channels": {OTHERS: {"equals": 0.0, "unit": "1"}}, "file": file})
+    bare.require_model()
+    model, known = compiled(bare), quantities_of(bare)
+    found: Table = {}
+    for name, channel in listed.items():
+        if name == OTHERS:
+            continue
+        unit = channel.get("unit") or delivered_unit(bare, model, name)
+        if unit is None:
+            raise InputError(file, f"channels.{name}.unit", "missing; the model leaves it open")
+        equals = channel.get("equals", match_quantity(name, si_or_none(unit), known))
+        if equals is None:
+            raise InputError(file, f"channels.{name}.equals", f"missing; no quantity of "
+                             f"{bare.reference} has the name of the sensor; {suggest(name, known)}")
+        found[name] = {**channel, "equals": equals, "unit": unit}
+    unmatched = list[str]()
+    sensors = channel_names(model, bare.start) if others is not None else {}
+    named = {name.partition(".")[0] for name in found}
+    for sensor in (one for one in sensors if one not in named):
+        only = {"only": "sweep"} if measures_actuator(model, sensor) else {}
+        there = {name: {"equals": equals, "unit": unit, **only} for name in sensors[sensor]
+                 if (unit := delivered_unit(bare, model, name))
+                 and (equals := match_quantity(name, unit, known))}
+        if not there or (only and "sweep" not in bare.run):
+            unmatched.append(sensor)
+        else:
+            found |= there
+    if not found:
+        raise InputError(file, "channels", f"no sensor of {bare.model} has the name of a quantity "
+                         f"of {bare.reference}; {suggest('', known)}")
+    return {**table, "channels": found, "unmatched": unmatched}
 
-    run: Kind | None = None
-    solver: tuple[str, ...] = ("*",)
-    unit: tuple[str, ...] = ("*",)
-    channels: tuple[str, ...] = ("*",)
-    abs: float | None = Field(None, gt=0)
-    of_range: float | None = Field(None, gt=0)
-    why: str
 
-    @field_validator("solver", "unit", "channels", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, str) else value
+def quantities_of(case: Case) -> list[str]:
+    """The names of what the reference knows."""
+    kind = next(iter(case.run))
+    few = first_samples(case, plan(case, kind, case.run[kind].solvers[0]))
+    return list(quantities(case, few.x, few.drive, case.parameters))
 
-    @model_validator(mode="after")
-    def _complete(self) -> "Tolerance":
-        if (self.abs is None) == (self.of_range is None):
-            raise ValueError("give either abs (in the channel's unit) or of_range")
-        if not self.why.strip():
-            raise ValueError("why is empty; a tolerance needs its reason")
-        return self
 
-    def covers(self, run: str, solver: str, name: str, unit: str) -> bool:
-        """Whether this tolerance speaks of that channel of that solver in that run."""
-        return (self.run in (None, run)
-                and any(fnmatchcase(solver, s) for s in self.solver)
-                and ("*" in self.unit or unit in self.unit)
-                and any(fnmatchcase(name, c) for c in self.channels))
+def si_or_none(unit: str) -> str | None:
+    """The SI unit of the same quantity; None of an unknown unit, which `Case` names."""
+    try:
+        return si_unit(unit)[0]
+    except ValueError:
+        return None
 
-    def allowed(self, scale: float) -> float:
-        """The largest error allowed on a curve of that range or size, in the curve's unit."""
-        return self.abs if self.abs is not None else float(self.of_range or 0) * scale
+
+def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | None:
+    """The quantity that has a channel's name, or None.
+
+    The dot may be an underscore, ``_velocity.x`` and ``_acceleration.x`` may be short as ``_vx``
+    and ``_ax``, the ``.z`` of an angular rate or acceleration and the ``_angle`` of an angle may be
+    left out.
+
+    >>> match_quantity("pin_velocity.x", "m/s", ["pin_x", "pin_vx"])
+    'pin_vx'
+    >>> match_quantity("rocker", "rad", ["rocker_rate", "rocker_angle"])
+    'rocker_angle'
+    """
+    name, _, part = channel.partition(".")
+    names = [channel]
+    if part:
+        names.append(f"{name}_{part}")
+    for long, short in ("_velocity", "_v"), ("_acceleration", "_a"):
+        if part and name.endswith(long):
+            names.append(f"{name.removesuffix(long)}{short}{part}")
+    if part == "z" and unit in ("rad/s", "rad/s^2"):
+        names.append(name)
+    if not part and unit == "rad":
+        names.append(f"{name}_angle")
+    return next((each for each in names if each in known), None)
+
+
+def fill_tolerances(table: Table, levels: dict[str, Accuracy], file: Path) -> Table:
+    """A driven linkage has the engine's own tolerances in each run where it has none for it.
+
+    Free motions, rods and recorded curves have none: what they are off by is not the engine's alone
+    to say.
+    """
+    own, channels = table.get("tolerance", []), table.get("channels")
+    own = [own] if isinstance(own, dict) else own
+    runs = table.get("run")
+    if not (isinstance(own, list) and all(isinstance(t, dict) for t in own)
+            and isinstance(channels, dict) and isinstance(runs, dict)):
+        return table
+    added, used = list[Table](), set[tuple[str, str]]()
+    if table.get("drive") and not (table.get("rod") or table.get("unchecked")
+                                   or is_recorded(table)):
+        for engine in engines():
+            for kind, run in runs.items():
+                if engine not in solvers_of(run) or any(speaks_of(t, kind, engine) for t in own):
+                    continue
+                level = levels.get(engine) or Accuracy.model_validate({})
+                for part, units in parts_of(kind, channels).items():
+                    limit: Limit | None = getattr(engine_module(engine), "ACCURACY", {}).get(part)
+                    if limit is not None:
+                        used.add((engine, part))
+                        added.append({"run": kind, "solver": engine, **units, "of_range":
+                                      getattr(level, part) or limit.of_range, "why": limit.why})
+    for engine, level in levels.items():
+        for part in level.model_fields_set:
+            if (engine, part) not in used:
+                raise InputError(file, f"accuracy.{engine}.{part}", "it is used by no run: it goes "
+                                 "with a drive, a closed form or the planar reference, no rods, "
+                                 "and no [[tolerance]] for the same run and engine")
+    return {**table, "tolerance": [*own, *added]} if added else table
+
+
+def solvers_of(run: Any) -> list[Any]:
+    """The solvers of a run as the sidecar has them; variants have no default tolerance."""
+    solvers = run.get("solvers", []) if isinstance(run, dict) else []
+    return solvers if isinstance(solvers, list) else []
+
+
+def speaks_of(tolerance: Table, kind: str, engine: str) -> bool:
+    """Whether a tolerance of the sidecar is for that run and that engine."""
+    patterns = tolerance.get("solver", "*")
+    patterns = [patterns] if isinstance(patterns, str) else patterns
+    return tolerance.get("run", kind) == kind and any(
+        fnmatchcase(engine, str(pattern)) for pattern in patterns)
+
+
+def parts_of(kind: str, channels: dict[str, Any]) -> dict[str, dict[str, list[str]]]:
+    """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
+    there = [str(c["unit"]) for c in channels.values()
+             if isinstance(c, dict) and "unit" in c and c.get("only", kind) == kind]
+    if kind != "duration":
+        return {"sweep": {}} if kind == "sweep" and there else {}
+    units = {part: [u for u in dict.fromkeys([*si, *there])
+                    if u in there and si_or_none(u) in si] for part, si in KINDS.items()}
+    return {part: {"unit": of_part} for part, of_part in units.items() if of_part}
+
+
+INLINE = ("parameters", "channels", "refine")
+"""Tables whose entries stand in one line each."""
+LISTS = ("drive", "tolerance", "view", "chart")
+"""Tables of which a sidecar may have several."""
+
+
+def as_toml(case: Case, every: bool = True) -> str:
+    """The text of a sidecar that loads to the same case, beside the same model.
+
+    Parameters
+    ----------
+    case : Case
+        From `proofmass.case.load_case`.
+    every : bool
+        Whether keys stand there that change nothing, too, such as ``scale = 1.0``.
+    """
+    table = case.model_dump(by_alias=True, exclude_none=True, exclude_defaults=not every,
+                            exclude={"file", "unmatched"})
+    if case.unmatched:
+        table["channels"]["*"] = {}  # which finds that nothing else matches
+    plain = {key: value for key, value in table.items() if not is_table(key, value)}
+    blocks = ["\n".join(format_lines(plain))]
+    for key, value in table.items():
+        if is_table(key, value):
+            blocks += format_tables(key, value)
+    return "\n\n".join(blocks) + "\n"
+
+
+def is_table(key: str, value: Any) -> bool:
+    """Whether a key of the sidecar has a heading."""
+    return isinstance(value, Mapping) or key in LISTS
+
+
+def format_tables(key: str, value: Any) -> Iterator[str]:
+    """The tables of a key, with their headings."""
+    if key in LISTS:
+        several = len(value) > 1 or key != "drive"
+        for one in value:
+            if key == "tolerance":
+                one = {k: v[0] if isinstance(v, tuple) and len(v) == 1 else v
+                       for k, v in one.items()}
+            yield "\n".join([f"[[{key}]]" if several else f"[{key}]", *format_lines(one)])
+    elif not value:
+        return
+    elif key in INLINE:
+        yield "\n".join([f"[{key}]", *format_lines(value)])
+    else:
+        for name, one in value.items():
+            yield "\n".join([f"[{key}.{format_key(name)}]", *format_lines(one)])
+
+
+def format_lines(table: Mapping[str, Any]) -> Iterator[str]:
+    """A line for each key."""
+    return (f"{format_key(key)} = {format_value(value)}" for key, value in table.items())
+
+
+def format_key(key: str) -> str:
+    """A key, in quotation marks where it needs them.
+
+    >>> format_key("crank"), format_key("pin.x")
+    ('crank', '"pin.x"')
+    """
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else format_value(key)
+
+
+def format_value(value: Any) -> str:
+    """A value in TOML.
+
+    >>> format_value({"equals": "é", "only": ["a", True, 1e-12]})
+    '{ equals = "é", only = ["a", true, 1e-12] }'
+    """
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(format_lines(value))} }}" if value else "{}"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(format_value, value))}]"
+    return repr(value)
+
+
+TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to where an error is
+
+
+def load_case(file: Path | str) -> Case:
+    """Read a sidecar.
+
+    Parameters
+    ----------
+    file : path
+        ``NAME.toml``; the model is ``NAME.xml`` beside it unless the sidecar says otherwise.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    InputError
+        Unreadable, an unknown key, a missing key, a tolerance without a reason, ...
+    """
+    file = Path(file)
+    try:
+        table = {"model": file.stem + ".xml", **tomllib.loads(read_text(file)), "unmatched": ()}
+        case = Case(**{**fill_defaults(table, file), "file": file})
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
+        wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
+        raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
+    except RecursionError:
+        raise InputError(file, "", "its tables or arrays are nested too deeply") from None
+    except (ValueError, OverflowError) as error:
+        raise InputError(file, "", f"not TOML: {error}") from None
+    case.require_model()
+    return case

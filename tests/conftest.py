@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.case import load_case
 from proofmass.isolate import ALONE
+from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store

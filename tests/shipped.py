@@ -4,8 +4,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from proofmass.case import load_case
-from proofmass.show import as_toml
+from proofmass.sidecar import as_toml, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
 

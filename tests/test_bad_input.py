@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.case import load_case
 from proofmass.check import check, load
 from proofmass.cli import app
 from proofmass.errors import InputError
+from proofmass.sidecar import load_case
 from proofmass.solve import plan, run_here, solve
 
 SIDECARS = {

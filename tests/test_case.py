@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from proofmass.case import load_case
+from proofmass.case import View
 from proofmass.errors import InputError
-from proofmass.view import View
+from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
+from proofmass.case import Tolerance, View
 from proofmass.check import check, find
 from proofmass.compare import (
     Comparison,
@@ -28,13 +28,12 @@ from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.recorded import read_recorded
 from proofmass.reference import compiled, evaluate, grid
-from proofmass.sidecar import Tolerance
+from proofmass.sidecar import load_case
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from proofmass.terminal import worst
 from proofmass.units import si_unit
-from proofmass.view import View
 from tests.shipped import models_like, shipped
 
 

@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.cli import app
-from proofmass.defaults import match_quantity
 from proofmass.errors import InputError
 from proofmass.report import pages, write_report
-from proofmass.show import as_toml
+from proofmass.sidecar import as_toml, load_case, match_quantity
 from proofmass.sim.mujoco.accuracy import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.accuracy import ACCURACY as PYMUNK
 from proofmass.terminal import failures

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.compare import (
     Comparison,
     DetectableChange,
@@ -25,6 +25,7 @@ from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import evaluate, grid, module_of
 from proofmass.report.tables import not_known, notice, unnoticed
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from tests.shipped import models_like, shipped

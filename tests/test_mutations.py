@@ -8,8 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.compare import compare
+from proofmass.sidecar import load_case
 from proofmass.solve import solve
 from tests.shipped import shipped
 

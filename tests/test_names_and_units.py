@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case, Tolerance
 from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
@@ -21,7 +21,7 @@ from proofmass.reference import evaluate
 from proofmass.report.data import shown
 from proofmass.report.figures import overlay
 from proofmass.report.style import looks
-from proofmass.sidecar import Tolerance
+from proofmass.sidecar import load_case
 from proofmass.solve import plan, solve
 from proofmass.units import powers, same_quantity, si_unit
 from proofmass.validate import validate

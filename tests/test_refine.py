@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import load_case
 from proofmass.check import Result, check, one_task
 from proofmass.compare import Comparison
 from proofmass.reference import evaluate, grid
 from proofmass.refined import Study, errors, refinements
 from proofmass.report import write_report
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES

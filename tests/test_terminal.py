@@ -8,10 +8,10 @@ import pytest
 from rich.console import Console
 
 from proofmass import terminal
-from proofmass.case import load_case
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED, Comparison, DetectableChange
 from proofmass.errors import InputError
+from proofmass.sidecar import load_case
 from proofmass.terminal import as_json, case_table, console, failures, mark, number, summary, worst
 from tests.shipped import MODELS, shipped
 

@@ -10,12 +10,12 @@ import pytest
 
 from proofmass import reference
 from proofmass.analytic import planar
-from proofmass.case import load_case
 from proofmass.check import Result, check
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
+from proofmass.sidecar import load_case
 from proofmass.studies import variants
 from proofmass.studies.command import named
 from proofmass.studies.diet import scene

@@ -3,10 +3,10 @@
 
 from pathlib import Path
 
-from proofmass.case import load_case
 from proofmass.check import run_one, stopped
 from proofmass.compare import Comparison
 from proofmass.pytest_plugin import VERDICTS
+from proofmass.sidecar import load_case
 
 
 def verdicts(sidecar: Path) -> list[Comparison]:

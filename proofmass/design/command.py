@@ -11,7 +11,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from proofmass.analytic.balancer.measures import TARGETS, Target, tabulated
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
-from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.command import answering, errors
 from proofmass.design.search import Effort, Search
@@ -20,6 +19,7 @@ from proofmass.design.template import write_case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.recorded import read_recorded
+from proofmass.sidecar import load_case
 
 
 def design_balancer(

@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.case import Case, ChartTable
 from proofmass.chart import chart_of
 from proofmass.isolate import isolated
 from proofmass.report.charts import chart_sheet
@@ -19,7 +19,6 @@ from proofmass.report.style import RC, Look
 from proofmass.report.views import Viewed, view_sheet
 from proofmass.sim.picture import Picture, picture
 from proofmass.solve import plan
-from proofmass.view import ChartTable
 
 SECONDS = 300.0  # until the drawings of a case are given up
 SHEETS = ("overlay", "paths", "difference")

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from proofmass.case import Refine
 from proofmass.compare import Comparison
-from proofmass.refine import Refine
 from proofmass.refined import Row, limit, order
 from proofmass.report.data import Shown
 from proofmass.report.figures import FLOOR, PAPER, decades

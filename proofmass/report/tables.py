@@ -9,13 +9,12 @@ from itertools import groupby
 
 import numpy as np
 
-from proofmass.case import Case
+from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
 from proofmass.recorded import Recorded
 from proofmass.reference import facts, module_of
 from proofmass.report.data import Shown
 from proofmass.report.words import LOST, SYMBOLS
-from proofmass.sidecar import Tolerance
 from proofmass.units import si_unit
 from proofmass.wording import listed, number, pretty
 

@@ -17,12 +17,11 @@ from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MultipleLocator
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.case import Case, View
 from proofmass.report.data import Shown, readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.seen import Seen, seen
-from proofmass.view import View
 from proofmass.wording import listed, number, pretty
 
 

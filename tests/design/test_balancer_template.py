@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.compare import GOOD
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
+from proofmass.sidecar import load_case
 from proofmass.validate import validate
 from tests.analytic.balancer.balancer_cases import DESIGNS
 from tests.analytic.balancer.balancer_table import parameters, rows

@@ -9,11 +9,11 @@ from typer.testing import CliRunner
 from proofmass import report
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
-from proofmass.case import load_case
 from proofmass.check import Result
+from proofmass.cli import design as app
 from proofmass.design import command
-from proofmass.design.command import app
 from proofmass.design.search import Effort, Search
+from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.case import load_case
+from proofmass.case import ChartTable
 from proofmass.chart import chart_of, check_charts
 from proofmass.check import Result
 from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.report import write_report
-from proofmass.view import ChartTable
+from proofmass.sidecar import load_case
 from tests.report.test_report import case_of, curves_of, result_of
 from tests.shipped import shipped
 

@@ -3,10 +3,10 @@
 
 import pytest
 
-from proofmass.case import load_case
 from proofmass.check import Result
 from proofmass.reference import facts
 from proofmass.report import write_report
+from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 SAYS = {  # lengths of B. Díaz Lozano 2019; figures in tests/data

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from markupsafe import escape
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, compare, reference_for
 from proofmass.errors import InputError
@@ -21,6 +21,7 @@ from proofmass.report.mechanism import path, paths
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.report.tables import unit_of
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from tests.shipped import models_like, shipped

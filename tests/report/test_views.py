@@ -8,7 +8,7 @@ import pytest
 from matplotlib import rc_context
 
 from proofmass.analytic.linkages.fourbar import solve
-from proofmass.case import Case, load_case
+from proofmass.case import Case, View
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.report import write_report
@@ -17,7 +17,7 @@ from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
 from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_sheet, viewed
 from proofmass.seen import Seen
-from proofmass.view import View
+from proofmass.sidecar import load_case
 from tests.report.test_report import case_of, curves_of, result_of
 from tests.shipped import shipped
 

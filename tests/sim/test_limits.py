@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.mobility import mobility
+from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 LIMIT = np.arccos((4 + 9 - 4.5**2) / 12)

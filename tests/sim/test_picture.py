@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.check import Result
 from proofmass.drive import Steady
 from proofmass.reference import evaluate
@@ -14,6 +13,7 @@ from proofmass.report import write_report
 from proofmass.report.drawing import pictured
 from proofmass.report.families import families
 from proofmass.report.svg import compact
+from proofmass.sidecar import load_case
 from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run
 from tests.shipped import MODELS, shipped

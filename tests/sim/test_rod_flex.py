@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from proofmass.case import load_case
 from proofmass.compare import compare
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import points, stations
 from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported

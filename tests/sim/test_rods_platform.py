@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.rod_platform import Problem, standing
-from proofmass.case import load_case
 from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Drive, Rod
 from proofmass.solve import plan, solve
 from tests.analytic.rods.rod_assembly_cases import DATA, EI

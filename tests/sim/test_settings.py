@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.check import check
+from proofmass.sidecar import load_case
 from proofmass.sim.contents import may_touch, rubs
 from proofmass.sim.mujoco.engine import check_settings as mujoco_settings
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepped_with

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.case import load_case
+from proofmass.sidecar import load_case
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Setting
 from tests.shipped import MODELS

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.drive import State
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut
 from proofmass.reference import evaluate, grid, laws
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Diverged, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.case import load_case
 from proofmass.errors import InputError
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.studies import measure
 from proofmass.studies import run as runs

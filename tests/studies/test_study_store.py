@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.case import load_case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
+from proofmass.sidecar import load_case
 from proofmass.studies import store as stores
 from proofmass.studies.measure import Found, Task
 from proofmass.studies.record import COLUMNS, NAN, Row, Setting, read_table, table, write_table

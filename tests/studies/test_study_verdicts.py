@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, TimedOut
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.diet import diet, scene

@@ -18,11 +18,10 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from proofmass.case import Case
+from proofmass.case import Case, Channel
 from proofmass.check import FAILURES
 from proofmass.isolate import isolated
 from proofmass.reference import compiled
-from proofmass.sidecar import Channel
 from proofmass.strict import Kind
 from proofmass.studies import variants
 from proofmass.studies.bounded import bounded

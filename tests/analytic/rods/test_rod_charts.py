@@ -9,11 +9,12 @@ from matplotlib import rc_context
 from proofmass.analytic.chart import Chart, Line, Panel
 from proofmass.analytic.rods import rod_pair
 from proofmass.analytic.rods.rod_pair import MANY, sharing
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.chart import chart_of
 from proofmass.errors import InputError
 from proofmass.report.charts import chart_sheet
 from proofmass.report.style import RC
+from proofmass.sidecar import load_case
 from tests.report.test_chart_sheet import bold, dashed
 from tests.shipped import shipped
 

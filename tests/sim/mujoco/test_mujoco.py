@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.reference import evaluate
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
 from proofmass.solve import plan

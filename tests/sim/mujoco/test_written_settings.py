@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.drive import motion_source
+from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program

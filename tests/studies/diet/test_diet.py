@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.case import load_case
 from proofmass.cli import app
 from proofmass.compare import compare
+from proofmass.sidecar import load_case
 from proofmass.solve import plan
 from proofmass.studies.diet.diet import Diet, Search
 from proofmass.studies.diet.edits import Draft, all_digits, flatten, read, shortest, write
@@ -217,7 +217,7 @@ def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar
 
 @pytest.mark.parametrize("name", ["fourbar", "balancer4_sam", "rod_pinned"])
 def test_a_model_is_written_with_all_its_digits(tmp_path, name):
-    from proofmass.case import load_case
+    from proofmass.sidecar import load_case
     rods = load_case(shipped(f"{name}.toml")).rods
     draft, file = Draft(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"
     write(draft, file)

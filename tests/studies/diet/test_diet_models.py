@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.compare import compare, reference_for
+from proofmass.sidecar import load_case
 from proofmass.solve import plan, simulate
 from proofmass.studies.diet.diet import Search
 from proofmass.studies.diet.edits import set_option, write

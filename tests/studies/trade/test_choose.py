@@ -13,10 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.analytic.linkages import pendulum
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.cli import app
 from proofmass.isolate import TimedOut
 from proofmass.reference import compiled
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan

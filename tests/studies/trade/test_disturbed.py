@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.reference import compiled, grid
+from proofmass.sidecar import load_case
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store

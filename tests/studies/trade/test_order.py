@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.case import load_case
 from proofmass.reference import compiled
+from proofmass.sidecar import load_case
 from proofmass.studies.measure import Task, simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run

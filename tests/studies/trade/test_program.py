@@ -14,8 +14,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.drive import EXACT, InProportion, Law, Steady, Swing, motion_source
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
 from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
 from proofmass.solve import simulate

@@ -20,8 +20,9 @@ from scipy.special import ellipj, ellipk
 
 from proofmass import reference
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.drive import Swing, motion_source
+from proofmass.sidecar import load_case
 from proofmass.sim import program_text
 from proofmass.sim.protocol import BadSetting, Curves, Diverged, Drive, Imposed, Run, Unsupported
 from proofmass.sim.pymunk import program as pymunk_program

@@ -7,7 +7,8 @@ from math import inf, nan
 import pymunk
 import pytest
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Row, Setting

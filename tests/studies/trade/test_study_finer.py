@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.case import load_case
+from proofmass.sidecar import load_case
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run

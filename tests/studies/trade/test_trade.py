@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.accuracy_places import orders_of_places
-from proofmass.case import load_case
 from proofmass.cli import app
 from proofmass.errors import InputError
+from proofmass.sidecar import load_case
 from proofmass.studies.record import Row, Setting, read_table
 from proofmass.studies.store import Store
 from proofmass.studies.trade import axes, trade

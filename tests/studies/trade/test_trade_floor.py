@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.case import load_case
 from proofmass.errors import InputError
+from proofmass.sidecar import load_case
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Row, Setting
 from proofmass.studies.run import run

@@ -11,7 +11,8 @@ import pymunk
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.case import Case, load_case
+from proofmass.case import Case
+from proofmass.sidecar import load_case
 from proofmass.studies.store import Store
 from proofmass.studies.trade import axes, trade
 from proofmass.studies.trade.axes import lines
