@@ -29,7 +29,7 @@ sys.setprofile(called)
 '''
 JOURNEYS = {  # command, and the largest number that is aimed at
     "check of a four-bar": (("-m", "proofmass", "check", "models/linkages/fourbar.toml"), 18),
-    "a rod to its chain": (("-c", "from proofmass.case import load_case\n"
+    "a rod to its chain": (("-c", "from proofmass.sidecar import load_case\n"
                             "from proofmass.reference import compiled\n"
                             "compiled(load_case('models/rods/rod_cantilever.toml'))"), 24),
     "trade to its page": (("-m", "proofmass", "trade", "models/linkages/pendulum.toml", "-o",

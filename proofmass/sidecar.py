@@ -29,6 +29,8 @@ from proofmass.validate import delivered_unit, first_samples
 SAMPLES = 361  # of a sweep or a duration: a turn in degrees
 OTHERS = "*"
 """The key of ``[channels]`` for all sensors that are not listed."""
+OWN = {"file", "unmatched"}
+"""What a `Case` knows beside the keys of its sidecar."""
 ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "beside", "refine", "unchecked")
 Table = dict[str, Any]
 
@@ -343,7 +345,10 @@ def load_case(file: Path | str) -> Case:
     """
     file = Path(file)
     try:
-        table = {"model": file.stem + ".xml", **tomllib.loads(read_text(file)), "unmatched": ()}
+        given = tomllib.loads(read_text(file))
+        if own := OWN & given.keys():
+            raise InputError(file, min(own), "unknown key: no sidecar has it")
+        table = {"model": file.stem + ".xml", **given}
         case = Case(**{**fill_defaults(table, file), "file": file})
     except ValidationError as error:
         first = error.errors()[0]

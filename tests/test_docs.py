@@ -20,6 +20,8 @@ import proofmass
 from proofmass import Case, check, load_case
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.chart import Chart
+from proofmass.compare import GOOD
+from proofmass.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.pymunk.engine import PymunkSettings
 
@@ -63,13 +65,17 @@ def tables_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
 HEADINGS = {"drive": "`[drive]`", "rod": "`[rod.NAME]`", "run": "`[run.KIND]`",
             "channels": "`[channels]`", "tolerance": "`[[tolerance]]`", "view": "`[[view]]`",
             "chart": "`[[chart]]`", "beside": "`[beside.NAME]`", "refine": "`[refine]`"}
+ACCURACY = "`accuracy.ENGINE`"
+FILLED = {"run": {"solvers": "all engines", "n": 361},
+          "channels": {"equals": "by name", "unit": "SI"}}
+OWN_KEYS = ("file", "unmatched")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:
     """Hold a table of keys against the class that reads it."""
     there = {key: row for key, row in rows(text).items() if len(row) == 4}
     fields = {field.alias or name: field for name, field in model.model_fields.items()
-              if name != "file"}
+              if name not in OWN_KEYS}
     assert list(there) == list(fields)
     for key, field in fields.items():
         *_, default, meaning = there[key]
@@ -91,12 +97,20 @@ def test_every_table_of_a_sidecar_has_a_section() -> None:
 
 
 def test_top_level_keys() -> None:
-    compare_keys(section(page("sidecar"), "Top level"), Case, {"model": "NAME.xml"})
+    text = section(page("sidecar"), "Top level")
+    assert "| `accuracy` |" in text  # of which a case keeps the tolerances that come of it
+    compare_keys(re.sub(r"^\| `accuracy` .*\n", "", text, flags=re.MULTILINE), Case,
+                 {"model": "NAME.xml", "run": "filled in", "channels": "filled in"})
+
+
+def test_keys_of_accuracy() -> None:
+    compare_keys(section(page("sidecar"), ACCURACY), Accuracy, {})
 
 
 @pytest.mark.parametrize("key", HEADINGS)
 def test_keys_of_a_table(key: str) -> None:
-    compare_keys(section(page("sidecar"), HEADINGS[key]), tables_of(Case)[key], {})
+    compare_keys(section(page("sidecar"), HEADINGS[key]), tables_of(Case)[key],
+                 FILLED.get(key, {}))
 
 
 @pytest.mark.parametrize(("engine", "model"), [("MuJoCo", MujocoSettings),
@@ -154,7 +168,9 @@ def test_readme_is_short_and_its_sidecar_agrees(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(sidecar, encoding="utf-8")
     result = check([tmp_path / "mine.toml"])
     assert not result.errors
-    assert [c.outcome for c in result.comparisons] == ["agrees"] * 2
+    outcomes = [c.outcome for c in result.comparisons]
+    assert set(outcomes) <= set(GOOD), result.comparisons
+    assert outcomes.count("agrees") > 60  # all sensors in both runs and engines
     assert result.exit_code == 0
 
 

@@ -154,7 +154,7 @@ def test_own_cases_are_valid(case):
 
 def test_si_units_do_not_import_pint():
     """Its import takes longer than that of the rest."""
-    line = ("import sys; from proofmass.case import load_case; from proofmass.validate import "
+    line = ("import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
             "validate; validate(load_case('models/linkages/hacksaw_recorded.toml')); "
             "sys.exit('pint' in sys.modules)")
     subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)
