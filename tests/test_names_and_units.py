@@ -28,6 +28,7 @@ from proofmass.validate import validate
 from tests.report.test_report import curves_of, result_of
 from tests.shipped import MODELS, models_like, shipped
 
+FOURBAR = load_case(shipped("fourbar.toml"))
 MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
 WRONG = {
     "solver of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujco"',
@@ -107,7 +108,7 @@ def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit,
 @given(key=st.sampled_from(["solver", "unit", "channels"]),
        pattern=st.text(st.sampled_from("abcdmojunkrp.*?[]:/ "), min_size=1, max_size=8))
 def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
-    case = load_case(shipped("fourbar.toml"))
+    case = FOURBAR
     names = {"solver": [s for run in case.run.values() for s in run.solvers],
              "unit": [c.unit for c in case.channels.values()], "channels": [*case.channels]}[key]
     tolerance = {"abs": 1.0, "why": "x", key: pattern}
