@@ -61,7 +61,7 @@ def headline(case: Case, comparisons: Iterable[Comparison],
     quiet = [kind for kind in ("sweep", "rest") if kind in case.run] or ["sweep"]
     sweep, duration = by_solver(own, *quiet), by_solver(own, "duration")
     within = " and ".join(quiet)
-    true, false = ("The model is the mechanism", "The model is not the mechanism")
+    true, false = ("The model matches the reference", "The model does not match the reference")
     if from_model(case):
         true, false = ("The model moves as its own numbers say",
                        "The model does not move as its own numbers and laws say")

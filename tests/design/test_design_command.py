@@ -134,6 +134,6 @@ def test_the_engines_agree_with_what_was_found(tmp_path):
     answer = run("--free-angle", "--effort", "0.1", "--pareto", "--beside",
                  shipped("balancer_sine_free.toml"), "-o", tmp_path)
     assert answer.exit_code == 0, answer.output
-    assert "The model is the mechanism" in answer.output
+    assert "The model matches the reference" in answer.output
     assert (tmp_path / "report" / "index.html").is_file()
     assert (tmp_path / "pareto.svg").is_file()

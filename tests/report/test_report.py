@@ -91,8 +91,8 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_all_agree(fourbar: Case) -> None:
     result = result_of(fourbar, sweep=0.0, duration=0.0)
     assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
-        f"The model is the mechanism: all {len(fourbar.channels)} channels of the sweep agree in "
-        "MuJoCo. "
+        f"The model matches the reference: all {len(fourbar.channels)} channels of the sweep "
+        "agree in MuJoCo. "
         "MuJoCo agrees at dt = 0.97 ms.")
 
 
@@ -123,7 +123,8 @@ def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
 
 def test_sweep_differs(fourbar: Case) -> None:
     text = headline(fourbar, result_of(fourbar, sweep=1e-3, duration=0.0).comparisons)
-    assert text.startswith("The model is not the mechanism: MuJoCo differs in the sweep on ")
+    assert text.startswith("The model does not match the reference: MuJoCo differs in the sweep "
+                           "on ")
     assert text.endswith("do not look at integrators before this is mended.")
 
 
@@ -132,12 +133,13 @@ def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
     bad = [replace(c, solver="pymunk", outcome="differs", error_max=1.0, message="9 x the allowed")
            for c in good]
     text = headline(fourbar, [*good, *bad])
-    assert text.startswith("The model is the mechanism in MuJoCo, not in every solver: pymunk diff")
+    assert text.startswith("The model matches the reference in MuJoCo, not in every solver: "
+                           "pymunk diff")
 
 
 def test_duration_differs(fourbar: Case) -> None:
     text = headline(fourbar, result_of(fourbar, sweep=0.0, duration=1e-3).comparisons)
-    assert text.startswith(f"The model is the mechanism: all {len(fourbar.channels)} channels")
+    assert text.startswith(f"The model matches the reference: all {len(fourbar.channels)} channels")
     assert "differs over the duration on coupler.angle, rocker, pin.x and 2 more" in text
 
 

@@ -10,20 +10,18 @@ import mujoco
 import numpy as np
 import pymunk
 import pytest
-from proofmass.studies.row import Row
-from proofmass.studies.setting import Setting
-from proofmass.studies.trade.finer import Limits
-from proofmass.studies.trade.snippet import pasted, snippet
 from typer.testing import CliRunner
 
 from proofmass.analytic.linkages import pendulum
-from proofmass.case import Case, load_case
+from proofmass.case import Case
 from proofmass.cli import app
 from proofmass.isolate import TimedOut
 from proofmass.reference import compiled
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
+from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.choose import (
@@ -39,7 +37,9 @@ from proofmass.studies.trade.choose import (
     words,
 )
 from proofmass.studies.trade.choose_command import solver_for
+from proofmass.studies.trade.program import pasted, snippet
 from proofmass.studies.trade.search import search
+from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
 from tests.shipped import shipped
@@ -369,7 +369,7 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
     ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time"),
     ("fourbar.toml --error 1e-5 --run sweep -o run.py", "the sweep of fourbar has no time"),
     ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
-def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models) -> None:
+def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: Path) -> None:
     words = asked.split()
     found = CliRunner().invoke(app, ["choose", str(models / words[0]), *words[1:],
                                      "--store", str(tmp_path)])
