@@ -20,9 +20,9 @@ import mujoco
 from examples.chosen import truths
 from proofmass.case import Case
 from proofmass.reference import grid
+from proofmass.sim.mujoco.scans import INTEGRATORS
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import Knob, Setting
-from proofmass.studies.trade.axes import INTEGRATORS
 from proofmass.studies.trade.program import PRINTED, imposed, written
 
 MORE_STEPS = 8.0  # than the chosen setting has, at most: none of them is cheaper

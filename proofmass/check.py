@@ -18,6 +18,7 @@ from proofmass.mobility import mobility
 from proofmass.reference import grid
 from proofmass.refined import Finer, Row, errors, refinements
 from proofmass.sidecar import load_case
+from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
@@ -220,14 +221,14 @@ def step_unchecked(model: Path) -> list[Comparison]:
     """Load and step a model that has no sidecar; it is listed, not judged."""
     run, cost = Run("passive", np.linspace(0, 0.1, 2), ()), dict[str, Any]()
     try:
-        curves = isolated(simulate, "mujoco", model, run, timeout=60.0)
+        curves = isolated(simulate, NATIVE, model, run, timeout=60.0)
         outcome, message = "unchecked", "no sidecar; it loads and steps"
         cost = {"seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
-    return [Comparison(model.stem, "mujoco", "duration", "", "", outcome=outcome, message=message,
+    return [Comparison(model.stem, NATIVE, "duration", "", "", outcome=outcome, message=message,
                        **cost)]
 
 

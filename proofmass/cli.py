@@ -245,11 +245,12 @@ def choose_command(
     error: Annotated[float, typer.Option(help="Largest error, as a share of the range of the "
                                          "reference.")],
     of: Annotated[Errors, typer.Option(help="Of what.")] = Errors.position,
-    solver: Annotated[str, typer.Option(help="mujoco or pymunk.", show_default="any")] = "",
+    solver: Annotated[str, typer.Option(help="The only engine to choose from.",
+                                          show_default="any")] = "",
     run: Annotated[Runs | None, typer.Option(help="Which run of the case.", show_default="the "
                    "first of these that it has")] = None,
-    drive: Annotated[str, typer.Option(help="How the program moves its drives: flywheel, servo or "
-                                       "equality in MuJoCo; gear or motor in pymunk.",
+    drive: Annotated[str, typer.Option(help="How the program moves its drives, a word of the "
+                                       "engine's such as servo; docs/studies.md has them.",
                                        show_default="the first of these, which is ideal")] = "",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="A Python program that runs "
                       "the motion with that setting, without proofmass.",

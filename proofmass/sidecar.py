@@ -16,12 +16,13 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from proofmass.case import Case
+from proofmass.engines import NoEngine, engine_names, engine_of, own_engines
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.reference import compiled, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import Limit
-from proofmass.solve import engine_module, engines, plan
+from proofmass.solve import plan
 from proofmass.strict import Strict
 from proofmass.units import KINDS, si_unit
 from proofmass.validate import delivered_unit, first_samples
@@ -71,7 +72,7 @@ def fill_defaults(table: Table, file: Path) -> Table:
 
 
 def fill_runs(table: Table) -> Table:
-    """A driven case has a sweep and a duration if it names no run; runs have all engines.
+    """A driven case has a sweep and a duration if it names no run; runs have proofmass's engines.
 
     A duration has each engine's own default settings as well, which are shown and not checked.
     """
@@ -79,9 +80,10 @@ def fill_runs(table: Table) -> Table:
     if not isinstance(runs, dict):
         return table
     own = {} if is_recorded(table) else {"n": SAMPLES}
-    timed = [solver for engine in engines() for solver in (engine, f"{engine}:default")]
-    defaults: Table = {"sweep": {**own, "solvers": engines()},
-                       "duration": {**own, "solvers": timed}, "rest": {"solvers": engines()}}
+    there = list(own_engines())
+    timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
+    defaults: Table = {"sweep": {**own, "solvers": there},
+                       "duration": {**own, "solvers": timed}, "rest": {"solvers": there}}
     return {**table, "run": {kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict)
                              else run for kind, run in runs.items()}}
 
@@ -196,13 +198,13 @@ def fill_tolerances(table: Table, levels: dict[str, Accuracy], file: Path) -> Ta
     added, used = list[Table](), set[tuple[str, str]]()
     if table.get("drive") and not (table.get("rod") or table.get("unchecked")
                                    or is_recorded(table)):
-        for engine in engines():
+        for engine in engine_names():
             for kind, run in runs.items():
                 if engine not in solvers_of(run) or any(speaks_of(t, kind, engine) for t in own):
                     continue
                 level = levels.get(engine) or Accuracy.model_validate({})
                 for part, units in parts_of(kind, channels).items():
-                    limit: Limit | None = getattr(engine_module(engine), "ACCURACY", {}).get(part)
+                    limit = accuracy_of(engine).get(part)
                     if limit is not None:
                         used.add((engine, part))
                         added.append({"run": kind, "solver": engine, **units, "of_range":
@@ -214,6 +216,14 @@ def fill_tolerances(table: Table, levels: dict[str, Accuracy], file: Path) -> Ta
                                  "with a drive, a closed form or the planar reference, no rods, "
                                  "and no [[tolerance]] for the same run and engine")
     return {**table, "tolerance": [*own, *added]} if added else table
+
+
+def accuracy_of(engine: str) -> Mapping[str, Limit]:
+    """How far an engine says that it may be off; of one that cannot be loaded the run says why."""
+    try:
+        return engine_of(engine).accuracy
+    except NoEngine:
+        return {}
 
 
 def solvers_of(run: Any) -> list[Any]:

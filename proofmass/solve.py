@@ -1,15 +1,13 @@
 """Run a case in a simulator: ``solve(case, kind, solver) -> Curves``."""
 
-import importlib
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from proofmass import sim
 from proofmass.case import Case
 from proofmass.drive import check_driven
+from proofmass.engines import NoEngine, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.isolate import Crashed, isolated
 from proofmass.reference import compiled, grid, laws
@@ -20,17 +18,6 @@ from proofmass.strict import Kind
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
 BETWEEN = 20  # places between two samples of a duration where a law is looked at as well
-
-
-def engines() -> list[str]:
-    """The simulators there are: one for each folder ``sim/NAME`` with an ``engine.py``."""
-    return sorted(file.parent.name for folder in sim.__path__
-                  for file in Path(folder).glob("*/engine.py"))
-
-
-def engine_module(engine: str) -> ModuleType:
-    """The module of a simulator."""
-    return importlib.import_module(f"proofmass.sim.{engine}.engine")
 
 
 def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
@@ -45,9 +32,9 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
         No such engine, no such table, or a setting that the engine refuses.
     """
     engine, _, variant = solver.partition(":")
-    if engine not in engines():
+    if engine not in engine_names():
         raise InputError(case.file, f"run.{kind}.solvers", f"no simulator {engine!r}; "
-                         f"{suggest(engine, engines())}")
+                         f"{suggest(engine, engine_names())}")
     settings = dict(case.settings.get(solver, {}))
     if variant == "default":
         settings["defaults"] = True
@@ -56,7 +43,9 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
                          f'[settings."{solver}"]')
     if settings:
         try:
-            engine_module(engine).check_settings(settings)
+            engine_of(engine).check_settings(settings)
+        except NoEngine as error:
+            raise InputError(case.file, f"run.{kind}.solvers", str(error)) from None
         except BadSetting as error:
             key, why = error.args
             table = f'"{solver}"' if variant else solver
@@ -167,7 +156,9 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
 def simulate(engine: str, model: Path, run: Run) -> Curves:
     """Call an engine's ``simulate``; what it did not mean to raise is a crash of that run."""
     try:
-        return engine_module(engine).simulate(model, run)
+        return engine_of(engine).simulate(model, run)
+    except NoEngine as error:
+        raise Crashed(str(error)) from error
     except (BadModel, Unsupported, Diverged, MemoryError):
         raise
     except Exception as error:

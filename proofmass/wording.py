@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-ENGINES = {"mujoco": "MuJoCo"}
+from proofmass.engines import NoEngine, engine_of
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -38,7 +38,11 @@ def spoken(solver: str) -> str:
     'MuJoCo default'
     """
     engine, _, variant = solver.partition(":")
-    return f"{ENGINES.get(engine, engine)} {variant}".strip()
+    try:
+        title = engine_of(engine).title
+    except NoEngine:  # a table may have another machine's
+        title = engine
+    return f"{title} {variant}".strip()
 
 
 def listed(words: Iterable[str]) -> str:

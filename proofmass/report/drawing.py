@@ -17,6 +17,7 @@ from proofmass.report.mechanism import distinct, mechanism, path, path_sheet, pa
 from proofmass.report.refinements import refine_sheet
 from proofmass.report.style import RC, Look
 from proofmass.report.views import Viewed, view_sheet
+from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.picture import Picture, picture
 from proofmass.solve import plan
 
@@ -91,7 +92,7 @@ def pictured(case: Case) -> tuple[Picture | None, str]:
 
 def posed(case: Case) -> Picture:
     """What `pictured` does in the other process."""
-    return picture(case.model_path, plan(case, next(iter(case.run)), "mujoco"))
+    return picture(case.model_path, plan(case, next(iter(case.run)), NATIVE))
 
 
 def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look],

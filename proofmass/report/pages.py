@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -21,6 +22,7 @@ from proofmass import reference
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import OPEN
+from proofmass.engines import NoEngine, brought_by, engine_names, engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
@@ -36,7 +38,6 @@ from proofmass.report.views import Viewed, all_viewed, caption
 from proofmass.report.words import LOST, SYMBOLS, from_model, headline
 from proofmass.wording import number, spoken
 
-PACKAGES = ("proofmass", "mujoco", "pymunk", "numpy", "scipy")
 HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
             "rest": "Rest: the shapes of the rods in equilibrium, along their length",
             "duration": "Duration: the motion over time, as each engine steps it"}
@@ -275,10 +276,18 @@ def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
             "table": refinements.table(view, asked), "costs": list(refinements.costs(view))}
 
 
+def packages_of(engine: str) -> list[str]:
+    """The distributions that an engine's results come from; none of one that cannot be loaded."""
+    with suppress(NoEngine):
+        return [*filter(None, [brought_by(engine)]), *engine_of(engine).packages]
+    return []
+
+
 def about() -> list[tuple[str, str]]:
     """Versions, machine and date; no host name, no paths."""
     found = []
-    for name in PACKAGES:
+    engines = [name for engine in engine_names() for name in packages_of(engine)]
+    for name in dict.fromkeys(("proofmass", *engines, "numpy", "scipy")):
         try:
             found.append((name, version(name)))
         except PackageNotFoundError:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from proofmass.engines import own_engines
+
 Dash = tuple[int, tuple[float, ...]]
 
 
@@ -28,15 +30,21 @@ class Look:
 
 
 SOLID: Dash = (0, ())
-KNOWN = {
-    "mujoco": Look("#0072B2", SOLID, "o", 0),
-    "pymunk": Look("#D55E00", (0, (5, 1.5)), "s", 1),
-    "mujoco:default": Look("#56B4E9", (0, (1.2, 1.2)), "^", 2),
-    "pymunk:default": Look("#E69F00", (0, (5, 1.5, 1, 1.5)), "v", 3),
-    "mujoco:fine": Look("#009E73", (0, (8, 2)), "D", 4),
-    "mujoco:settled": Look("#882255", (0, (2, 1)), "d", 5),
-    "pymunk:fine": Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
+FIRST = Look("#0072B2", SOLID, "o", 0)
+PALETTE = {
+    (0, ""): FIRST,
+    (1, ""): Look("#D55E00", (0, (5, 1.5)), "s", 1),
+    (0, "default"): Look("#56B4E9", (0, (1.2, 1.2)), "^", 2),
+    (1, "default"): Look("#E69F00", (0, (5, 1.5, 1, 1.5)), "v", 3),
+    (0, "fine"): Look("#009E73", (0, (8, 2)), "D", 4),
+    (0, "settled"): Look("#882255", (0, (2, 1)), "d", 5),
+    (1, "fine"): Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
 }
+"""By the number of an engine of this distribution, and the variant."""
+KNOWN = {f"{name}:{variant}".rstrip(":"): look for (k, variant), look in PALETTE.items()
+         for name in own_engines()[k:k + 1]}
+HATCHES = "", "////", "....", "xxxx", "\\\\\\\\"
+"""Of filled areas, by engine."""
 SPARE = [(c, d, m) for m, (d, c) in zip(
     "Xp*h<>Xp*h<>", product([(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
                             ["#CC79A7", "#444444", "#8A6D00"]), strict=True)]
@@ -77,8 +85,8 @@ RC: dict[Any, Any] = {
 def looks(solvers: Iterable[str]) -> dict[str, Look]:
     """A look for every solver; those without a fixed one share out the spare ones by name.
 
-    >>> looks(["mujoco", "adams"])["mujoco"].colour
-    '#0072B2'
+    >>> looks(["pymunk", "adams"])["pymunk"].colour
+    '#D55E00'
     >>> looks(["b", "a"])["a"] == looks(["a", "b"])["a"]
     True
     """
@@ -91,3 +99,15 @@ def looks(solvers: Iterable[str]) -> dict[str, Look]:
             chosen[name] = Look(*SPARE[unknown % len(SPARE)], number=len(KNOWN) + unknown)
             unknown += 1
     return chosen
+
+
+def hatches(engines: Iterable[str]) -> dict[str, str]:
+    """A hatch for every engine, its own for those of this distribution.
+
+    >>> hatches(["pymunk", "adams"])
+    {'pymunk': '////', 'adams': '....'}
+    """
+    own = own_engines()
+    other = sorted(set(engines) - set(own))
+    return {name: HATCHES[k % len(HATCHES)] for k, name in enumerate([*own, *other])
+            if name in set(engines)}

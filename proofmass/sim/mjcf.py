@@ -20,6 +20,8 @@ import numpy as np
 from proofmass.sim.protocol import BROKEN, BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
+NATIVE = "mujoco"
+"""The engine whose format MJCF is: it runs any model as it is, and poses the drawings."""
 OFF = mujoco.mjtDisableBit
 CONSTRAINTS = {OFF.mjDSBL_EQUALITY: ("eq_active0",),
                OFF.mjDSBL_FRICTIONLOSS: ("dof_frictionloss", "tendon_frictionloss"),

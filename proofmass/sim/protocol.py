@@ -1,18 +1,27 @@
-"""What the core asks of a simulator and what it gets back; a simulator is one function, `simulate`.
+"""What the core asks of an engine, and what it gets back.
+
+An engine is one object, an `Engine`, which another distribution can bring as an entry point of the
+group ``proofmass.engines``.  `Engine.simulate` is all that it must have:
 
     simulate(model: Path, run: Run) -> Curves
 
-A simulator knows no reference and no tolerance.  It imports nothing of the core.
+An engine knows no reference and no tolerance.  It imports nothing of the core.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, NamedTuple, Self
+from itertools import count, takewhile
+from pathlib import Path
+from textwrap import indent
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from proofmass.analytic.numerics import Array
+
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
 BROKEN = set[str]()
 """Engines that cannot be called in this process any more; whoever keeps it has to start another."""
@@ -25,7 +34,7 @@ MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest mode
 class Limit(NamedTuple):
     """How far an engine may be off, as a share of the reference's range, and why.
 
-    The `ACCURACY` of an engine has one for ``sweep`` (all channels), and for ``position``,
+    The `accuracy` of an engine has one for ``sweep`` (all channels), and for ``position``,
     ``velocity`` and ``acceleration`` (channels of a duration), as far as the engine states them.
     """
 
@@ -38,7 +47,10 @@ class Unsupported(Exception):
 
 
 class Diverged(Exception):
-    """The run was lost: not finite, reset by the engine, or the loops came open."""
+    """The run was lost: not finite, reset by the engine, or the loops came open.
+
+    A message that begins with ``NAME warning`` is what the engine itself said.
+    """
 
 
 class NotSolved(Diverged):
@@ -283,3 +295,328 @@ class Curves:
     settings: dict[str, object] = field(default_factory=dict)
     stopped: str = ""
     derivatives: int = 2
+
+
+Knob = str | float | int | bool | tuple[float, ...]
+"""A value of a setting."""
+Knobs = Mapping[str, Knob]
+StepMap = Callable[[float, float], Array]
+"""``map(z, zeta)``: the matrix (2, 2) that a step applies to (q, dt q') of a spring and a damper,
+with z = dt omega."""
+Stepping = Callable[[float], tuple[str, float, dict[str, Knob], str]]
+"""Of a value the text of an MJCF, the time step [s], settings, and the channel that is watched."""
+STEP = "time step"
+"""The cause of an error that a shorter step makes smaller."""
+
+
+def leading(knob: Knob) -> float:
+    """A value as a number, the first of several."""
+    return float(knob[0] if isinstance(knob, tuple) else knob)
+
+
+@dataclass(frozen=True)
+class Studied:
+    """A duration whose settings are studied.
+
+    Attributes
+    ----------
+    model : MjModel
+        The compiled MJCF.
+    times : ndarray (n,)
+        Where it is sampled [s].
+    work : float
+        Evaluations of forces that the longest run of a scan may take.
+    driven : bool
+        Whether joints are driven.
+    held_to_drive : bool
+        Whether the reference is asked at the state that the drives really had.
+    jolted : callable
+        Tells whether the motion starts under gravity or in motion.
+    """
+
+    model: "MjModel"
+    times: Array
+    work: float
+    driven: bool
+    held_to_drive: bool
+    jolted: Callable[[], bool]
+
+    @property
+    def own_step(self) -> float:
+        """Time step of the model [s]."""
+        return float(self.model.opt.timestep)
+
+    def timesteps(self, stages: int = 1) -> list[float]:
+        """Steps [s] of which odd numbers, 1, 3, 7, .., lead from sample to sample.
+
+        With even numbers one of them would end half way, where change points may lie.  A step has
+        so many `stages`, evaluations of forces.
+        """
+        most = max(1.0, self.work / stages / (self.times.size - 1))
+        numbers = takewhile(lambda number: number <= most, (2**k - 1 for k in count(1)))
+        return [float(self.times[1] - self.times[0]) / number for number in numbers]
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Settings that differ in one of them, `axis`, from coarse to fine.
+
+    Attributes
+    ----------
+    name : str
+        Unlike that of any other scan of the engine.
+    axis : str
+    settings : tuple of dict
+    """
+
+    name: str
+    axis: str
+    settings: tuple[dict[str, Knob], ...]
+
+
+def scan_over(base: Knobs, name: str, axis: str, values: Sequence[Knob]) -> Scan:
+    """A scan over one of the settings."""
+    return Scan(name, axis, tuple({**base, axis: value} for value in values))
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Settings by their time step, for a search of the step that is just short enough.
+
+    Attributes
+    ----------
+    name : str
+    knobs : callable
+        ``knobs(step)``: all settings but the step [s].
+    plain : bool
+        Whether these are the engine's own defaults.
+    """
+
+    name: str
+    knobs: Callable[[float], dict[str, Knob]]
+    plain: bool = False
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Settings with one cause of an error moved.
+
+    Attributes
+    ----------
+    cause, move : str
+        What is suspected, and what is done to it, in words.
+    knobs : dict of str to Knob
+    better : bool
+        Whether it was moved to where less error is expected, or away from there because it can go
+        no further.
+    whole : bool
+        Whether it was taken away, and not only halved.
+    """
+
+    cause: str
+    move: str
+    knobs: dict[str, Knob]
+    better: bool = True
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """One way in which an engine steps, and what theory says of it.
+
+    Attributes
+    ----------
+    name : str
+    step : callable
+        Its `StepMap`.
+    law : str
+        What the largest stable dt omega follows from, in words.
+    settings : dict of str to Knob
+        That select it.
+    conserves : bool
+        Whether the energy of a free motion stays, but for errors.
+    half_kick : bool
+        Whether a run from rest begins with the velocity of half a step.
+    tried : mapping of str to tuple of float
+        Test problems of ``proofmass stress`` that it is tried with, and their numbers: damping
+        ratios of ``spring`` and ``slide``, masses of a ``chain``, dt omega of ``swing`` and
+        ``fade``, and for ``pendulum`` and ``whirl`` any one.
+    """
+
+    name: str
+    step: StepMap
+    law: str
+    settings: dict[str, Knob] = field(default_factory=dict)
+    conserves: bool = True
+    half_kick: bool = False
+    tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """A test problem of an engine's own: one number is increased until its run is lost.
+
+    Attributes
+    ----------
+    what, setting, knob, law : str
+        The model, the scheme, what is increased, and what theory says, in words.
+    stepped : callable
+        Its `Stepping`.
+    step, zeta : callable, float
+        Whose limit theory gives; or None, with the limit itself in `theory`.
+    theory : float
+    start, reach : float
+        From where to where it is increased.
+    """
+
+    what: str
+    setting: str
+    knob: str
+    law: str
+    stepped: Stepping
+    step: StepMap | None = None
+    zeta: float = 0.0
+    theory: float = float("nan")
+    start: float = 0.1
+    reach: float = 1e3
+
+
+def left_to_sidecar(knobs: Knobs, but: Sequence[str] = ()) -> Iterator[str]:
+    """What an engine has no words for, as what the sidecar must say."""
+    for key in sorted(set(knobs) - {*but, "defaults"}):
+        place = "every rod" if key == "segments" else "settings"
+        yield f"{place} of the sidecar: {key} = {knobs[key]!r}"
+
+
+class Engine:
+    """All that the core asks of an engine; what a subclass leaves out has a default.
+
+    Settings are given as `Knobs`, by their names in `settings`.
+
+    Attributes
+    ----------
+    title : str
+        Name in a sentence; that of the class, if not given.
+    packages : tuple of str
+        Distributions that compute its results beside NumPy, SciPy and MuJoCo.
+    settings : type of EngineSettings
+        What can be set, with types, ranges and the engine's own defaults.
+    chooses : tuple of str
+        Settings that it chooses or fits itself where they are not given, and reports.
+    native : bool
+        Whether it compiles the MJCF itself: what cannot be compiled is then refused by it.
+    imposed : sequence of Imposed
+        How its programs can move drives, the ideal way first.
+    schemes : tuple of Scheme
+        Ways in which it steps, whose stability theory knows.
+    labels : mapping of str to str
+        What `size` is called on the axis of a figure, by setting, where it is not the setting.
+    accuracy : mapping of str to Limit
+        How far it may be off a driven linkage, of a case that states no tolerance.
+    """
+
+    title = ""
+    packages: tuple[str, ...] = ()
+    settings: type[EngineSettings] = EngineSettings
+    chooses: tuple[str, ...] = ("timestep",)
+    native = False
+    imposed: Sequence[Imposed] = (Imposed("ideal drive"),)
+    schemes: tuple[Scheme, ...] = ()
+    labels: Mapping[str, str] = {}
+    accuracy: Mapping[str, Limit] = {}
+
+    def __init_subclass__(cls) -> None:
+        if "title" not in vars(cls):
+            cls.title = cls.__name__
+
+    def simulate(self, model: Path, run: Run) -> Curves:
+        """Run the model of an MJCF file.
+
+        Raises
+        ------
+        BadModel, Unsupported, Diverged
+            Whatever else it raises counts as a crash of that run.
+        """
+        raise NotImplementedError
+
+    def check_settings(self, settings: Mapping[str, object]) -> None:
+        """Raise `BadSetting` if the engine cannot be set so."""
+        self.settings.read(settings)
+
+    def is_default(self, knobs: Knobs) -> bool:
+        """Whether nothing but the time step differs from what the engine has by itself."""
+        fields = self.settings.model_fields
+        return bool(knobs.get("defaults")) and all(
+            value == fields[name].default for name, value in knobs.items()
+            if name in fields and name not in ("timestep", "defaults"))
+
+    def size(self, axis: str, value: Knob) -> float:
+        """What errors should fall with along a scan: a step or time constant [s], or a share."""
+        return leading(value) if axis == "timestep" else 1.0 / leading(value)
+
+    def at_step(self, knobs: Knobs, step: float) -> dict[str, Knob]:
+        """Settings with another time step [s], and with what is to go with it."""
+        return {**knobs, "timestep": step}
+
+    def scans(self, about: Studied) -> Iterator[Scan]:
+        """The settings worth scanning in a duration; the time step, if it can be set."""
+        if "timestep" in self.settings.model_fields:
+            yield scan_over({}, self.title, "timestep", about.timesteps())
+
+    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
+        """Orders that the errors of a scan may show; nothing where theory promises none.
+
+        `derivative` is 0 for errors of positions, 1 of rates and energies, 2 of accelerations and
+        forces.
+        """
+        return ()
+
+    def causes(self, knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+        """Settings with one possible cause of an error moved, for each cause.
+
+        `scaled` tells whether loops get harder with the step along the scan they are of.
+        """
+        if "timestep" in self.settings.model_fields:
+            step = leading(knobs.get("timestep", about.own_step))
+            yield Cause(STEP, "halving the step", {**knobs, "timestep": step / 2})
+
+    def recipes(self, about: Studied) -> Iterator[Recipe]:
+        """What is searched for the cheapest setting that is good enough."""
+        if "timestep" in self.settings.model_fields:
+            plain: dict[str, Knob] = {"defaults": True} if (
+                "defaults" in self.settings.model_fields) else {}
+            yield Recipe(f"{self.title}, defaults" if plain else self.title, lambda step: plain,
+                         bool(plain))
+
+    def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
+        """What to paste so that the engine runs with settings, for so many steps."""
+        return "\n".join(f"# {line}" for line in left_to_sidecar(knobs))
+
+    def comment(self, text: str) -> str:
+        """Text as a comment before a snippet."""
+        return indent(text, "# ")
+
+    def pasted(self, model: Path, knobs: Knobs, steps: int) -> tuple[str, set[str]] | None:
+        """The text of an MJCF with a snippet in it, and the settings that it says.
+
+        None where a snippet is no part of an MJCF.
+        """
+        return None
+
+    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+        """A duration as a program that needs the engine only.
+
+        Raises
+        ------
+        Unsupported
+            It cannot be written; says why.
+        """
+        raise Unsupported(f"{self.title} has no programs")
+
+    def scheme_of(self, knobs: Knobs, model: "MjModel") -> Scheme | None:
+        """The scheme that a single coordinate is stepped with; None where none is known."""
+        return None
+
+    def specimens(self) -> Iterator[Specimen]:
+        """Test problems of the engine's own."""
+        yield from ()

@@ -17,11 +17,9 @@ from typing import Any, get_type_hints
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol import Knob, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
-
-Knob = str | float | int | bool | tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -31,10 +29,9 @@ class Setting:
     Attributes
     ----------
     engine : str
-        mujoco or pymunk.
+        Its name.
     knobs : dict of str to Knob
-        Settings of `sim.with_ENGINE`: timestep [s], integrator, solref ..; and `segments`, of all
-        rods of the case.
+        Settings of the engine: timestep [s], and others; and `segments`, of all rods of the case.
     """
 
     engine: str
@@ -140,13 +137,11 @@ COLUMNS = {
     "study": "trade, choose, stress or diet",
     "case": "name of the sidecar",
     "run": "sweep, duration or rest",
-    "engine": "mujoco or pymunk",
+    "engine": "name of the engine",
     "line": "the knobs that stay, in words: which line of a figure the run belongs to",
     "axis": "the knob that changes along the line",
     "value": "of that knob",
-    "knob": "a setting of the engine, as in `proofmass.sim.ENGINE.engine`, timestep [s]; segments "
-            "of all rods; "
-            "a tuple is a JSON array",
+    "knob": "a setting of the engine, timestep [s]; segments of all rods; a tuple is a JSON array",
     "error": "largest error of the channels of a kind, at the state the drives really had, as a "
              "share of the range of the reference [1]",
     "asked": "the same at the state that the drives were asked to have; empty where there are none "

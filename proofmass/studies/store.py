@@ -7,6 +7,7 @@ import hashlib
 import importlib.metadata
 import io
 import json
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
@@ -22,6 +23,7 @@ import proofmass
 from proofmass import analytic, drive, reference, sim
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
+from proofmass.engines import brought_by, engine_of
 from proofmass.errors import InputError
 from proofmass.files import HALF, read_text, write_whole
 from proofmass.recorded import Recorded
@@ -202,9 +204,12 @@ def recorded_bytes(case: Case) -> str:
 @cache
 def versions(engine: str) -> dict[str, str]:
     """Of what computes a result."""
+    brought = brought_by(engine)
+    names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
+    code = {} if not brought else {"adapter": digest(Path(str(
+        sys.modules[type(engine_of(engine)).__module__].__file__)).read_bytes())}
     return {"proofmass": proofmass.__version__,
-            **{name: importlib.metadata.version(name) for name in (engine, "mujoco", "numpy",
-                                                                   "scipy")}}
+            **{name: importlib.metadata.version(name) for name in names}, **code}
 
 
 @cache

@@ -31,9 +31,9 @@ from proofmass.studies.stress import stand
 from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect, told
 from proofmass.studies.stress.stand import NotHere, Stand, judged, known, needs
 from proofmass.studies.stress.stand import observed as observed_run
-from proofmass.studies.trade.axes import Line
+from proofmass.studies.trade.axes import Line, jolted
 from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sampled
-from proofmass.studies.trade.orders import expected, jolted, nearest, off
+from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import Track, clear, flat, level, observed, slowed
 from proofmass.studies.trade.verdict import front
 from tests.shipped import shipped
@@ -515,7 +515,7 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
     assert asked == [(Task(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
     monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
     for compiles, outcome, limit in ((True, "no start", OURS), (False, "refused", Limit.REFUSED)):
-        monkeypatch.setattr(stand, "taken_by_mujoco", lambda case, answer=compiles: answer)
+        monkeypatch.setattr(stand, "is_compiled", lambda case, answer=compiles: answer)
         assert own.run(FOURBAR) == Found(outcome=outcome, message="why")
         assert own.lost(FOURBAR) == Failure(f"{outcome}: why", limit)
         planar = replace(own, setting=Setting("pymunk"))
@@ -526,7 +526,8 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
 
     assert [(s.what, s.engine, s.setting, s.knob, s.unit, s.start, s.reach,
              s.trial(3.0).failure.message)
-            for s in own.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))] == [
+            for s in own.integrated("step", "s", 1.0, 2.0, trial, [
+                one for one in own.engine.schemes if one.name in ("Euler", "RK4")])] == [
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
         for words in ("Euler", "RK4")]
     planar = Stand(FOURBAR, "duration", Setting("pymunk"), Store(tmp_path))

@@ -1,20 +1,37 @@
 """MuJoCo: all runs of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from textwrap import indent
 
 import mujoco
 
 from proofmass.sim.mjcf import refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
-from proofmass.sim.mujoco.accuracy import ACCURACY as ACCURACY
+from proofmass.sim.mujoco import scans, stability
+from proofmass.sim.mujoco.accuracy import ACCURACY
 from proofmass.sim.mujoco.dynamics import duration, passive
 from proofmass.sim.mujoco.model import load, loop_gap
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
 from proofmass.sim.mujoco.program import write_program as write_program
 from proofmass.sim.mujoco.quasi_static import rest, sweep
-from proofmass.sim.mujoco.settings import MujocoSettings
-from proofmass.sim.protocol import BadModel, Curves, Run
+from proofmass.sim.mujoco.settings import PLACES, MujocoSettings
+from proofmass.sim.mujoco.snippet import pasted, snippet
+from proofmass.sim.protocol import (
+    BadModel,
+    Cause,
+    Curves,
+    Engine,
+    Imposed,
+    Knob,
+    Knobs,
+    Recipe,
+    Run,
+    Scan,
+    Scheme,
+    Specimen,
+    Studied,
+)
 
 NOT_ASSEMBLED = 0.05  # of the model's extent: beyond this, closing a loop would be guessing
 
@@ -76,3 +93,71 @@ def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> Non
         name = model.equality(loops[int(gaps.argmax())]).name
         raise BadModel(f"start pose of key {key!r} is not assembled: loop {name!r} is open by "
                        f"{gaps.max():.3g} m")
+
+
+class Mujoco(Engine):
+    """MuJoCo as all commands know it."""
+
+    title = "MuJoCo"
+    packages = ("mujoco",)
+    settings = MujocoSettings
+    native = True
+    imposed = IMPOSED
+    schemes = stability.SCHEMES
+    labels = scans.LABELS
+    accuracy = ACCURACY
+
+    def simulate(self, model: Path, run: Run) -> Curves:
+        """See `simulate`."""
+        return simulate(model, run)
+
+    def size(self, axis: str, value: Knob) -> float:
+        """See `proofmass.sim.mujoco.scans.size`."""
+        return scans.size(axis, value)
+
+    def at_step(self, knobs: Knobs, step: float) -> dict[str, Knob]:
+        """See `proofmass.sim.mujoco.scans.at_step`."""
+        return scans.at_step(knobs, step)
+
+    def scans(self, about: Studied) -> Iterator[Scan]:
+        """See `proofmass.sim.mujoco.scans.scans`."""
+        return scans.scans(self.title, about)
+
+    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
+        """See `proofmass.sim.mujoco.scans`."""
+        return scans.orders(scan, derivative, about)
+
+    def causes(self, knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+        """See `proofmass.sim.mujoco.scans.causes`."""
+        return scans.causes(knobs, about, scaled)
+
+    def recipes(self, about: Studied) -> Iterator[Recipe]:
+        """See `proofmass.sim.mujoco.scans.recipes`."""
+        return scans.recipes(self.title, about)
+
+    def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
+        """MJCF; see `proofmass.sim.mujoco.snippet.snippet`."""
+        return snippet(knobs, model)
+
+    def comment(self, text: str) -> str:
+        """A comment of MJCF."""
+        return f"<!--\n{indent(text, '  ')}\n-->"
+
+    def pasted(self, model: Path, knobs: Knobs, steps: int) -> tuple[str, set[str]]:
+        """The model with the snippet in it; it says all but how a sweep or a rest is made."""
+        return pasted(model, snippet(knobs, model)), {*PLACES, "defaults"}
+
+    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+        """See `proofmass.sim.mujoco.program`."""
+        return write_program(model, run, motion, head, drive)
+
+    def scheme_of(self, knobs: Knobs, model: mujoco.MjModel) -> Scheme:
+        """The scheme of the integrator."""
+        return stability.scheme_of(knobs, model)
+
+    def specimens(self) -> Iterator[Specimen]:
+        """See `proofmass.sim.mujoco.stability.specimens`."""
+        return stability.specimens()
+
+
+ENGINE = Mujoco()

@@ -1,16 +1,28 @@
 """pymunk (Chipmunk): a planar MJCF rebuilt from its compiled numbers; MuJoCo only compiles it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from proofmass.sim.protocol import Curves, Run
-from proofmass.sim.pymunk.accuracy import ACCURACY as ACCURACY
+from proofmass.sim.protocol import (
+    Cause,
+    Curves,
+    Engine,
+    Imposed,
+    Knob,
+    Knobs,
+    Recipe,
+    Run,
+    Scan,
+    Studied,
+)
+from proofmass.sim.pymunk import scans, stability
+from proofmass.sim.pymunk.accuracy import ACCURACY
 from proofmass.sim.pymunk.dynamics import duration
-from proofmass.sim.pymunk.model import CHIPMUNK_BIAS as CHIPMUNK_BIAS
 from proofmass.sim.pymunk.model import PymunkSettings, find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import rest, sweep
+from proofmass.sim.pymunk.snippet import SPACE, snippet
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -66,3 +78,51 @@ def simulate(model: Path, run: Run) -> Curves:
     curves = act(links, run, wanted, settings)
     curves.missing.update(missing)
     return curves
+
+
+class Pymunk(Engine):
+    """pymunk as all commands know it."""
+
+    title = "pymunk"
+    packages = ("pymunk",)
+    settings = PymunkSettings
+    chooses = SPACE
+    imposed = IMPOSED
+    schemes = stability.SCHEMES
+    labels = scans.LABELS
+    accuracy = ACCURACY
+
+    def simulate(self, model: Path, run: Run) -> Curves:
+        """See `simulate`."""
+        return simulate(model, run)
+
+    def size(self, axis: str, value: Knob) -> float:
+        """See `proofmass.sim.pymunk.scans.size`."""
+        return scans.size(axis, value)
+
+    def scans(self, about: Studied) -> Iterator[Scan]:
+        """See `proofmass.sim.pymunk.scans.scans`."""
+        return scans.scans(self.title, about)
+
+    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
+        """See `proofmass.sim.pymunk.scans`."""
+        return scans.orders(scan, derivative, about)
+
+    def causes(self, knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+        """See `proofmass.sim.pymunk.scans.causes`."""
+        return scans.causes(knobs, about)
+
+    def recipes(self, about: Studied) -> Iterator[Recipe]:
+        """See `proofmass.sim.pymunk.scans.recipes`."""
+        return scans.recipes(self.title)
+
+    def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
+        """Python; see `proofmass.sim.pymunk.snippet`."""
+        return snippet(knobs, steps)
+
+    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+        """See `proofmass.sim.pymunk.program`."""
+        return write_program(model, run, motion, head, drive)
+
+
+ENGINE = Pymunk()

@@ -22,6 +22,7 @@ import mujoco
 
 from proofmass.check import FAILURES
 from proofmass.isolate import isolated
+from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.studies.diet.edits import Draft
 from proofmass.studies.diet.options import (
@@ -70,7 +71,7 @@ class Kept:
         """
         if not self.folder:
             return make()
-        key = [*map(saved, models), pickle.dumps(runs), repr(versions("mujoco")).encode(),
+        key = [*map(saved, models), pickle.dumps(runs), repr(versions(NATIVE)).encode(),
                sources().encode()]
         return once(self.folder / f"{digest(b''.join(key))}.json", make)
 

@@ -18,7 +18,7 @@ from proofmass.files import write_whole
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
-from proofmass.report.style import KNOWN, RC
+from proofmass.report.style import FIRST, RC
 from proofmass.report.svg import inline
 from proofmass.studies.diet.table import (
     NO_GAIN,
@@ -35,7 +35,7 @@ ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands ab
 LEAST = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
 LETTERS = 42  # of a feature's name
 SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are told apart
-LOOKS = {"harmless": ("o", KNOWN["mujoco"].colour), "drawn": ("o", "white"),
+LOOKS = {"harmless": ("o", FIRST.colour), "drawn": ("o", "white"),
          NO_GAIN: ("o", "white"), "matters": ("X", "#333333")}
 """Marker and filling by outcome: what goes, what could, what stays."""
 
@@ -87,7 +87,7 @@ def change(ax: Axes, entry: Entry, y: float) -> None:
     place = min(max(share, SMALL), LARGE) if share == share else LARGE
     ax.plot([SMALL / 3, place], [y, y], color="#c4c4c4", linewidth=0.8, zorder=1)
     ax.plot(place, y, marker=marker, markersize=5, markerfacecolor=filling, zorder=3,
-            markeredgecolor=KNOWN["mujoco"].colour if marker == "o" else "#333333")
+            markeredgecolor=FIRST.colour if marker == "o" else "#333333")
 
 
 def bars(ax: Axes, entries: Sequence[Entry], places: Sequence[float],
@@ -97,8 +97,8 @@ def bars(ax: Axes, entries: Sequence[Entry], places: Sequence[float],
         if entry.costs:
             goes = entry.outcome == "harmless"
             ax.barh(y, value(entry), height=0.62, linewidth=0.6,
-                    color=KNOWN["mujoco"].colour if goes else "white",
-                    edgecolor=KNOWN["mujoco"].colour if entry.outcome != "matters" else "#999999")
+                    color=FIRST.colour if goes else "white",
+                    edgecolor=FIRST.colour if entry.outcome != "matters" else "#999999")
     ax.axvline(0.0, color="#333333", linewidth=0.6)
     ax.set_axisbelow(True)
 

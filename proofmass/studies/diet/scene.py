@@ -26,7 +26,7 @@ from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.isolate import isolated
-from proofmass.sim.mjcf import compile_model
+from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
@@ -272,8 +272,8 @@ def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
 
 def solvers_of(case: Case, kind: Kind) -> list[str]:
     """The settings in which a case runs in MuJoCo, but for the engine's defaults and its flexes."""
-    return [s for s in case.run[kind].solvers if s.partition(":")[0] == "mujoco"
-            and s != "mujoco:default" and not case.settings.get(s, {}).get("flex")]
+    return [s for s in case.run[kind].solvers if s.partition(":")[0] == NATIVE
+            and s != f"{NATIVE}:default" and not case.settings.get(s, {}).get("flex")]
 
 
 def sidecars(file: Path) -> Iterator[Case]:

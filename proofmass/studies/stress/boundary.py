@@ -68,7 +68,7 @@ def told(message: str) -> bool:
     >>> told("MuJoCo warning badqacc; lost at some time"), told("not finite at t = 2 s")
     (True, False)
     """
-    return message.startswith("MuJoCo warning")
+    return message.split()[1:2] == ["warning"]
 
 
 Trial = Callable[[float], Tried]
@@ -84,7 +84,7 @@ class Turned:
     what : str
         The case, or the specimen in words.
     engine, setting : str
-        mujoco or pymunk, and its integrator or what else is set, in words.
+        The engine, and its integrator or what else is set, in words.
     knob, unit : str
         What was turned.
     start, reach : float

@@ -46,7 +46,6 @@ from proofmass.studies.stress.stand import (
 from proofmass.studies.stress.ways import in_steps, longer
 from proofmass.studies.variants import movable, reread, with_model
 
-CONSERVING = "Euler", "implicit", "implicitfast", "RK4"  # discrete is a damper
 MOST = 2000  # samples
 OFF = 0.01
 """Change of energy, over the largest kinetic energy, that is too much."""
@@ -61,7 +60,8 @@ def energies(stand: Stand) -> Iterator[Sought]:
     needs(bounded(watched, stand.kind, conserved, watched), why)
     yield from stand.integrated("steps until the energy is off by 1 %", "1",
                                 stand.seconds / stand.step, LONG,
-                                partial(drifted, stand, watched), CONSERVING)
+                                partial(drifted, stand, watched),
+                                [one for one in stand.engine.schemes if one.conserves])
 
 
 def weighed(case: Case, folder: Path) -> Case:
@@ -129,7 +129,7 @@ def sizes(stand: Stand) -> Iterator[Sought]:
     weighs = bool(model.opt.gravity.any()) if stand.kind != "duration" else not driven
     least = smallest(model, weighs)
     limit = least if least > 1e-6 else 0.0
-    if limit and stand.setting.engine != "mujoco":  # of another engine than the one it is read for
+    if limit and not stand.engine.native:  # of another engine than the one it is read for
         limit = NAN
     for word, reach, expected in (("larger", 1e6, np.inf), ("smaller", 1e-6, limit)):
         yield stand.sought(f"all lengths {word}", "times", 1.0, reach,
@@ -139,7 +139,7 @@ def sizes(stand: Stand) -> Iterator[Sought]:
 
 def resized(stand: Stand, least: float, factor: float) -> Tried:
     """Run at another size, down to the least that MuJoCo compiles for other engines as well."""
-    if factor < least and stand.setting.engine != "mujoco":
+    if factor < least and not stand.engine.native:
         return Tried(Failure(f"MuJoCo, which reads the model for {stand.setting.engine}, compiles "
                              f"the same mechanism down to {least:.3g} times its size", Limit.OURS))
     found = stand.run(variants.larger(stand.case, stand.models, factor))
@@ -190,20 +190,13 @@ def stiffnesses(stand: Stand) -> Iterator[Sought]:
     case = brief(reread(stand.case), seconds, stand.step) if free else stand.case
     softest = inertia * (2.0 * np.pi / seconds) ** 2
     limit = NAN
-    # one coordinate; in Chipmunk three of a body, which goes straight ahead during a step
-    if free and compiled(case).nv == 1 and stand.setting.engine == "mujoco":
-        z = theory.stiffest(integrator(stand), seconds / stand.step)
+    scheme = stand.engine.scheme_of(stand.setting.knobs, compiled(stand.case))
+    if free and compiled(case).nv == 1 and scheme:
+        z = theory.stiffest(scheme, seconds / stand.step)
         limit = inertia * (z / stand.step) ** 2
     yield stand.sought(f"spring in {joint}", "N m/rad", softest, DECADES * softest,
                        partial(sprung, stand, case, joint), theory=limit,
                        law="" if limit != limit else "powers of the step's matrix")
-
-
-def integrator(stand: Stand) -> str:
-    """MuJoCo's integrator of the runs."""
-    own = mujoco.mjtIntegrator(compiled(stand.case).opt.integrator).name.removeprefix("mjINT_")
-    names = {name.upper(): name for name in theory.MAPS}
-    return str(stand.setting.knobs.get("integrator", names[own]))
 
 
 def last_hinge(case: Case) -> tuple[str, float]:
@@ -238,7 +231,6 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
     return with_model(case, folder, change)
 
 
-INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4", "discrete"
 MANY, PATIENCE = 200, 600.0  # segments, and how long so many may take [s]
 FEW = 4  # steps of the shortest runs: a way there and back in two of them would look like none
 
@@ -267,7 +259,7 @@ def steps(stand: Stand) -> Iterator[Sought]:
     needs(stand.kind == "duration", "time step: nothing is stepped")
     needs(not recorded(stand.case), "time step: a recorded curve has its own samples")
     yield from stand.integrated("time step", "s", stand.step, stand.seconds / FEW,
-                                partial(stepped, stand), INTEGRATORS)
+                                partial(stepped, stand), stand.engine.schemes)
 
 
 def recorded(case: Case) -> bool:

@@ -22,16 +22,17 @@ from proofmass.files import write_whole
 from proofmass.report.figures import save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
-from proofmass.report.style import KNOWN, RC
+from proofmass.report.style import RC, Look, hatches, looks
 from proofmass.report.svg import inline
 from proofmass.studies.stress.boundary import Boundary, Limit
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, pretty, spoken
 
 INK = "#333333"
-HATCH = {"mujoco": "", "pymunk": "////"}
 ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
 PALE = 0.35  # of an engine's colour, the rest is white
+Style = tuple[Look, str]
+"""Look and hatch of an engine."""
 NEAR = 0.02
 """How close to theory a measured boundary must be."""
 
@@ -46,7 +47,7 @@ def stress_sheet(found: Sequence[Boundary]) -> Figure:
     figure = Figure(figsize=(WIDE, height))
     axes = figure.subplots(1, 2 if known else 1, sharey=True, squeeze=False,
                            width_ratios=[3, 1] if known else None)[0]
-    y = float(rows)
+    y, styles = float(rows), styled(found)
     for knob, ours in groups:
         unit = "" if ours[0].unit in ("1", "times") or not known else f" [{ours[0].unit}]"
         axes[0].annotate(knob + unit, (0, y - 0.15), xycoords=("axes fraction", "data"),
@@ -54,10 +55,10 @@ def stress_sheet(found: Sequence[Boundary]) -> Figure:
                          fontweight="bold")
         for one in ours:
             y -= 1
-            bar(axes[0], one, y, known)
+            bar(axes[0], one, y, known, styles[one.engine])
             if known and one.ratio == one.ratio:
-                axes[1].plot(one.ratio, y, color=KNOWN[one.engine].colour, markersize=4,
-                             marker=KNOWN[one.engine].marker)
+                axes[1].plot(one.ratio, y, color=styles[one.engine][0].colour, markersize=4,
+                             marker=styles[one.engine][0].marker)
         y -= 1
     dress(axes, found, rows, known)
     figure.subplots_adjust(left=0.41, right=0.98, bottom=0.55 / height, top=1 - 0.5 / height,
@@ -66,18 +67,25 @@ def stress_sheet(found: Sequence[Boundary]) -> Figure:
     return figure
 
 
-def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
+def styled(found: Sequence[Boundary]) -> dict[str, Style]:
+    """A look and a hatch for every engine."""
+    engines = list(dict.fromkeys(one.engine for one in found))
+    chosen, lines = looks(engines), hatches(engines)
+    return {name: (chosen[name], lines[name]) for name in engines}
+
+
+def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     """One boundary: a bar from where it was turned from, and how it ends."""
     label = f"{one.what}, {one.setting}" if known else f"{spoken(one.engine)}, {one.setting}"
     ax.annotate(label, (0, y), xycoords=("axes fraction", "data"), xytext=(-4, 0), fontsize=6.5,
                 textcoords="offset points", ha="right", va="center")
     low, high = span(one, known)
-    colour = KNOWN[one.engine].colour
+    colour = style[0].colour
     if one.holds != one.holds:
         ax.annotate("not known" if one.unknown else "lost from the start", (0.01, y),
                     xycoords=("axes fraction", "data"), fontsize=6.5, va="center")
         return
-    ax.barh(y, high - low, left=low, height=0.6, **filled(one.engine))
+    ax.barh(y, high - low, left=low, height=0.6, **filled(style))
     marker = "o" if one.found else "X" if one.unknown else ">"
     ax.plot(high, y, marker=marker, color=colour, markersize=4.5, clip_on=False,
             markerfacecolor="white" if one.silent else colour)
@@ -90,15 +98,15 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool) -> None:
                     textcoords="offset points", va="center")
 
 
-def filled(engine: str) -> dict[str, Any]:
+def filled(style: Style) -> dict[str, Any]:
     """The look of an engine's bars.
 
     Pale by its colour alone: an SVG has a hatch's ground opaque, where a translucent one would be
     of one colour with its lines.
     """
-    colour = KNOWN[engine].colour
+    colour = style[0].colour
     return {"facecolor": 1 - PALE * (1 - np.array(to_rgb(colour))), "edgecolor": colour,
-            "hatch": HATCH[engine], "linewidth": 0.4}
+            "hatch": style[1], "linewidth": 0.4}
 
 
 def span(one: Boundary, known: bool) -> tuple[float, float]:
@@ -133,9 +141,8 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
 
 def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     """Engines, and what the ends of bars mean."""
-    engines = dict.fromkeys(one.engine for one in found)
     handles: list[Patch | Line2D] = [
-        Patch(label=spoken(e), **filled(e)) for e in engines]
+        Patch(label=spoken(e), **filled(style)) for e, style in styled(found).items()]
     plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
     handles += [Line2D([], [], marker="o", label="lost, and said so", **plain),
                 Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence",

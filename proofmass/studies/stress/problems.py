@@ -6,7 +6,6 @@ that holds all its modes.  It is stepped a number of times, and has failed if it
 
 from collections.abc import Iterator
 from functools import partial
-from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.drive import Steady
+from proofmass.engines import engine_names, engine_of
 from proofmass.isolate import KILLED, Crashed, TimedOut, isolated
 from proofmass.sim.protocol import (
     BadModel,
@@ -23,8 +23,11 @@ from proofmass.sim.protocol import (
     NotSolved,
     Rod,
     Run,
+    Scheme,
+    Specimen,
     Unsupported,
 )
+from proofmass.sim.specimens import key, mjcf, wheel
 from proofmass.solve import simulate
 from proofmass.studies.measure import taken
 from proofmass.studies.stress import theory
@@ -32,36 +35,6 @@ from proofmass.studies.stress.boundary import Failure, Limit, Sought, Tried, tol
 
 STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
 SECONDS = 120.0
-SENSORS = """<jointpos name="place" joint="{0}"/> <jointvel name="rate" joint="{0}"/>
-    <e_kinetic name="kinetic"/> <e_potential name="potential"/>"""
-
-
-def mjcf(world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0 0",
-         flags: str = "") -> str:
-    """A model of what stands in its world, with the sensors of one joint."""
-    return f"""<mujoco model="specimen">
-  <compiler angle="radian"/>
-  <option gravity="{gravity}" jacobian="dense"><flag contact="disable" {flags}/></option>
-  <worldbody>{world}</worldbody>
-  <sensor>{SENSORS.format(watched)}</sensor>
-  {rest}
-</mujoco>"""
-
-
-def wheel(stiffness: float = 0.0, damping: float = 0.0, kind: str = "hinge", **more: str) -> str:
-    """A body of unit inertia on a spring and a damper, turned or moved by a thousandth."""
-    axis = "0 0 1" if kind == "hinge" else "1 0 0"
-    return mjcf(f"""<body pos="1 0 0"><joint name="joint" type="{kind}" axis="{axis}"
-        stiffness="{stiffness!r}" damping="{damping!r}"/>
-        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>""",
-                **{"rest": key("0.001"), **more})
-
-
-def key(place: str, rate: str = "") -> str:
-    """The start."""
-    return f'<keyframe><key name="start" qpos="{place}" {rate and f"qvel={rate!r}"}/></keyframe>'
-
-
 def chain(masses: int) -> str:
     """Unit masses in a row, on unit springs between them and to the ground at one end."""
     world = "".join(f"""<body pos="1 0 0">
@@ -138,6 +111,8 @@ def stepping(engine: str, text: str, step: float, settings: dict[str, Any], chan
         curves = ran(engine, text, Run("duration", x, (channel,), settings=settings))
     except Diverged as error:
         return Tried(Failure(str(error), Limit.UNSTABLE, silent=not told(str(error))))
+    except Unsupported as error:
+        return Tried(Failure(str(error), Limit.OURS))
     except (Crashed, TimedOut) as error:
         aborted = str(error).startswith(KILLED)
         return Tried(Failure(str(error), Limit.UNSTABLE if aborted else Limit.OURS))
@@ -146,137 +121,97 @@ def stepping(engine: str, text: str, step: float, settings: dict[str, Any], chan
     return Tried(None if last < bound else grew, taken("duration", curves))
 
 
-MUJOCO = "Euler", "implicit", "implicitfast", "RK4", "discrete"
-WIDE = 1e3  # how far beyond the start an unlimited knob is turned
-CLOSED: dict[theory.Map, str] = {  # of the limit of dt omega, by map
-    theory.euler: "2 (ζ + √(1 + ζ²))", theory.euler_explicit: "2 (√(1 + ζ²) − ζ)",
-    theory.chipmunk: "z² = 2 (1 + exp 2ζz)", theory.rk4: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
-    theory.discrete: "implicit in the spring as well"}
-
-
 def probes() -> Iterator[Sought]:
-    """All of them."""
+    """All of them, for all engines."""
     yield from springs()
     yield from chains()
     yield from pendulums()
-    yield from servos()
-    yield from soft_loops()
+    yield from own_ones()
     yield from whirls()
     yield from columns()
     yield from folds()
     yield from long_runs()
 
 
-def engine_of(setting: str) -> tuple[str, dict[str, str]]:
-    """The engine of an integrator, and its settings."""
-    return ("pymunk", {}) if setting == "pymunk" else ("mujoco", {"integrator": setting})
+def schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
+    """Engines, their schemes that are tried with a problem, and the numbers of it."""
+    for engine in engine_names():
+        for scheme in engine_of(engine).schemes:
+            for number in scheme.tried.get(problem, ()):
+                yield engine, scheme, number
 
 
 def springs() -> Iterator[Sought]:
     """A wheel on a spring and a damper; a slide on a spring."""
-    damped = {"Euler": (0.0, 0.3, 1.0), "implicit": (0.0,), "implicitfast": (0.0, 0.3, 1.0),
-              "RK4": (0.0, 0.3, 1.0), "discrete": (0.0, 0.3), "pymunk": (0.0, 0.1, 0.3)}
-    for setting, ratios in damped.items():
-        for zeta in ratios:
-            yield spring(setting, zeta, theory.MAPS[setting])
-    for zeta in (0.3, 1.0):
-        yield spring("Euler", zeta, theory.euler_explicit, flags='eulerdamp="disable"')
-    for setting in ("Euler", "RK4", "pymunk"):
-        yield spring(setting, 0.0, theory.MAPS[setting], kind="slide")
-
-
-def spring(setting: str, zeta: float, step: theory.Map, kind: str = "hinge",
-           flags: str = "") -> Sought:
-    """How large dt omega may be."""
-    engine, settings = engine_of(setting)
-    text = wheel(1.0, 2.0 * zeta, kind, flags=flags)
-    words = f"spring on a {kind}, ζ = {zeta:g}" + (", explicit damping" if flags else "")
-    return Sought(words, engine, setting, "dt ω", "1", 0.1, 100.0,
-                 lambda z: stepping(engine, text, z, settings),
-                 theory.limit(step, zeta), CLOSED[step])
+    for problem, kind in (("spring", "hinge"), ("slide", "slide")):
+        for engine, scheme, zeta in schemes(problem):
+            text = wheel(1.0, 2.0 * zeta, kind)
+            yield Sought(f"spring on a {kind}, ζ = {zeta:g}", engine, scheme.name, "dt ω", "1", 0.1,
+                         100.0, partial(row, engine, text, scheme.settings, STEPS),
+                         theory.limit(scheme.step, zeta), scheme.law)
 
 
 def chains() -> Iterator[Sought]:
-    """Masses in a row: the highest of their frequencies counts."""
-    for setting, masses in (("Euler", 20), ("Euler", 200), ("RK4", 20), ("pymunk", 5)):
-        engine, settings = engine_of(setting)
-        text = chain(masses)
-        yield Sought(f"{masses} masses in a row on springs", engine, setting, "dt √(k/m)", "1", 0.1,
-                     10.0, partial(row, engine, text, settings),
-                     theory.limit(theory.MAPS[setting]) / theory.chain_frequency(masses),
+    """Masses in a row: the highest of their frequencies counts.
+
+    All modes meet in a run, so that it need not be as long as their slowest one.
+    """
+    for engine, scheme, masses in schemes("chain"):
+        masses = round(masses)
+        yield Sought(f"{masses} masses in a row on springs", engine, scheme.name, "dt √(k/m)", "1",
+                     0.1, 10.0, partial(row, engine, chain(masses), scheme.settings, 1000),
+                     theory.limit(scheme.step) / theory.chain_frequency(masses),
                      "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))")
 
 
-def row(engine: str, text: str, settings: dict[str, str], step: float) -> Tried:
-    """Step a row of masses, in which all modes meet: as often as their slowest one needs not."""
-    return stepping(engine, text, step, settings, steps=1000)
+def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: float) -> Tried:
+    """Step a model with a step."""
+    return stepping(engine, text, step, settings, steps=steps)
 
 
 def pendulums() -> Iterator[Sought]:
     """A hung pendulum with more and more gravity."""
-    for setting in ("Euler", "RK4", "pymunk"):
-        engine, settings = engine_of(setting)
-        yield Sought("hung pendulum", engine, setting, "gravity dt²/L", "1", 0.01, 100.0,
-                     partial(hung, engine, settings),
-                     theory.limit(theory.MAPS[setting]) ** 2, "square of the limit of dt ω")
+    for engine, scheme, _ in schemes("pendulum"):
+        yield Sought("hung pendulum", engine, scheme.name, "gravity dt²/L", "1", 0.01, 100.0,
+                     partial(hung, engine, scheme.settings), theory.limit(scheme.step) ** 2,
+                     "square of the limit of dt ω")
 
 
-def hung(engine: str, settings: dict[str, str], gravity: float) -> Tried:
+def hung(engine: str, settings: dict[str, Any], gravity: float) -> Tried:
     """Step a pendulum by a second at a time; a thousandfold is lost, and still small."""
     return stepping(engine, pendulum(gravity), 1.0, settings, bound=1e-3)
 
 
-def servos() -> Iterator[Sought]:
-    """A velocity servo, an explicit damper unless the integrator knows it."""
-    real = theory.limit(theory.rk4, 1.0)  # on the negative axis, where critical damping is as well
-    for setting, limit in zip(MUJOCO, (2.0, inf, inf, real, inf), strict=True):
-        text = wheel(rest='<actuator><velocity joint="joint" kv="1"/></actuator>'
-                     + key("0", "0.001"))
-        engine, settings = engine_of(setting)
-        law = {2.0: "|1 − z| = 1", real: "|R(−z)| = 1"}.get(limit, "implicit in the velocity")
-        yield Sought("velocity servo", engine, setting, "dt kv/I", "1", 0.1, WIDE,
-                     partial(served, text, settings), limit, law)
+def own_ones() -> Iterator[Sought]:
+    """Problems of an engine's own."""
+    for engine in engine_names():
+        for one in engine_of(engine).specimens():
+            known = theory.limit(one.step, one.zeta) if one.step else one.theory
+            yield Sought(one.what, engine, one.setting, one.knob, "1", one.start, one.reach,
+                         partial(stepped, engine, one), known, one.law)
 
 
-def served(text: str, settings: dict[str, str], step: float) -> Tried:
-    """Step a wheel that its servo brings to rest."""
-    return stepping("mujoco", text, step, settings, "rate")
-
-
-def soft_loops() -> Iterator[Sought]:
-    """A constraint is an explicit spring with critical damping, of omega = 1 / timeconst."""
-    for setting, step in (("Euler", theory.euler_explicit), ("implicitfast", theory.euler_explicit),
-                          ("RK4", theory.rk4), ("discrete", theory.discrete)):
-        yield Sought("loop with refsafe off", "mujoco", setting, "dt/solref", "1", 0.1, WIDE,
-                     partial(loop, 'refsafe="disable"', setting), theory.limit(step, 1.0),
-                     CLOSED[step] + ", ζ = 1")
-    yield Sought("loop with refsafe on", "mujoco", "Euler", "dt/solref", "1", 0.1, WIDE,
-                partial(loop, "", "Euler"), inf, "solref is kept to 2 dt")
-
-
-def loop(flags: str, setting: str, ratio: float) -> Tried:
-    """A slide that an equality holds against its weight, stepped by a second at a time."""
-    text = wheel(kind="slide", gravity="1e-3 0 0", flags=flags,
-                 rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>')
-    return stepping("mujoco", text, 1.0, {"integrator": setting, "solref": (1.0 / ratio, 1.0)})
+def stepped(engine: str, specimen: Specimen, value: float) -> Tried:
+    """Step a problem of an engine's own."""
+    text, step, settings, channel = specimen.stepped(value)
+    return stepping(engine, text, step, dict(settings), channel)
 
 
 def whirls() -> Iterator[Sought]:
     """A sprung slider on a wheel flies out when the wheel turns faster than it swings."""
-    for setting in ("implicitfast", "RK4", "pymunk"):
-        yield Sought("sprung slider on a turning wheel", engine_of(setting)[0], setting,
-                     "speed/√(k/m)", "1", 0.5, 2.0, partial(turned, setting), 1.0, "Ω² = k/m")
+    for engine, scheme, _ in schemes("whirl"):
+        yield Sought("sprung slider on a turning wheel", engine, scheme.name, "speed/√(k/m)", "1",
+                     0.5, 2.0, partial(turned, engine, scheme.settings), 1.0, "Ω² = k/m")
 
 
-def turned(setting: str, speed: float) -> Tried:
+def turned(engine: str, settings: dict[str, Any], speed: float) -> Tried:
     """Turn the wheel at a speed, long enough for what flies out slowly."""
-    engine, settings = engine_of(setting)
     return stepping(engine, whirl(speed), 0.05, settings, steps=6000)
 
 
 def columns() -> Iterator[Sought]:
     """Euler's column, as a chain of links."""
-    for engine in ("mujoco", "pymunk"):
+    for engine in engine_names():
         for segments in (4, 12):
             yield Sought(f"column of {segments} segments", engine, "at rest", "load L²/EI", "1",
                          0.5, 10.0, partial(pushed, engine, segments), theory.hencky(segments),
@@ -303,7 +238,7 @@ def folds() -> Iterator[Sought]:
     bars = 2.0, 2.0, 2.5, 3.0
     crank, coupler, rocker, ground = bars
     reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
-    for engine in ("mujoco", "pymunk"):
+    for engine in engine_names():
         yield Sought("four-bar 2, 2, 2.5, 3 to its limit position", engine, "sweep", "crank", "rad",
                      0.6, 3.1, partial(swept, engine, fourbar(*bars, 0.5)), float(reach),
                      "law of cosines")
@@ -313,31 +248,32 @@ def swept(engine: str, text: str, end: float) -> Tried:
     """Turn the crank slowly from 0.5 rad."""
     law = Steady(0.0, 1.0, x_is_time=False)
     run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", law),))
-    stopped = ran(engine, text, run).stopped
+    try:
+        stopped = ran(engine, text, run).stopped
+    except Unsupported as error:
+        return Tried(Failure(str(error), Limit.OURS))
     return Tried(Failure(stopped, Limit.UNSTABLE) if stopped else None)
 
 
 def long_runs() -> Iterator[Sought]:
     """How long an undamped spring swings on time, and with all its energy."""
-    for setting, z in (("Euler", 0.05), ("implicitfast", 0.05), ("RK4", 0.3), ("pymunk", 0.05)):
-        yield Sought(f"undamped spring, dt ω = {z:g}, off by 10 %", engine_of(setting)[0], setting,
-                     "periods", "1", 10.0, 2e4, partial(swinging, setting, z, "place"),
-                     theory.off_after(setting, z), "powers of the step's matrix")
-    for setting, z in (("Euler", 0.05), ("RK4", 0.3), ("pymunk", 0.05)):
-        yield Sought(f"undamped spring, dt ω = {z:g}, energy down to 0.9",
-                     engine_of(setting)[0], setting, "steps", "1", 1e3, 1e6,
-                     partial(fading, setting, z),
-                     theory.faded_after(setting, z), "eigenvalues of the step's matrix")
+    for engine, scheme, z in schemes("swing"):
+        yield Sought(f"undamped spring, dt ω = {z:g}, off by 10 %", engine, scheme.name, "periods",
+                     "1", 10.0, 2e4, partial(swinging, engine, scheme.settings, z, "place"),
+                     theory.off_after(scheme, z), "powers of the step's matrix")
+    for engine, scheme, z in schemes("fade"):
+        yield Sought(f"undamped spring, dt ω = {z:g}, energy down to 0.9", engine, scheme.name,
+                     "steps", "1", 1e3, 1e6, partial(fading, engine, scheme.settings, z),
+                     theory.faded_after(scheme, z), "eigenvalues of the step's matrix")
 
 
-def fading(setting: str, z: float, steps: float) -> Tried:
+def fading(engine: str, settings: dict[str, Any], z: float, steps: float) -> Tried:
     """Swing for so many steps, and look at the energy."""
-    return swinging(setting, z, "energy", steps * z / (2 * np.pi))
+    return swinging(engine, settings, z, "energy", steps * z / (2 * np.pi))
 
 
-def swinging(setting: str, z: float, what: str, periods: float) -> Tried:
+def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods: float) -> Tried:
     """Swing for so many periods, and look at the last of them."""
-    engine, settings = engine_of(setting)
     steps = int(np.ceil(periods * 2 * np.pi / z))
     per = max(1, steps // 2000)
     x = z * per * np.arange(steps // per + 1.0)

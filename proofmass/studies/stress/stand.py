@@ -15,12 +15,13 @@ from typing import Any, cast
 
 from proofmass.case import Case
 from proofmass.check import FAILURES
+from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.isolate import KILLED, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.reference import compiled, grid
 from proofmass.sim.mjcf import compiles
-from proofmass.sim.protocol import BadModel, Curves, NotSolved
+from proofmass.sim.protocol import BadModel, Curves, Engine, NotSolved, Scheme
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.measure import Found, Task, observe
@@ -52,6 +53,11 @@ class Stand:
     patience: float = TIMEOUT
 
     @property
+    def engine(self) -> Engine:
+        """What the engine says of itself."""
+        return engine_of(self.setting.engine)
+
+    @property
     def models(self) -> Path:
         """Where changed models are kept."""
         return self.store.folder / "models"
@@ -78,7 +84,7 @@ class Stand:
         try:
             return tried(task, self.store, self.patience)
         except InputError as error:
-            refused = self.setting.engine == "mujoco" and not taken_by_mujoco(case)
+            refused = self.engine.native and not is_compiled(case)
             return Found(outcome="refused" if refused else "no start", message=error.wrong)
 
     def lost(self, case: Case, **knobs: Knob) -> Failure | None:
@@ -107,14 +113,13 @@ class Stand:
 
     def integrated(self, knob: str, unit: str, start: float, reach: float,
                    trial: Callable[[dict[str, Knob], float], Tried],
-                   integrators: Iterable[str]) -> Iterator[Sought]:
-        """A boundary of this case for each integrator, where the engine has several."""
-        if self.setting.engine != "mujoco":
+                   schemes: Iterable[Scheme]) -> Iterator[Sought]:
+        """A boundary of this case for each scheme of the engine, where it has several."""
+        if len(self.engine.schemes) < 2:
             yield self.sought(knob, unit, start, reach, partial(trial, {}))
             return
-        for words in integrators:
-            yield self.sought(knob, unit, start, reach, partial(trial, {"integrator": words}),
-                              words)
+        for one in schemes:
+            yield self.sought(knob, unit, start, reach, partial(trial, one.settings), one.name)
 
     def sought(self, knob: str, unit: str, start: float, reach: float,
                trial: Trial, words: str = "", **more: Any) -> Sought:
@@ -157,8 +162,8 @@ def simulated(task: Task) -> Curves:
     return simulate(task.setting.engine, case.model_path, run)
 
 
-def taken_by_mujoco(case: Case) -> bool:
-    """Whether MuJoCo compiles the case's file; in a worker."""
+def is_compiled(case: Case) -> bool:
+    """Whether the case's file can be compiled; in a worker."""
     return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
 
 

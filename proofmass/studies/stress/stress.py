@@ -26,7 +26,7 @@ from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, 
 Progress = Callable[[str, int, int], None]
 COLUMNS = {
     "what": "name of the sidecar, or a small model whose limit theory knows, in words",
-    "engine": "mujoco or pymunk",
+    "engine": "name of the engine",
     "setting": "integrator, or what else is set, in words",
     "knob": "what was turned",
     "unit": "of all values in the row; times: of what the case has",

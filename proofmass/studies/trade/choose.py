@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
-from textwrap import fill, indent
+from textwrap import fill
 
 from proofmass.case import Case
-from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
+from proofmass.engines import engine_of
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Row
 from proofmass.studies.trade.program import snippet
@@ -211,9 +211,7 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
 
 def default(row: Row) -> bool:
     """Whether nothing but the time step differs from what the engine has by itself."""
-    own = {"timestep": row.knobs.get("timestep"), "defaults": True,
-           "integrator": ENGINE_DEFAULTS["integrator"]}
-    return "defaults" in row.knobs and row.knobs.items() <= own.items()
+    return engine_of(row.engine).is_default(row.knobs)
 
 
 def floor_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
@@ -242,6 +240,4 @@ def printed(choice: Choice, case: Case) -> str:
     if choice.check.ran:
         told.append("The start state and the drives are in the program that -o run.py writes.")
     text = "\n".join(told).replace("--", "-")
-    if choice.row.engine == "pymunk":
-        return indent(text, "# ") + "\n" + lines
-    return f"<!--\n{indent(text, '  ')}\n-->\n{lines}"
+    return f"{engine_of(choice.row.engine).comment(text)}\n{lines}"

@@ -10,6 +10,7 @@ import typer
 from proofmass.case import Case
 from proofmass.check import collect
 from proofmass.command import answering, counting, errors
+from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.strict import Kind
@@ -112,8 +113,14 @@ def head(choice: Choice, case: Case, name: str = "run.py") -> str:
     """What a program says of itself."""
     lines = [fill(line, 92) for line in words(choice, case)]
     return (f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
-            f"{choice.row.engine} {versions(choice.row.engine)[choice.row.engine]}.  It writes the "
+            f"{made_with(choice.row.engine)}.  It writes the "
             f"curves of all channels, in SI units:\n\n    python {name} [curves.csv]")
+
+
+def made_with(engine: str) -> str:
+    """The distributions that an engine's results come from, with their versions."""
+    packages = engine_of(engine).packages
+    return ", ".join(f"{name} {versions(engine)[name]}" for name in packages) or engine
 
 
 def writable(case: Case, kind: Kind, output: Path | None) -> None:

@@ -9,26 +9,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log
 from pathlib import Path
-from typing import Any
 
 from proofmass.case import Case
+from proofmass.engines import engine_of
 from proofmass.recorded import Recorded
-from proofmass.reference import compiled, module_of
-from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
-from proofmass.sim.pymunk.dynamics import MOST
-from proofmass.sim.pymunk.engine import CHIPMUNK_BIAS
+from proofmass.reference import module_of
+from proofmass.sim.protocol import STEP
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Row, Setting
-from proofmass.studies.trade.axes import Line, at_step
+from proofmass.studies.trade.axes import Line, at_step, studied
 from proofmass.studies.variants import READS, movable, reread, thinned
 
 MOVES = 1.1
 """Factor on the error from which a cause is one: a fifth of the error, if of first order."""
-CAP = 0.9999  # MuJoCo takes no harder solimp
 UNKNOWN = "unknown"
-STEP = "time step"
-IN_SOLREF = "too few steps in solref"
-"""What the step alone moves on a line whose loops get harder with it."""
 ROUNDING = "rounding"
 
 
@@ -86,59 +80,18 @@ def probes(case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool =
     folder : Path
         Takes the models and curves that it needs.
     scaled : bool
-        Whether loops get harder with the step along the setting's line: the step alone changes how
-        many steps are in `solref`.
+        Whether loops get harder with the step along the setting's line, so that the step alone
+        changes how many steps their time constants have.
     """
     if run != "duration":
         own = [] if not case.rod else [Probe(
             "segments", "twice as many segments", case,
             setting.but(segments=2 * int(str(setting.knobs["segments"]))))]
     else:
-        own = [*(in_pymunk if setting.engine == "pymunk" else in_mujoco)(case, setting, scaled)]
+        causes = engine_of(setting.engine).causes(setting.knobs, studied(case), scaled)
+        own = [Probe(one.cause, one.move, case, Setting(setting.engine, one.knobs), one.better,
+                     one.whole) for one in causes]
     return [*own, *of_reference(case, setting, folder), *of_samples(case, run, setting)]
-
-
-def in_mujoco(case: Case, setting: Setting, scaled: bool) -> Iterator[Probe]:
-    """Step, softness of loops, solver."""
-    model = compiled(case)
-    known: dict[str, Any] = {**(ENGINE_DEFAULTS if setting.knobs.get("defaults") else {}),
-                             **setting.knobs}
-    step = known.get("timestep", model.opt.timestep)
-    yield Probe(IN_SOLREF if scaled else STEP,
-                "halving the step" + ", solref as it is" * scaled, case,
-                setting.but(timestep=step / 2))
-    if not model.neq:
-        return
-    tau, ratio = known.get("solref", model.eq_solref[0])[:2]
-    safe = tau / 2 >= 2 * step  # MuJoCo itself takes no less
-    yield Probe("softness of the loops", "halving solref" if safe else "doubling solref", case,
-                setting.but(solref=(tau / 2 if safe else 2 * tau, ratio)), safe)
-    low, high, *rest = known.get("solimp", model.eq_solimp[0])
-    room = 1 - (1 - high) / 2 <= CAP
-    factor = 0.5 if room else 2.0
-    yield Probe("softness of the loops, solimp", f"{'halving' if room else 'doubling'} 1 - solimp",
-                case, setting.but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
-                room)
-    more = 4 * known.get("iterations", model.opt.iterations)
-    yield Probe("the solver's iterations", "four times as many iterations", case,
-                setting.but(iterations=more, tolerance=0.0))
-
-
-def in_pymunk(case: Case, setting: Setting, scaled: bool) -> Iterator[Probe]:
-    """Step, bias, iterations."""
-    known: dict[str, Any] = setting.knobs
-    step = known.get("timestep", compiled(case).opt.timestep)
-    yield Probe(STEP, "halving the step", case, setting.but(timestep=step / 2))
-    own = known.get("defaults")
-    if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
-        yield Probe("bias of the loops", "halving its time constant", case,
-                    setting.but(error_bias=bias**2))
-        kept = {k: v for k, v in known.items() if k not in ("defaults", "iterations")}
-        yield Probe("bias of the loops", "taking it away, with iterations enough for that", case,
-                    Setting("pymunk", {**kept, "error_bias": 0.0}), whole=True)
-    more = 4 * known.get("iterations", 10 if own else MOST // 4)
-    yield Probe("the solver's iterations", f"{more} iterations", case,
-                setting.but(iterations=more))
 
 
 def of_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Probe]:

@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
+from proofmass.engines import NoEngine, engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.report.figures import decades, save
@@ -29,7 +30,7 @@ from proofmass.report.study import Written, prepared
 from proofmass.report.style import KNOWN, RC, SOLID, Dash, Look
 from proofmass.report.svg import inline
 from proofmass.studies.record import KINDS, Row, read_table
-from proofmass.studies.trade.axes import SIZE
+from proofmass.studies.trade.axes import size
 from proofmass.studies.trade.choose import MARGIN, beside, best, enough
 from proofmass.studies.trade.orders import off
 from proofmass.studies.trade.trade import read_verdicts
@@ -187,8 +188,6 @@ def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
 HIGH, LEFT, GAP, RIGHT, BELOW, ABOVE = 2.4, 0.62, 0.25, 1.75, 0.42, 0.26  # [inch]
 LINE, ENTRY = 0.155, 2.9  # [inch] of the legend
 SHARE = "error, share of the range"
-TURNED = {"solref": "time constant of loops, solref [s]", "solimp": "1 − solimp",
-          "error_bias": "time constant of the bias [s]"}
 MARKERS = "os^Dv<>pPX*h"
 DASHES: tuple[Dash, ...] = (SOLID, (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)),
                             (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
@@ -237,9 +236,10 @@ def turn_sheet(rows: Sequence[Row], looks: Mapping[Name, Look]) -> Figure:
                 curve(ax, x, own, kind, looks[line])
                 ends[line] = x[-1], min(own[-1].errors[kind], LOST)
             scale(ax, [min(row.errors[kind], LOST) for row in shown])
-            if knob in TURNED:
+            label = label_of(next(row for row in rows if row.axis == knob))
+            if label:
                 ax.invert_xaxis()
-            ax.set_xlabel(TURNED.get(knob, knob))
+            ax.set_xlabel(label or knob)
             letters(ax, ends, looks)
         panels[0].set_title(kind)
         panels[0].set_ylabel(SHARE)
@@ -268,8 +268,16 @@ def axis_of(rows: Iterable[Row]) -> str:
 
 
 def turned(row: Row) -> float:
-    """Where a knob stands."""
-    return SIZE[row.axis](row.value) if row.axis in TURNED else row.value
+    """Where a knob stands: its size, if that has a name of its own."""
+    return size(row.engine, row.axis, row.value) if label_of(row) else row.value
+
+
+def label_of(row: Row) -> str:
+    """What the sizes along a line are called; empty where they are the knob's own values."""
+    try:
+        return engine_of(row.engine).labels.get(row.axis, "")
+    except NoEngine:  # a table may have another machine's
+        return ""
 
 
 def shown_kinds(rows: Iterable[Row]) -> list[str]:

@@ -13,19 +13,18 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from math import ceil, inf, isfinite
 
-import numpy as np
-
 from proofmass.case import Case
+from proofmass.engines import engine_of
 from proofmass.errors import InputError
-from proofmass.reference import compiled, grid
-from proofmass.sim.protocol import Curves
+from proofmass.reference import grid
+from proofmass.sim.protocol import Curves, Recipe, leading
 from proofmass.solve import plan
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Task, truth
 from proofmass.studies.record import Row, Setting
 from proofmass.studies.run import reference_of, run
 from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.axes import HARD, INTEGRATORS, as_given, leading
+from proofmass.studies.trade.axes import as_given, studied
 from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
 
@@ -39,8 +38,6 @@ PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, t
 HOPELESS = 3  # steps in turn with which a family does not run at all
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
-CLOSED = (0.003, 0.01, 0.03)
-"""Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""
 PATIENCE = 5.0  # times what a reference took: each worker evaluates it once, beside others
 
 
@@ -146,7 +143,7 @@ def families(case: Case, engine: str = "") -> Iterator[Family]:
     times = grid(case, "duration")
     sample = float(times[1] - times[0])
     there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["duration"].solvers)
-    kinds = {"mujoco": of_mujoco, "pymunk": of_pymunk}
+    about = studied(case)
     for line in as_given(case, "duration"):
         if line.engine in (engine or line.engine):
             own, = line.settings
@@ -154,11 +151,8 @@ def families(case: Case, engine: str = "") -> Iterator[Family]:
                          first=min(leading(own.knobs["timestep"]), sample))
     for name in there:
         if name in (engine or name):
-            for title, knobs, plain in kinds[name](case):
-                yield Family(name, title, setting_of(name, knobs), sample, plain)
-
-
-Knobs = Callable[[float], dict]
+            for recipe in engine_of(name).recipes(about):
+                yield Family(name, recipe.name, setting_of(name, recipe), sample, recipe.plain)
 
 
 def setter(own: Setting) -> Callable[[float], Setting]:
@@ -166,61 +160,9 @@ def setter(own: Setting) -> Callable[[float], Setting]:
     return lambda step: own.but(timestep=step)
 
 
-def setting_of(engine: str, knobs: Knobs) -> Callable[[float], Setting]:
+def setting_of(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
     """Settings of an engine by their step."""
-    return lambda step: Setting(engine, {"timestep": step, **knobs(step)})
-
-
-def of_mujoco(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
-    """Integrators, and time constants of loops in steps."""
-    loops = compiled(case).neq > 0
-
-    def held(integrator: str, soft: int) -> Knobs:
-        return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0),
-                             "solimp": HARD}
-
-    def by_itself(integrator: str) -> Knobs:
-        return lambda step: {"integrator": integrator, "defaults": True}
-
-    for integrator in INTEGRATORS:
-        yield (f"MuJoCo {integrator}{', default softness' * loops}", by_itself(integrator),
-               integrator == "Euler")
-        if loops:
-            for soft in (2, 4, 8):
-                yield f"MuJoCo {integrator}, solref {soft} steps", held(integrator, soft), False
-
-
-def of_pymunk(case: Case) -> Iterator[tuple[str, Knobs, bool]]:
-    """Chipmunk's defaults, loops without bias, and with a share of their gap closed in a step.
-
-    Few iterations diverge where a step closes all of it.  Chipmunk's `error_bias` is a share of a
-    second; with a share of a step the gap is closed faster with shorter steps, and the error falls
-    by more than in proportion to them.
-    """
-    yield "pymunk, defaults", lambda step: {"defaults": True}, True
-    yield "pymunk, no bias", lambda step: {"error_bias": 0.0}, False
-    for iterations in (1, 3, 10, 30, 100, 300):
-        def knobs(step: float, iterations: int = iterations) -> dict:
-            return {"error_bias": 0.0, "iterations": iterations}
-
-        yield f"pymunk, no bias, {iterations} iterations", knobs, False
-    for iterations in (3, 10):
-        for share in CLOSED:
-            def biased(step: float, iterations: int = iterations, share: float = share) -> dict:
-                return {"error_bias": left_after(share, step), "iterations": iterations}
-
-            yield f"pymunk, bias {share:g} a step, {iterations} iterations", biased, False
-
-
-def left_after(share: float, step: float) -> float:
-    """Chipmunk's `error_bias`, the share of a gap left after 1 s, that closes one of it in a step.
-
-    It is at least the least number that has all its digits.
-
-    >>> left_after(0.01, 1e-3), left_after(0.01, 1e-6)
-    (4.317124741065786e-05, 2.2250738585072014e-308)
-    """
-    return float(max((1.0 - share) ** (1.0 / step), np.finfo(float).tiny))
+    return lambda step: Setting(engine, {"timestep": step, **recipe.knobs(step)})
 
 
 def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,

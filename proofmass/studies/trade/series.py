@@ -14,13 +14,14 @@ from itertools import groupby, pairwise
 from math import inf, isclose, isfinite, log
 
 from proofmass.case import Case
+from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
 from proofmass.studies import BUDGET, LONGEST
 from proofmass.studies.measure import Task
 from proofmass.studies.record import NAN, Knob, Row, Setting
 from proofmass.studies.run import row as row_of
 from proofmass.studies.store import Store, key_of, versions
-from proofmass.studies.trade.axes import Line, at_step, leading, lines
+from proofmass.studies.trade.axes import Line, at_step, lines
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number, spoken
 

@@ -21,13 +21,14 @@ from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.reference import compiled
+from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
 from proofmass.studies import LONGEST
 from proofmass.studies.measure import Task
 from proofmass.studies.record import NAN, Row, write_table
 from proofmass.studies.run import pool, run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import WORK, Line, leading, lines
+from proofmass.studies.trade.axes import WORK, Line, lines
 from proofmass.studies.trade.disturbed import ROUNDED, Motion, motions_of, rounding, within
 from proofmass.studies.trade.floor import ROUNDING, UNKNOWN, Probe, factor, halvings, judge, probes
 from proofmass.studies.trade.orders import expected, nearest, off

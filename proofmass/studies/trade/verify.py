@@ -13,11 +13,11 @@ from proofmass.analytic import planar
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import FAILURES
+from proofmass.engines import engine_of
 from proofmass.isolate import TimedOut
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, module_of
 from proofmass.sim.mjcf import read_tree
-from proofmass.sim.mujoco.settings import PLACES
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
@@ -25,7 +25,7 @@ from proofmass.studies.bounded import limited
 from proofmass.studies.measure import REFERENCE, Task, shares
 from proofmass.studies.record import NAN, Knob, Row, Setting
 from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.program import SPACE, Ran, drive_words, imposed, pasted, snippet, tried
+from proofmass.studies.trade.program import Ran, drive_words, imposed, tried
 from proofmass.wording import number
 
 LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
@@ -239,7 +239,7 @@ def as_used(case: Case, setting: Setting) -> Setting:
 def used_here(case: Case, setting: Setting) -> Setting:
     """The same, in this process."""
     changed, run = setting.applied(case, "duration")
-    if setting.engine == "mujoco":
+    if engine_of(setting.engine).chooses == ("timestep",):  # it is known without a run
         step = float(str(setting.knobs.get("timestep", compiled(changed).opt.timestep)))
         return setting.but(timestep=run.steps(step)[1])
     return setting.but(**used(simulate(setting.engine, changed.model_path, run), setting))
@@ -258,13 +258,13 @@ def elsewhere(case: Case, kind: Kind, setting: Setting, of: str) -> float:
 
 
 def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
-    """A run anew, in MuJoCo with the snippet pasted; and the setting as it was used."""
+    """A run anew, with the snippet pasted where it is MJCF; and the setting as it was used."""
     case, run = setting.applied(case, kind)
-    if setting.engine == "mujoco":
-        said = {*PLACES, "defaults"}
+    there = engine_of(setting.engine).pasted(case.model_path, setting.knobs, steps)
+    if there:
+        text, said = there
         run = replace(run, settings={k: v for k, v in run.settings.items() if k not in said})
-        text = pasted(case.model_path, snippet(setting, steps, case.model_path))
-        curves = ran_text(text, case, run)
+        curves = ran_text(text, case, run, setting.engine)
     else:
         curves = simulate(setting.engine, case.model_path, run)
     return curves, setting.but(**used(curves, setting)) if kind == "duration" else setting
@@ -315,12 +315,11 @@ def from_start(case: Case, curves: Curves) -> Curves:
 def used(curves: Curves, setting: Setting) -> dict[str, Knob]:
     """What an engine stepped with, as knobs: those that it chose itself, or fitted to the samples.
     """
-    chosen = (name for name in SPACE if name == "timestep" or setting.engine != "mujoco")
-    return {name: value for name in chosen
+    return {name: value for name in engine_of(setting.engine).chooses
             if isinstance(value := curves.settings.get(name), (int, float))}
 
 
-def ran_text(text: str, case: Case, run: Run, engine: str = "mujoco") -> Curves:
+def ran_text(text: str, case: Case, run: Run, engine: str) -> Curves:
     """A run of a changed model."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / case.model_path.name

@@ -12,10 +12,11 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program
 from proofmass.sim.mujoco.settings import PLACES, MujocoSettings, configure, named_values
+from proofmass.sim.mujoco.snippet import pasted
 from proofmass.sim.protocol import Run
 from proofmass.solve import simulate
 from proofmass.studies.record import Knob, Setting
-from proofmass.studies.trade.program import pasted, snippet
+from proofmass.studies.trade.program import snippet
 from tests.shipped import shipped
 from tests.studies.trade.test_program import bare
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.rod_snap import marks
+from proofmass.engines import engine_of
 from proofmass.reference import compiled
 from proofmass.studies import variants
 from proofmass.studies.measure import Found, Task
@@ -14,6 +15,9 @@ from proofmass.studies.stress import extremes, near_singular, theory
 from proofmass.studies.stress.boundary import Failure, Limit, bisect
 from proofmass.studies.stress.stand import tried
 from proofmass.studies.variants import reread
+
+PYMUNK, = engine_of("pymunk").schemes
+RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
 
 
 def test_grashof_knows_the_shortest_rocker(stand):
@@ -166,14 +170,14 @@ def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, br
     (sought,) = extremes.stiffnesses(held)
     steps = min(held.seconds / held.step, extremes.BRIEF)
     inertia = extremes.last_hinge(held.case)[1]
-    theirs = inertia * (theory.stiffest("pymunk", steps) / held.step) ** 2
+    theirs = inertia * (theory.stiffest(PYMUNK, steps) / held.step) ** 2
     assert sought.trial(holds * theirs).failure is None
     assert sought.trial(breaks * theirs).failure
 
 
 def test_stiffest_is_where_the_phase_is_off():
     """z^3 / 24 a step with semi-implicit steps, begun with the velocity of half a step before."""
-    z = theory.stiffest("pymunk", 10_000)
+    z = theory.stiffest(PYMUNK, 10_000)
     assert 10_000 * z**3 / 24 == pytest.approx(2 * np.arcsin(0.1), rel=0.01)
 
 
@@ -183,7 +187,7 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
     case = extremes.with_spring(extremes.weighed(held.case, held.models), held.models,
                                  extremes.last_hinge(held.case)[0],
                                  (0.3 / held.step) ** 2)
-    steps = theory.faded_after("RK4", 0.3, 0.99)
+    steps = theory.faded_after(RK4, 0.3, 0.99)
     assert extremes.drifted(held, case, {}, 0.95 * steps).failure is None
     failure = extremes.drifted(held, case, {}, 1.05 * steps).failure
     assert failure

@@ -19,6 +19,7 @@ from proofmass.isolate import TimedOut
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.settings import configure
+from proofmass.sim.mujoco.snippet import pasted
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.record import Row, Setting
@@ -37,7 +38,7 @@ from proofmass.studies.trade.choose import (
     words,
 )
 from proofmass.studies.trade.choose_command import solver_for
-from proofmass.studies.trade.program import pasted, snippet
+from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verdict import Verdict

@@ -10,12 +10,13 @@ import pytest
 from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
+from proofmass.sim.pymunk.scans import left_after
 from proofmass.studies.measure import Task
 from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade import search as module
 from proofmass.studies.trade.program import Ran
-from proofmass.studies.trade.search import Family, families, finer_for_drives, left_after, search
+from proofmass.studies.trade.search import Family, families, finer_for_drives, search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import Check, other_drives
 from tests.shipped import shipped

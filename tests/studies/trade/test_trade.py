@@ -10,10 +10,11 @@ from benchmarks.accuracy_places import orders_of_places
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.scans import INTEGRATORS
 from proofmass.studies.record import Row, Setting, read_table
 from proofmass.studies.store import Store
 from proofmass.studies.trade import axes, trade
-from proofmass.studies.trade.axes import SIZE, Line, lines
+from proofmass.studies.trade.axes import Line, lines, size, studied
 from proofmass.studies.trade.orders import WITHIN, expected, off
 from proofmass.studies.trade.series import (
     Track,
@@ -201,12 +202,12 @@ def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
 def test_every_integrator_of_mujoco_has_a_line():
     import mujoco
     there = {name.removeprefix("mjINT_").lower() for name in mujoco.mjtIntegrator.__members__}
-    assert {name.lower() for name in axes.INTEGRATORS} == there
+    assert {name.lower() for name in INTEGRATORS} == there
 
 
 def test_steps_are_odd_in_number_and_within_the_work():
     case = load_case(shipped("change_point.toml"))
-    steps = axes.timesteps(case, 4)
+    steps = studied(case).timesteps(4)
     numbers = steps[0] / np.array(steps)
     assert numbers == pytest.approx(np.round(numbers))
     assert np.all(np.round(numbers) % 2 == 1)
@@ -218,8 +219,8 @@ def test_a_rigid_sweep_has_nothing_to_turn():
 
 
 def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
-    assert SIZE["solimp"]((0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
-    assert SIZE["error_bias"](np.exp(-1 / 0.25)) == pytest.approx(0.25)
+    assert size("mujoco", "solimp", (0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
+    assert size("pymunk", "error_bias", np.exp(-1 / 0.25)) == pytest.approx(0.25)
 
 
 PENDULUM = load_case(shipped("pendulum.toml"))

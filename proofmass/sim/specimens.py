@@ -1,0 +1,30 @@
+"""Small MJCF models with one joint that is watched, for test problems whose limits theory knows."""
+
+SENSORS = """<jointpos name="place" joint="{0}"/> <jointvel name="rate" joint="{0}"/>
+    <e_kinetic name="kinetic"/> <e_potential name="potential"/>"""
+
+
+def mjcf(world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0 0",
+         flags: str = "") -> str:
+    """A model of what stands in its world, with the sensors of one joint."""
+    return f"""<mujoco model="specimen">
+  <compiler angle="radian"/>
+  <option gravity="{gravity}" jacobian="dense"><flag contact="disable" {flags}/></option>
+  <worldbody>{world}</worldbody>
+  <sensor>{SENSORS.format(watched)}</sensor>
+  {rest}
+</mujoco>"""
+
+
+def wheel(stiffness: float = 0.0, damping: float = 0.0, kind: str = "hinge", **more: str) -> str:
+    """A body of unit inertia on a spring and a damper, turned or moved by a thousandth."""
+    axis = "0 0 1" if kind == "hinge" else "1 0 0"
+    return mjcf(f"""<body pos="1 0 0"><joint name="joint" type="{kind}" axis="{axis}"
+        stiffness="{stiffness!r}" damping="{damping!r}"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>""",
+                **{"rest": key("0.001"), **more})
+
+
+def key(place: str, rate: str = "") -> str:
+    """The start."""
+    return f'<keyframe><key name="start" qpos="{place}" {rate and f"qvel={rate!r}"}/></keyframe>'
