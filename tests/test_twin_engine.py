@@ -1,0 +1,239 @@
+"""An engine that another distribution brings works in all commands without a change of the core.
+
+The distribution is written by the tests: a module of some lines, and the metadata that pip would
+have installed.  `twin` is pymunk under another name, `wrong` the same with 1 % more gravity, `bare`
+has what an engine must have and nothing else, `broken` cannot be imported.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass import check, engines
+from proofmass.cli import app
+from proofmass.engines import engine_names, engine_of
+from proofmass.isolate import dismiss
+from proofmass.report.style import looks
+from proofmass.studies.record import read_table
+from proofmass.studies.store import versions
+from proofmass.studies.stress import problems
+from proofmass.studies.stress.stress import read_boundaries
+from proofmass.studies.trade import axes
+from proofmass.studies.trade.trade import read_verdicts
+from proofmass.wording import spoken
+from tests.shipped import shipped
+
+MODULE = '''
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from proofmass.sim.protocol import Engine
+from proofmass.sim.pymunk.engine import Pymunk, PymunkSettings, simulate
+
+
+class Twin(Pymunk):
+    title = "Twin"
+
+
+class Wrong(Twin):
+    def simulate(self, model, run):
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "model.xml"
+            file.write_text(model.read_text().replace("-9.81", "-9.9081"))
+            return simulate(file, run)
+
+
+class Bare(Engine):
+    settings = PymunkSettings
+
+    def simulate(self, model, run):
+        return simulate(model, run)
+
+
+TWIN, WRONG, BARE = Twin(), Wrong(), Bare()
+'''
+POINTS = """[proofmass.engines]
+twin = twin_engine:TWIN
+wrong = twin_engine:WRONG
+bare = twin_engine:BARE
+broken = twin_engine_that_is_not_there:ENGINE
+foreign = twin_engine:Path
+"""
+SIDECAR = """
+title = "Pendulum, let go from the horizontal"
+source = "exact motion by Jacobi elliptic functions"
+model = "{model}"
+reference = "pendulum"
+parameters = {{ length = 1.0, mass = 1.0, gravity = 9.81, amplitude = -1.5707963267948966 }}
+
+[run.duration]
+until = 1.0
+n = 101
+solvers = {solvers}
+
+[channels]
+angle = {{ equals = "angle", unit = "rad" }}
+rate = {{ equals = "rate", unit = "rad/s" }}
+
+[[tolerance]]
+of_range = 1e-4  # a hundredth of what 1 % of gravity changes
+why = "leapfrog at 1 ms: the phase is off by (omega dt)^2 / 24 of the way"
+"""
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with the distribution, where this process and new workers find it."""
+    folder = tmp_path_factory.mktemp("site")
+    info = folder / "twin_engine-1.0.dist-info"
+    info.mkdir()
+    (folder / "twin_engine.py").write_text(MODULE)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: twin-engine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(POINTS)
+
+    def forget() -> None:
+        dismiss()  # workers that were started with another path
+        engines.found.cache_clear()
+        engines.engine_of.cache_clear()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        forget()
+        yield folder
+    forget()
+
+
+def written(folder: Path, *solvers: str) -> Path:
+    """A sidecar beside the pendulum's model."""
+    file = folder / "twins.toml"
+    model = os.path.relpath(shipped("pendulum.xml"), folder)
+    file.write_text(SIDECAR.format(model=model, solvers=list(solvers)))
+    return file
+
+
+def run(*words: object) -> str:
+    """What a command prints on standard output; it must find nothing wrong."""
+    found = CliRunner().invoke(app, [str(word) for word in words])
+    assert found.exit_code == 0, found.output
+    return found.stdout
+
+
+def test_engines_are_listed_without_being_imported(site: Path) -> None:
+    assert engine_names() == ["mujoco", "pymunk", "bare", "broken", "foreign", "twin", "wrong"]
+    assert engines.own_engines() == ("mujoco", "pymunk")  # whose looks do not change
+
+
+def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_path: Path) -> None:
+    result = check([written(tmp_path, "pymunk", "twin", "bare", "wrong", "broken")])
+    assert not result.errors
+    found = {c.solver: (c.outcome, c.error_max) for c in result.comparisons if c.channel == "angle"}
+    assert found["twin"] == found["bare"] == found["pymunk"]
+    assert found["twin"][0] == "agrees"
+    assert found["wrong"][0] == "differs"
+    assert found["broken"][0] == "crashed"
+    message = next(c.message for c in result.comparisons if c.solver == "broken")
+    assert "simulator 'broken', of twin-engine: twin_engine_that_is_not_there:ENGINE" in message
+    assert "No module named" in message
+
+
+def test_an_unknown_engine_is_answered_with_those_there_are(site: Path, tmp_path: Path) -> None:
+    error, = check([written(tmp_path, "twim")]).errors
+    assert error.key == "run.duration.solvers"
+    assert error.wrong.startswith("no simulator 'twim'; did you mean 'twin'? there are: mujoco, ")
+
+
+def test_what_is_no_engine_is_refused(site: Path) -> None:
+    with pytest.raises(engines.NoEngine, match=r"twin_engine:Path is no object of a class of"):
+        engine_of("foreign")
+
+
+def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
+    assert (spoken("twin:default"), spoken("bare"), spoken("adams")) == (
+        "Twin default", "Bare", "adams")
+    chosen = looks([*engine_names(), "adams"])
+    assert len({look.colour + str(look.dash) for look in chosen.values()}) == len(chosen)
+    assert versions("twin")["twin-engine"] == "1.0"
+    assert versions("bare")["adapter"] == versions("twin")["adapter"]  # digest of the same module
+    assert "adapter" not in versions("pymunk")
+
+
+def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
+    run("report", written(tmp_path, "pymunk", "twin"), "-o", tmp_path / "pages")
+    page = (tmp_path / "pages" / "twins.html").read_text(encoding="utf-8")
+    assert "Twin" in page
+    assert "twin-engine" in page  # among the versions
+
+
+def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
+        site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(axes, "WORK", 1.6e3)
+    run("trade", written(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
+    rows = read_table(tmp_path / "trade" / "trade.csv")
+    assert {(row.engine, row.outcome) for row in rows} == {("bare", "ran")}
+    verdict = next(v for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
+                   if (v.line, v.kind) == ("Bare", "position"))
+    assert verdict.reached.startswith("order 2")  # as pymunk's
+    assert verdict.expected != verdict.expected  # theory promises none
+    page = (tmp_path / "trade" / "index.html").read_text(encoding="utf-8")
+    assert "Bare" in page
+
+
+@pytest.mark.slow
+def test_trade_knows_the_orders_of_the_twin(site: Path, tmp_path: Path) -> None:
+    run("trade", written(tmp_path, "twin"), "-o", tmp_path / "trade")
+    found = {v.line: v for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
+             if v.kind == "position"}
+    assert found["Twin, no bias"].expected == 2.0
+    assert found["Twin, no bias"].observed == pytest.approx(2.0, abs=0.2)
+    assert found["Twin, defaults"].expected == 1.0
+
+
+def test_choose_finds_a_setting_of_an_engine_without_programs(site: Path, tmp_path: Path) -> None:
+    text = run("choose", written(tmp_path, "bare"), "--error", 1e-2, "--store", tmp_path / "store",
+               "--jobs", 1)
+    assert "Bare has no programs" in " ".join(text.split())
+    assert "# settings of the sidecar: timestep = " in text
+
+
+@pytest.mark.slow
+def test_choose_writes_a_program_of_the_twin(site: Path, tmp_path: Path) -> None:
+    program = tmp_path / "run.py"
+    run("choose", written(tmp_path, "twin"), "--error", 1e-3, "--store", tmp_path / "store", "-o",
+        program)
+    assert "Made by proofmass choose with pymunk" in " ".join(program.read_text().split())
+
+
+def test_stress_finds_where_the_twin_breaks(site: Path, tmp_path: Path) -> None:
+    run("stress", written(tmp_path, "twin"), "-o", tmp_path / "stress", "--only", "gravity",
+        "--jobs", 1)
+    found, = read_boundaries(tmp_path / "stress" / "stress.csv")
+    assert (found.engine, found.knob) == ("twin", "gravity")
+    assert found.holds > found.start == 1.0  # it ran, and no error of ours ended it at once
+    assert "Twin" in (tmp_path / "stress" / "index.html").read_text(encoding="utf-8")
+
+
+def test_stress_has_the_test_problems_of_the_twin(site: Path, monkeypatch: pytest.MonkeyPatch
+                                                  ) -> None:
+    def asked(engine: str) -> list[tuple[str, str, str, float]]:
+        monkeypatch.setattr(problems, "engine_names", lambda: [engine])
+        found = list(problems.probes())
+        assert {one.engine for one in found} == {engine}
+        return [(one.what, one.setting, one.knob, one.theory) for one in found]
+
+    assert asked("twin") == asked("pymunk")
+    assert len(asked("twin")) > len(asked("bare")) > 0  # of which no scheme is known
+
+
+def test_pytest_runs_the_twin(site: Path, tmp_path: Path) -> None:
+    file = written(tmp_path, "twin", "wrong")
+    found = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", file],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True,
+        check=False)
+    assert "1 failed, 1 passed" in found.stdout
+    assert "::wrong" in found.stdout
