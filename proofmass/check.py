@@ -11,24 +11,22 @@ from typing import Any
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.compare import GOOD, OPEN, Comparison, compare
+from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated, stopping
 from proofmass.mobility import mobility
+from proofmass.outcome import FAILURES, GOOD, OPEN, Outcome
 from proofmass.reference import grid
 from proofmass.refined import Finer, Row, errors, refinements
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import NATIVE
-from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
 
 Task = tuple[Case, Kind, str] | Finer | Path
-Outcome = tuple[list[Comparison], Curves | None]
-FAILURES: dict[type[Exception], str] = {
-    Unsupported: "unsupported", Diverged: "diverged", NotSolved: "diverged", Crashed: "crashed",
-    TimedOut: "timed out", OutOfMemory: "out of memory"}
+Ran = tuple[list[Comparison], Curves | None]
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
 
 
@@ -222,7 +220,7 @@ def step_unchecked(model: Path) -> list[Comparison]:
     run, cost = Run("passive", np.linspace(0, 0.1, 2), ()), dict[str, Any]()
     try:
         curves = isolated(simulate, NATIVE, model, run, timeout=60.0)
-        outcome, message = "unchecked", "no sidecar; it loads and steps"
+        outcome, message = Outcome.UNCHECKED, "no sidecar; it loads and steps"
         cost = {"seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
@@ -284,7 +282,7 @@ def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
 
 
 def done(tasks: list[Task], result: Result, pool: Executor,
-         progress: Callable[[str, int, int], None]) -> dict[int, Outcome]:
+         progress: Callable[[str, int, int], None]) -> dict[int, Ran]:
     """What came of the tasks, by their numbers; those at fault are left out, and said in errors."""
     outcomes = {}
     futures = {pool.submit(one_task, task): k for k, task in enumerate(tasks)}
@@ -302,7 +300,7 @@ def done(tasks: list[Task], result: Result, pool: Executor,
     return outcomes
 
 
-def judge(tasks: list[Task], outcomes: dict[int, Outcome], result: Result) -> None:
+def judge(tasks: list[Task], outcomes: dict[int, Ran], result: Result) -> None:
     """Put what came of the tasks into the result, in their order.
 
     A model without a sidecar whose name another has as well is called by its folder, too.

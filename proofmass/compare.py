@@ -12,6 +12,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.errors import InputError
+from proofmass.outcome import Outcome
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, modes, module_of
 from proofmass.seen import check_views
@@ -20,8 +21,6 @@ from proofmass.sim.protocol import Curves
 from proofmass.units import powers, si_unit
 
 NAN = float("nan")
-OPEN = ("unchecked", "unsupported")
-GOOD = ("agrees", *OPEN)
 UNCHECKED = ("nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
              "a solver delivers, or say unchecked = true")
 START = 0.1  # share of a duration in which errors of the start are expected to decay
@@ -91,7 +90,7 @@ class Comparison:
     nrmse: float = NAN
     allowed: float = NAN
     would_notice: dict[str, DetectableChange] = field(default_factory=dict)
-    outcome: str = "unchecked"
+    outcome: str = Outcome.UNCHECKED
     message: str = ""
     seconds: float = NAN
     steps: int = 0
@@ -170,7 +169,8 @@ def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Arr
         "case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
         "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
     if name not in curves.channels:
-        return Comparison(**place, outcome="unsupported", message=curves.missing.get(name, ""))
+        return Comparison(**place, outcome=Outcome.UNSUPPORTED,
+                          message=curves.missing.get(name, ""))
     error = np.abs(curves.channels[name] - truth) / factor
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     rms = float(np.sqrt(np.mean(error**2)))
@@ -234,19 +234,20 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str
     'differs'
     """
     if not np.isfinite(error):
-        return "differs", "not a number somewhere on the curve"
+        return Outcome.DIFFERS, "not a number somewhere on the curve"
     if not why:
-        return "unchecked", "no tolerance covers this channel of this solver"
+        return Outcome.UNCHECKED, "no tolerance covers this channel of this solver"
     if error <= allowed:
-        return "agrees", why
+        return Outcome.AGREES, why
     if not allowed:
-        return "differs", ("the reference is zero and the mechanism has no size of this quantity, "
-                           "so of_range allows nothing: give the tolerance as abs")
+        return Outcome.DIFFERS, ("the reference is zero and the mechanism has no size of this "
+                                 "quantity, so of_range allows nothing: give the tolerance as abs")
     quantity, factor = si_unit(unit or "1")
     turns = error * factor / (2 * np.pi)
     if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
-        return "differs", f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
-    return "differs", f"{error / allowed:.3g} x the allowed error"
+        return Outcome.DIFFERS, (f"off by {round(turns)} whole turn(s): count the start pose's "
+                                 f"angle anew")
+    return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"
 
 
 def changeable(case: Case) -> dict[str, float]:

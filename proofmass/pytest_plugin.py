@@ -12,9 +12,10 @@ from typing import Any
 import pytest
 
 from proofmass.case import Case
-from proofmass.check import FAILURES, load, one_task, read, run_one, stopped
-from proofmass.compare import GOOD, UNCHECKED, Comparison, compare
+from proofmass.check import load, one_task, read, run_one, stopped
+from proofmass.compare import UNCHECKED, Comparison, compare
 from proofmass.errors import InputError
+from proofmass.outcome import FAILURES, GOOD, Outcome
 from proofmass.refined import refinements
 
 VERDICTS = partial(compare, detectable=False)
@@ -77,7 +78,7 @@ class SolverItem(pytest.Item):
                 f"at {c.at:.6g}, allowed {c.allowed:.3g}" for c in wrong))
         if not (self.case.tolerance or self.case.refine or self.case.unchecked):
             raise Disagreement(UNCHECKED)
-        if not any(c.outcome == "agrees" for c in comparisons):
+        if not any(c.outcome == Outcome.AGREES for c in comparisons):
             pytest.skip("shown, not checked: no tolerance")
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:

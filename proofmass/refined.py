@@ -10,6 +10,7 @@ import numpy as np
 from proofmass.case import Case, Refine
 from proofmass.compare import Comparison, one, reference_for, verdict
 from proofmass.isolate import isolated
+from proofmass.outcome import Outcome
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit
@@ -175,7 +176,7 @@ def of_order(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Compariso
     worst = int(np.argmax(off))
     outcome, message = verdict(float(off[worst]), refine.within, "", refine.why)
     coarse, fine = pairs[worst]
-    if outcome == "differs":
+    if outcome == Outcome.DIFFERS:
         message += f", order {orders[worst]:.3g} from {coarse.segments} to {fine.segments} segments"
     elif len(pairs) < len(rows) - 1:
         message += f"; {wall}"

@@ -15,10 +15,13 @@ from rich.text import Text
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
+from proofmass.outcome import Outcome
 
 KEYS = ("case", "solver", "run", "channel", "unit", "error_max", "at", "error_rms", "nrmse",
         "allowed", "would_notice", "outcome", "message", "seconds", "steps")
-LOOK = {"agrees": ("✓", "green"), "unchecked": ("·", "dim"), "unsupported": ("–", "dim")}
+LOOK: dict[str, tuple[str, str]] = {
+    Outcome.AGREES: ("✓", "green"), Outcome.UNCHECKED: ("·", "dim"),
+    Outcome.UNSUPPORTED: ("–", "dim")}
 FAILED = ("✗", "bold red")
 
 
@@ -119,7 +122,7 @@ def failures(result: Result) -> Iterator[Text]:
         if not bad:
             continue
         c = worst(bad)
-        text = c.message if c.outcome != "differs" else (
+        text = c.message if c.outcome != Outcome.DIFFERS else (
             f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
             f"{number(c.error_max)} {c.unit} at {c.at:.6g}")
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)

@@ -10,9 +10,10 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
+from proofmass.outcome import LOST, Outcome
 from proofmass.reference import compiled, grid, laws
 from proofmass.refined import Row
-from proofmass.report.words import KINDS, LOST
+from proofmass.report.words import KINDS
 from proofmass.sim.contents import joints
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
@@ -57,7 +58,7 @@ class Shown:
     def lost(self) -> dict[str, Comparison]:
         """Solvers that have no curves, with one of the comparisons that says why."""
         return {c.solver: c for c in reversed(self.rows) if c.solver not in self.curves
-                and c.outcome in (*LOST, "unsupported")}
+                and c.outcome in (*LOST, Outcome.UNSUPPORTED)}
 
     @property
     def channels(self) -> list[str]:
@@ -104,7 +105,7 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
 def beyond_limits(runs: Iterable[Shown]) -> bool:
     """Whether all runs of a case reached a limit: its model or its reference would so again."""
     outcomes = {c.outcome for run in runs for c in run.rows}
-    return bool(outcomes) and outcomes <= {"timed out", "out of memory"}
+    return bool(outcomes) and outcomes <= {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}
 
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:

@@ -21,12 +21,12 @@ from markupsafe import Markup
 from proofmass import reference
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import OPEN
 from proofmass.engines import NoEngine, brought_by, engine_names, engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.mobility import mobility
+from proofmass.outcome import LOST, OPEN, Outcome
 from proofmass.report import refinements, tables
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings, drawn
@@ -35,7 +35,7 @@ from proofmass.report.study import Study
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
-from proofmass.report.words import LOST, SYMBOLS, from_model, headline
+from proofmass.report.words import SYMBOLS, from_model, headline
 from proofmass.wording import number, spoken
 
 HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
@@ -197,10 +197,10 @@ def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) 
     steps = {s: float(str(c.settings["timestep"])) for v in views if v.kind == "duration"
              for s, c in v.curves.items() if "timestep" in c.settings}
     checked = case.unchecked or set(counts) - set(OPEN)
-    bad = faults or not checked or any(counts[o] for o in ("differs", *LOST))
+    bad = faults or not checked or any(counts[o] for o in (Outcome.DIFFERS, *LOST))
     return {"name": case.name, "title": case.title, "page": f"{slug(case.name)}.html",
             "headline": headline(case, rows, steps),
-            "state": "bad" if bad else "good" if counts["agrees"] else "open",
+            "state": "bad" if bad else "good" if counts[Outcome.AGREES] else "open",
             "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]], "faults": len(faults),
             "picture": Markup(inline(picture, f"{slug(case.name)}-thumbnail", case.name))
             if picture else ""}

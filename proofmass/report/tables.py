@@ -11,10 +11,11 @@ import numpy as np
 
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
+from proofmass.outcome import LOST, Outcome
 from proofmass.recorded import Recorded
 from proofmass.reference import facts, module_of
 from proofmass.report.data import Shown
-from proofmass.report.words import LOST, SYMBOLS
+from proofmass.report.words import SYMBOLS
 from proofmass.units import si_unit
 from proofmass.wording import listed, number, pretty
 
@@ -58,7 +59,7 @@ def comparisons(view: Shown) -> list[Group]:
     groups = []
     for channel in view.channels:
         rows = [Row(c.solver, c.outcome, SYMBOLS.get(c.outcome, "?"),
-                    c.message if c.outcome != "unchecked" else "",
+                    c.message if c.outcome != Outcome.UNCHECKED else "",
                     (number(c.error_max), place(view, c.at), number(c.of_range),
                      number(c.error_rms), number(c.nrmse), number(c.allowed)), *notice(c))
                 for c in view.rows if c.channel == channel]
@@ -114,7 +115,8 @@ def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
     """By parameter, the changes that the checked channels would notice."""
     found: dict[str, list[DetectableChange]] = {}
     for c in rows:
-        for p, change in c.would_notice.items() if c.outcome in ("agrees", "differs") else ():
+        checked = c.outcome in (Outcome.AGREES, Outcome.DIFFERS)
+        for p, change in c.would_notice.items() if checked else ():
             found.setdefault(p, []).append(change)
     return found
 
@@ -241,7 +243,7 @@ def plain(value: object) -> str:
 
 def missing(view: Shown) -> list[str]:
     """What solvers cannot deliver, each reason once."""
-    rows = sorted((c for c in view.rows if c.outcome == "unsupported"),
+    rows = sorted((c for c in view.rows if c.outcome == Outcome.UNSUPPORTED),
                   key=lambda c: (c.solver, c.message))
     return [f"{solver}, {listed(c.channel for c in own)}: {message or 'no reason given'}"
             for (solver, message), found in groupby(rows, key=lambda c: (c.solver, c.message))

@@ -5,16 +5,17 @@ import math
 from collections.abc import Iterable, Mapping
 
 from proofmass.case import Case
-from proofmass.compare import OPEN, Comparison
+from proofmass.compare import Comparison
 from proofmass.errors import InputError
+from proofmass.outcome import LOST, OPEN, Outcome
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
 from proofmass.units import KINDS, si_unit
 from proofmass.wording import listed, number, spoken
 
-LOST = ("diverged", "crashed", "timed out", "out of memory")
-SYMBOLS = {"agrees": "✓", "differs": "✗", "unchecked": "○", "unsupported": "–",
-           "diverged": "⚠", "crashed": "⚠", "timed out": "⚠", "out of memory": "⚠"}
+SYMBOLS: dict[str, str] = {
+    Outcome.AGREES: "✓", Outcome.DIFFERS: "✗", Outcome.UNCHECKED: "○", Outcome.UNSUPPORTED: "–",
+    **dict.fromkeys(LOST, "⚠")}
 
 
 def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
@@ -65,7 +66,7 @@ def headline(case: Case, comparisons: Iterable[Comparison],
     if from_model(case):
         true, false = ("The model moves as its own numbers say",
                        "The model does not move as its own numbers and laws say")
-    if any(c.outcome == "differs" for rows in sweep.values() for c in rows):
+    if any(c.outcome == Outcome.DIFFERS for rows in sweep.values() for c in rows):
         sound = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
         text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
         text += "; ".join(told(s, rows, f" in the {within}") for s, rows in sweep.items()
@@ -95,7 +96,7 @@ def headline(case: Case, comparisons: Iterable[Comparison],
 def clean(rows: list[Comparison]) -> bool:
     """Whether something was checked, and all of it agrees."""
     outcomes = {c.outcome for c in rows}
-    return "agrees" in outcomes and not outcomes & {"differs", *LOST}
+    return Outcome.AGREES in outcomes and not outcomes & {Outcome.DIFFERS, *LOST}
 
 
 def plain(rows: list[Comparison]) -> bool:
@@ -105,7 +106,8 @@ def plain(rows: list[Comparison]) -> bool:
 
 def agreement(good: dict[str, list[Comparison]], run: str) -> str:
     """How many channels of the run agree, for the solvers that agree, and why not all."""
-    counts = {s: (sum(c.outcome == "agrees" for c in rows), len(rows)) for s, rows in good.items()}
+    counts = {s: (sum(c.outcome == Outcome.AGREES for c in rows), len(rows))
+              for s, rows in good.items()}
     names = listed(map(spoken, counts))
     if all(n == total for n, total in counts.values()):
         return f"all {next(iter(counts.values()))[1]} channels of the {run} agree in {names}"
@@ -116,13 +118,13 @@ def agreement(good: dict[str, list[Comparison]], run: str) -> str:
 
 def why(rows: list[Comparison]) -> str:
     """What a solver cannot deliver, in brackets; empty when nothing is amiss."""
-    found = dict.fromkeys(c.message for c in rows if c.outcome == "unsupported" and c.message)
+    found = dict.fromkeys(c.message for c in rows if c.outcome == Outcome.UNSUPPORTED and c.message)
     return f" ({'; '.join(found)})" if found else ""
 
 
 def told(solver: str, rows: list[Comparison], where: str) -> str:
     """One solver of one run in a clause."""
-    bad = [c for c in rows if c.outcome == "differs"]
+    bad = [c for c in rows if c.outcome == Outcome.DIFFERS]
     lost = next((c.outcome for c in rows if c.outcome in LOST), "")
     name = spoken(solver)
     if lost:
@@ -132,7 +134,7 @@ def told(solver: str, rows: list[Comparison], where: str) -> str:
                     if math.isfinite(c.error_max) else math.inf)
         return (f"{name} differs{where} on {listed(c.channel for c in bad)}"
                 f" (worst {worst.channel}: {worst.message})")
-    agreed = sum(c.outcome == "agrees" for c in rows)
+    agreed = sum(c.outcome == Outcome.AGREES for c in rows)
     return f"{name} agrees{where}" + ("" if agreed == len(rows) else
                                       f" on {agreed} of {len(rows)} channels")
 
@@ -143,7 +145,7 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     for solver, comparisons in rows.items():
         if away := distances(comparisons):
             found[solver] = f"{spoken(solver)} (off by {listed(away)})"
-        elif any(c.outcome == "unchecked" for c in comparisons):
+        elif any(c.outcome == Outcome.UNCHECKED for c in comparisons):
             found[solver] = spoken(solver)
     unsupported = [spoken(s) for s in rows if s not in found]
     parts = [f"shown unchecked: {listed(found.values())}"] if found else []

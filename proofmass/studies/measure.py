@@ -25,11 +25,11 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.check import FAILURES
 from proofmass.compare import reference_for
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.isolate import isolated
+from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import grid
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import simulate
@@ -206,7 +206,7 @@ class Found:
     pinned: bool = False
     shared: float = NAN
     machine: str = ""
-    outcome: str = "ran"
+    outcome: str = Outcome.RAN
     message: str = ""
     asked: dict[str, float] = field(default_factory=dict)
     curves: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
@@ -215,7 +215,7 @@ class Found:
     @property
     def complete(self) -> bool:
         """Whether there is something to time."""
-        return self.outcome in ("ran", "stopped")
+        return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
 def measure(task: Task, again: bool, timeout: float) -> Found:
@@ -244,7 +244,7 @@ def measure(task: Task, again: bool, timeout: float) -> Found:
             return Found(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
             if "segments" in task.setting.knobs:  # such as a sensor on the tenth link
-                return Found(outcome="unsupported", message=str(error))
+                return Found(outcome=Outcome.UNSUPPORTED, message=str(error))
             raise InputError(task.case.model_path, "", str(error)) from None
 
 
@@ -286,16 +286,16 @@ def held(case: Case, run: Run, curves: Curves, cost: Found) -> Found:
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}
     cost = replace(cost, curves={"x": curves.x, **channels})
     if wrong := not_finite(curves.channels):
-        return replace(cost, outcome="not finite", message=wrong)
+        return replace(cost, outcome=Outcome.NOT_FINITE, message=wrong)
     try:
         errors = shares(case, kind, curves)
         asked = shares(case, kind, as_asked(run, curves)) if moved(run, curves) else {}
     except InputError as error:  # a pose that the mechanism cannot have
-        return replace(cost, outcome="no reference", message=error.wrong)
+        return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
     if wrong := not_finite(truth(case, curves)):
-        return replace(cost, outcome="no reference", message=wrong)
+        return replace(cost, outcome=Outcome.NO_REFERENCE, message=wrong)
     return replace(cost, errors=errors, asked=asked, invariants=invariants(case, curves),
-                   outcome="stopped" if curves.stopped else "ran", message=curves.stopped)
+                   outcome=Outcome.STOPPED if curves.stopped else "ran", message=curves.stopped)
 
 
 def moved(run: Run, curves: Curves) -> bool:

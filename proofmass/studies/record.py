@@ -17,6 +17,7 @@ from typing import Any, get_type_hints
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
+from proofmass.outcome import Outcome
 from proofmass.sim.protocol import Knob, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
@@ -120,7 +121,7 @@ class Row:
     pinned: bool = False
     shared: float = NAN
     machine: str = ""
-    outcome: str = "ran"
+    outcome: str = Outcome.RAN
     message: str = ""
     key: str = ""
     asked: dict[str, float] = field(default_factory=dict)

@@ -26,6 +26,7 @@ from proofmass.case import Case
 from proofmass.engines import brought_by, engine_of
 from proofmass.errors import InputError
 from proofmass.files import HALF, read_text, write_whole
+from proofmass.outcome import Outcome
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, module_of
 from proofmass.studies import invariants, measure
@@ -33,7 +34,7 @@ from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Found, Task
 
 MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
-LATE = "timed out"
+LATE = Outcome.TIMED_OUT
 ABANDONED = 3600.0  # [s] after which a file that is not whole is one that nobody writes any more
 OWN = measure, invariants, reference, drive  # modules of the core that a result depends on
 

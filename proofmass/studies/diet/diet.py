@@ -20,8 +20,8 @@ from typing import Any, TypeVar
 
 import mujoco
 
-from proofmass.check import FAILURES
 from proofmass.isolate import isolated
+from proofmass.outcome import FAILURES
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.studies.diet.edits import Draft

@@ -17,8 +17,8 @@ from math import ceil
 import mujoco
 import numpy as np
 
-from proofmass.check import FAILURES
 from proofmass.isolate import isolated
+from proofmass.outcome import FAILURES
 from proofmass.studies.diet.edits import (
     Cut,
     Draft,

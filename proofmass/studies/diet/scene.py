@@ -21,11 +21,12 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.check import FAILURES, LOADING, load
+from proofmass.check import LOADING, load
 from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.isolate import isolated
+from proofmass.outcome import FAILURES
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan

@@ -19,8 +19,8 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case, Channel
-from proofmass.check import FAILURES
 from proofmass.isolate import isolated
+from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.studies import variants
@@ -90,7 +90,7 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> T
     own = case.model_copy(update={"run": {"duration": run}})
     task = Task(own, "duration", stand.setting.but(**knobs), "stress")
     found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
-    if found.outcome != "ran":
+    if found.outcome != Outcome.RAN:
         limit = limit_of(found)
         return Tried(Failure(f"{found.outcome}: {found.message}", limit,
                              limit != Limit.OURS and not told(found.message)))

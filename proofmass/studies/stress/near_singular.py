@@ -30,6 +30,7 @@ from proofmass.analytic.planar import read
 from proofmass.analytic.planar.kinematics import Drives, newton
 from proofmass.case import Case
 from proofmass.errors import InputError
+from proofmass.outcome import Outcome
 from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.studies.measure import Task
@@ -244,7 +245,7 @@ def snapped(stand: Stand, far: float) -> Tried:
     """Whether the engine's rod comes back another way than it went; its error is not asked for."""
     task = Task(there_and_back(stand.case, far), "sweep", stand.setting, "stress")
     found = tried(task, stand.store, stand.patience)
-    if found.outcome != "ran":
+    if found.outcome != Outcome.RAN:
         return Tried(judged(found))
     curves = stand.store.curves(key_of(task))
     return Tried(parted({name: curves[f"channel.{name}"] for name in places(stand.case)}))

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from proofmass.case import Case
-from proofmass.check import FAILURES
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.isolate import KILLED, TimedOut, isolated
 from proofmass.mobility import mobility
+from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import compiled, grid
 from proofmass.sim.mjcf import compiles
 from proofmass.sim.protocol import BadModel, Curves, Engine, NotSolved, Scheme
@@ -37,8 +37,9 @@ JUDGED = "position", "effort"
 TIMEOUT = 60.0
 LONG = 1_000_000  # steps of the longest runs
 SAME = 1e-9  # share of a step by which rounding may change it
-LIMITS = {"diverged": Limit.UNSTABLE, "not finite": Limit.UNSTABLE, "stopped": Limit.UNSTABLE,
-          "refused": Limit.REFUSED}
+LIMITS: dict[str, Limit] = {
+    Outcome.DIVERGED: Limit.UNSTABLE, Outcome.NOT_FINITE: Limit.UNSTABLE,
+    Outcome.STOPPED: Limit.UNSTABLE, "refused": Limit.REFUSED}
 """Outcomes that are the engine's; all others are limits of our own."""
 
 
@@ -140,11 +141,11 @@ def observed(task: Task, patience: float) -> Found:
     except TimedOut as late:
         return unanswered(task, str(late))
     except NotSolved as error:
-        return Found(outcome="not solved", message=str(error))
+        return Found(outcome=Outcome.NOT_SOLVED, message=str(error))
     except tuple(FAILURES) as error:
         return Found(outcome=FAILURES[type(error)], message=str(error))
     except BadModel as error:
-        return Found(outcome="no start", message=str(error))
+        return Found(outcome=Outcome.NO_START, message=str(error))
 
 
 def unanswered(task: Task, late: str) -> Found:
@@ -153,7 +154,7 @@ def unanswered(task: Task, late: str) -> Found:
         isolated(simulated, task, timeout=TIMEOUT)
     except tuple(FAILURES):
         return Found(outcome=FAILURES[TimedOut], message=late)
-    return Found(outcome="no reference", message=f"{late}; the engine has its run")
+    return Found(outcome=Outcome.NO_REFERENCE, message=f"{late}; the engine has its run")
 
 
 def simulated(task: Task) -> Curves:
@@ -169,8 +170,8 @@ def is_compiled(case: Case) -> bool:
 
 def judged(found: Found) -> Failure | None:
     """Why a run is lost, or None."""
-    if found.outcome != "ran":
-        unseen = found.outcome in ("diverged", "not finite") and not told(found.message)
+    if found.outcome != Outcome.RAN:
+        unseen = found.outcome in (Outcome.DIVERGED, Outcome.NOT_FINITE) and not told(found.message)
         return Failure(f"{found.outcome}: {found.message}", limit_of(found), unseen)
     for kind in JUDGED:
         if not found.errors.get(kind, 0.0) <= LOST:
@@ -181,7 +182,7 @@ def judged(found: Found) -> Failure | None:
 
 def limit_of(found: Found) -> Limit:
     """What kind of limit a run without errors is."""
-    if found.outcome == "crashed" and found.message.startswith(KILLED):
+    if found.outcome == Outcome.CRASHED and found.message.startswith(KILLED):
         return Limit.UNSTABLE
     return LIMITS.get(found.outcome, Limit.OURS)
 

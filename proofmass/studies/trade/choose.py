@@ -8,6 +8,7 @@ from textwrap import fill
 
 from proofmass.case import Case
 from proofmass.engines import engine_of
+from proofmass.outcome import Outcome
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Row
 from proofmass.studies.trade.program import snippet
@@ -109,7 +110,7 @@ def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
 
     Where only iterations differ, fewer come first: they are never dearer, whatever the clock says.
     """
-    good = [row for row in rows if row.outcome == "ran" and row.seconds > 0
+    good = [row for row in rows if row.outcome == Outcome.RAN and row.seconds > 0
             and MARGIN * row.reached(of) <= wanted]
     least = dict[str, float]()
     for row in good:
@@ -129,7 +130,7 @@ def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict
          limits: Limits | None = None) -> tuple[str, ...]:
     """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
     a line that still falls would need."""
-    able = [row for row in rows if row.outcome == "ran" and isfinite(row.errors.get(of, NAN))]
+    able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.errors.get(of, NAN))]
     if not able:
         return none_ran(rows, of)
     verdicts = list(verdicts)
@@ -171,7 +172,7 @@ def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:
     """
     if not rows:
         return ("no setting was measured",)
-    outcomes = Counter(row.outcome for row in rows if row.outcome != "ran")
+    outcomes = Counter(row.outcome for row in rows if row.outcome != Outcome.RAN)
     if len(rows) > outcomes.total():
         outcomes[f"ran without {of} errors"] = len(rows) - outcomes.total()
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
@@ -184,7 +185,7 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
            ) -> tuple[str, float]:
     """What the engine's defaults, refined to the same error, would cost; and over the chosen."""
     plain = [row for row in rows if row.engine == chosen.engine and default(row)
-             and isfinite(row.errors.get(of, NAN)) and row.outcome == "ran"]
+             and isfinite(row.errors.get(of, NAN)) and row.outcome == Outcome.RAN]
     if not plain:
         return "the defaults were not measured, or did not run", NAN
     if default(chosen):

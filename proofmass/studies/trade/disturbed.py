@@ -19,8 +19,8 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.check import FAILURES
 from proofmass.isolate import isolated
+from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import BadModel, Curves

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from proofmass.case import Case
 from proofmass.engines import engine_of
+from proofmass.outcome import Outcome
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
 from proofmass.sim.protocol import STEP
@@ -146,7 +147,7 @@ def judge(error: float, found: Sequence[tuple[Probe, Row]], kind: str, at_floor:
     words = []
     for probe, row in found:
         moved = row.errors.get(kind, NAN)
-        if row.outcome != "ran" or not moved > 0:
+        if row.outcome != Outcome.RAN or not moved > 0:
             words.append(f"{probe.move}: {row.outcome}")
             continue
         if not (at_floor and probe.cause == STEP):

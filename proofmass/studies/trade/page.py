@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from proofmass.engines import NoEngine, engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
+from proofmass.outcome import Outcome
 from proofmass.report.figures import decades, save
 from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
@@ -91,7 +92,7 @@ def failures(ax: Axes, rows: Sequence[Row], timed: bool, looks: Mapping[Name, Lo
     """Crosses at the upper edge, where their cost is known."""
     for row in rows:
         x = row.seconds if timed else work(row) or planned(row, rows)
-        if row.outcome != "ran" and x > 0:
+        if row.outcome != Outcome.RAN and x > 0:
             ax.plot(x, 0.97, transform=ax.get_xaxis_transform(), marker="x", markersize=5,
                     markeredgewidth=1.2, color=looks[name_of(row)].colour, clip_on=False, zorder=8)
 
@@ -288,7 +289,7 @@ def shown_kinds(rows: Iterable[Row]) -> list[str]:
 
 def good(row: Row, kind: str) -> bool:
     """Whether a run has an error of that kind that can be drawn."""
-    return row.outcome == "ran" and 0 < row.errors.get(kind, np.nan) < np.inf
+    return row.outcome == Outcome.RAN and 0 < row.errors.get(kind, np.nan) < np.inf
 
 
 def dressed(rows: Iterable[Row]) -> dict[Name, Look]:

@@ -16,6 +16,7 @@ from math import ceil, inf, isfinite
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
+from proofmass.outcome import Outcome
 from proofmass.reference import grid
 from proofmass.sim.protocol import Curves, Recipe, leading
 from proofmass.solve import plan
@@ -65,11 +66,11 @@ class Family:
         """The step to try next; None if no other promises to be good enough for less [s]."""
         if not self.rows:
             return self.first or self.sample
-        if len(self.rows) >= RUNS or any(row.outcome in ("timed out", "unsupported")
+        if len(self.rows) >= RUNS or any(row.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED)
                                          for row in self.rows):
             return None
         rows = sorted(self.rows, key=lambda row: -row.value)
-        if len(rows) >= HOPELESS and all(row.outcome != "ran" for row in rows):
+        if len(rows) >= HOPELESS and all(row.outcome != Outcome.RAN for row in rows):
             return None
         good = next((k for k, row in enumerate(rows) if error(row, of) <= needed), None)
         if good == 0:
@@ -130,7 +131,7 @@ def between(coarse: Row, fine: Row, of: str, needed: float) -> float | None:
 def error(row: Row, of: str) -> float:
     """The error of a row; infinite if it has none."""
     value = row.reached(of)
-    return value if row.outcome == "ran" and isfinite(value) else inf
+    return value if row.outcome == Outcome.RAN and isfinite(value) else inf
 
 
 def order(coarse: Row, fine: Row, of: str) -> float:
@@ -209,7 +210,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     cheap = cheapest(rows, of, needed)
     timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
     timed += [row for family in found if family.plain for row in family.rows
-              if row.outcome == "ran" and row not in timed]
+              if row.outcome == Outcome.RAN and row not in timed]
     tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
                    row.value) for row in timed]
     again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)

@@ -14,6 +14,7 @@ from itertools import groupby, pairwise
 from math import inf, isclose, isfinite, log
 
 from proofmass.case import Case
+from proofmass.outcome import Outcome
 from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
 from proofmass.studies import BUDGET, LONGEST
@@ -41,7 +42,7 @@ CLEAR = 10.0
 1.9."""
 ALIKE = 0.05
 """What two orders in turn may differ by, to be one order, of their sum: 0.1 of first order."""
-LOST = ("diverged", "not finite", "crashed", "no reference")
+LOST = (Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.CRASHED, Outcome.NO_REFERENCE)
 """Outcomes of settings that are no better than any error."""
 
 Points = Sequence[tuple[float, float]]
@@ -61,7 +62,8 @@ class Track:
             return True
         if not self.rows:
             return False
-        if self.rows[-1].outcome in ("timed out", "unsupported") or self.rows[-1].seconds > budget:
+        last = self.rows[-1]
+        if last.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) or last.seconds > budget:
             return True
         return bool(self.kinds) and all(self.settled(kind) for kind in self.kinds)
 
@@ -96,7 +98,7 @@ class Track:
         """The same from the first setting on."""
         return [(size, error) for size, row in zip(self.line.sizes, self.rows, strict=False)
                 if (error := inf if row.outcome in LOST else row.errors.get(kind, NAN)) > 0
-                and row.outcome in ("ran", *LOST)]
+                and row.outcome in (Outcome.RAN, *LOST)]
 
     def place(self, size: float) -> int:
         """The number of the setting of that size."""
@@ -354,7 +356,8 @@ def known(case: Case, kind: Kind, rows: Iterable[Row], store: Store, only: str =
         setting = Setting(engine, {name: tuple(value) if isinstance(value, list) else value
                                    for name, value in knobs.items()})
         task = Task(case, kind, setting, "choose", *placed(setting, own))
-        if key_of(task) == key and (found := store.repeats(key)) and found[0].outcome == "ran":
+        found = store.repeats(key) if key_of(task) == key else []
+        if found and found[0].outcome == Outcome.RAN:
             yield row_of(task, found, True, key)
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
+from proofmass.outcome import Outcome
 from proofmass.reference import compiled
 from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
@@ -194,7 +195,7 @@ def halve(lanes: list[Lane], store: Store, workers: Executor, longest: float,
 def left(lane: Lane, k: int, kind: str, finer: Sequence[Row]) -> bool:
     """Whether two halvings leave the error of setting number k, which is asymptotic."""
     rows = [lane.track.rows[k], *finer]
-    return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == "ran"])
+    return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
 def move(lanes: list[Lane], finer: Halved, store: Store, workers: Executor, longest: float,
@@ -250,7 +251,8 @@ def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: Moved,
     why = cause = evidence = ""
     floor = NAN
     if (k := lane.floors().get(kind)) is not None:
-        half = finer[n, k][0].errors.get(kind, NAN) if finer[n, k][0].outcome == "ran" else NAN
+        first = finer[n, k][0]
+        half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
         what = "halving the step" if lane.run == "duration" else "twice as many segments"
         why = (f"{what} {factor(rows[k].errors[kind] / half)}" if half > 0
                else f"{what}: {finer[n, k][0].outcome}")
@@ -296,7 +298,7 @@ def limits(longest: float, budget: float = USUAL) -> str:
 
 def cost(rows: Iterable[Row], kind: str, error: float) -> float:
     """Wall time of the cheapest of the rows that are no further off [s]; NaN if all are."""
-    return min((row.seconds for row in rows if row.outcome == "ran"
+    return min((row.seconds for row in rows if row.outcome == Outcome.RAN
                 and row.errors.get(kind, nan) <= error), default=nan)
 
 

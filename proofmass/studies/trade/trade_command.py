@@ -8,6 +8,7 @@ from rich.table import Table
 
 from proofmass.case import Case
 from proofmass.command import answering, counting, errors
+from proofmass.outcome import Outcome
 from proofmass.strict import Kind
 from proofmass.studies import LONGEST
 from proofmass.studies.command import named, seconds
@@ -37,7 +38,7 @@ def run_trade(paths: list[Path], output: Path, jobs: int | None, dask: str | Non
         show(study, error)
         errors.print(limits(longest), markup=False, highlight=False)
         print(write_trade(output, output).first if study.rows else output / "trade.csv")
-    raise typer.Exit(int(not any(row.outcome == "ran" for row in study.rows)))
+    raise typer.Exit(int(not any(row.outcome == Outcome.RAN for row in study.rows)))
 
 
 def turnable(case: Case, kind: Kind | None) -> bool:
@@ -76,7 +77,7 @@ def show(study: Trade, kind: str) -> None:
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
         verdict = told.get((case, line), Verdict(case, "", "", line, kind))
         lost = next((f"{turned(row)}: {row.outcome}: {row.message}" for row in own
-                     if row.outcome != "ran"), "")
+                     if row.outcome != Outcome.RAN), "")
         table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.floor),
                       number(best), *figures, "; ".join(filter(None, (
                           verdict.cause, verdict.reached, verdict.worse, lost))))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from proofmass.front import nondominated
+from proofmass.outcome import Outcome
 from proofmass.studies.record import NAN, Row
 
 
@@ -62,7 +63,7 @@ def front(rows: Iterable[Row], kind: str) -> list[Row]:
     >>> [row.value for row in front(rows, "rate")]
     [1, 3]
     """
-    able = [row for row in rows if row.outcome == "ran" and row.errors.get(kind, NAN) >= 0
+    able = [row for row in rows if row.outcome == Outcome.RAN and row.errors.get(kind, NAN) >= 0
             and row.seconds > 0]
     aims = np.array([(row.seconds, row.errors[kind]) for row in able]).reshape(-1, 2)
     return [able[k] for k in nondominated(aims)]

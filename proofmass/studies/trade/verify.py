@@ -12,9 +12,9 @@ import numpy as np
 from proofmass.analytic import planar
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.check import FAILURES
 from proofmass.engines import engine_of
 from proofmass.isolate import TimedOut
+from proofmass.outcome import FAILURES
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, module_of
 from proofmass.sim.mjcf import read_tree

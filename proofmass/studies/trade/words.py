@@ -2,6 +2,7 @@
 
 from math import isfinite
 
+from proofmass.outcome import Outcome
 from proofmass.studies.record import Row
 from proofmass.studies.trade.orders import WITHIN
 from proofmass.studies.trade.series import ASYMPTOTIC, Track, observed, still, still_falls, worse
@@ -106,7 +107,7 @@ def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> s
 def ended(track: Track, budget: float) -> str:
     """What ended a line before its last setting, if not that its errors fall no further."""
     last = track.rows[-1]
-    if last.outcome != "ran":
+    if last.outcome != Outcome.RAN:
         return f"{turned(last)}: {last.outcome}"
     if last.seconds > budget:
         return f"the line ends there, at a run of more than {number(budget)} s"

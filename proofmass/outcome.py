@@ -1,0 +1,50 @@
+"""What came of a run, or of a channel that was compared: one word for tables, JSON and pages."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from proofmass.isolate import Crashed, OutOfMemory, TimedOut
+from proofmass.sim.protocol import Diverged, NotSolved, Unsupported
+
+
+class Outcome(StrEnum):
+    """An outcome; its value is its word, and `sentence` says what the word means.
+
+    >>> Outcome.TIMED_OUT, Outcome.TIMED_OUT.sentence
+    (<Outcome.TIMED_OUT: 'timed out'>, 'the engine gave no answer in the time that the run has')
+    """
+
+    sentence: str
+
+    def __new__(cls, word: str, sentence: str) -> Outcome:
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.sentence = sentence
+        return member
+
+    AGREES = "agrees", "every sample is as near to the reference as the tolerance asks for"
+    DIFFERS = "differs", "a sample is further from the reference than the tolerance allows"
+    UNCHECKED = "unchecked", "no tolerance covers the channel of this solver"
+    UNSUPPORTED = "unsupported", "the engine does not deliver the channel in this run"
+    DIVERGED = "diverged", "the engine lost the motion, or found no pose"
+    CRASHED = "crashed", "the process of the run died, or the engine raised an error"
+    TIMED_OUT = "timed out", "the engine gave no answer in the time that the run has"
+    OUT_OF_MEMORY = "out of memory", "the run asked for more memory than it may have"
+    RAN = "ran", "the run of a study came to its end"
+    STOPPED = "stopped", "the run of a study ended early, at a limit position for one"
+    NOT_FINITE = "not finite", "a curve of the engine has a value that is no number"
+    NO_REFERENCE = "no reference", "the reference cannot be evaluated at what the engine did"
+    NOT_SOLVED = "not solved", "iterations of proofmass's own did not find a pose"
+    NO_START = "no start", "the model cannot be put into its start pose"
+
+
+OPEN = (Outcome.UNCHECKED, Outcome.UNSUPPORTED)
+"""Outcomes of channels that were not checked."""
+GOOD = (Outcome.AGREES, *OPEN)
+LOST = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
+"""Outcomes of runs that gave no curves."""
+FAILURES: dict[type[Exception], Outcome] = {
+    Unsupported: Outcome.UNSUPPORTED, Diverged: Outcome.DIVERGED, NotSolved: Outcome.DIVERGED,
+    Crashed: Outcome.CRASHED, TimedOut: Outcome.TIMED_OUT, OutOfMemory: Outcome.OUT_OF_MEMORY}
+"""Outcomes by the exceptions that say them."""
