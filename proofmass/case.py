@@ -23,10 +23,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from proofmass.errors import InputError, suggest
-from proofmass.isolate import MEMORY
 from proofmass.sim.protocol import Rod
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
+from proofmass.worker import MEMORY
 
 
 def known_unit(unit: str) -> str:

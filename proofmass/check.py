@@ -13,7 +13,6 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated, stopping
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, GOOD, OPEN, Outcome
 from proofmass.reference import grid
@@ -24,6 +23,7 @@ from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 
 Task = tuple[Case, Kind, str] | Finer | Path
 Ran = tuple[list[Comparison], Curves | None]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from proofmass.isolate import Crashed, OutOfMemory, TimedOut
 from proofmass.sim.protocol import Diverged, NotSolved, Unsupported
+from proofmass.worker import Crashed, OutOfMemory, TimedOut
 
 
 class Outcome(StrEnum):

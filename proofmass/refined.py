@@ -9,11 +9,11 @@ import numpy as np
 
 from proofmass.case import Case, Refine
 from proofmass.compare import Comparison, one, reference_for, verdict
-from proofmass.isolate import isolated
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit
+from proofmass.worker import isolated
 
 Found = tuple[list[Comparison], Curves | None]
 """Of one run: its comparisons, and its curves if it was not lost."""

@@ -9,11 +9,11 @@ from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, engine_names, engine_of
 from proofmass.errors import InputError, suggest
-from proofmass.isolate import Crashed, isolated
 from proofmass.reference import compiled, grid, laws
 from proofmass.sim.contents import joints
 from proofmass.sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
 from proofmass.strict import Kind
+from proofmass.worker import Crashed, isolated
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.isolate import ALONE
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.stand import Stand
+from proofmass.worker import ALONE
 from tests.shipped import MODELS, models_like, written_out
 
 pytest_plugins = ["pytester"]

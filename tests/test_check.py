@@ -34,9 +34,9 @@ from proofmass.check import (
 from proofmass.cli import app
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed
 from proofmass.refined import Finer, errors
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
+from proofmass.worker import Crashed
 from tests.shipped import MODELS
 
 CHECK = sys.modules[check.__module__]  # whose name in the package is that of the function

@@ -25,7 +25,6 @@ from proofmass.compare import (
 )
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, TimedOut, isolated
 from proofmass.recorded import read_recorded
 from proofmass.reference import compiled, evaluate, grid
 from proofmass.sidecar import load_case
@@ -34,6 +33,7 @@ from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from proofmass.terminal import worst
 from proofmass.units import si_unit
+from proofmass.worker import Crashed, TimedOut, isolated
 from tests.shipped import models_like, shipped
 
 
@@ -279,7 +279,7 @@ def test_errors_come_back_as_themselves():
 
 
 def test_workers_that_wait_end_with_who_asked():
-    call = "import os; from proofmass.isolate import isolated; isolated(os.getpid, timeout=60)"
+    call = "import os; from proofmass.worker import isolated; isolated(os.getpid, timeout=60)"
     ended = subprocess.run([sys.executable, "-X", "dev", "-W", "error", "-c", call],
                            capture_output=True, text=True, check=True)
     assert ended.stderr == ""  # Python tells of processes and files that are left open
@@ -290,13 +290,13 @@ def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
     file = tmp_path / "pid"
     call = f"isolated(os.system, 'echo $PPID > {file}; sleep 60', timeout=4.0)"
     asking = subprocess.Popen([sys.executable, "-c",
-                               f"import os; from proofmass.isolate import isolated; {call}"])
+                               f"import os; from proofmass.worker import isolated; {call}"])
     while not (file.exists() and file.read_text().strip()) and asking.poll() is None:
         time.sleep(0.05)
     asking.kill()
     asking.wait()
     words = Path("/proc") / file.read_text().strip() / "cmdline"
-    assert b"proofmass.isolate" in words.read_bytes()
+    assert b"proofmass.worker" in words.read_bytes()
     time.sleep(10.0)  # its limit, and 5 s that it waits for who asked
     assert not words.exists() or not words.read_bytes()  # gone, or dead and not buried
 

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 NAMES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
 SOLVED = """
 import numpy as np
-from proofmass.isolate import isolated
+from proofmass.worker import isolated
 rows = np.random.default_rng(0).normal(size=(400, 400))
 answers = [isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
            *isolated(np.linalg.eigh, rows + rows.T, timeout=60.0)]

@@ -17,7 +17,6 @@ from typer.testing import CliRunner
 from proofmass import check, engines
 from proofmass.cli import app
 from proofmass.engines import engine_names, engine_of
-from proofmass.isolate import dismiss
 from proofmass.report.style import looks
 from proofmass.studies.record import read_table
 from proofmass.studies.store import versions
@@ -26,6 +25,7 @@ from proofmass.studies.stress.stress import read_boundaries
 from proofmass.studies.trade import axes
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.wording import spoken
+from proofmass.worker import dismiss
 from tests.shipped import shipped
 
 MODULE = '''

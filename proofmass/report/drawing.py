@@ -9,7 +9,6 @@ from matplotlib import rc_context
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, ChartTable
 from proofmass.chart import chart_of
-from proofmass.isolate import isolated
 from proofmass.report.charts import chart_sheet
 from proofmass.report.data import Shown, beyond_limits
 from proofmass.report.figures import save, sheet, thumbnail
@@ -20,6 +19,7 @@ from proofmass.report.views import Viewed, view_sheet
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.picture import Picture, picture
 from proofmass.solve import plan
+from proofmass.worker import isolated
 
 SECONDS = 300.0  # until the drawings of a case are given up
 SHEETS = ("overlay", "paths", "difference")

@@ -24,7 +24,6 @@ from proofmass.check import Result
 from proofmass.engines import NoEngine, brought_by, engine_names, engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
-from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.outcome import LOST, OPEN, Outcome
 from proofmass.report import refinements, tables
@@ -37,6 +36,7 @@ from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
 from proofmass.report.words import SYMBOLS, from_model, headline
 from proofmass.wording import number, spoken
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
             "rest": "Rest: the shapes of the rods in equilibrium, along their length",

@@ -5,8 +5,8 @@ from typing import Any
 
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, OutOfMemory, TimedOut, isolated
 from proofmass.strict import Kind
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 
 def limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float = 0.0) -> Any:

@@ -28,7 +28,6 @@ from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.errors import InputError
 from proofmass.files import write_whole
-from proofmass.isolate import isolated
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import grid
 from proofmass.sim.protocol import BadModel, Curves, Run
@@ -36,6 +35,7 @@ from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.invariants import invariants
 from proofmass.studies.record import KINDS, NAN, Setting
+from proofmass.worker import isolated
 
 try:
     import fcntl

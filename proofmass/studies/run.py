@@ -17,10 +17,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from proofmass.isolate import stopping
 from proofmass.studies.measure import Found, Task, measure
 from proofmass.studies.record import Row, Setting
 from proofmass.studies.store import Store, key_of
+from proofmass.worker import stopping
 
 Progress = Callable[[str, int, int], None]
 Unit = tuple[str, int]  # the key of a task, and the number of a repeat; 0 is the run for errors

@@ -10,7 +10,6 @@ from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.drive import State
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, TimedOut
 from proofmass.reference import evaluate, grid, laws
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Diverged, Unsupported
@@ -20,6 +19,7 @@ from proofmass.studies import measure
 from proofmass.studies.measure import Task, not_finite, observe, own_core, pinned, shares, truth
 from proofmass.studies.record import Setting
 from proofmass.studies.run import row
+from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, TimedOut
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import plan
@@ -36,6 +35,7 @@ from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sa
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import Track, clear, flat, level, observed, slowed
 from proofmass.studies.trade.verdict import front
+from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
 
 

@@ -20,7 +20,6 @@ from typing import Any, TypeVar
 
 import mujoco
 
-from proofmass.isolate import isolated
 from proofmass.outcome import FAILURES
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Run
@@ -43,6 +42,7 @@ from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Entry, Moved
 from proofmass.studies.diet.trial import Cost, Pace, attempt, paced
 from proofmass.studies.run import pool
 from proofmass.studies.store import digest, once, saved, sources, versions
+from proofmass.worker import isolated
 
 
 class Kept:

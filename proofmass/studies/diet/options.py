@@ -17,7 +17,6 @@ from math import ceil
 import mujoco
 import numpy as np
 
-from proofmass.isolate import isolated
 from proofmass.outcome import FAILURES
 from proofmass.studies.diet.edits import (
     Cut,
@@ -36,6 +35,7 @@ from proofmass.studies.diet.scene import Scene, Watch
 from proofmass.studies.diet.table import OPTION
 from proofmass.studies.diet.trial import STEPPED, by_steps, most_iterations
 from proofmass.wording import number
+from proofmass.worker import isolated
 
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH

@@ -25,7 +25,6 @@ from proofmass.check import LOADING, load
 from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
-from proofmass.isolate import isolated
 from proofmass.outcome import FAILURES
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, Curves, Run
@@ -35,6 +34,7 @@ from proofmass.studies.bounded import bounded
 from proofmass.studies.diet.edits import WATCHED, Draft, read
 from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, groups
 from proofmass.wording import listed, number
+from proofmass.worker import isolated
 
 ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
 NUDGE = 1e-12  # [rad or m] what a start pose so near changes is no change

@@ -13,12 +13,12 @@ from random import Random
 import mujoco
 import numpy as np
 
-from proofmass.isolate import Crashed, isolated
 from proofmass.sim.mujoco.coupling import independent_groups
 from proofmass.sim.mujoco.engine import follow
 from proofmass.sim.mujoco.model import begin
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 from proofmass.studies.measure import own_core, pinned
+from proofmass.worker import Crashed, isolated
 
 PASSIVE = "passive"
 STEPPED = ("duration", PASSIVE)  # runs that go by time steps

@@ -19,7 +19,6 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case, Channel
-from proofmass.isolate import isolated
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import compiled
 from proofmass.strict import Kind
@@ -45,6 +44,7 @@ from proofmass.studies.stress.stand import (
 )
 from proofmass.studies.stress.ways import in_steps, longer
 from proofmass.studies.variants import movable, reread, with_model
+from proofmass.worker import isolated
 
 MOST = 2000  # samples
 OFF = 0.01

@@ -14,7 +14,6 @@ import numpy as np
 
 from proofmass.drive import Steady
 from proofmass.engines import engine_names, engine_of
-from proofmass.isolate import KILLED, Crashed, TimedOut, isolated
 from proofmass.sim.protocol import (
     BadModel,
     Curves,
@@ -32,6 +31,7 @@ from proofmass.solve import simulate
 from proofmass.studies.measure import taken
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import Failure, Limit, Sought, Tried, told
+from proofmass.worker import KILLED, Crashed, TimedOut, isolated
 
 STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
 SECONDS = 120.0

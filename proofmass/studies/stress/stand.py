@@ -16,7 +16,6 @@ from typing import Any, cast
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
-from proofmass.isolate import KILLED, TimedOut, isolated
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import compiled, grid
@@ -30,6 +29,7 @@ from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress.boundary import Failure, Limit, Sought, Trial, Tried, told
 from proofmass.studies.stress.ways import in_steps
 from proofmass.studies.variants import READS
+from proofmass.worker import KILLED, TimedOut, isolated
 
 LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""

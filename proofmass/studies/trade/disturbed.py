@@ -19,7 +19,6 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.isolate import isolated
 from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
 from proofmass.sim.contents import size
@@ -32,6 +31,7 @@ from proofmass.studies.stress.stand import simulated
 from proofmass.studies.trade.axes import as_given
 from proofmass.studies.variants import times, with_model
 from proofmass.wording import number
+from proofmass.worker import isolated
 
 NUDGE = 1e-9
 """Of all joints at the start: rad, or times the mechanism's size."""

@@ -13,7 +13,6 @@ from proofmass.analytic import planar
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
-from proofmass.isolate import TimedOut
 from proofmass.outcome import FAILURES
 from proofmass.recorded import Recorded
 from proofmass.reference import compiled, evaluate, module_of
@@ -27,6 +26,7 @@ from proofmass.studies.record import NAN, Knob, Row, Setting
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.program import Ran, drive_words, imposed, tried
 from proofmass.wording import number
+from proofmass.worker import TimedOut
 
 LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
 """What a run may raise."""

@@ -10,12 +10,12 @@ from typer.testing import CliRunner
 
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.isolate import TimedOut
 from proofmass.sim.mujoco.coupling import independent_groups
 from proofmass.sim.protocol import Run
 from proofmass.studies.diet import scene as scenes
 from proofmass.studies.diet.diet import Search
 from proofmass.studies.diet.scene import scene_of
+from proofmass.worker import TimedOut
 from tests.studies.diet.test_diet_bare import bare, written
 
 FAR = """<mujoco><option timestep="0.002"/>

@@ -10,7 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.cli import app
-from proofmass.isolate import TimedOut
 from proofmass.sim.mjcf import compile_model
 from proofmass.studies import variants
 from proofmass.studies.measure import observe
@@ -23,6 +22,7 @@ from proofmass.studies.stress.extremes import extremes, resized, sizes
 from proofmass.studies.stress.page import stress_sheet, write_stress
 from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
 from proofmass.studies.stress.ways import longer
+from proofmass.worker import TimedOut
 
 
 @pytest.mark.parametrize(("start", "reach", "edge"), [(0.1, 1e4, 37.0), (10.0, 1e-9, 2e-5)])

@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 from proofmass.analytic.linkages import pendulum
 from proofmass.case import Case
 from proofmass.cli import app
-from proofmass.isolate import TimedOut
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.settings import configure
@@ -43,6 +42,7 @@ from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
+from proofmass.worker import TimedOut
 from tests.shipped import shipped
 from tests.studies.trade.trade_rows import line, study, verdict
 

@@ -67,7 +67,7 @@ class Worker:
         path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-W", "ignore", "-c",
-             "from proofmass.isolate import main; main()"], stdin=subprocess.PIPE,
+             "from proofmass.worker import main; main()"], stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, stderr=self.errors,
             env={**os.environ, **ALONE, "PYTHONPATH": path})
 

@@ -14,9 +14,9 @@ import pytest
 
 from proofmass.check import check
 from proofmass.errors import InputError
-from proofmass.isolate import Crashed, OutOfMemory, TimedOut, dismiss, isolated
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, dismiss, isolated
 
 LARGE = '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>' \
         '<geom size="1"/></body></replicate></worldbody></mujoco>'
@@ -108,7 +108,7 @@ def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
 
 def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a module of the user')")
-    call = "from proofmass.isolate import isolated; print(isolated(abs, -3, timeout=60))"
+    call = "from proofmass.worker import isolated; print(isolated(abs, -3, timeout=60))"
     found = subprocess.run([sys.executable, "-P", "-c", call], cwd=tmp_path, text=True,
                            capture_output=True, check=True)
     assert found.stdout == "3\n"
