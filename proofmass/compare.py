@@ -225,7 +225,7 @@ def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
     return 1.0 / max(rates) if max(rates) else 0.0
 
 
-def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[str, str]:
+def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
     """Outcome and message of a largest error; NaN never agrees.
 
     >>> verdict(1e-6, 1e-5, "m", "rounding")

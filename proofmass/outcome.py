@@ -12,7 +12,7 @@ class Outcome(StrEnum):
     """An outcome; its value is its word, and `sentence` says what the word means.
 
     >>> Outcome.TIMED_OUT, Outcome.TIMED_OUT.sentence
-    (<Outcome.TIMED_OUT: 'timed out'>, 'the engine gave no answer in the time that the run has')
+    ('timed out', 'the engine gave no answer in the time that the run has')
     """
 
     sentence: str
@@ -22,6 +22,10 @@ class Outcome(StrEnum):
         member._value_ = word
         member.sentence = sentence
         return member
+
+    def __repr__(self) -> str:
+        """The word: records that are read from a file have it, and are the same."""
+        return repr(self.value)
 
     AGREES = "agrees", "every sample is as near to the reference as the tolerance asks for"
     DIFFERS = "differs", "a sample is further from the reference than the tolerance allows"

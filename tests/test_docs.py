@@ -20,7 +20,7 @@ import proofmass
 from proofmass import Case, check, load_case
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.chart import Chart
-from proofmass.compare import GOOD
+from proofmass.outcome import GOOD
 from proofmass.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.pymunk.engine import PymunkSettings

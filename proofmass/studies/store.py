@@ -65,7 +65,8 @@ class Store:
         except (KeyError, TypeError, ValueError):
             raise foreign(file) from None
         for name, value in vars(Found()).items():
-            kinds = (int, float) if isinstance(value, float) else type(value)
+            kinds = ((int, float) if isinstance(value, float) else
+                     str if isinstance(value, str) else type(value))
             if not isinstance(getattr(found, name), kinds):
                 raise foreign(file)
         return None if found.outcome == LATE and given < timeout else found

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from proofmass.check import check
-from proofmass.compare import GOOD
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
+from proofmass.outcome import GOOD
 from proofmass.sidecar import load_case
 from proofmass.validate import validate
 from tests.analytic.balancer.balancer_cases import DESIGNS

@@ -7,10 +7,10 @@ import pymunk
 import pytest
 
 from proofmass.case import Case
-from proofmass.check import FAILURES
 from proofmass.compare import compare
 from proofmass.drive import check_driven
 from proofmass.errors import InputError
+from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import model as mujoco_model

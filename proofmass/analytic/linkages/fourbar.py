@@ -256,7 +256,7 @@ def classify(*, crank: float, coupler: float, rocker: float, ground: float) -> s
         margin = 0   change point                     all bars come into line
         margin < 0   triple rocker                    nothing turns
 
-    Lengths [m] and errors as in `margin`.
+    Lengths [m] and errors as in `grashof_margin`.
 
     >>> classify(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)
     'crank-rocker'
@@ -284,7 +284,8 @@ def crank_range(
     crank that turns fully has (0, pi). One that has 0 < low and high < pi moves in one of two
     intervals, mirror images that need reassembly. At both limits coupler and rocker are in line.
 
-    Lengths [m] and errors as in `margin`. Accuracy: rounding; next to 0 or pi half of the digits.
+    Lengths [m] and errors as in `grashof_margin`. Accuracy: rounding; next to 0 or pi half of the
+    digits.
 
     >>> [round(limit, 6) for limit in crank_range(crank=2.0, coupler=2.0, rocker=2.5, ground=3.0)]
     [0.0, 2.219516]
@@ -316,7 +317,7 @@ def dead_centres(
 
     Q lies left of A-B for mode 1 and right of it for mode -1; the other way round folded with a
     coupler shorter than the crank. With a change point `mode` is that at the dead centre. Lengths
-    [m] and errors as in `margin`.
+    [m] and errors as in `grashof_margin`.
 
     >>> turns, ends = dead_centres(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0, mode=-1)
     >>> [[round(float(x), 4) for x in np.degrees(angles)] for angles in (turns, ends)]
@@ -339,7 +340,7 @@ def dead_centres(
 def swing(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
     """Angle [rad] through which the rocker of a crank-rocker swings, the same in both modes.
 
-    Lengths [m]; ValueError for any other class, besides the errors of `margin`.
+    Lengths [m]; ValueError for any other class, besides the errors of `grashof_margin`.
 
     >>> round(float(np.degrees(swing(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0))), 4)
     47.1808
@@ -352,7 +353,7 @@ def time_ratio(*, crank: float, coupler: float, rocker: float, ground: float) ->
     """Time of the slower swing of a crank-rocker over that of the faster one, at constant speed.
 
     It is the ratio of the two crank turns between the dead centres, the same in both modes.
-    Lengths [m]; ValueError for any other class, besides the errors of `margin`.
+    Lengths [m]; ValueError for any other class, besides the errors of `grashof_margin`.
 
     >>> round(time_ratio(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0), 6)
     1.023258
@@ -374,7 +375,7 @@ def transmission_range(
         cos^2(largest/2) = ((c + r)^2 - (crank + ground)^2)/(4 c r)
 
     with c = coupler, r = rocker, and 0 or pi where the right side is negative. Lengths [m] and
-    errors as in `margin`; accuracy as in `crank_range`.
+    errors as in `grashof_margin`; accuracy as in `crank_range`.
 
     >>> ends = transmission_range(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)
     >>> [round(float(end), 6) for end in np.degrees(ends)]

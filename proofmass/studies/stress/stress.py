@@ -64,7 +64,7 @@ class Kept:
 
 def kept(sought: Sought, store: Store) -> Sought:
     """A boundary of a small model, with its trials kept; those of cases keep their own runs."""
-    code = "".join(Path(str(m.__file__)).read_text(encoding="utf-8") for m in (problems, problems))
+    code = Path(str(problems.__file__)).read_text(encoding="utf-8")
     name = repr((sought.what, sought.engine, sought.setting, sought.knob,
                  versions(sought.engine), sources(), code))
     return replace(sought, trial=Kept(sought.trial, store.folder, name))
