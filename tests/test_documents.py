@@ -38,7 +38,8 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
         elbow_down = row["parameters"].get("mode", 1.0) < 0.0
         better, same, down = better + strict, same + (good and not strict), down + elbow_down
         up += good and not elbow_down
-    short = f"Of {len(THESIS)} kinds of balancers {better} come out better here in every printed number"
+    short = (f"Of {len(THESIS)} kinds of balancers {better} come out better here in every printed "
+             "number")
     assert short in words("README.md")
     text = words("docs/balancer.md")
     assert f"Of the thesis's {len(THESIS)} kinds of balancers [{better} come out better" in text
