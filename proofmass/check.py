@@ -250,7 +250,6 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
     """
     given = tuple(map(Path, paths))
     result = Result(paths=given)
-    result = Result(paths=tuple(map(Path, paths)))
     with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
         try:
             tasks = planned(collect(given, result.errors), result, pool)

@@ -183,6 +183,10 @@ def test_two_cases_of_one_name_are_an_error_that_names_both_files(models, tmp_pa
         assert words in answer.output.replace("\n", "")
 
 
+def test_paths_that_can_be_gone_through_once_are_kept(models):
+    assert check(iter([models / "pendulum.xml"])).paths == (models / "pendulum.xml",)
+
+
 def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path):
     for name in ("a", "b"):
         (tmp_path / "robots" / name).mkdir(parents=True)
