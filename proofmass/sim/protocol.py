@@ -509,6 +509,9 @@ class Engine:
         How its programs can move drives, the ideal way first.
     schemes : tuple of Scheme
         Ways in which it steps, whose stability theory knows.
+    sizes : mapping of str to callable
+        What errors should fall with, by setting, as a function of its value: a step or time
+        constant [s], or a share.
     labels : mapping of str to str
         What `size` is called on the axis of a figure, by setting, where it is not the setting.
     accuracy : mapping of str to Limit
@@ -522,6 +525,7 @@ class Engine:
     native = False
     imposed: Sequence[Imposed] = (Imposed("ideal drive"),)
     schemes: tuple[Scheme, ...] = ()
+    sizes: Mapping[str, Callable[[Knob], float]] = {"timestep": leading}
     labels: Mapping[str, str] = {}
     accuracy: Mapping[str, Limit] = {}
 
@@ -551,8 +555,8 @@ class Engine:
             if name in fields and name not in ("timestep", "defaults"))
 
     def size(self, axis: str, value: Knob) -> float:
-        """What errors should fall with along a scan: a step or time constant [s], or a share."""
-        return leading(value) if axis == "timestep" else 1.0 / leading(value)
+        """What errors should fall with along a scan: as in `sizes`, or one over the value."""
+        return self.sizes[axis](value) if axis in self.sizes else 1.0 / leading(value)
 
     def at_step(self, knobs: Knobs, step: float) -> dict[str, Knob]:
         """Settings with another time step [s], and with what is to go with it."""

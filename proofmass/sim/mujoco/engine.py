@@ -105,15 +105,12 @@ class Mujoco(Engine):
     imposed = IMPOSED
     schemes = stability.SCHEMES
     labels = scans.LABELS
+    sizes = scans.SIZES
     accuracy = ACCURACY
 
     def simulate(self, model: Path, run: Run) -> Curves:
         """See `simulate`."""
         return simulate(model, run)
-
-    def size(self, axis: str, value: Knob) -> float:
-        """See `proofmass.sim.mujoco.scans.size`."""
-        return scans.size(axis, value)
 
     def at_step(self, knobs: Knobs, step: float) -> dict[str, Knob]:
         """See `proofmass.sim.mujoco.scans.at_step`."""

@@ -43,14 +43,9 @@ STEPS_OF_SOLREF = 8  # fewer cost RK4 accuracy, more are softer
 STAGES = {"RK4": 4}  # evaluations in a step, 1 for the others
 IN_SOLREF = "too few steps in solref"
 """What the step alone moves on a scan whose loops get harder with it."""
-SIZE: dict[str, Callable[[Knob], float]] = {
+SIZES: dict[str, Callable[[Knob], float]] = {
     "timestep": leading, "solref": leading, "solimp": lambda d: 1.0 - leading(d)}
 LABELS = {"solref": "time constant of loops, solref [s]", "solimp": "1 − solimp"}
-
-
-def size(axis: str, value: Knob) -> float:
-    """What errors fall with: the step or time constant [s], or the share that is let through."""
-    return SIZE[axis](value) if axis in SIZE else 1.0 / leading(value)
 
 
 def hard(solref: float) -> dict[str, Knob]:

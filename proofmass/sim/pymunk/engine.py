@@ -8,7 +8,6 @@ from proofmass.sim.protocol import (
     Curves,
     Engine,
     Imposed,
-    Knob,
     Knobs,
     Recipe,
     Run,
@@ -90,15 +89,12 @@ class Pymunk(Engine):
     imposed = IMPOSED
     schemes = stability.SCHEMES
     labels = scans.LABELS
+    sizes = scans.SIZES
     accuracy = ACCURACY
 
     def simulate(self, model: Path, run: Run) -> Curves:
         """See `simulate`."""
         return simulate(model, run)
-
-    def size(self, axis: str, value: Knob) -> float:
-        """See `proofmass.sim.pymunk.scans.size`."""
-        return scans.size(axis, value)
 
     def scans(self, about: Studied) -> Iterator[Scan]:
         """See `proofmass.sim.pymunk.scans.scans`."""

@@ -30,14 +30,9 @@ from proofmass.sim.pymunk.model import CHIPMUNK_BIAS
 
 CLOSED = (0.003, 0.01, 0.03)
 """Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""
-SIZE: dict[str, Callable[[Knob], float]] = {
+SIZES: dict[str, Callable[[Knob], float]] = {
     "timestep": leading, "error_bias": lambda share: -1.0 / log(leading(share))}
 LABELS = {"error_bias": "time constant of the bias [s]"}
-
-
-def size(axis: str, value: Knob) -> float:
-    """What errors fall with: the step, or the time constant of the bias [s]; or a share."""
-    return SIZE[axis](value) if axis in SIZE else 1.0 / leading(value)
 
 
 def scans(title: str, about: Studied) -> Iterator[Scan]:

@@ -10,8 +10,7 @@ from itertools import takewhile
 
 from proofmass.case import Case
 from proofmass.engines import NoEngine, engine_of
-from proofmass.recorded import Recorded
-from proofmass.reference import compiled, grid, laws, module_of
+from proofmass.reference import compiled, grid, laws
 from proofmass.sim.protocol import Engine, Knob, Scan, Studied, scan_over
 from proofmass.strict import Kind
 from proofmass.studies.record import Setting
@@ -90,7 +89,7 @@ def studied(case: Case) -> Studied:
     """What an engine is told of the duration of a case."""
     driven = bool(case.drive)
     return Studied(compiled(case), grid(case, "duration"), WORK, driven,
-                   driven and not isinstance(module_of(case), Recorded), lambda: jolted(case))
+                   driven and not case.recorded, lambda: jolted(case))
 
 
 def jolted(case: Case) -> bool:
