@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 from rich.text import Text
 
-from proofmass.command import Dask, Jobs, answering, counting, errors
+from proofmass.command import Dask, Jobs, answering, counting, errors, not_one_case
 from proofmass.errors import InputError
 from proofmass.studies import BUDGET, LONGEST
 
@@ -313,8 +313,7 @@ def show_command(
     with answering("nothing is kept"):
         file, = find([path]) if path.is_file() else [path]
         if file.suffix != ".toml":
-            raise InputError(path, "", "give the sidecar of one case, such as "
-                             "models/linkages/fourbar.toml")
+            raise not_one_case(path)
         case = read(file)
         print(as_toml(case), end="")
         if case.unmatched:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -31,6 +32,12 @@ def answering(kept: str) -> Iterator[None]:
             raise typer.Exit(INTERRUPTED) from None
         errors.print(f"error: {in_words(error)}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
+
+
+def not_one_case(path: Path) -> InputError:
+    """The error of a path that is not the sidecar of a single case."""
+    return InputError(path, "", "give the sidecar of one case, such as "
+                      "models/linkages/fourbar.toml")
 
 
 def in_words(error: BaseException) -> str:

@@ -9,7 +9,7 @@ import typer
 
 from proofmass.case import Case
 from proofmass.check import collect
-from proofmass.command import answering, counting, errors
+from proofmass.command import answering, counting, errors, not_one_case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
@@ -36,8 +36,7 @@ def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None
     """What ``proofmass choose`` does; `proofmass.cli` says what it is given."""
     with answering(f"{store} keeps the runs"):
         if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
-            raise InputError(path, "", "give the sidecar of one case, such as "
-                             "models/linkages/fourbar.toml")
+            raise not_one_case(path)
         case, = named([path])
         kind = chosen(case, kind)
         asked(case, kind, error, solver)
