@@ -170,10 +170,13 @@ class Tolerance(Strict):
             raise ValueError("why is empty; a tolerance needs its reason")
         return self
 
+    def is_for(self, run: str, solver: str) -> bool:
+        """Whether this tolerance speaks of any channel of that solver in that run."""
+        return self.run in (None, run) and any(fnmatchcase(solver, s) for s in self.solver)
+
     def covers(self, run: str, solver: str, name: str, unit: str) -> bool:
         """Whether this tolerance speaks of that channel of that solver in that run."""
-        return (self.run in (None, run)
-                and any(fnmatchcase(solver, s) for s in self.solver)
+        return (self.is_for(run, solver)
                 and ("*" in self.unit or unit in self.unit)
                 and any(fnmatchcase(name, c) for c in self.channels))
 
@@ -381,6 +384,11 @@ class Case(Strict):
         """The MJCF file."""
         return self.file.parent / self.model
 
+    @property
+    def recorded(self) -> bool:
+        """Whether the reference is a recorded curve."""
+        return self.reference.endswith(".csv")
+
     def require_model(self) -> None:
         """Raise InputError if there is no such file."""
         if not self.model_path.is_file():
@@ -429,15 +437,14 @@ class Case(Strict):
             raise ValueError("run.sweep needs a [drive]: the joint that is moved")
         if "rest" in self.run:
             self._restful()
-        recorded = self.reference.endswith(".csv")
-        if recorded and not (self.file.parent / self.reference).is_file():
+        if self.recorded and not (self.file.parent / self.reference).is_file():
             raise ValueError(f"reference: no such recorded curve: there is no file "
                              f"{self.reference!r} beside the sidecar")
         for kind, run in self.run.items():
-            if (run.n is None) != recorded:
+            if (run.n is None) != self.recorded:
                 raise ValueError(f"run.{kind}.n " + ("is given by the recorded curve; leave it out"
-                                                     if recorded else "is missing: samples"))
-            if kind == "duration" and not (self.drive or run.until or recorded):
+                                                     if self.recorded else "is missing: samples"))
+            if kind == "duration" and not (self.drive or run.until or self.recorded):
                 raise ValueError(f"run.{kind}.until is missing: the last time [s]")
             for solver in run.solvers:
                 self._overlap(kind, solver)

@@ -27,7 +27,7 @@ read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
 
 def module_of(case: Case) -> ModuleType | Recorded:
     """The reference's module in `analytic/`, or the recorded curve."""
-    if case.reference.endswith(".csv"):
+    if case.recorded:
         file = case.file.parent / case.reference
         return read_once(file, file.stat().st_mtime_ns if file.is_file() else None)
     if case.reference in REFERENCES:

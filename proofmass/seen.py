@@ -43,7 +43,7 @@ def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> S
         A name that is no channel, no driven joint and no quantity of the reference; a unit that
         nobody tells; parameters of which the reference says that they cannot be.
     """
-    recorded = isinstance(module_of(case), Recorded)
+    recorded = case.recorded
     state = None if recorded else curves.drive
     parameters, key = case.parameters, "parameters"
     if beside is not None:

@@ -1,21 +1,20 @@
 """Reading and writing a sidecar: what it leaves out is filled in with defaults.
 
-`load_case` reads one, `fill_defaults` gives the table of a sidecar with its runs, samples, solvers,
-channels and tolerances, and `as_toml` writes a case as the text of a sidecar that leaves nothing to
-defaults.
+`load_case` reads one.  `fill_defaults` gives the table of a sidecar with its runs, samples, solvers
+and channels, `default_tolerances` how far each engine may be off.  `as_toml` writes a case as the
+text of a sidecar that leaves nothing to defaults.
 """
 
 import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, ValidationError
 
-from proofmass.case import Case
+from proofmass.case import Case, Tolerance
 from proofmass.engines import NoEngine, engine_names, engine_of, own_engines
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
@@ -23,7 +22,7 @@ from proofmass.reference import compiled, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import Limit
 from proofmass.solve import plan
-from proofmass.strict import Strict
+from proofmass.strict import Kind, Strict
 from proofmass.units import KINDS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
@@ -55,7 +54,7 @@ class Levels(Strict):
 
 
 def fill_defaults(table: Table, file: Path) -> Table:
-    """The table of a sidecar with its runs, channels and tolerances filled in.
+    """The table of a sidecar with its runs and channels filled in.
 
     The model is compiled and the reference evaluated at two samples if the table leaves a channel
     out.  What is wrong in the table otherwise is left to `Case`.
@@ -63,12 +62,9 @@ def fill_defaults(table: Table, file: Path) -> Table:
     Raises
     ------
     InputError
-        A channel has no quantity or no unit; an accuracy is used by no run.
+        A channel has no quantity or no unit.
     """
-    levels = Levels(accuracy=table.get("accuracy", {})).accuracy
-    table = {key: value for key, value in table.items() if key != "accuracy"}
-    table = fill_channels(fill_runs(table), file)
-    return fill_tolerances(table, levels, file)
+    return fill_channels(fill_runs(table), file)
 
 
 def fill_runs(table: Table) -> Table:
@@ -79,18 +75,14 @@ def fill_runs(table: Table) -> Table:
     runs = table.get("run", {"sweep": {}, "duration": {}} if "drive" in table else None)
     if not isinstance(runs, dict):
         return table
-    own = {} if is_recorded(table) else {"n": SAMPLES}
+    recorded = str(table.get("reference", "")).endswith(".csv")
+    own = {} if recorded else {"n": SAMPLES}
     there = list(own_engines())
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
     defaults: Table = {"sweep": {**own, "solvers": there},
                        "duration": {**own, "solvers": timed}, "rest": {"solvers": there}}
     return {**table, "run": {kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict)
                              else run for kind, run in runs.items()}}
-
-
-def is_recorded(table: Table) -> bool:
-    """Whether the reference is a recorded curve."""
-    return str(table.get("reference", "")).endswith(".csv")
 
 
 def fill_channels(table: Table, file: Path) -> Table:
@@ -183,39 +175,37 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     return next((each for each in names if each in known), None)
 
 
-def fill_tolerances(table: Table, levels: dict[str, Accuracy], file: Path) -> Table:
-    """A driven linkage has the engine's own tolerances in each run where it has none for it.
+def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Tolerance]:
+    """The engines' own tolerances in each run for which a driven linkage states none itself.
 
     Free motions, rods and recorded curves have none: what they are off by is not the engine's alone
     to say.
+
+    Raises
+    ------
+    InputError
+        An accuracy is used by no run.
     """
-    own, channels = table.get("tolerance", []), table.get("channels")
-    own = [own] if isinstance(own, dict) else own
-    runs = table.get("run")
-    if not (isinstance(own, list) and all(isinstance(t, dict) for t in own)
-            and isinstance(channels, dict) and isinstance(runs, dict)):
-        return table
-    added, used = list[Table](), set[tuple[str, str]]()
-    if table.get("drive") and not (table.get("rod") or table.get("unchecked")
-                                   or is_recorded(table)):
-        for engine in engine_names():
-            for kind, run in runs.items():
-                if engine not in solvers_of(run) or any(speaks_of(t, kind, engine) for t in own):
-                    continue
-                level = levels.get(engine) or Accuracy.model_validate({})
-                for part, units in parts_of(kind, channels).items():
-                    limit = accuracy_of(engine).get(part)
-                    if limit is not None:
-                        used.add((engine, part))
-                        added.append({"run": kind, "solver": engine, **units, "of_range":
-                                      getattr(level, part) or limit.of_range, "why": limit.why})
+    added, used = list[Tolerance](), set[tuple[str, str]]()
+    its_own_alone = case.drive and not (case.rod or case.unchecked or case.recorded)
+    for engine in engine_names() if its_own_alone else ():
+        for kind, run in case.run.items():
+            if engine not in run.solvers or any(t.is_for(kind, engine) for t in case.tolerance):
+                continue
+            level = levels.get(engine) or Accuracy.model_validate({})
+            for part, units in parts_of(case, kind).items():
+                if limit := accuracy_of(engine).get(part):
+                    used.add((engine, part))
+                    added.append(Tolerance(run=kind, solver=(engine,), unit=units, abs=None,
+                                           of_range=getattr(level, part) or limit.of_range,
+                                           why=limit.why))
     for engine, level in levels.items():
         for part in level.model_fields_set:
             if (engine, part) not in used:
-                raise InputError(file, f"accuracy.{engine}.{part}", "it is used by no run: it goes "
-                                 "with a drive, a closed form or the planar reference, no rods, "
-                                 "and no [[tolerance]] for the same run and engine")
-    return {**table, "tolerance": [*own, *added]} if added else table
+                raise InputError(case.file, f"accuracy.{engine}.{part}", "it is used by no run: it "
+                                 "goes with a drive, a closed form or the planar reference, no "
+                                 "rods, and no [[tolerance]] for the same run and engine")
+    return added
 
 
 def accuracy_of(engine: str) -> Mapping[str, Limit]:
@@ -226,29 +216,15 @@ def accuracy_of(engine: str) -> Mapping[str, Limit]:
         return {}
 
 
-def solvers_of(run: Any) -> list[Any]:
-    """The solvers of a run as the sidecar has them; variants have no default tolerance."""
-    solvers = run.get("solvers", []) if isinstance(run, dict) else []
-    return solvers if isinstance(solvers, list) else []
-
-
-def speaks_of(tolerance: Table, kind: str, engine: str) -> bool:
-    """Whether a tolerance of the sidecar is for that run and that engine."""
-    patterns = tolerance.get("solver", "*")
-    patterns = [patterns] if isinstance(patterns, str) else patterns
-    return tolerance.get("run", kind) == kind and any(
-        fnmatchcase(engine, str(pattern)) for pattern in patterns)
-
-
-def parts_of(kind: str, channels: dict[str, Any]) -> dict[str, dict[str, list[str]]]:
+def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
-    there = [str(c["unit"]) for c in channels.values()
-             if isinstance(c, dict) and "unit" in c and c.get("only", kind) == kind]
+    there = [channel.unit for channel in case.channels_of(kind).values()]
     if kind != "duration":
-        return {"sweep": {}} if kind == "sweep" and there else {}
-    units = {part: [u for u in dict.fromkeys([*si, *there])
-                    if u in there and si_or_none(u) in si] for part, si in KINDS.items()}
-    return {part: {"unit": of_part} for part, of_part in units.items() if of_part}
+        return {"sweep": ("*",)} if kind == "sweep" and there else {}
+    units = {part: tuple(unit for unit in dict.fromkeys([*si, *there])
+                         if unit in there and si_unit(unit)[0] in si)
+             for part, si in KINDS.items()}
+    return {part: of_part for part, of_part in units.items() if of_part}
 
 
 INLINE = ("parameters", "channels", "refine")
@@ -358,8 +334,10 @@ def load_case(file: Path | str) -> Case:
         given = tomllib.loads(read_text(file))
         if own := OWN & given.keys():
             raise InputError(file, min(own), "unknown key: no sidecar has it")
+        levels = Levels(accuracy=given.pop("accuracy", {})).accuracy
         table = {"model": file.stem + ".xml", **given}
         case = Case(**{**fill_defaults(table, file), "file": file})
+        added = default_tolerances(case, levels)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
@@ -370,4 +348,4 @@ def load_case(file: Path | str) -> Case:
     except (ValueError, OverflowError) as error:
         raise InputError(file, "", f"not TOML: {error}") from None
     case.require_model()
-    return case
+    return case.model_copy(update={"tolerance": (*case.tolerance, *added)})

@@ -76,6 +76,6 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
 
 def first_samples(case: Case, run: Run) -> Curves:
     """The prescribed motion at the first samples of a run; all of a recorded curve."""
-    x = run.x if case.reference.endswith(".csv") else run.x[:FEW]
+    x = run.x if case.recorded else run.x[:FEW]
     moved = case.drive and run.kind != "rest"
     return Curves(x, {}, drive=run.motion(x) if moved else None)

@@ -59,7 +59,7 @@ def worst(cards: list[Card]) -> str:
 
 def reference_of(case: Case) -> str:
     """What a part is called."""
-    return RECORDED if case.reference.endswith(".csv") else case.reference
+    return RECORDED if case.recorded else case.reference
 
 
 def about(case: Case) -> str:

@@ -27,8 +27,7 @@ from proofmass.engines import brought_by, engine_of
 from proofmass.errors import InputError
 from proofmass.files import HALF, read_text, write_whole
 from proofmass.outcome import Outcome
-from proofmass.recorded import Recorded
-from proofmass.reference import compiled, module_of
+from proofmass.reference import compiled
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Found, Task
@@ -198,7 +197,7 @@ def saved(model: mujoco.MjModel) -> bytes:
 
 def recorded_bytes(case: Case) -> str:
     """Digest of the reference's file, if it is a recorded curve."""
-    if not isinstance(module_of(case), Recorded):
+    if not case.recorded:
         return ""
     return digest((case.file.parent / case.reference).read_bytes())
 

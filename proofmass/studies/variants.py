@@ -44,7 +44,7 @@ def reread(case: Case) -> Case:
 
 def movable(case: Case) -> bool:
     """Whether nothing of its motion is the reference's own: no law, no recorded curve."""
-    return not case.reference.endswith(".csv") and all(d.to is not None for d in case.drive)
+    return not case.recorded and all(d.to is not None for d in case.drive)
 
 
 SIZE = {"m": 1, "m/s": 1, "m/s^2": 1, "N": 1, "N m": 2, "J": 2}

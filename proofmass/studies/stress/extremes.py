@@ -123,7 +123,7 @@ def sizes(stand: Stand) -> Iterator[Sought]:
     model = compiled(stand.case)
     driven = [int(model.joint(drive.joint).type[0]) for drive in stand.case.drive]
     needs(not (stand.case.rod or mujoco.mjtJoint.mjJNT_SLIDE in driven
-               or stand.case.reference.endswith(".csv")), "size: the reference has its own lengths")
+               or stand.case.recorded), "size: the reference has its own lengths")
     needs(len(variants.bodies(stand.case)) >= int((model.body_jntnum > 0).sum()),
           "size: masses of geoms")
     weighs = bool(model.opt.gravity.any()) if stand.kind != "duration" else not driven
@@ -257,14 +257,9 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
 def steps(stand: Stand) -> Iterator[Sought]:
     """Larger and larger time steps, with every integrator."""
     needs(stand.kind == "duration", "time step: nothing is stepped")
-    needs(not recorded(stand.case), "time step: a recorded curve has its own samples")
+    needs(not stand.case.recorded, "time step: a recorded curve has its own samples")
     yield from stand.integrated("time step", "s", stand.step, stand.seconds / FEW,
                                 partial(stepped, stand), stand.engine.schemes)
-
-
-def recorded(case: Case) -> bool:
-    """Whether the reference is a curve that is known at its samples alone."""
-    return case.reference.endswith(".csv")
 
 
 def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Tried:
@@ -276,7 +271,7 @@ def speeds(stand: Stand) -> Iterator[Sought]:
     """Faster and faster drives, until there are but a few steps."""
     needs(stand.kind == "duration" and stand.case.drive, "drive speed: nothing drives in time")
     leader = stand.case.drive[0]
-    needs(leader.to is not None and not recorded(stand.case),
+    needs(leader.to is not None and not stand.case.recorded,
           "drive speed: a law or a recorded drive has its own")
     yield stand.sought("drive speed", "times", 1.0, stand.seconds / (FEW * stand.step),
                        partial(sped, stand))
@@ -339,7 +334,7 @@ def segments(stand: Stand) -> Iterator[Sought]:
 def long(stand: Stand) -> Iterator[Sought]:
     """The same motion on and on, to a million steps."""
     case = stand.case
-    needs(stand.kind == "duration" and not recorded(case),
+    needs(stand.kind == "duration" and not case.recorded,
           "long run: nothing is stepped, or a recorded curve ends")
     needs(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")
     own = stand.seconds / stand.step

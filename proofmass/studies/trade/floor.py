@@ -13,8 +13,6 @@ from pathlib import Path
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
-from proofmass.recorded import Recorded
-from proofmass.reference import module_of
 from proofmass.sim.protocol import STEP
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Row, Setting
@@ -98,7 +96,7 @@ def probes(case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool =
 def of_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Probe]:
     """Half of a recorded curve, or the general solver as a second reference, which knows only the
     model: not the law that a drive may have from the first."""
-    if isinstance(module_of(case), Recorded):
+    if case.recorded:
         yield Probe("the reference", "every other row of the recorded curve",
                     thinned(case, folder), setting, False)
     elif case.reference != READS and movable(case) and not case.rod:

@@ -14,8 +14,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import FAILURES
-from proofmass.recorded import Recorded
-from proofmass.reference import compiled, evaluate, module_of
+from proofmass.reference import compiled, evaluate
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import simulate
@@ -284,7 +283,7 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
     case, run = setting.applied(case, kind)
     if kind == "rest":
         raise Unsupported("a rest has one start")
-    if isinstance(module_of(case), Recorded):
+    if case.recorded:
         raise Unsupported("the reference is a recorded curve, known at its samples only")
     later = replace(run, x=run.x[:-1] + PART * np.diff(run.x))
     if run.drives:
