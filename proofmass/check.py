@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -250,10 +250,11 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
     """
     given = tuple(map(Path, paths))
     result = Result(paths=given)
-    with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+    jobs = jobs or os.cpu_count() or 1
+    with stopping(), ThreadPoolExecutor(jobs) as pool:
         try:
             tasks = planned(collect(given, result.errors), result, pool)
-            outcomes = done(tasks, result, pool, progress)
+            outcomes = done(tasks, result, pool, jobs, progress)
             judge(tasks, outcomes, result)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
@@ -280,23 +281,55 @@ def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
     return tasks
 
 
-def done(tasks: list[Task], result: Result, pool: Executor,
+def done(tasks: list[Task], result: Result, pool: Executor, jobs: int,
          progress: Callable[[str, int, int], None]) -> dict[int, Ran]:
-    """What came of the tasks, by their numbers; those at fault are left out, and said in errors."""
-    outcomes = {}
-    futures = {pool.submit(one_task, task): k for k, task in enumerate(tasks)}
-    for count, future in enumerate(as_completed(futures), 1):
-        k = futures[future]
-        try:
-            outcomes[k] = future.result()
-        except InputError as error:
-            if str(error) not in map(str, result.errors):
-                result.errors.append(error)
-        except Exception as error:  # nothing may cost the other tasks their results
-            result.errors.append(InputError(file_of(tasks[k]), "", f"{label(tasks[k])} failed: "
-                                            f"{type(error).__name__}: {error}"))
-        progress(label(tasks[k]), count, len(tasks))
+    """What came of the tasks, by their numbers; those at fault are left out, and said in errors.
+
+    A worker that is free goes on with a task of the case it had last: it has its model compiled,
+    and knows its reference at changed parameters.
+    """
+    outcomes = dict[int, Ran]()
+    waiting: dict[Path, list[int]] = {}
+    for k, task in enumerate(tasks):
+        waiting.setdefault(file_of(task), []).append(k)
+    running, last = dict[Future[Ran], int](), list[Path]()
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            k = take_task(waiting, last.pop() if last else None,
+                          {file_of(tasks[other]) for other in running.values()})
+            running[pool.submit(one_task, tasks[k])] = k
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            k = running.pop(future)
+            last.append(file_of(tasks[k]))
+            try:
+                outcomes[k] = future.result()
+            except InputError as error:
+                if str(error) not in map(str, result.errors):
+                    result.errors.append(error)
+            except Exception as error:  # nothing may cost the other tasks their results
+                result.errors.append(InputError(
+                    file_of(tasks[k]), "", f"{label(tasks[k])} failed: "
+                    f"{type(error).__name__}: {error}"))
+            count = len(tasks) - len(running) - sum(map(len, waiting.values()))
+            progress(label(tasks[k]), count, len(tasks))
     return outcomes
+
+
+def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]) -> int:
+    """Take a task of the file `last`, else of one that no worker is busy with, else of any.
+
+    >>> waiting = {Path("a"): [0, 1], Path("b"): [2]}
+    >>> take_task(waiting, None, set()), take_task(waiting, None, {Path("a")})
+    (0, 2)
+    >>> take_task(waiting, Path("b"), {Path("a")}), waiting
+    (1, {})
+    """
+    free = [file for file in waiting if file not in busy]
+    file = last if last in waiting else (free or list(waiting))[0]
+    k = waiting[file].pop(0)
+    if not waiting[file]:
+        del waiting[file]
+    return k
 
 
 def judge(tasks: list[Task], outcomes: dict[int, Ran], result: Result) -> None:

@@ -3,21 +3,24 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.remember import Memory, memory_in_use
 from proofmass.case import Case
 from proofmass.chart import check_charts
+from proofmass.drive import State
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.recorded import Recorded
-from proofmass.reference import compiled, evaluate, modes, module_of
+from proofmass.reference import compiled, evaluate, identity, laws, modes, module_of
 from proofmass.seen import check_views
 from proofmass.sim.contents import joints, mass, size
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol import Curves, Drive, Run
+from proofmass.strict import Kind
 from proofmass.units import powers, si_unit
 
 NAN = float("nan")
@@ -116,7 +119,7 @@ def reference_for(case: Case, curves: Curves) -> Curves:
     return evaluate(case, curves.x, curves.drive)
 
 
-def compare(case: Case, run: str, solver: str, curves: Curves, detectable: bool = True
+def compare(case: Case, run: Kind, solver: str, curves: Curves, detectable: bool = True
             ) -> list[Comparison]:
     """Hold a solver's curves against the reference.
 
@@ -143,11 +146,12 @@ def compare(case: Case, run: str, solver: str, curves: Curves, detectable: bool 
         The model is assembled in another mode than the sidecar says; a view or a chart cannot
         be drawn.
     """
-    truth = reference_for(case, curves)
+    reference = run_reference(case, run, curves)
+    truth = reference.as_driven(curves.drive)
     check_branch(case, curves, truth)
     check_views(case, run, curves)
     check_charts(case)
-    changes = {} if not detectable else detectable_changes(case, curves, truth, {
+    changes = {} if not detectable else detectable_changes(reference, {
         name: tolerance.allowed(scale_of(case, run, name, curves, truth.channels[name]) / factor)
         * factor
         for name, channel in case.channels_of(run).items() if name in curves.channels
@@ -260,17 +264,13 @@ def changeable(case: Case) -> dict[str, float]:
             and (key not in known or known[key].annotation is not int)}
 
 
-def detectable_changes(case: Case, curves: Curves, truth: Curves, allowed: dict[str, float]
+def detectable_changes(reference: "RunReference", allowed: dict[str, float]
                        ) -> dict[str, dict[str, DetectableChange]]:
     """For each channel and parameter, the smallest change that a tolerance would catch.
 
     Parameters
     ----------
-    case : Case
-    curves : Curves
-        Of a solver; x and the drives' state are used.
-    truth : Curves
-        The reference there.
+    reference : RunReference
     allowed : dict of str to float
         The tolerance of each channel that is checked.
 
@@ -280,27 +280,71 @@ def detectable_changes(case: Case, curves: Curves, truth: Curves, allowed: dict[
         By channel, then by parameter; empty for a recorded curve, which has no parameters. A change
         is relative to the parameter; where that is 0, its steps are shares of the largest one.
     """
-    parameters = changeable(case)
-    largest = max(map(abs, parameters.values()), default=0.0) or 1.0
-
     found: dict[str, dict[str, DetectableChange]] = {name: {} for name in allowed}
-    for key, value in parameters.items():
-        scale = abs(value) or largest
-
-        @cache
-        def moved(share: float, key: str = key, value: float = value, scale: float = scale
-                  ) -> Differences:
-            """The channels' differences at a changed parameter, or nothing."""
-            try:
-                other = evaluate(case, curves.x, curves.drive, **{key: value + share * scale})
-            except InputError:  # the changed mechanism cannot be assembled everywhere
-                return []
-            return [{name: other.channels[name] - truth.channels[name] for name in allowed}]
-
+    for key, value in reference.parameters.items():
+        moved = partial(reference.differences, key)
         shares, asked = small_shares(moved, allowed)
         for name, share in (shares | large_shares(moved, asked)).items():
-            found[name][key] = DetectableChange(share if value else share * scale, value != 0)
+            found[name][key] = DetectableChange(
+                share if value else reference.step(key, share), value != 0)
     return found
+
+
+class RunReference:
+    """The reference of a run: as the drives of a solver moved, and at changed parameters.
+
+    The latter has the drives where their laws lead them, so that it is the same for all solvers of
+    the run.
+    """
+
+    def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
+        self.case, self.x, self.parameters = case, curves.x, changeable(case)
+        self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
+        drives = () if curves.drive is None else [Drive("", law) for law in laws(case, run)]
+        self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
+        self.memory: Memory = {}
+        self.known: dict[tuple[str, float], dict[str, Array]] = {}
+        self.unchanged = self.evaluated({}, more=True)
+
+    def evaluated(self, changed: dict[str, float], more: bool = False) -> dict[str, Array]:
+        """The channels, from the memory of searches; nothing where there is no reference."""
+        try:
+            with memory_in_use(self.memory, more):
+                return evaluate(self.case, self.x, self.state, **changed).channels
+        except InputError:  # the changed mechanism cannot be assembled everywhere
+            return {}
+
+    def as_driven(self, state: State | None) -> Curves:
+        """The reference with the drives as a solver moved them."""
+        same = state is None or np.array_equal(state, cast(State, self.state))
+        if self.unchanged and same:
+            return Curves(self.x, self.unchanged)
+        with memory_in_use(self.memory, more=False):
+            return evaluate(self.case, self.x, state)
+
+    def step(self, key: str, share: float) -> float:
+        """A share of a parameter, or of the largest one if it is 0."""
+        return share * (abs(self.parameters[key]) or self.largest)
+
+    def differences(self, key: str, share: float) -> Differences:
+        """The channels' differences at a changed parameter; nothing where there is no reference."""
+        if (key, share) not in self.known:
+            changed = {key: self.parameters[key] + self.step(key, share)}
+            self.known[key, share] = self.evaluated(changed)
+        before, after = self.unchanged, self.known[key, share]
+        return [{name: after[name] - before[name] for name in after}] if before and after else []
+
+
+last_used: dict[Any, RunReference] = {}
+
+
+def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
+    """The last one again, if it is of the same run: workers judge its solvers one by one."""
+    key = identity(case), run, curves.x.tobytes(), curves.drive is None
+    if key not in last_used:
+        last_used.clear()
+        last_used[key] = RunReference(case, run, curves)
+    return last_used[key]
 
 
 def small_shares(moved: Moved, allowed: dict[str, float]

@@ -13,6 +13,7 @@ from proofmass.case import Case
 from proofmass.compare import (
     Comparison,
     DetectableChange,
+    RunReference,
     changeable,
     compare,
     detectable_changes,
@@ -255,7 +256,7 @@ def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
 
     def evaluated(case, x, state, **changed):
         asked.append(changed)
-        (key, value), = changed.items()
+        key, value = next(iter(changed.items()), ("none", 0.0))
         return Curves(x, {"y": np.array([value if key == "none" else 2.0 * (value + 5.0)])})
 
     with pytest.MonkeyPatch.context() as patch:
@@ -263,10 +264,11 @@ def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
         patch.setattr(module, "evaluate", evaluated)
         patch.setattr(module, "changeable", lambda case: {"none": 0.0, "some": -5.0})
         curves = Curves(np.zeros(1), {"y": np.zeros(1)})
-        found = detectable_changes(case, curves, curves, {"y": 1e-3})
-        assert asked[0] == {"none": pytest.approx(5e-6)}
-        assert asked[2] == {"some": pytest.approx(-5.0 + 5e-6, abs=1e-12)}
+        found = detectable_changes(RunReference(case, "rest", curves), {"y": 1e-3})
+        assert asked[0] == {}
+        assert asked[1] == {"none": pytest.approx(5e-6)}
+        assert asked[3] == {"some": pytest.approx(-5.0 + 5e-6, abs=1e-12)}
         assert found["y"]["none"] == DetectableChange(pytest.approx(1e-3), relative=False)
         assert found["y"]["some"] == DetectableChange(pytest.approx(1e-4), relative=True)
         patch.setattr(module, "changeable", lambda case: {})
-        assert detectable_changes(case, curves, curves, {"y": 1e-3}) == {"y": {}}
+        assert detectable_changes(RunReference(case, "sweep", curves), {"y": 1e-3}) == {"y": {}}

@@ -69,6 +69,34 @@ ON_TWO = pytest.mark.skipif((os.cpu_count() or 1) < 2,
                             reason="BLAS takes one thread on one processor")
 
 
+EVALUATED = """
+import sys
+from proofmass import load_case
+from proofmass.compare import run_reference
+from proofmass.reference import evaluate
+from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
+case = load_case(sys.argv[1])
+run = plan(case, "sweep", "mujoco")
+x = run.x[:3]
+state = run.motion(x)
+if sys.argv[2:]:
+    evaluate(case, x, state, stiffness=case.parameters["stiffness"] * (1.0 + 1e-7))
+near = tuple(part + 1e-12 for part in state)
+reference = run_reference(case, "sweep", Curves(x, {}, drive=near))
+print([curve.tobytes().hex() for at in (state, near)
+       for curve in reference.as_driven(at).channels.values()])
+"""
+
+
+@pytest.mark.parametrize("name", ["pfr3", "rfr2_driven"])
+def test_a_reference_is_the_same_to_the_bit_whatever_was_evaluated_before(name):
+    """A search goes on from the result of one that is near, but of one of the same run alone."""
+    sidecar = str(shipped(f"{name}.toml"))
+    first, later = (printed(1, "-c", EVALUATED, sidecar, *more) for more in ((), ("before",)))
+    assert first == later
+
+
 @ON_TWO
 def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
     one, two = (printed(threads, "-c", SOLVED) for threads in (1, 2))

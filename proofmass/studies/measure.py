@@ -29,7 +29,7 @@ from proofmass.compare import reference_for
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.outcome import FAILURES, Outcome
-from proofmass.reference import grid
+from proofmass.reference import grid, identity
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import simulate
 from proofmass.strict import Kind
@@ -128,9 +128,8 @@ def truth(case: Case, curves: Curves) -> dict[str, Array]:
 
 def key_of(case: Case, curves: Curves) -> tuple[str, int, bytes]:
     """What a reference depends on."""
-    asked = case.model_copy(update={"settings": {}}).model_dump_json()
     where = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
-    return asked, case.model_path.stat().st_mtime_ns, where
+    return *identity(case), where
 
 
 def keep(key: tuple[str, int, bytes], channels: dict[str, Array]) -> None:

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, finite
+from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.equilibrium import State, columns, derivatives, direct, newton
-from proofmass.analytic.rods.remember import shared
 from proofmass.analytic.rods.rod_pair import pair
 
 Numbers = tuple[float, ...]
@@ -90,7 +90,7 @@ def solve(
     return found
 
 
-@shared
+@nearby
 def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers) -> State:
     """Equilibria (n,) along a path of the motors, NaN behind a fold.
 
@@ -102,7 +102,7 @@ def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers
     return followed(path, problem, tuple(first.vector.tolist()))
 
 
-@shared
+@nearby
 def followed(path: tuple[tuple[float, ...], ...], problem: Numbers, first: Numbers) -> State:
     """The same from an equilibrium, to which many guesses lead."""
     return follow(begun(np.array(first), *problem), inputs=path).states

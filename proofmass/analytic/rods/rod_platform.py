@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, positive
+from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
 from proofmass.analytic.rods.equilibrium import State, derivatives, direct
-from proofmass.analytic.rods.remember import shared
 
 MODES = tuple(range(1, 10))
 LARGEST = 20.0  # alpha = L sqrt(R/EI): States of more are not to be followed, e^alpha away
@@ -130,7 +130,7 @@ def standing(problem: Problem, mode: int, prolongation: float = 0.0) -> State:
     return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
 
 
-@shared
+@nearby
 def stable(problem: Problem) -> State:
     """All stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
     found = solutions(problem.assembly, inputs=problem.inputs, load=problem.load,

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.equilibrium import State, columns, derivatives, newton
-from proofmass.analytic.rods.remember import shared
 from proofmass.analytic.rods.rod_platform import MODES, Problem, Three, standing
 from proofmass.analytic.rods.workspace import over_poses, sheet
 
@@ -168,7 +168,7 @@ def guides(*angle: float | None) -> Three | None:
     return one, two, three
 
 
-@shared
+@nearby
 def branch(problem: Problem, path: tuple[Three, ...], mode: int, prolongation: float) -> State:
     """Equilibria (n,) along a path of inputs; NaN from the first that is not stable."""
     trail = follow(standing(problem, mode, prolongation), inputs=path)

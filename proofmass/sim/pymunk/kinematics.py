@@ -276,6 +276,7 @@ class Modes:
 
     Attributes
     ----------
+    pose : ndarray (links + 1, 3)
     shapes : ndarray (n, links + 1, 3)
         Moves of unit mass.
     squares : ndarray (n,)
@@ -286,6 +287,7 @@ class Modes:
         These joints.
     """
 
+    pose: Array
     shapes: Array
     squares: Array
     pull: Array
@@ -293,7 +295,7 @@ class Modes:
 
     def rise(self, links: Links, pose: Array, move: Array) -> Array:
         """By how much a move from the pose makes the energy's slope along each mode larger."""
-        there, here = (slope(links, p, self.pull, self.stops) for p in (pose + move, pose))
+        there, here = slope(links, np.stack([pose + move, pose]), self.pull, self.stops)
         return np.tensordot(self.shapes, there - here, 2)
 
 
@@ -319,10 +321,11 @@ def find_modes(links: Links, pose: Array, stops: tuple[Joint, ...]) -> Modes:
     moves = free_directions(links, rows)
     size = sizes(links, moves)
     nudge = moves * (NUDGE / size)[:, None, None]
-    rise = slope(links, pose + nudge, pull, stops) - slope(links, pose - nudge, pull, stops)
+    ahead, behind = slope(links, pose + np.stack([nudge, -nudge]), pull, stops)
+    rise = ahead - behind
     bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
-    return Modes(np.tensordot(modes.T, moves, 1), squares, pull, stops)
+    return Modes(pose, np.tensordot(modes.T, moves, 1), squares, pull, stops)
 
 
 def sizes(links: Links, moves: Array) -> Array:

@@ -31,6 +31,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.sim.pymunk.dynamics import enough
 from proofmass.sim.pymunk.kinematics import (
+    Modes,
     along,
     bound,
     close,
@@ -104,10 +105,14 @@ CLOSE = 0.3
 """Largest move of all that is held, in extents or radians: light links turn far to close a gap."""
 LEAVES = 1e-5
 """Share of the fastest velocity with which a joint leaves its stop: less may be the solver's."""
+NEAR = 1e-4
+"""Distance [extents or radians] over which the modes of a pose serve for another: the next move
+from there is wrong by that share of it, while what the engine calls rest stays what it is."""
 
 
-def toward_rest(links: Links, pose: Array, velocity: Array, dt: float) -> Array:
-    """The move (links + 1, 3) that the engine's velocity asks for.
+def toward_rest(links: Links, pose: Array, velocity: Array, dt: float, last: Modes | None = None
+                ) -> tuple[Array, Modes]:
+    """The move (links + 1, 3) that the engine's velocity asks for, and the modes behind it.
 
     From standstill a step gives each free motion of unit mass a velocity of dt times its force; a
     move of that velocity over dt w^2 takes the force away.  All other velocity closes the holds,
@@ -121,22 +126,25 @@ def toward_rest(links: Links, pose: Array, velocity: Array, dt: float) -> Array:
         What a step of the engine gives to the pose.
     dt : float
         That step [s].
+    last : Modes, optional
+        Those of an earlier pose, used again if it is `NEAR` and holds the same joints on stops.
     """
     beyond = tuple(joint for joint in links.joints if way_back(joint, pose))
     kept = ~_leaving(links, beyond, pose, velocity, dt,
                      LEAVES * float(sizes(links, velocity)))
     while True:
-        move = _move(links, tuple(compress(beyond, kept)), pose, velocity, dt)
+        stops = tuple(compress(beyond, kept))
+        if last is None or last.stops != stops or sizes(links, pose - last.pose) > NEAR:
+            last = find_modes(links, pose, stops)
+        move = _move(links, last, pose, velocity, dt)
         pressed = kept | ~_leaving(links, beyond, pose, move / dt, dt)
         if (pressed == kept).all():
-            return move
+            return move, last
         kept = pressed  # what the engine lets go in its step falls back in a longer one
 
 
-def _move(links: Links, stops: tuple[Joint, ...], pose: Array, velocity: Array, dt: float
-          ) -> Array:
-    """The move if those joints stay on their stops."""
-    modes = find_modes(links, pose, stops)
+def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -> Array:
+    """The move if the joints that the modes hold stay on their stops."""
     parts = np.tensordot(modes.shapes, links.weights * velocity, 2)
     stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
     closing = dt * (velocity - np.tensordot(parts, modes.shapes, 1))
@@ -269,7 +277,7 @@ class Held:
         """
         last = values(self.links.drives, self.pose), self.pose
         self.ahead(target)
-        calm, began = 0, self.pose
+        calm, began, modes = 0, self.pose, None
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
             if count == DOUBT:
@@ -279,7 +287,7 @@ class Held:
                 break
             on, move = beyond(self.stops, self.pose), self.dt * self.velocity
             if self.free:
-                move = toward_rest(self.links, self.pose, self.velocity, self.dt)
+                move, modes = toward_rest(self.links, self.pose, self.velocity, self.dt, modes)
             self.pose = self.pose + move
             moved = sizes(self.links, move)
             # a step to a stop is as short as the way there, and small whatever the forces are
