@@ -26,7 +26,7 @@ from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.sidecar import load_case
-from proofmass.studies.record import Row
+from proofmass.studies.record import StudyRow
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
@@ -110,7 +110,7 @@ def time_of(case: Case) -> float:
 
 
 def refined_rows(cases: Sequence[Case], study: Trade, folder: Path, errors: Sequence[float]
-                 ) -> dict[str, list[Row]]:
+                 ) -> dict[str, list[StudyRow]]:
     """Settings of each case, with those that `choose` searches."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     with pool() as workers:
@@ -120,7 +120,7 @@ def refined_rows(cases: Sequence[Case], study: Trade, folder: Path, errors: Sequ
     return found
 
 
-def picks(cases: Sequence[Case], rows: Mapping[str, list[Row]], told: Sequence[Verdict],
+def picks(cases: Sequence[Case], rows: Mapping[str, list[StudyRow]], told: Sequence[Verdict],
           errors: Sequence[float]) -> list[Pick]:
     """What `choose` finds of each case, in each engine, for each error."""
     verdicts = {case.name: [v for v in told if v.case == case.name] for case in cases}

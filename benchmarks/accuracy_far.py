@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.boundary import Boundary
 from proofmass.studies.stress.page import NEAR, THEORY, subject
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, spoken
@@ -46,5 +46,5 @@ def row(knob: str, engine: str, own: Sequence[Boundary]) -> str:
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
     silent = sum(one.found and one.silent for one in own)
     return (f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
-            f"| {sum(one.limit == Limit.HOLDS for one in own)} "
+            f"| {sum(one.limit == BoundaryKind.HOLDS for one in own)} "
             f"| {silent or ''} | {sum(one.unknown for one in own) or ''} |")

@@ -13,7 +13,7 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.studies.measure import deviations, simulate
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.series import Track, clear
 from proofmass.studies.trade.verdict import Verdict
@@ -22,7 +22,7 @@ COUNTS = 0.01
 """Share of the largest error from which on a place counts: elsewhere it may be rounding."""
 
 
-def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[Row]) -> list[float]:
+def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[StudyRow]) -> list[float]:
     """Median of the orders at all places, from each setting before a floor to the next one.
 
     Parameters

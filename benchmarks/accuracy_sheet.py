@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from proofmass.analytic.numerics import Array
 from proofmass.report.style import KNOWN
-from proofmass.studies.record import Row
+from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.choose import default
 
 ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for
@@ -16,7 +16,7 @@ NAMES = {"mujoco": "MuJoCo, cheapest of all settings", "mujoco:default": "MuJoCo
          "pymunk": "pymunk, cheapest of all settings", "pymunk:default": "pymunk, defaults refined"}
 
 
-def sheet(rows: Sequence[Row], times: Mapping[str, float]) -> Figure:
+def sheet(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
     """One panel an engine: medians over cases, and bands of their middle half."""
     figure = Figure(figsize=(7.2, 3.3))
     axes = figure.subplots(1, 2, sharey=True, sharex=True)
@@ -40,7 +40,7 @@ def sheet(rows: Sequence[Row], times: Mapping[str, float]) -> Figure:
     return figure
 
 
-def cheapest(rows: Sequence[Row], time: float) -> Array:
+def cheapest(rows: Sequence[StudyRow], time: float) -> Array:
     """Wall time of the cheapest row that is so close, per simulated time; infinite if none is."""
     errors = np.array([row.errors.get("position", np.inf) for row in rows])
     seconds = np.array([row.seconds for row in rows]) / time

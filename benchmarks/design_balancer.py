@@ -32,7 +32,7 @@ from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse
 from proofmass.analytic.balancer.synthesis import POINTS, Synthesis, Variant, left_out
 from proofmass.analytic.numerics import Array
 from proofmass.design.command import times
-from proofmass.design.search import Effort, Search
+from proofmass.design.search import Effort, SavedSearch
 
 THESIS = ROOT / "tests" / "data" / "balancer.json"
 TABLE = ROOT / "docs" / "balancer_designs.json"
@@ -103,7 +103,7 @@ def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> 
             continue  # it trades error for work reduction
         task = Synthesis(replace(variant_of(row), mode=mode), TARGETS[row["target"]], power=power)
         name = "_".join(map(str, (*key(row), mode, power, more))).replace(" ", "-")
-        search = Search(task, times(effort * more, 1) if more else AGAIN,
+        search = SavedSearch(task, times(effort * more, 1) if more else AGAIN,
                         states / f"{name}.npz" if states else None, start.get(mode))
         search.run()
         start[mode] = search.found

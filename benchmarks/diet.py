@@ -15,7 +15,7 @@ from benchmarks import ROOT, command, folders
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.studies.diet.command import finish
-from proofmass.studies.diet.diet import ROUNDS, Kept, Search
+from proofmass.studies.diet.diet import ROUNDS, DietSearch, DietStore
 from proofmass.studies.diet.page import LOOKS, diet_sheet, write_diet
 from proofmass.studies.diet.scene import scene_of
 from proofmass.studies.diet.table import SAID, WHOLE, Entry, ranked, read_entries, sentences
@@ -98,8 +98,8 @@ def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[
     file = folder / model.name
     scene = scene_of(model, SECONDS)
     with pool() as workers:
-        found = Search(scene, rounds=rounds, tune=tune, workers=workers,
-                       kept=Kept(folder / "runs")).run()
+        found = DietSearch(scene, rounds=rounds, tune=tune, workers=workers,
+                       kept=DietStore(folder / "runs")).run()
     finish(scene, found, file)
     return read_entries(file.with_suffix(".csv"))
 

@@ -13,7 +13,7 @@ from proofmass.analytic.numerics import TURN, Array, Complex
 from proofmass.analytic.rods import tip
 from proofmass.analytic.rods.all_equilibria import solve
 from proofmass.analytic.rods.elastica import rods
-from proofmass.analytic.rods.equilibrium import State, clamps
+from proofmass.analytic.rods.equilibrium import RodState, clamps
 
 CAP = 20.0  # alpha of the equilibria that are counted
 RISE = np.log(0.0966498)  # B of its spacing of k_rel with the end slope 0.25
@@ -41,7 +41,7 @@ def directions(nodes: int) -> Array:
     return np.clip(np.linspace(0.0, TURN, nodes), 1e-3, TURN - 1e-3)
 
 
-def two(s: State, nodes: int) -> Grid:
+def two(s: RodState, nodes: int) -> Grid:
     """(psi1, k_rel1, k_rel2): a start is a cell in which all three residuals change their sign.
 
     The second rod's load follows from balance.  There the document's program intersects two curves
@@ -78,7 +78,7 @@ def turned(residual: Array) -> NDArray[np.bool_]:
     return np.asarray(some & ~every)
 
 
-def three(s: State, nodes: int, gap: float, moment: float) -> Grid:
+def three(s: RodState, nodes: int, gap: float, moment: float) -> Grid:
     """(k_rel1, psi1, psi2, psi3): starts are nodes whose sides and moment are off by less.
 
     Balance of forces gives the loads of rods 2 and 3, the inverse of R(k_rel) up to four shapes of
@@ -125,7 +125,7 @@ class Inverse:
         return out
 
 
-def shaped(s: State, psi1: float, k_rel: Array, table: list[Inverse]
+def shaped(s: RodState, psi1: float, k_rel: Array, table: list[Inverse]
            ) -> Iterator[list[tuple[Array, Array, Complex, Complex]]]:
     """Rods 1 to 3 at all nodes of one psi1, for each k_rel1: R, k, tips and forces of each."""
     theta = clamps(s)[0]
@@ -146,7 +146,7 @@ def shaped(s: State, psi1: float, k_rel: Array, table: list[Inverse]
                turned_tip(s, 2, psi[j3], third[:, j2, j3])]
 
 
-def turned_tip(s: State, i: int, psi: Array, k_rel: Array
+def turned_tip(s: RodState, i: int, psi: Array, k_rel: Array
                ) -> tuple[Array, Array, Complex, Complex]:
     """R/EI, k, tip and force in the frame of rod i; NaN where k_rel is."""
     theta, clamp, _ = clamps(s)
@@ -160,7 +160,7 @@ def turned_tip(s: State, i: int, psi: Array, k_rel: Array
     return out[0].real, out[1].real, out[2], out[3]
 
 
-def near(s: State, shapes: list[tuple[Array, Array, Complex, Complex]], gap: float, moment: float
+def near(s: RodState, shapes: list[tuple[Array, Array, Complex, Complex]], gap: float, moment: float
          ) -> tuple[Array, Array]:
     """Charts (3, 2, m) and poses (3, m) of combinations that nearly close."""
     one, second, third = shapes
@@ -186,7 +186,7 @@ def charted(load: Array, k: Array) -> Array:
     return np.stack([np.sqrt(load), -np.arctanh(k)])
 
 
-def arrived(s: State, chart: Array, pose: Array) -> Array:
+def arrived(s: RodState, chart: Array, pose: Array) -> Array:
     """Forces (n, 2 k) in the clamps' frames, over EI, of the equilibria that starts lead to.
 
     Of mode 1, and with loads up to those of the search.

@@ -15,7 +15,7 @@ from benchmarks import command
 from benchmarks.rod_grid import Grid, three, two
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import assembly, triangle
-from proofmass.analytic.rods.equilibrium import State, state
+from proofmass.analytic.rods.equilibrium import RodState, state
 
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
 CORNERS, GUIDES = triangle(np.sqrt(3.0)), np.radians([0.0, 120.0, -120.0])
@@ -136,7 +136,7 @@ def gridded(names: Sequence[str], nodes: Sequence[int],
             yield row(name, (n, "", ""), grid, known, seconds)
 
 
-def of_three(name: str, s: State, setting: tuple[int, float, float], known: int) -> str:
+def of_three(name: str, s: RodState, setting: tuple[int, float, float], known: int) -> str:
     grid, seconds = timed(lambda: three(s, *setting))
     printed = PRINTED.get(setting) if "3PFR" in name else None
     return row(name, setting, grid, known, seconds, printed)

@@ -19,7 +19,7 @@ from proofmass.report.style import RC
 from proofmass.sidecar import load_case
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.page import NEAR, stress_sheet
@@ -128,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 def kinds() -> str:
     """What the kinds of limits are, as a list."""
     return "\n".join(fill(f"- *{kind}*: {kind.sentence}.", 99, subsequent_indent="  ")
-                     for kind in Limit)
+                     for kind in BoundaryKind)
 
 
 def beside(known: Sequence[Boundary]) -> Iterator[str]:

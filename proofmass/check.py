@@ -16,7 +16,7 @@ from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, GOOD, OPEN, Outcome
 from proofmass.reference import grid
-from proofmass.refined import Finer, Row, errors, refinements
+from proofmass.refined import Finer, Ran, RefinedRow, errors, refinements
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
@@ -25,8 +25,7 @@ from proofmass.strict import Kind
 from proofmass.validate import validate
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 
-Task = tuple[Case, Kind, str] | Finer | Path
-Ran = tuple[list[Comparison], Curves | None]
+CheckTask = tuple[Case, Kind, str] | Finer | Path
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
 
 
@@ -40,7 +39,7 @@ class Result:
     cases: list[Case] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
-    refined: list[Row] = field(default_factory=list)
+    refined: list[RefinedRow] = field(default_factory=list)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
 
@@ -262,9 +261,9 @@ def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
     return result
 
 
-def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
+def planned(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask]:
     """Read the sidecars, and tell what there is to do; cases and errors go into the result."""
-    tasks: list[Task] = []
+    tasks: list[CheckTask] = []
     read = {path: pool.submit(load, path) for path in paths if path.suffix != ".xml"}
     for path in paths:
         try:
@@ -281,7 +280,7 @@ def planned(paths: list[Path], result: Result, pool: Executor) -> list[Task]:
     return tasks
 
 
-def done(tasks: list[Task], result: Result, pool: Executor, jobs: int,
+def done(tasks: list[CheckTask], result: Result, pool: Executor, jobs: int,
          progress: Callable[[str, int, int], None]) -> dict[int, Ran]:
     """What came of the tasks, by their numbers; those at fault are left out, and said in errors.
 
@@ -332,7 +331,7 @@ def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]
     return k
 
 
-def judge(tasks: list[Task], outcomes: dict[int, Ran], result: Result) -> None:
+def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> None:
     """Put what came of the tasks into the result, in their order.
 
     A model without a sidecar whose name another has as well is called by its folder, too.
@@ -375,19 +374,19 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
     return list(found)
 
 
-def one_task(task: Task) -> tuple[list[Comparison], Curves | None]:
+def one_task(task: CheckTask) -> tuple[list[Comparison], Curves | None]:
     """A run of a case, or a look at a model without a sidecar."""
     if isinstance(task, Path):
         return step_unchecked(task), None
     return run_one(*task[:3], hold=errors if isinstance(task, Finer) else compare)
 
 
-def file_of(task: Task) -> Path:
+def file_of(task: CheckTask) -> Path:
     """The file that asked for a task."""
     return task if isinstance(task, Path) else task[0].file
 
 
-def label(task: Task) -> str:
+def label(task: CheckTask) -> str:
     """What a progress line calls a task."""
     if isinstance(task, Path):
         return task.name

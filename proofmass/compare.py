@@ -33,7 +33,7 @@ SMALL = 1e-6  # change of a parameter for a slope: the square of it is 1e-12, ro
 LARGE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # changes to try where a small one tells nothing
 SMOOTH = 0.1  # curvature over slope, up to which a slope is good for one digit
 Differences = list[dict[str, Array]]
-Moved = Callable[[float], Differences]
+DifferencesAt = Callable[[float], Differences]
 
 
 @dataclass(frozen=True)
@@ -347,7 +347,7 @@ def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
     return last_used[key]
 
 
-def small_shares(moved: Moved, allowed: dict[str, float]
+def small_shares(moved: DifferencesAt, allowed: dict[str, float]
                  ) -> tuple[dict[str, float], dict[str, float]]:
     """The smallest share of a parameter that each channel would notice, by its slope.
 
@@ -366,7 +366,7 @@ def small_shares(moved: Moved, allowed: dict[str, float]
     return found, hidden if found else allowed
 
 
-def large_shares(moved: Moved, allowed: dict[str, float]) -> dict[str, float]:
+def large_shares(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, float]:
     """The smallest of the large shares that each channel notices; NaN where it is not known.
 
     A channel that does not notice the largest is left out.
@@ -384,7 +384,7 @@ def large_shares(moved: Moved, allowed: dict[str, float]) -> dict[str, float]:
     return found
 
 
-def slopes(moved: Moved) -> dict[str, tuple[float, bool]]:
+def slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
     """For each channel the largest slope times `SMALL`, and whether the curves are smooth there.
 
     Central differences; differences to one side, of second order, where the reference ends. Where

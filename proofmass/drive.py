@@ -65,7 +65,7 @@ class InProportion:
 
 
 @dataclass(frozen=True)
-class Law:
+class FunctionLaw:
     """A function of time that a reference module brings along, such as a motor profile.
 
     A law of several drives gives arrays (drives, n), of which this is one `row`.

@@ -11,7 +11,7 @@ from mujoco import MjModel
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.case import Case
-from proofmass.drive import InProportion, Law, Samples, State, Steady, Swing
+from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.mjcf import compile_model
@@ -19,7 +19,7 @@ from proofmass.sim.protocol import BadModel, BadRod, Curves
 from proofmass.strict import Kind
 from proofmass.units import same_quantity
 
-DriveLaw = InProportion | Law | Samples | Steady | Swing
+DriveLaw = InProportion | FunctionLaw | Samples | Steady | Swing
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
@@ -81,7 +81,7 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
                 raise InputError(case.file, case.drive_key(k_of_teller, f"parameters.{name}"),
                                  f"{teller.law}() has no such parameter; "
                                  f"{suggest(name, names, 'known')}")
-        return Law(function, dict(teller.parameters), k if shared else None)
+        return FunctionLaw(function, dict(teller.parameters), k if shared else None)
     if k:
         ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
         return InProportion(law(case, kind, 0), leader.start, ratio, drive.start)

@@ -15,12 +15,12 @@ from proofmass.strict import Kind
 from proofmass.units import si_unit
 from proofmass.worker import isolated
 
-Found = tuple[list[Comparison], Curves | None]
+Ran = tuple[list[Comparison], Curves | None]
 """Of one run: its comparisons, and its curves if it was not lost."""
 
 
 @dataclass(frozen=True)
-class Row:
+class RefinedRow:
     """One channel of one solver with one number of segments.
 
     Attributes
@@ -50,15 +50,15 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Study:
+class RefinementStudy:
     """One solver's runs of a case, by numbers of segments."""
 
     case: Case
     refine: Refine
     solver: str
-    runs: dict[int, Found] = field(default_factory=dict)
+    runs: dict[int, Ran] = field(default_factory=dict)
 
-    def add(self, segments: int, found: Found) -> tuple[list[Row], list[Comparison]]:
+    def add(self, segments: int, found: Ran) -> tuple[list[RefinedRow], list[Comparison]]:
         """Keep a run; rows and verdicts of all with the last one."""
         self.runs[segments] = found
         if len(self.runs) < len(self.refine.segments):
@@ -66,14 +66,14 @@ class Study:
         limits = self.case.run[self.refine.run]
         return isolated(judged, self, timeout=limits.timeout, memory=limits.memory)
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[RefinedRow]:
         """What the runs tell, of channels that the solver delivers; of lost ones nothing."""
         kept = {n: (found, curves) for n, (found, curves) in self.runs.items() if curves}
         if not kept:
             return []
         truth = reference_for(self.case, max(kept.items())[1][1]).channels
         factors = {name: channel.factor for name, channel in self.case.channels.items()}
-        return [Row(self.case.name, self.solver, n, c.channel, c.unit, c.error_max,
+        return [RefinedRow(self.case.name, self.solver, n, c.channel, c.unit, c.error_max,
                     float(curves.channels[c.channel][-1] - truth[c.channel][-1])
                     / factors[c.channel],
                     float(curves.x[-1]), c.seconds, c.steps)
@@ -81,7 +81,7 @@ class Study:
                 if c.channel in curves.channels]
 
 
-def judged(study: Study) -> tuple[list[Row], list[Comparison]]:
+def judged(study: RefinementStudy) -> tuple[list[RefinedRow], list[Comparison]]:
     """Rows and verdicts of a complete study; in a process of its own, for it asks the reference."""
     rows = study.rows()
     return rows, judge(study, rows)
@@ -94,7 +94,7 @@ class Finer(NamedTuple):
     kind: Kind
     solver: str
     segments: int
-    study: Study
+    study: RefinementStudy
 
 
 def refinements(case: Case) -> Iterator[Finer]:
@@ -102,7 +102,7 @@ def refinements(case: Case) -> Iterator[Finer]:
     if refine := case.refine:
         run = refine.sampled(case.run[refine.run])
         for solver in run.solvers:
-            study = Study(case, refine, solver)
+            study = RefinementStudy(case, refine, solver)
             for n in refine.segments:
                 rods = {name: rod.model_copy(update={"segments": n})
                         for name, rod in case.rod.items()}
@@ -117,7 +117,7 @@ def errors(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison
             for name in case.channels_of(run) if case.refine and case.refine.covers(name)]
 
 
-def order(coarse: Row, fine: Row, wall: float = 0.0) -> float:
+def order(coarse: RefinedRow, fine: RefinedRow, wall: float = 0.0) -> float:
     """The order that two numbers of segments show; NaN where an error is at the wall.
 
     >>> one, two = (Row("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
@@ -129,7 +129,7 @@ def order(coarse: Row, fine: Row, wall: float = 0.0) -> float:
     return float(np.log(coarse.error / fine.error) / np.log(fine.segments / coarse.segments))
 
 
-def limit(coarse: Row, fine: Row, order: float) -> float:
+def limit(coarse: RefinedRow, fine: RefinedRow, order: float) -> float:
     """How far the limit that two numbers of segments point to is off at the last sample.
 
     >>> one, two = (Row("", "", n, "x", "m", 0.0, 4 / n**2 + 16 / n**4, 1.0, 0.0, 0)
@@ -141,7 +141,7 @@ def limit(coarse: Row, fine: Row, order: float) -> float:
     return fine.end + (fine.end - coarse.end) / (ratio - 1.0)
 
 
-def judge(study: Study, rows: list[Row]) -> list[Comparison]:
+def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
     """Verdicts on a complete study, of a run called "refine".
 
     For each channel its order, off by so much at the finer number of segments of the worst pair;
@@ -163,7 +163,7 @@ def judge(study: Study, rows: list[Row]) -> list[Comparison]:
     return verdicts
 
 
-def of_order(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Comparison:
+def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
     """Whether the errors of a channel fall as they should, wherever they are not at the wall."""
     place = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
     wall = f"errors up to {refine.wall:g} {rows[0].unit} are left to rounding"
@@ -184,7 +184,7 @@ def of_order(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Compariso
                       allowed=refine.within, outcome=outcome, message=message)
 
 
-def of_limit(refine: Refine, rows: list[Row], cost: dict[str, Any]) -> Comparison:
+def of_limit(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
     """Whether two of the runs point to the reference at the last sample."""
     coarse, fine = (row for row in rows if row.segments in refine.last)
     allowed = float(refine.richardson or 0.0) / si_unit(fine.unit)[1]

@@ -20,7 +20,7 @@ from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.reference import compiled, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
-from proofmass.sim.protocol import Limit
+from proofmass.sim.protocol import AccuracyLimit
 from proofmass.solve import plan
 from proofmass.strict import Kind, Strict
 from proofmass.units import KINDS, si_unit
@@ -32,7 +32,7 @@ OTHERS = "*"
 OWN = {"file", "unmatched"}
 """What a `Case` knows beside the keys of its sidecar."""
 ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "beside", "refine", "unchecked")
-Table = dict[str, Any]
+TomlTable = dict[str, Any]
 
 
 class Accuracy(Strict):
@@ -53,7 +53,7 @@ class Levels(Strict):
     accuracy: dict[str, Accuracy] = Field({})
 
 
-def fill_defaults(table: Table, file: Path) -> Table:
+def fill_defaults(table: TomlTable, file: Path) -> TomlTable:
     """The table of a sidecar with its runs and channels filled in.
 
     The model is compiled and the reference evaluated at two samples if the table leaves a channel
@@ -67,7 +67,7 @@ def fill_defaults(table: Table, file: Path) -> Table:
     return fill_channels(fill_runs(table), file)
 
 
-def fill_runs(table: Table) -> Table:
+def fill_runs(table: TomlTable) -> TomlTable:
     """A driven case has a sweep and a duration if it names no run; runs have proofmass's engines.
 
     A duration has each engine's own default settings as well, which are shown and not checked.
@@ -79,13 +79,13 @@ def fill_runs(table: Table) -> Table:
     own = {} if recorded else {"n": SAMPLES}
     there = list(own_engines())
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
-    defaults: Table = {"sweep": {**own, "solvers": there},
+    defaults: TomlTable = {"sweep": {**own, "solvers": there},
                        "duration": {**own, "solvers": timed}, "rest": {"solvers": there}}
     return {**table, "run": {kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict)
                              else run for kind, run in runs.items()}}
 
 
-def fill_channels(table: Table, file: Path) -> Table:
+def fill_channels(table: TomlTable, file: Path) -> TomlTable:
     """Each channel has its quantity and its unit.
 
     Sensors of which no part is listed are channels if ``[channels]`` is left out or has a ``"*"``;
@@ -104,7 +104,7 @@ def fill_channels(table: Table, file: Path) -> Table:
                    "channels": {OTHERS: {"equals": 0.0, "unit": "1"}}, "file": file})
     bare.require_model()
     model, known = compiled(bare), quantities_of(bare)
-    found: Table = {}
+    found: TomlTable = {}
     for name, channel in listed.items():
         if name == OTHERS:
             continue
@@ -208,7 +208,7 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
     return added
 
 
-def accuracy_of(engine: str) -> Mapping[str, Limit]:
+def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
     """How far an engine says that it may be off; of one that cannot be loaded the run says why."""
     try:
         return engine_of(engine).accuracy

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.equilibrium import State, closure, direct, state
+from proofmass.analytic.rods.equilibrium import RodState, closure, direct, state
 from tests.analytic.rods.rod_assembly_cases import (
     CORNERS,
     DATA,
@@ -34,7 +34,7 @@ def platform(moment=0.0):
     return direct(guess)
 
 
-def pins(s: State):
+def pins(s: RodState):
     """B_i as x + iy."""
     return s.pose @ [1.0, 1.0j, 0.0] + np.exp(1j * s.pose[2]) * s.assembly.arm
 
@@ -110,7 +110,7 @@ def test_a_slide_moves_the_clamp_along_its_guide():
     for i in range(3):
         step = np.zeros(s.vector.size)
         step[base + i] = h
-        up, down = (closure(State(s.assembly, s.vector + sign * step))[0] for sign in (1, -1))
+        up, down = (closure(RodState(s.assembly, s.vector + sign * step))[0] for sign in (1, -1))
         moved = ((up - down) / (2 * h))[3 * i + 1:3 * i + 3]
         assert moved == pytest.approx([np.cos(guide[i]), np.sin(guide[i])], abs=1e-9)  # rounding/h
         assert np.abs(moved - [np.cos(angle[i]), np.sin(angle[i])]).max() > 0.1

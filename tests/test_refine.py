@@ -10,7 +10,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.check import Result, check, one_task
 from proofmass.compare import Comparison
 from proofmass.reference import evaluate, grid
-from proofmass.refined import Study, errors, refinements
+from proofmass.refined import RefinementStudy, errors, refinements
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
@@ -45,7 +45,7 @@ def verdicts(file: Path) -> dict[str, list[Comparison]]:
     return found
 
 
-def studied(off: Callable[[int, Array], Array], **asked: object) -> tuple[Study, list[Comparison]]:
+def studied(off: Callable[[int, Array], Array], **asked: object) -> tuple[RefinementStudy, list[Comparison]]:
     """A study of what nobody ran: the reference's own curves, off by so much at arc lengths."""
     case = load_case(shipped(FILE))
     assert case.refine is not None
@@ -186,7 +186,7 @@ def test_a_lost_run_loses_the_study():
     study, _ = studied(power(2.0))
     lost = Comparison("rod_cantilever", "mujoco", "rest", "rod.x", "m", outcome="diverged",
                       message="not at rest")
-    again = Study(study.case, study.refine, "mujoco")
+    again = RefinementStudy(study.case, study.refine, "mujoco")
     for n, found in study.runs.items():
         verdict = again.add(n, ([lost], None) if n == 40 else found)[1]
     assert [(c.outcome, c.run, c.message) for c in verdict] == [

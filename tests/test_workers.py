@@ -19,8 +19,8 @@ from proofmass.sidecar import load_case
 from proofmass.studies import variants
 from proofmass.studies.command import named
 from proofmass.studies.diet import scene
-from proofmass.studies.measure import Task
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.measure import StudyRun
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import key_of
 from proofmass.studies.stress import near_singular
 from proofmass.studies.stress.extremes import energies
@@ -75,7 +75,7 @@ def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path)
 def test_a_choice_is_verified_in_workers(name, models, edit, here):
     """The general solver, from which a free motion starts later, is a reference too."""
     edit(f"{name}.toml", r"(?s)(run.duration.*?\nn = )\d+", r"\g<1>5")
-    row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
+    row = StudyRow("trade", name, "duration", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
     done = verify(load_case(models / f"{name}.toml"), "duration", row, "position", 1e-3)
     assert done.fresh > 0
     assert done.shifted > 0
@@ -94,8 +94,8 @@ def test_changed_models_are_compiled_and_followed_in_workers(models, here, stand
 
 
 def test_rods_in_other_numbers_of_segments_are_built_in_workers(models, here):
-    task = Task(load_case(models / "rod_cantilever.toml"), "rest", Setting("mujoco"))
-    keys = {key_of(Task(task.case, task.run, task.setting.but(segments=n))) for n in (10, 20)}
+    task = StudyRun(load_case(models / "rod_cantilever.toml"), "rest", Setting("mujoco"))
+    keys = {key_of(StudyRun(task.case, task.run, task.setting.but(segments=n))) for n in (10, 20)}
     assert len(keys) == 2
     assert not here
 

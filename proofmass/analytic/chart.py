@@ -15,7 +15,7 @@ MOST = 12  # panels that a page has room for
 
 
 @dataclass(frozen=True)
-class Line:
+class ChartLine:
     """A line through points, or the points alone; NaN breaks it.
 
     Attributes
@@ -75,7 +75,7 @@ class Field:
 class Panel:
     """One pair of axes: lines on a field, under a title of a few words."""
 
-    lines: tuple[Line, ...] = ()
+    lines: tuple[ChartLine, ...] = ()
     field: Field | None = None
     title: str = ""
 
@@ -117,6 +117,6 @@ class Chart:
             raise ValueError(f"a chart has 1 to {MOST} panels, got {len(self.panels)}")
 
     @property
-    def lines(self) -> tuple[Line, ...]:
+    def lines(self) -> tuple[ChartLine, ...]:
         """Those of all panels."""
         return tuple(line for panel in self.panels for line in panel.lines)

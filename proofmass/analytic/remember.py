@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from functools import lru_cache, wraps
 from typing import Any, TypeVar
 
-Found = TypeVar("Found")
+Answer = TypeVar("Answer")
 KEPT = 64
 Memory = dict[Any, Any]
 in_use: ContextVar[tuple[Memory, bool]] = ContextVar("in_use")
@@ -30,7 +30,7 @@ def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
         in_use.reset(token)
 
 
-def nearby(function: Callable[..., Found]) -> Callable[..., Found]:
+def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     """Let a function give the result for arguments equal in five digits, if the memory in use has
     one; its results for equal arguments are remembered in any case.
 
@@ -50,7 +50,7 @@ def nearby(function: Callable[..., Found]) -> Callable[..., Found]:
     exact = lru_cache(KEPT)(function)
 
     @wraps(function)
-    def found(*given: Any) -> Found:
+    def found(*given: Any) -> Answer:
         memory, more = in_use.get(({}, False))
         key = found, rough(given)
         if key not in memory:

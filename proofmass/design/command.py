@@ -13,7 +13,7 @@ from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
 from proofmass.check import check
 from proofmass.command import answering, errors
-from proofmass.design.search import Effort, Search
+from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.selection import CATALOGUE, described, read_catalogue
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
@@ -109,7 +109,7 @@ def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
         def advance(step: int, steps: int, value: float) -> None:
             bar.update(line, completed=step, total=steps, best=f"error {value:.5f}")
 
-        search = Search(task, effort, file)
+        search = SavedSearch(task, effort, file)
         search.run(advance)
     return search.found
 

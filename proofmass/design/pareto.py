@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.numerics import Array
-from proofmass.design.search import Effort, Search
+from proofmass.design.search import Effort, SavedSearch
 from proofmass.front import nondominated
 from proofmass.report.style import RC
 
@@ -64,7 +64,7 @@ def front(task: Synthesis, start: Array, folder: Path | None = None,
     found = [start]
     sweep = [*weights, *reversed(weights)]
     for k, weight in enumerate(sweep):
-        search = Search(replace(task, weight=weight), replace(SHORT, seed=k),
+        search = SavedSearch(replace(task, weight=weight), replace(SHORT, seed=k),
                         folder / f"pareto{k}.npz" if folder else None, start)
         search.run()
         start = search.found

@@ -124,10 +124,10 @@ def linear(places: Array, terms: Terms) -> tuple[Array, Array]:
 SAVED_EVERY = 3.0  # [s]
 DAMPED = 1e-2  # the first damping of a descent
 DRAWS = 100  # as many starts each, until there are enough that are possible
-Progress = Callable[[int, int, float], None]
+SearchProgress = Callable[[int, int, float], None]
 
 
-class Problem(Protocol):
+class SearchProblem(Protocol):
     """What is searched: vectors (B, d) between two bounds (d,)."""
 
     @property
@@ -172,7 +172,7 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class State:
+class SearchState:
     """Where a search stands.
 
     Attributes
@@ -193,7 +193,7 @@ class State:
     damping: Array
 
 
-class Search:
+class SavedSearch:
     """One search, saved every few seconds when it has a file.
 
     Parameters
@@ -214,7 +214,7 @@ class Search:
         None of the random designs is possible.
     """
 
-    def __init__(self, problem: Problem, effort: Effort | None = None, file: Path | None = None,
+    def __init__(self, problem: SearchProblem, effort: Effort | None = None, file: Path | None = None,
                  start: Array | None = None):
         self.problem, self.effort, self.file, self.given = problem, effort or Effort(), file, start
         self.ends = list(accumulate(steps for _, steps in self.effort.heats))
@@ -245,7 +245,7 @@ class Search:
         """Whether no descent moves any more."""
         return bool((self.state.damping > STUCK).all())
 
-    def run(self, progress: Progress = lambda *_: None) -> Array:
+    def run(self, progress: SearchProgress = lambda *_: None) -> Array:
         """Search to the end; the best design (d,).  An interrupt leaves the state saved.
 
         `progress` is called as ``progress(step, steps, best value)`` after each step.
@@ -260,7 +260,7 @@ class Search:
             self.save()
         return self.found[0]
 
-    def step(self) -> State:
+    def step(self) -> SearchState:
         """The next state; the first step of a heat begins with the best of the one before."""
         now, terms = self.state, self.terms(self.heat)
         if now.step in self.ends:
@@ -269,9 +269,9 @@ class Search:
             if self.given is not None and self.heat == len(self.ends) - 1:
                 places = np.concatenate([self.shares(self.given[:1]), places])
             now = self.fresh(now.step, places, terms)
-        return State(now.step + 1, *descend(now.places, now.values, now.damping, terms))
+        return SearchState(now.step + 1, *descend(now.places, now.values, now.damping, terms))
 
-    def begin(self, start: Array | None) -> State:
+    def begin(self, start: Array | None) -> SearchState:
         """The designs given, and random ones that are possible."""
         count, size = self.effort.heats[0][0], self.problem.low.size
         rng, terms = np.random.default_rng(self.effort.seed), self.terms(0)
@@ -285,9 +285,9 @@ class Search:
             raise ValueError(f"none of {DRAWS * count} random designs is possible; widen bounds")
         return self.fresh(0, found[:count], terms)
 
-    def fresh(self, step: int, places: Array, terms: Terms) -> State:
+    def fresh(self, step: int, places: Array, terms: Terms) -> SearchState:
         """Descents at their beginning."""
-        return State(step, places, norms(terms, places), np.full(len(places), DAMPED))
+        return SearchState(step, places, norms(terms, places), np.full(len(places), DAMPED))
 
     def terms(self, heat: int) -> Terms:
         """The terms of a heat, of places."""
@@ -314,12 +314,12 @@ class Search:
                 np.savez(stream, key=self.key, **asdict(self.state))
             os.replace(half, self.file)
 
-    def load(self) -> State:
+    def load(self) -> SearchState:
         """Read the state."""
         assert self.file
         try:
             with np.load(self.file) as data:
-                key, state = str(data["key"]), State(int(data["step"]), *(
+                key, state = str(data["key"]), SearchState(int(data["step"]), *(
                     data[name] for name in ("places", "values", "damping")))
         except (OSError, ValueError, KeyError, BadZipFile) as error:
             raise InputError(self.file, "", f"not the state of a search: {error}") from None

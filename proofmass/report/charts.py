@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from proofmass.analytic.chart import Chart, Field, Line
+from proofmass.analytic.chart import Chart, ChartLine, Field
 from proofmass.analytic.numerics import Array
 from proofmass.report.data import readable
 from proofmass.report.figures import every
@@ -37,7 +37,7 @@ def tones(chart: Chart) -> dict[str, Look]:
                                 MARKERS[k % len(MARKERS)], k) for k, label in enumerate(lines)}
 
 
-def drawn(ax: Axes, line: Line, look: Look, scale: Array, *, cased: bool = False) -> None:
+def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = False) -> None:
     """A line, thinned where it is long, or its points; on a field with white beside it."""
     x, y = thinned(line).T * scale[:, None]
     if line.points:
@@ -48,7 +48,7 @@ def drawn(ax: Axes, line: Line, look: Look, scale: Array, *, cased: bool = False
             markevery=((1 + look.number) % 4 * step // 4, step))
 
 
-def dressed(line: Line, look: Look) -> dict[str, Any]:
+def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
     """Stable bold, unstable thin and dashed; points filled if stable, else hollow.
 
     Labelled bold lines bear markers, which tell them apart on a black-and-white print.
@@ -66,7 +66,7 @@ def dressed(line: Line, look: Look) -> dict[str, Any]:
                    "markeredgewidth": 0.9}
 
 
-def thinned(line: Line) -> Array:
+def thinned(line: ChartLine) -> Array:
     """At most about `MOST` of a line's points (n, 2), the ends of its pieces among them.
 
     >>> line = Line(np.append(np.arange(3000.0), np.nan), np.ones(3001))
@@ -127,7 +127,7 @@ LETTER = 0.066  # [inch] of a usual one
 
 
 @dataclass(frozen=True)
-class Frame:
+class PanelFrame:
     """Corners (2,) of every panel in the units that people read, these, and the factor to them."""
 
     low: Array
@@ -192,7 +192,7 @@ def chart_sheet(title: str, chart: Chart) -> Figure:
     return figure
 
 
-def layout(chart: Chart, box: Frame, handles: list[Line2D]) -> tuple[Layout, list[str]]:
+def layout(chart: Chart, box: PanelFrame, handles: list[Line2D]) -> tuple[Layout, list[str]]:
     """A grid that is about as wide as it is high, and the panels' titles broken to fit."""
     count = len(chart.panels)
     across = count if count <= 3 else math.isqrt(count - 1) + 1
@@ -207,7 +207,7 @@ def layout(chart: Chart, box: Frame, handles: list[Line2D]) -> tuple[Layout, lis
                   key), titles
 
 
-def frame(chart: Chart) -> Frame:
+def frame(chart: Chart) -> PanelFrame:
     """Room for all that is finite; shapes keep one scale, and panels are never slivers."""
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])
@@ -226,10 +226,10 @@ def frame(chart: Chart) -> Frame:
     if chart.alike:
         half[1] = max(half[1], SQUAT * half[0])
         half[0] = max(half[0], half[1] / SLIM)
-    return Frame(middle - half, middle + half, (across, up), scale)
+    return PanelFrame(middle - half, middle + half, (across, up), scale)
 
 
-def axes(ax: Axes, chart: Chart, box: Frame, *, first: bool, lowest: bool) -> None:
+def axes(ax: Axes, chart: Chart, box: PanelFrame, *, first: bool, lowest: bool) -> None:
     """What all panels share; names at the left and below the lowest only."""
     ax.set(xlim=(box.low[0], box.high[0]), ylim=(box.low[1], box.high[1]))
     for axis, unit, span in zip((ax.xaxis, ax.yaxis), box.units, box.high - box.low, strict=True):
@@ -253,7 +253,7 @@ def named(name: str, unit: str) -> str:
 
 def legend(chart: Chart, looks: Mapping[str, Look]) -> list[Line2D]:
     """An entry for each label; what bold and dashed mean where no label tells them apart."""
-    entries: dict[str, Line] = {}
+    entries: dict[str, ChartLine] = {}
     for line in chart.lines:
         if line.label and (line.label not in entries or line.stable):
             entries[line.label] = line
@@ -261,8 +261,8 @@ def legend(chart: Chart, looks: Mapping[str, Look]) -> list[Line2D]:
     if any(not line.stable and (not line.label or entries[line.label].stable)
            for line in chart.lines if not line.points):
         none = np.empty(0)
-        rows += [("stable", dressed(Line(none, none), PLAIN)),
-                 ("unstable", dressed(Line(none, none, stable=False), PLAIN))]
+        rows += [("stable", dressed(ChartLine(none, none), PLAIN)),
+                 ("unstable", dressed(ChartLine(none, none, stable=False), PLAIN))]
     signed = {panel.field.label for panel in chart.panels if panel.field and panel.field.signed}
     rows += [(f"zero of {label}", ZERO) for label in sorted(signed)]
     return [Line2D([], [], label=fill(label, 36), **look) for label, look in rows]

@@ -12,7 +12,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
 from proofmass.outcome import LOST, Outcome
 from proofmass.reference import compiled, grid, laws
-from proofmass.refined import Row
+from proofmass.refined import RefinedRow
 from proofmass.report.words import KINDS
 from proofmass.sim.contents import joints
 from proofmass.sim.protocol import Curves
@@ -46,7 +46,7 @@ class Shown:
     x_name: str = "time t"
     x_unit: str = "s"
     x_scale: float = 1.0
-    refined: list[Row] = field(default_factory=list)
+    refined: list[RefinedRow] = field(default_factory=list)
     verdicts: list[Comparison] = field(default_factory=list)
 
     @property
@@ -94,7 +94,7 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
               for s in case.run[kind].solvers
               if (case.name, kind, s) in result.curves}
     truth = {s: reference_for(case, c) for s, c in curves.items()}
-    finer, verdicts = list[Row](), list[Comparison]()
+    finer, verdicts = list[RefinedRow](), list[Comparison]()
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]

@@ -30,7 +30,7 @@ from proofmass.report import refinements, tables
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings, drawn
 from proofmass.report.families import families
-from proofmass.report.study import Study
+from proofmass.report.study import ShownStudy
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
@@ -54,7 +54,7 @@ CAPTIONS = {
 
 def write_report(result: Result, folder: Path | str,
                  progress: Callable[[str, int, int], None] = lambda *_: None,
-                 studies: Sequence[Study] = ()) -> Path:
+                 studies: Sequence[ShownStudy] = ()) -> Path:
     """Write the index, a page for each case, and every figure as SVG and PNG.
 
     Parameters

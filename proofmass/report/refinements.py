@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from proofmass.case import Refine
 from proofmass.compare import Comparison
-from proofmass.refined import Row, limit, order
+from proofmass.refined import RefinedRow, limit, order
 from proofmass.report.data import Shown
 from proofmass.report.figures import FLOOR, PAPER, decades
 from proofmass.report.style import Look
@@ -43,7 +43,7 @@ def refine_sheet(view: Shown, refine: Refine, style: Mapping[str, Look]) -> Figu
     return figure
 
 
-def panel(ax: Axes, solvers: dict[str, list[Row]], refine: Refine, style: Mapping[str, Look]
+def panel(ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style: Mapping[str, Look]
           ) -> None:
     """Errors of a channel; of solvers on each other the first has the largest markers."""
     ax.set_xscale("log")
@@ -68,7 +68,7 @@ def panel(ax: Axes, solvers: dict[str, list[Row]], refine: Refine, style: Mappin
     ax.set_ylabel(f"|difference| [{pretty(unit)}]")
 
 
-def lines(ax: Axes, rows: list[Row], refine: Refine, look: Look, large: float) -> list[float]:
+def lines(ax: Axes, rows: list[RefinedRow], refine: Refine, look: Look, large: float) -> list[float]:
     """One solver: its errors, and its limit unless that is rounding; the values that are drawn."""
     drawn = [max(row.error, FLOOR) for row in rows]
     layer = 3 + look.number / 10
@@ -83,7 +83,7 @@ def lines(ax: Axes, rows: list[Row], refine: Refine, look: Look, large: float) -
     return drawn
 
 
-def triangle(ax: Axes, rows: list[Row], refine: Refine) -> None:
+def triangle(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
     """Falls as errors of the order that is asked for, below the last two that are not at a wall."""
     above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.wall]
     if not above:
@@ -122,7 +122,7 @@ def legend(figure: Figure, view: Shown, refine: Refine, style: Mapping[str, Look
 
 
 @dataclass(frozen=True)
-class Line:
+class RefinementLine:
     """One channel of one solver: its verdicts, and its numbers as words."""
 
     solver: str
@@ -133,22 +133,22 @@ class Line:
     limits: tuple[str, ...]
 
 
-def channels(view: Shown) -> dict[str, dict[str, list[Row]]]:
+def channels(view: Shown) -> dict[str, dict[str, list[RefinedRow]]]:
     """Rows by channel and solver, from few segments to many."""
-    found: dict[str, dict[str, list[Row]]] = {}
+    found: dict[str, dict[str, list[RefinedRow]]] = {}
     for row in view.refined:
         found.setdefault(row.channel, {}).setdefault(row.solver, []).append(row)
     return found
 
 
-def table(view: Shown, refine: Refine) -> dict[str, list[Line]]:
+def table(view: Shown, refine: Refine) -> dict[str, list[RefinementLine]]:
     """Lines by channel."""
-    found: dict[str, list[Line]] = {}
+    found: dict[str, list[RefinementLine]] = {}
     for channel, solvers in channels(view).items():
         for solver, rows in solvers.items():
             own = [(c.channel.split()[0], SYMBOLS.get(c.outcome, "?"), c.outcome, c.message)
                    for c in view.verdicts if c.solver == solver and about(c, channel)]
-            found.setdefault(channel, []).append(Line(
+            found.setdefault(channel, []).append(RefinementLine(
                 solver, pretty(rows[0].unit), tuple(own), tuple(number(row.error) for row in rows),
                 pairs(rows, lambda a, b: order(a, b, refine.wall), 4),
                 pairs(rows, lambda a, b: abs(limit(a, b, refine.order)), 3)))
@@ -160,7 +160,7 @@ def about(verdict: Comparison, channel: str) -> bool:
     return verdict.channel in ("order", f"order of {channel}", f"limit of {channel}")
 
 
-def pairs(rows: list[Row], of: Callable[[Row, Row], float], digits: int) -> tuple[str, ...]:
+def pairs(rows: list[RefinedRow], of: Callable[[RefinedRow, RefinedRow], float], digits: int) -> tuple[str, ...]:
     """Words on each row and the one before it."""
     return tuple(number(of(a, b), digits) for a, b in pairwise(rows))
 

@@ -27,7 +27,7 @@ def prepared(output: Path, tables: Iterable[Path]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Study:
+class ShownStudy:
     """A study as the report shows it.
 
     Attributes

@@ -23,7 +23,7 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """One channel of one solver."""
 
     solver: str
@@ -41,7 +41,7 @@ class Group:
 
     channel: str
     unit: str
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     law: str = ""
 
 
@@ -58,7 +58,7 @@ def comparisons(view: Shown) -> list[Group]:
     """
     groups = []
     for channel in view.channels:
-        rows = [Row(c.solver, c.outcome, SYMBOLS.get(c.outcome, "?"),
+        rows = [TableRow(c.solver, c.outcome, SYMBOLS.get(c.outcome, "?"),
                     c.message if c.outcome != Outcome.UNCHECKED else "",
                     (number(c.error_max), place(view, c.at), number(c.of_range),
                      number(c.error_rms), number(c.nrmse), number(c.allowed)), *notice(c))
@@ -131,7 +131,7 @@ def extrema(view: Shown) -> list[Group]:
         factor = view.case.channels[channel].factor
         truth, x = view.longest.channels[channel] / factor, view.longest.x
         low, high = ends(truth)
-        rows = [Row("reference", "", "", "", (number(truth[low], 6), place(view, x[low]),
+        rows = [TableRow("reference", "", "", "", (number(truth[low], 6), place(view, x[low]),
                                               number(truth[high], 6), place(view, x[high])))]
         for solver, curves in view.curves.items():
             if channel not in curves.channels:
@@ -141,7 +141,7 @@ def extrema(view: Shown) -> list[Group]:
             for k, q in zip(ends(mine), ends(own), strict=True):
                 cells += [signed(float(mine[k] - own[q])),
                           shift(float(curves.x[k] - curves.x[q]) * view.x_scale, view.x_unit)]
-            rows.append(Row(solver, "", "", "", tuple(cells)))
+            rows.append(TableRow(solver, "", "", "", tuple(cells)))
         groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
     return groups
 

@@ -88,7 +88,7 @@ G, J, S = mujoco.mjtGeom, mujoco.mjtJoint, mujoco.mjtSensor
 ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 
 
-class Scene:
+class PictureScene:
     """What belongs to which rigid body of a model, and the plane it is seen in."""
 
     def __init__(self, model: mujoco.MjModel, start: Array):
@@ -283,7 +283,7 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
         It does not compile.
     """
     compiled, data = load(model, run)
-    scene = Scene(compiled, data.qpos)
+    scene = PictureScene(compiled, data.qpos)
     x = run.x[:1] if run.kind == "rest" else np.linspace(run.x[0], run.x[-1], count)
     rows, stopped = follow(compiled, data, replace(run, x=x))
     drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)

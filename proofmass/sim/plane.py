@@ -13,7 +13,7 @@ PARALLEL = 1e-9
 
 
 @dataclass(frozen=True)
-class Plane:
+class MotionPlane:
     """A right-handed basis whose first two vectors span the plane of motion.
 
     Attributes
@@ -35,7 +35,7 @@ class Plane:
         return flat @ np.stack([self.e1, self.e2]) + height * self.normal
 
 
-def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> Plane:
+def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
     """Find the plane in which all joints of a model move.
 
     The normal is the axis of the first hinge; without a hinge it is normal to the slides.  The
@@ -70,7 +70,7 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> Plane:
         x = np.array([0.0, 1.0, 0.0])
     e1 = x - (x @ normal) * normal
     e1 /= np.linalg.norm(e1)
-    return Plane(e1, np.cross(normal, e1), normal.copy())
+    return MotionPlane(e1, np.cross(normal, e1), normal.copy())
 
 
 def _across(slides: Array) -> Array:

@@ -31,7 +31,7 @@ Law = Callable[[Array], tuple[Array, Array, Array]]
 MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest models, 12 days
 
 
-class Limit(NamedTuple):
+class AccuracyLimit(NamedTuple):
     """How far an engine may be off, as a share of the reference's range, and why.
 
     The `accuracy` of an engine has one for ``sweep`` (all channels), and for ``position``,
@@ -527,7 +527,7 @@ class Engine:
     schemes: tuple[Scheme, ...] = ()
     sizes: Mapping[str, Callable[[Knob], float]] = {"timestep": leading}
     labels: Mapping[str, str] = {}
-    accuracy: Mapping[str, Limit] = {}
+    accuracy: Mapping[str, AccuracyLimit] = {}
 
     def __init_subclass__(cls) -> None:
         if "title" not in vars(cls):

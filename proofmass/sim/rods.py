@@ -235,7 +235,7 @@ def guide(spec: mujoco.MjSpec, bare: mujoco.MjModel, rod: Rod, last: mujoco._spe
 
 
 PARTS = "x", "y", "z", "angle", "moment"
-Pose = tuple[Array, Array, Array]
+RodPose = tuple[Array, Array, Array]
 
 
 def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
@@ -257,7 +257,7 @@ def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
     return found
 
 
-def shapes(run: Run, pose: Callable[[Chain], Pose]) -> dict[str, Array]:
+def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
     """The curves of all rods of a run over its arc lengths.
 
     Parameters
@@ -268,13 +268,13 @@ def shapes(run: Run, pose: Callable[[Chain], Pose]) -> dict[str, Array]:
         of their joints.
     """
     curves: dict[str, Array] = {}
-    poses: Mapping[str, Pose] = {rod.name: pose(chain(rod)) for rod in run.rods}
+    poses: Mapping[str, RodPose] = {rod.name: pose(chain(rod)) for rod in run.rods}
     for channel, (rod, part) in of_rods(run).items():
         curves[channel] = curve(chain(rod), part, poses[rod.name], run.x)
     return curves
 
 
-def curve(one: Chain, part: str, pose: Pose, s: Array) -> Array:
+def curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
     """One part of a rod's shape at arc lengths s [m]."""
     places, angles, bends = pose
     if part == "angle":
@@ -292,7 +292,7 @@ def along(nodes: Array, values: Array, s: Array) -> Array:
     return (1 - share) * values[k] + share * values[k + 1]
 
 
-Frame = tuple[Array, Array]
+ClampFrame = tuple[Array, Array]
 
 
 def compile_with_rods(spec: mujoco.MjSpec, rods: Sequence[Rod]) -> mujoco.MjModel:
@@ -345,7 +345,7 @@ def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
             raise BadRod(rod.name, "mass", "missing: gravity acts on it [kg]")
 
 
-def fill_keys(model: mujoco.MjModel, bare: mujoco.MjModel, own: list[Frame],
+def fill_keys(model: mujoco.MjModel, bare: mujoco.MjModel, own: list[ClampFrame],
               chains: list[Chain]) -> None:
     """Write every key: the model's own joints as they stood in it, and the rods' start poses."""
     added = {model.joint(name).id for one in chains for name in joints_of(one)}
@@ -367,7 +367,7 @@ def fill_keys(model: mujoco.MjModel, bare: mujoco.MjModel, own: list[Frame],
 
 def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) -> dict[str, float]:
     """Values of the rods' joints, one rod after the other: each may end at one before it."""
-    frames: dict[str, Frame] = {
+    frames: dict[str, ClampFrame] = {
         bare.site(i).name: (data.site_xpos[i], data.site_xmat[i].reshape(3, 3))
         for i in range(bare.nsite)}
     found: dict[str, float] = {}
@@ -388,7 +388,7 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
     return found
 
 
-def placed(chain: Chain, bends: Array, place: Array, turn: Array) -> Frame:
+def placed(chain: Chain, bends: Array, place: Array, turn: Array) -> ClampFrame:
     """Place and orientation of a rod's tip; `place` and `turn` are those of its beginning."""
     (x, y, angle), _ = tip(chain, bends)
     cos, sin = np.cos(angle), np.sin(angle)

@@ -161,7 +161,7 @@ CONSTANT = 1e-9  # a curve whose range is this share of another's, in the same u
 
 
 @dataclass(frozen=True)
-class Task:
+class StudyRun:
     """A run of a case that a study asks for, and its place in the study's table.
 
     Attributes
@@ -195,7 +195,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Found:
+class Measurement:
     """What one run gave; `Row` tells what the attributes mean, `curves` are channels over x."""
 
     errors: dict[str, float] = field(default_factory=dict)
@@ -217,7 +217,7 @@ class Found:
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
-def measure(task: Task, again: bool, timeout: float) -> Found:
+def measure(task: StudyRun, again: bool, timeout: float) -> Measurement:
     """Run a task in a process of its own.
 
     Parameters
@@ -240,14 +240,14 @@ def measure(task: Task, again: bool, timeout: float) -> Found:
             return isolated(observe, task, again, core, timeout=timeout,
                             memory=task.case.run[task.run].memory)
         except tuple(FAILURES) as error:
-            return Found(outcome=FAILURES[type(error)], message=str(error))
+            return Measurement(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
             if "segments" in task.setting.knobs:  # such as a sensor on the tenth link
-                return Found(outcome=Outcome.UNSUPPORTED, message=str(error))
+                return Measurement(outcome=Outcome.UNSUPPORTED, message=str(error))
             raise InputError(task.case.model_path, "", str(error)) from None
 
 
-def referred(task: Task, file: Path) -> None:
+def referred(task: StudyRun, file: Path) -> None:
     """Write the reference of a free motion, if nobody did; that is no time of a run.
 
     Where it cannot be evaluated, the run says why.
@@ -260,7 +260,7 @@ def referred(task: Task, file: Path) -> None:
                          timeout=max(REFERENCE, limits.timeout), memory=limits.memory)
 
 
-def observe(task: Task, again: bool, core: int | None) -> Found:
+def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
     """Run a task in this process, on one processor from beginning to end."""
     with pinned(core):
         case, run = task.setting.applied(task.case, task.run)
@@ -269,7 +269,7 @@ def observe(task: Task, again: bool, core: int | None) -> Found:
         curves, shared = clocked(task.setting.engine, case.model_path, run)
         if again and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
-        cost = Found({}, {}, curves.seconds, curves.steps, core is not None, shared, machine(),
+        cost = Measurement({}, {}, curves.seconds, curves.steps, core is not None, shared, machine(),
                      step=taken(task.run, curves))
         return cost if again else held(case, run, curves, cost)
 
@@ -279,7 +279,7 @@ def taken(kind: Kind, curves: Curves) -> float:
     return float(str(curves.settings.get("timestep", NAN))) if kind == "duration" else NAN
 
 
-def held(case: Case, run: Run, curves: Curves, cost: Found) -> Found:
+def held(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement:
     """A run held against its reference."""
     kind = cast(Kind, run.kind)
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from proofmass.errors import InputError
-from proofmass.report.study import Study, Written
+from proofmass.report.study import ShownStudy, Written
 from proofmass.studies.diet.page import write_diet
 from proofmass.studies.stress.page import write_stress
 from proofmass.studies.trade.page import write_trade
@@ -15,7 +15,7 @@ HOME = "../index.html"
 
 
 @dataclass(frozen=True)
-class Kind:
+class StudyKind:
     """A kind of study: the table by which it is known, and what writes its pages."""
 
     name: str
@@ -26,16 +26,16 @@ class Kind:
 
 
 KINDS = (
-    Kind("trade", "trade.csv", "What accuracy costs",
+    StudyKind("trade", "trade.csv", "What accuracy costs",
          "errors against wall time, orders, walls and what they are", write_trade),
-    Kind("stress", "stress.csv", "Where it breaks",
+    StudyKind("stress", "stress.csv", "Where it breaks",
          "boundaries bisected, beside the theory where there is one", write_stress),
-    Kind("diet", "diet.columns.md", "What a scene needs",
+    StudyKind("diet", "diet.columns.md", "What a scene needs",
          "features taken out one by one, what that saves and what it changes", write_diet),
 )
 
 
-def write_study_pages(folders: Iterable[Path], output: Path) -> list[Study]:
+def write_study_pages(folders: Iterable[Path], output: Path) -> list[ShownStudy]:
     """Write the pages of studies below a report, from their tables.
 
     Raises
@@ -43,7 +43,7 @@ def write_study_pages(folders: Iterable[Path], output: Path) -> list[Study]:
     InputError
         There is no study in a folder, or two are of one kind.
     """
-    asked: dict[str, tuple[Kind, Path]] = {}
+    asked: dict[str, tuple[StudyKind, Path]] = {}
     for folder in folders:
         kind = next((k for k in KINDS if (folder / k.table).is_file()), None)
         if kind is None:
@@ -56,8 +56,8 @@ def write_study_pages(folders: Iterable[Path], output: Path) -> list[Study]:
     return [one(kind, folder, output) for kind, folder in asked.values()]
 
 
-def one(kind: Kind, folder: Path, output: Path) -> Study:
+def one(kind: StudyKind, folder: Path, output: Path) -> ShownStudy:
     """Write the pages of one study."""
     pages = kind.write(folder, output / kind.name, HOME)
     links = {name: f"{kind.name}/{link}" for name, link in pages.parts.items()}
-    return Study(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)
+    return ShownStudy(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)

@@ -60,7 +60,7 @@ KINDS = {"position": ("rad", "m"), "rate": ("rad/s", "m/s"), "acceleration": ("r
 
 
 @dataclass(frozen=True)
-class Row:
+class StudyRow:
     """One run of a study.
 
     Attributes
@@ -167,7 +167,7 @@ COLUMNS = {
 }
 
 
-def write_table(rows: Iterable[Row], file: Path) -> None:
+def write_table(rows: Iterable[StudyRow], file: Path) -> None:
     """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
     rows = list(rows)
     write_whole(file, table(rows))
@@ -182,7 +182,7 @@ def write_table(rows: Iterable[Row], file: Path) -> None:
         half.replace(file.with_suffix(".parquet"))
 
 
-def read_table(file: Path) -> list[Row]:
+def read_table(file: Path) -> list[StudyRow]:
     """The rows of a CSV file that `write_table` wrote, as they were.
 
     Raises
@@ -201,7 +201,7 @@ def read_table(file: Path) -> list[Row]:
         raise InputError(file, "", f"no table there: {error.strerror}") from None
 
 
-def table(rows: Sequence[Row]) -> str:
+def table(rows: Sequence[StudyRow]) -> str:
     """CSV with a header; what a row does not have is empty.
 
     >>> print(table([Row("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 0.01,
@@ -218,10 +218,10 @@ def table(rows: Sequence[Row]) -> str:
     return text.getvalue()
 
 
-def flat(row: Row) -> dict[str, str]:
+def flat(row: StudyRow) -> dict[str, str]:
     """The cells of a row, by their columns."""
     cells = dict[str, str]()
-    for one in fields(Row):
+    for one in fields(StudyRow):
         value = getattr(row, one.name)
         if one.name in SPREAD:
             cells |= {f"{SPREAD[one.name]}.{key}": shown(part) for key, part in value.items()}
@@ -250,10 +250,10 @@ def read(cell: str) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def parsed(cells: dict[str, str]) -> Row:
+def parsed(cells: dict[str, str]) -> StudyRow:
     """The row of some cells."""
     told = dict[str, Any]()
-    for name, kind in get_type_hints(Row).items():
+    for name, kind in get_type_hints(StudyRow).items():
         if name in SPREAD:
             own = {column.partition(".")[2]: cell for column, cell in cells.items()
                    if column.startswith(SPREAD[name] + ".") and cell}
@@ -261,7 +261,7 @@ def parsed(cells: dict[str, str]) -> Row:
         elif name in cells:
             word = kind is str
             told[name] = cells[name] if word else read(cells[name]) if cells[name] else NAN
-    return Row(**told)
+    return StudyRow(**told)
 
 
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:

@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from proofmass.studies.measure import Found, Task, measure
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.measure import Measurement, StudyRun, measure
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store, key_of
 from proofmass.worker import stopping
 
@@ -55,9 +55,9 @@ def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]
         yield cluster
 
 
-def run(tasks: Iterable[Task], store: Store, workers: Executor | None = None, *, repeats: int = 5,
+def run(tasks: Iterable[StudyRun], store: Store, workers: Executor | None = None, *, repeats: int = 5,
         patience: float = 2.0, timeout: float | None = None,
-        progress: Progress = lambda *_: None) -> list[Row]:
+        progress: Progress = lambda *_: None) -> list[StudyRow]:
     """Run tasks, each of them once for its errors and then `repeats` times for its wall time.
 
     Rounds are interleaved: all tasks once, then all of them again.
@@ -71,7 +71,7 @@ def run(tasks: Iterable[Task], store: Store, workers: Executor | None = None, *,
     workers : Executor, optional
         From `pool`; local ones if not given.
     repeats : int
-        Timed runs; 0: errors only, and `Row.seconds` is that of the first run.
+        Timed runs; 0: errors only, and `StudyRow.seconds` is that of the first run.
     patience : float
         A task whose first run took longer [s] is not repeated; that run is its only timing.
     timeout : float, optional
@@ -106,7 +106,7 @@ def run(tasks: Iterable[Task], store: Store, workers: Executor | None = None, *,
             for task, each, key in zip(tasks, found, keys, strict=True)]
 
 
-def reference_of(task: Task, store: Store) -> Path | None:
+def reference_of(task: StudyRun, store: Store) -> Path | None:
     """Where the reference of a free motion is kept, which all settings have in common."""
     if task.run != "duration" or task.case.drive or task.case.rod:
         return None
@@ -117,12 +117,12 @@ def reference_of(task: Task, store: Store) -> Path | None:
 class Rounds:
     """Runs that were found or made, and where more of them go."""
 
-    tasks: dict[str, Task]
+    tasks: dict[str, StudyRun]
     store: Store
     workers: Executor
     timeout: float | None
     progress: Progress
-    found: dict[Unit, Found] = field(default_factory=dict)
+    found: dict[Unit, Measurement] = field(default_factory=dict)
 
     def make(self, units: list[Unit], later: int = 0) -> None:
         """Find runs in the store, and make those that are not there, in that order."""
@@ -152,7 +152,7 @@ class Rounds:
         return self.timeout or task.case.run[task.run].timeout
 
 
-def row(task: Task, found: list[Found], timed: bool, key: str = "") -> Row:
+def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") -> StudyRow:
     """The row of a task, from its run for errors and the repeats of it.
 
     A repeat that failed, where the first run did not, is a failure of the task.
@@ -167,7 +167,7 @@ def row(task: Task, found: list[Found], timed: bool, key: str = "") -> Row:
         ran = [first]
     least = min(ran, key=lambda one: one.seconds, default=first)
     setting = task.setting
-    return Row(task.study, task.case.name, task.run, setting.engine, task.line, task.axis,
+    return StudyRow(task.study, task.case.name, task.run, setting.engine, task.line, task.axis,
                task.value, dict(setting.knobs), first.errors, first.invariants, least.seconds,
                first.steps, tuple(one.seconds for one in ran), least.pinned, least.shared,
                least.machine, outcome, message, key, first.asked, first.step)

@@ -30,7 +30,7 @@ from proofmass.outcome import Outcome
 from proofmass.reference import compiled
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import bounded
-from proofmass.studies.measure import Found, Task
+from proofmass.studies.measure import Measurement, StudyRun
 
 MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
 LATE = Outcome.TIMED_OUT
@@ -54,23 +54,23 @@ class Store:
             if time.time() - half.stat().st_mtime > ABANDONED:
                 half.unlink()
 
-    def load(self, key: str, repeat: int, timeout: float = 0.0) -> Found | None:
+    def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
         """What a run gave; None if it was not made, or was given up after less than `timeout`."""
         if not (file := self.file(key, repeat)).is_file():
             return None
         record = read(file)
         try:
-            found, given = Found(**record["found"]), float(record["timeout"])
+            found, given = Measurement(**record["found"]), float(record["timeout"])
         except (KeyError, TypeError, ValueError):
             raise foreign(file) from None
-        for name, value in vars(Found()).items():
+        for name, value in vars(Measurement()).items():
             kinds = ((int, float) if isinstance(value, float) else
                      str if isinstance(value, str) else type(value))
             if not isinstance(getattr(found, name), kinds):
                 raise foreign(file)
         return None if found.outcome == LATE and given < timeout else found
 
-    def once(self, key: str, task: Task, timeout: float, make: Callable[[], Found]) -> Found:
+    def once(self, key: str, task: StudyRun, timeout: float, make: Callable[[], Measurement]) -> Measurement:
         """What a task's first run gave; made and saved first if it is not there."""
         found = self.load(key, 0, timeout)
         if found is None:
@@ -96,14 +96,14 @@ class Store:
             if isinstance(record, dict) and (record.get("case"), record.get("run")) == (case, run):
                 yield file.name.removesuffix(".0.json"), record
 
-    def repeats(self, key: str) -> list[Found]:
+    def repeats(self, key: str) -> list[Measurement]:
         """What all runs of a task gave, the first one before the timed ones."""
-        found = list[Found]()
+        found = list[Measurement]()
         while one := self.load(key, len(found)):
             found.append(one)
         return found
 
-    def save(self, key: str, repeat: int, task: Task, found: Found, timeout: float) -> None:
+    def save(self, key: str, repeat: int, task: StudyRun, found: Measurement, timeout: float) -> None:
         """Keep what a run gave; its curves first, for with the record it is finished."""
         if found.curves:
             packed = io.BytesIO()
@@ -119,7 +119,7 @@ class Store:
         return self.folder / f"{key}.{repeat}.json"
 
 
-def told(found: Found) -> dict[str, Any]:
+def told(found: Measurement) -> dict[str, Any]:
     """A record of what a run gave, without curves and without numbers that are none."""
     return {k: v for k, v in asdict(replace(found, curves={})).items()
             if k != "curves" and not (isinstance(v, float) and np.isnan(v))}
@@ -151,7 +151,7 @@ def once(file: Path, make: Callable[[], Any]) -> Any:
     return read(file)
 
 
-def key_of(task: Task) -> str:
+def key_of(task: StudyRun) -> str:
     """SHA-256 of all that a run's result depends on: model, sidecar, knobs, versions, sources.
 
     Neither the study that asks for the run nor titles, views and tolerances are part of it.
@@ -167,7 +167,7 @@ def key_of(task: Task) -> str:
     return digest(json.dumps(parts, sort_keys=True).encode())
 
 
-def compiled_with(task: Task) -> tuple[Case, str, dict[str, Any]]:
+def compiled_with(task: StudyRun) -> tuple[Case, str, dict[str, Any]]:
     """A task's case with its setting applied, the digest of its model, and the engine's settings.
     """
     case, run = task.setting.applied(task.case, task.run)

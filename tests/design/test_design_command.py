@@ -12,7 +12,7 @@ from proofmass.analytic.balancer.measures import precision_points, rmse, work_re
 from proofmass.check import Result
 from proofmass.cli import design as app
 from proofmass.design import command
-from proofmass.design.search import Effort, Search
+from proofmass.design.search import Effort, SavedSearch
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -64,18 +64,18 @@ def test_a_design_is_written_with_what_it_is_worth(tmp_path):
 @pytest.mark.usefixtures("unverified")
 def test_stopped_it_goes_on_from_there(tmp_path, monkeypatch):
     once = run("-o", tmp_path / "once")
-    step = Search.step
+    step = SavedSearch.step
 
     def interrupted(self):
         if self.state.step == 3:
             raise KeyboardInterrupt
         return step(self)
 
-    monkeypatch.setattr(Search, "step", interrupted)
+    monkeypatch.setattr(SavedSearch, "step", interrupted)
     stopped = run("-o", tmp_path / "twice")
     assert stopped.exit_code == 130
     assert "the same command goes on from there" in " ".join(stopped.output.split())
-    monkeypatch.setattr(Search, "step", step)
+    monkeypatch.setattr(SavedSearch, "step", step)
     assert run("-o", tmp_path / "twice").output == once.output
     assert ((tmp_path / "once" / "design.json").read_text()
             == (tmp_path / "twice" / "design.json").read_text())

@@ -6,7 +6,7 @@ from scipy.optimize import lsq_linear
 
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.design.pareto import front, write_front
-from proofmass.design.search import STUCK, Effort, Search, descend, norms, scattered
+from proofmass.design.search import STUCK, Effort, SavedSearch, descend, norms, scattered
 from proofmass.errors import InputError
 from proofmass.front import nondominated
 
@@ -15,7 +15,7 @@ REGULAR = Synthesis(Variant("sine"), np.sin)
 
 
 def test_same_seed_same_design():
-    once, twice, other = (Search(REGULAR, Effort(TINY.heats, seed)).run() for seed in (1, 1, 2))
+    once, twice, other = (SavedSearch(REGULAR, Effort(TINY.heats, seed)).run() for seed in (1, 1, 2))
     assert np.array_equal(once, twice)
     assert not np.array_equal(once, other)
 
@@ -28,30 +28,30 @@ def test_an_interrupted_search_gives_what_an_uninterrupted_one_gives(tmp_path, a
 
     file = tmp_path / "search.npz"
     with pytest.raises(KeyboardInterrupt):
-        Search(REGULAR, TINY, file).run(interrupt)
-    again = Search(REGULAR, TINY, file)
+        SavedSearch(REGULAR, TINY, file).run(interrupt)
+    again = SavedSearch(REGULAR, TINY, file)
     assert again.state.step == after
-    assert np.array_equal(again.run(), Search(REGULAR, TINY).run())
-    assert Search(REGULAR, TINY, file).done
+    assert np.array_equal(again.run(), SavedSearch(REGULAR, TINY).run())
+    assert SavedSearch(REGULAR, TINY, file).done
 
 
 def test_the_state_of_another_search_is_refused(tmp_path):
     file = tmp_path / "search.npz"
-    Search(REGULAR, TINY, file).save()
+    SavedSearch(REGULAR, TINY, file).save()
     others = (Synthesis(Variant("sine", preload=True), np.sin), Synthesis(Variant("sine"), np.cos),
               Synthesis(Variant("sine"), np.sin, power=1.0))
     for other in others:
         with pytest.raises(InputError, match="state of another search"):
-            Search(other, TINY, file)
+            SavedSearch(other, TINY, file)
     with pytest.raises(InputError, match="state of another search"):
-        Search(REGULAR, Effort(TINY.heats, 2), file)
+        SavedSearch(REGULAR, Effort(TINY.heats, 2), file)
     file.write_text("no archive")
     with pytest.raises(InputError, match="not the state of a search"):
-        Search(REGULAR, TINY, file)
+        SavedSearch(REGULAR, TINY, file)
 
 
 def test_designs_stay_within_their_bounds_and_do_not_get_worse():
-    search, worst = Search(REGULAR, TINY), np.inf
+    search, worst = SavedSearch(REGULAR, TINY), np.inf
     while not search.done:
         search.state = search.step()
         for vector in search.vectors(search.state.places):
@@ -64,9 +64,9 @@ def test_designs_stay_within_their_bounds_and_do_not_get_worse():
 
 
 def test_a_search_from_given_designs_is_no_worse_than_they():
-    first = Search(REGULAR, TINY)
+    first = SavedSearch(REGULAR, TINY)
     first.run()
-    again = Search(REGULAR, Effort(((12, 1), (4, 1)), seed=2), start=first.found)
+    again = SavedSearch(REGULAR, Effort(((12, 1), (4, 1)), seed=2), start=first.found)
     assert len(again.state.places) == 12  # four given, the others random
     assert REGULAR.figures(again.run()[None]).rmse[0] <= REGULAR.figures(first.found[:1]).rmse[0]
 
@@ -81,21 +81,21 @@ def test_a_given_design_that_the_coarse_look_refuses_is_not_lost():
         def coarse(self, vectors):
             return np.where(vectors[:, :1] > 0.9, np.nan, vectors)
 
-    assert Search(Narrow(), TINY).run() == pytest.approx([0.0, 0.0], abs=1e-6)  # the other valley
+    assert SavedSearch(Narrow(), TINY).run() == pytest.approx([0.0, 0.0], abs=1e-6)  # the other valley
     given = np.array([[0.95, 0.5]])
-    assert Search(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
+    assert SavedSearch(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
 
 
 def test_bounds_that_exclude_every_design_are_refused():
     behind = Variant("sine", free_angle=True, narrowed={"rest_angle": (3.0, 3.1)})
     with pytest.raises(ValueError, match="none of 1200 random designs is possible"):
-        Search(Synthesis(behind, np.sin), TINY)
+        SavedSearch(Synthesis(behind, np.sin), TINY)
 
 
 @pytest.mark.slow
 def test_ten_seconds_beat_row_1766():
     task = Synthesis(Variant("sine", free_angle=True), np.sin)
-    found = task.figures(Search(task, Effort(((64, 8), (16, 20)))).run()[None])
+    found = task.figures(SavedSearch(task, Effort(((64, 8), (16, 20)))).run()[None])
     assert found.rmse[0] < 0.0059  # both as printed
     assert found.work_reduction[0] > 99.62  # of any sine balancer in the thesis
 
@@ -143,7 +143,7 @@ def test_nondominated_by_its_definition():
 @pytest.mark.slow
 def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
     monkeypatch.setattr("proofmass.design.pareto.SHORT", TINY)
-    best = Search(REGULAR, TINY).run()
+    best = SavedSearch(REGULAR, TINY).run()
     found = front(REGULAR, best[None], tmp_path, weights=[0.01, 0.3])
     assert found.rmse.size >= 2
     assert (np.diff(found.rmse) > 0).all()

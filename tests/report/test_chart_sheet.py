@@ -9,7 +9,7 @@ import pytest
 from matplotlib import rc_context
 from matplotlib.colors import to_hex
 
-from proofmass.analytic.chart import Chart, Field, Line, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Field, Panel
 from proofmass.report.charts import MOST, SLIM, SQUAT, chart_sheet, dressed, thinned, tones
 from proofmass.report.figures import save
 from proofmass.report.style import KNOWN, RC
@@ -37,9 +37,9 @@ def words(ax) -> list[str]:
     return [text.get_text() for text in ax.figure.legends[0].get_texts()]
 
 
-def bump(x0: float = 0.0) -> Line:
+def bump(x0: float = 0.0) -> ChartLine:
     x = np.linspace(0.0, 1.0, 11)
-    return Line(x, x0 + x * (1 - x), "a bump")
+    return ChartLine(x, x0 + x * (1 - x), "a bump")
 
 
 def test_stable_is_bold_and_unstable_thin_and_dashed() -> None:
@@ -54,7 +54,7 @@ def test_stable_is_bold_and_unstable_thin_and_dashed() -> None:
 
 def test_nan_breaks_a_line() -> None:
     x = np.array([0.0, 1.0, np.nan, 2.0, np.inf, 3.0])
-    ax, = drawn(Panel((Line(x, np.ones(6)),)))
+    ax, = drawn(Panel((ChartLine(x, np.ones(6)),)))
     path = ax.lines[0].get_path()
     assert np.isnan(path.vertices[[2, 4]]).all()
     strokes = [len(p) for p in path.cleaned(remove_nans=True).to_polygons(closed_only=False)]
@@ -65,7 +65,7 @@ def test_nan_breaks_a_line() -> None:
 def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
     t = np.linspace(0.0, 1.0, 20_000)
     y = np.where((t > 0.3) & (t < 0.31), np.nan, np.sin(9 * t))
-    few = thinned(Line(t, y))
+    few = thinned(ChartLine(t, y))
     assert MOST <= len(few) <= MOST + 6  # rounded up for each piece
     there, before = np.isfinite(y), np.isfinite(few[:, 1])
     ends = t[np.flatnonzero(np.diff(there))], few[np.flatnonzero(np.diff(before)), 0]
@@ -73,12 +73,12 @@ def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
     assert few[-1, 0] == 1.0
     # chords of 1/500: 81 / (8 * 500^2)
     assert np.abs(np.interp(t[there], few[before, 0], few[before, 1]) - y[there]).max() < 5e-5
-    assert len(thinned(Line(t, y, points=True))) == t.size
+    assert len(thinned(ChartLine(t, y, points=True))) == t.size
 
 
 def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
     at = np.zeros(1)
-    ax, = drawn(Panel((Line(at, at, "fold", points=True), Line(np.arange(9.0), np.ones(9),
+    ax, = drawn(Panel((ChartLine(at, at, "fold", points=True), ChartLine(np.arange(9.0), np.ones(9),
                        "saddle", stable=False, points=True))))
     fold, saddle = ax.lines
     assert len(saddle.get_xdata()) == 9
@@ -103,7 +103,7 @@ def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
 
 
 def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
-    ax, = drawn(Panel((Line(np.array([0.0, np.pi]), np.array([0.0, 2.0])),)), x=("turn", "rad"),
+    ax, = drawn(Panel((ChartLine(np.array([0.0, np.pi]), np.array([0.0, 2.0])),)), x=("turn", "rad"),
                 y=("R / R_cr", ""))
     assert ax.get_xlabel() == "turn [deg]"
     assert ax.lines[0].get_xdata()[-1] == pytest.approx(180.0)
@@ -113,7 +113,7 @@ def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
 
 @pytest.mark.parametrize(("high", "tall"), [(0.7, 0.7), (0.0, SQUAT), (50.0, SLIM)])
 def test_alike_has_one_scale_and_no_slivers(high: float, tall: float) -> None:
-    line = Line(np.array([0.0, 1.0]), np.array([0.0, high]))
+    line = ChartLine(np.array([0.0, 1.0]), np.array([0.0, high]))
     first, second = drawn(Panel((line,)), Panel((bump(),)) if high else Panel(), alike=True)
     assert first.get_xlim() == second.get_xlim()
     assert first.get_ylim() == second.get_ylim()
@@ -200,7 +200,7 @@ def test_panels_of_one_label_share_their_colours_and_others_do_not() -> None:
 
 
 def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -> None:
-    ax, = drawn(Panel((Line(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
+    ax, = drawn(Panel((ChartLine(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
     ax.scatter([], [])  # as contours between grid points may be
     svg = save(ax.figure, tmp_path / "figure", png=False)
     groups = [e for e in ElementTree.fromstring(svg).iter() if e.tag.endswith("}g")]
@@ -230,8 +230,8 @@ def test_lines_stand_out_from_a_field() -> None:
 
 
 @pytest.mark.parametrize(("make", "words"), [
-    (lambda: Line(np.zeros(3), np.zeros(4)), r"got \(3,\) and \(4,\)"),
-    (lambda: Line(np.zeros((3, 2)), np.zeros((3, 2))), r"a line needs x \(n,\)"),
+    (lambda: ChartLine(np.zeros(3), np.zeros(4)), r"got \(3,\) and \(4,\)"),
+    (lambda: ChartLine(np.zeros((3, 2)), np.zeros((3, 2))), r"a line needs x \(n,\)"),
     (lambda: Field(np.zeros(3), np.zeros(4), np.zeros((4, 3)), "a", "m"), r"\(4, 3\) at \(3,\)"),
     (lambda: Chart(("x", "m"), ("y", "m"), (), ""), "1 to 12 panels, got 0"),
     (lambda: Chart(("x", "m"), ("y", "m"), (Panel(),) * 13, ""), "got 13")])

@@ -23,7 +23,7 @@ from proofmass.studies.diet.table import (
 )
 from proofmass.studies.diet.trial import Cost
 from proofmass.studies.pages import write_study_pages
-from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.stress import write_boundaries
 from proofmass.studies.trade.trade import Trade, write_study
 from tests.shipped import shipped
@@ -54,7 +54,7 @@ def studies(tmp_path: Path) -> list[Path]:
     write_study(Trade([replace(r, case="pendulum") for r in rows], [],
                       [replace(v, case="pendulum") for v in verdicts]), folders[0])
     write_boundaries([Boundary("pendulum", "pymunk", "as it is", "gravity", "times", 1.0, 1e6, 2.0,
-                               2.01, limit=Limit.UNSTABLE)], folders[1] / "stress.csv")
+                               2.01, limit=BoundaryKind.UNSTABLE)], folders[1] / "stress.csv")
     write_entries(ENTRIES, folders[2] / "pendulum.csv")
     (folders[2] / "pendulum.xml").write_text("<mujoco/>")
     return folders

@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 
 from proofmass.errors import InputError
 from proofmass.report.style import KNOWN, RC
-from proofmass.studies.record import Row
+from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.page import (
     FRONT,
     dressed,
@@ -29,7 +29,7 @@ from tests.studies.trade.trade_rows import line, study, verdict
 NAN = float("nan")
 
 
-def drawn(rows: list[Row], verdicts: list[Verdict]) -> Figure:
+def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
     with rc_context(RC):
         figure = trade_sheet(rows, verdicts, dressed(rows))
     figure.draw_without_rendering()
@@ -55,7 +55,7 @@ def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
 
 
 def test_rods_are_drawn_over_their_segments() -> None:
-    rows = [Row("trade", "rod", "rest", "mujoco", "MuJoCo, segments", "segments", n,
+    rows = [StudyRow("trade", "rod", "rest", "mujoco", "MuJoCo, segments", "segments", n,
                 {"segments": n}, {"position": 1.0 / n**2}, seconds=1e-3 * n, steps=1)
             for n in (10, 20, 40)]
     told = [replace(v, case="rod", line="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
@@ -141,7 +141,7 @@ def test_failures_are_crosses_at_the_upper_edge(sheet: Figure) -> None:
     left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in sheet.axes[:2])
     assert not left
     assert [one.get_xdata()[0] for one in right] == pytest.approx([6.28 / 0.016], abs=1)
-    lost = Row("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")
+    lost = StudyRow("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")
     assert planned(lost, [lost]) == 0.0
 
 
@@ -152,7 +152,7 @@ def test_nothing_but_failures_can_be_drawn() -> None:
 
 
 def test_other_knobs_run_from_coarse_to_fine() -> None:
-    rows = [Row("", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9,
+    rows = [StudyRow("", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9,
                 seconds=1.0) for v in (0.04, 0.02, 0.01)]
     with rc_context(RC):
         ax, = turn_sheet(rows, dressed(rows)).axes

@@ -15,7 +15,7 @@ from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.links import Joint
+from proofmass.sim.pymunk.links import LinkJoint
 from proofmass.solve import plan, simulate
 from tests.shipped import models_like
 
@@ -71,14 +71,14 @@ def springs(name: str) -> bool:
 
 def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
     """Make all springs of an engine 1 % stiffer; what to change of the run."""
-    force, begin = Joint.spring_force, mujoco_model.begin
+    force, begin = LinkJoint.spring_force, mujoco_model.begin
 
     def begun(model, run):
         model.jnt_stiffness *= 1.01
         model.jnt_stiffnesspoly *= 1.01
         return begin(model, run)
 
-    monkeypatch.setattr(Joint, "spring_force", lambda joint, value: 1.01 * force(joint, value))
+    monkeypatch.setattr(LinkJoint, "spring_force", lambda joint, value: 1.01 * force(joint, value))
     monkeypatch.setattr(mujoco_model, "begin", begun)
     if not solver.endswith(":flex"):
         return {}

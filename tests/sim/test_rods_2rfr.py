@@ -8,7 +8,7 @@ import pytest
 
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.equilibrium import State
+from proofmass.analytic.rods.equilibrium import RodState
 from proofmass.sim.protocol import Curves, Drive, Run
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
 from tests.analytic.rods.rod_chain_cases import STABLE, tangent, two_rods
@@ -52,18 +52,18 @@ def read(curves: Curves) -> np.ndarray:
 
 
 @cache
-def centre() -> State:
+def centre() -> RodState:
     """S2 without load, its motors turned so that the pin keeps its place: at BEGIN."""
     s = pair("S2")
     return follow(s, pose=s.pose[None], load=[[0.0, 0.0]]).last
 
 
-def turned(turn: float) -> State:
+def turned(turn: float) -> RodState:
     """The same with motor 1 turned on, or the fold on the way."""
     return follow(centre(), inputs=centre().inputs + np.array([[turn, 0.0]])).last
 
 
-def own(segments: int, near: State) -> Standing:
+def own(segments: int, near: RodState) -> Standing:
     """Equilibrium of chains next to one of rods."""
     angles = near.inputs
     shapes = [tangent(angle, force, moment, EI) for angle, force, moment in

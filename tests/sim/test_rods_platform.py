@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.rod_platform import Problem, standing
+from proofmass.analytic.rods.rod_platform import PlatformProblem, standing
 from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
@@ -58,7 +58,7 @@ def chains(s, load, segments: int):
 def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
     """Where the chains' equations have them, and where another computation has."""
     found = at_rest(engine, name, segments, tmp_path)
-    s = standing(Problem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
+    s = standing(PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
                  KEYS[name][2])
     own = chains(s, [0.0, 0.5], segments)
     values = [found[channel][0] for channel in (*PLACE, *HOLDS, "energy")]
@@ -75,7 +75,7 @@ def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
 @pytest.mark.parametrize("name", KEYS)
 def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
     coarse, fine = (at_rest("mujoco", name, n, tmp_path) for n in (20, 40))
-    s = standing(Problem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
+    s = standing(PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
                  KEYS[name][2])
     limit = [(4 * fine[c][0] - coarse[c][0]) / 3 for c in (*PLACE, *HOLDS, "energy")]
     exact = [*s.pose, *-s.moment, s.energy.sum()]
@@ -90,7 +90,7 @@ def test_sliders_lead_the_platform(engine):
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
     found = ENGINES[engine](case.model_path, run).channels
     turns, way = (0.0, 2 * np.pi / 3, -2 * np.pi / 3), run.motion(run.x)[0].T
-    s = standing(Problem(0.5, 1.0, 1.0, EI, turns, turns, tuple(way[0].tolist()),
+    s = standing(PlatformProblem(0.5, 1.0, 1.0, EI, turns, turns, tuple(way[0].tolist()),
                          (0.3, -0.2, 0.0), 1), 1)
     own = chains(s, [0.3, -0.2], 10)
     guides = np.stack([np.cos(turns), np.sin(turns)], axis=-1)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.sidecar import load_case
-from proofmass.studies.measure import Task
+from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from tests.shipped import MODELS
 
@@ -15,12 +15,12 @@ LINES = (("mujoco", {"integrator": "Euler"}), ("mujoco", {"integrator": "RK4"}),
          ("mujoco", {"integrator": "implicitfast"}), ("pymunk", {"iterations": 10}))
 
 
-def tasks(models: Path = MODELS / "linkages") -> list[Task]:
+def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
     """Four lines of five steps."""
     case = load_case(models / "pendulum.toml")
     short = case.run["duration"].model_copy(update={"until": 0.5, "n": 51})
     case = case.model_copy(update={"run": {"duration": short}})
-    return [Task(case, "duration", Setting(engine, {**knobs, "timestep": step}), "trade",
+    return [StudyRun(case, "duration", Setting(engine, {**knobs, "timestep": step}), "trade",
                  f"{engine} {' '.join(map(str, knobs.values()))}", "timestep", step)
             for engine, knobs in LINES for step in STEPS]
 

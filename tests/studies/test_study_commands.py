@@ -25,7 +25,7 @@ from proofmass.command import answering
 from proofmass.errors import InputError
 from proofmass.sim.mjcf import read_tree
 from proofmass.studies import run as runs
-from proofmass.studies.measure import Found
+from proofmass.studies.measure import Measurement
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
@@ -284,7 +284,7 @@ def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, 
         raise KeyboardInterrupt
 
     monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # whose file then raises ValueError
-    found = Found(curves={"x": np.zeros(3)})
+    found = Measurement(curves={"x": np.zeros(3)})
     with held, pytest.raises(typer.Exit) as ended, answering("runs are kept"):
         Store(tmp_path).save("key", 0, None, found, 1.0)
     assert ended.value.exit_code == 130

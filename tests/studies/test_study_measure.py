@@ -16,7 +16,7 @@ from proofmass.sim.protocol import Curves, Diverged, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies import measure
-from proofmass.studies.measure import Task, not_finite, observe, own_core, pinned, shares, truth
+from proofmass.studies.measure import StudyRun, not_finite, observe, own_core, pinned, shares, truth
 from proofmass.studies.record import Setting
 from proofmass.studies.run import row
 from proofmass.worker import Crashed, TimedOut
@@ -35,9 +35,9 @@ def driven(case: Case, kind: Kind, x: Array) -> State:
     return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))
 
 
-def seen(step: float, setting: Setting = EULER) -> measure.Found:
+def seen(step: float, setting: Setting = EULER) -> measure.Measurement:
     """The pendulum in MuJoCo, ten seconds from the horizontal."""
-    return observe(Task(PENDULUM, "duration", setting.but(timestep=step)), False, None)
+    return observe(StudyRun(PENDULUM, "duration", setting.but(timestep=step)), False, None)
 
 
 def test_errors_are_shares_of_the_range_of_the_reference():
@@ -112,14 +112,14 @@ def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(st
 
 
 def test_gap_is_told_and_energy_is_none_where_something_drives():
-    found = observe(Task(FOURBAR, "duration", Setting("mujoco", {"timestep": 4e-3})), False, None)
+    found = observe(StudyRun(FOURBAR, "duration", Setting("mujoco", {"timestep": 4e-3})), False, None)
     assert set(found.invariants) == {"gap"}
     assert 0 < found.invariants["gap"] < 1e-3
 
 
 def test_a_pendulum_that_is_braked_keeps_no_energy(models, edit):
     edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" damping="0.1"/>')
-    braked = Task(load_case(models / "pendulum.toml"), "duration", EULER)
+    braked = StudyRun(load_case(models / "pendulum.toml"), "duration", EULER)
     assert "energy" not in observe(braked, False, None).invariants
 
 
@@ -127,18 +127,18 @@ def test_steps_and_seconds_are_those_of_the_engine():
     found = seen(0.01)
     assert found.steps == 1000
     assert 0 < found.seconds < 60
-    again = observe(Task(PENDULUM, "duration", EULER.but(timestep=0.01)), True, None)
+    again = observe(StudyRun(PENDULUM, "duration", EULER.but(timestep=0.01)), True, None)
     assert (again.steps, again.errors, again.complete) == (1000, {}, True)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     """Whole steps lead from sample to sample: 18 in the 17.45 ms of this case, not 17.45."""
-    task = Task(FOURBAR, "duration", Setting(engine, {"timestep": 1e-3}))
+    task = StudyRun(FOURBAR, "duration", Setting(engine, {"timestep": 1e-3}))
     found = observe(task, False, None)
     assert found.step == pytest.approx(2 * np.pi / 360 / 18, rel=1e-12)
     assert row(task, [found], timed=False).step == found.step
-    swept = observe(Task(FOURBAR, "sweep", Setting(engine)), False, None)
+    swept = observe(StudyRun(FOURBAR, "sweep", Setting(engine)), False, None)
     assert np.isnan(swept.step)
 
 
@@ -150,12 +150,12 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
         raise error
 
     monkeypatch.setattr(measure, "isolated", fail)
-    found = measure.measure(Task(PENDULUM, "duration", EULER), False, 5.0)
+    found = measure.measure(StudyRun(PENDULUM, "duration", EULER), False, 5.0)
     assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
 
 
 def test_what_the_model_or_a_knob_is_to_blame_for_is_bad_input(monkeypatch):
-    wrong = Task(PENDULUM, "duration", Setting("mujoco", {"speed": 3}))
+    wrong = StudyRun(PENDULUM, "duration", Setting("mujoco", {"speed": 3}))
     monkeypatch.setattr(measure, "isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
         measure.measure(wrong, False, 60.0)
@@ -167,7 +167,7 @@ def test_curves_that_are_not_finite_have_no_errors(monkeypatch):
     curves = Curves(np.arange(3.0), {"a": np.zeros(3), "b": np.array([0.0, np.nan, np.inf])})
     assert not_finite(curves.channels) == "b at sample 1"
     monkeypatch.setattr(measure, "simulate", lambda *_: curves)
-    found = observe(Task(PENDULUM, "duration", EULER), False, None)
+    found = observe(StudyRun(PENDULUM, "duration", EULER), False, None)
     assert (found.outcome, found.message, found.errors) == ("not finite", "b at sample 1", {})
 
 
@@ -176,7 +176,7 @@ def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypat
     x = grid(case, "duration")
     away = np.full((1, x.size), np.pi), np.ones((1, x.size)), np.zeros((1, x.size))
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, {}, drive=away))
-    found = observe(Task(case, "duration", EULER), False, None)
+    found = observe(StudyRun(case, "duration", EULER), False, None)
     assert found.outcome == "no reference"
     assert found.message
 
@@ -186,7 +186,7 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
     exact = evaluate(PENDULUM, x, None).channels
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, exact))
     monkeypatch.setattr(measure, "truth", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)})
-    found = observe(Task(PENDULUM, "duration", EULER), False, None)
+    found = observe(StudyRun(PENDULUM, "duration", EULER), False, None)
     assert (found.outcome, found.errors) == ("no reference", {})
     assert found.message == "rate at sample 101"
 
@@ -195,7 +195,7 @@ def test_a_sweep_that_ends_early_is_told(monkeypatch):
     x = grid(PENDULUM, "duration")[:9]
     part = Curves(x, evaluate(PENDULUM, x, None).channels, stopped="a limit")
     monkeypatch.setattr(measure, "simulate", lambda *_: part)
-    found = observe(Task(PENDULUM, "duration", EULER), False, None)
+    found = observe(StudyRun(PENDULUM, "duration", EULER), False, None)
     assert (found.outcome, found.message, found.complete) == ("stopped", "a limit", True)
 
 
@@ -222,7 +222,7 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
     with pinned(min(before)):
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before
-    assert observe(Task(PENDULUM, "duration", EULER), False, min(before)).pinned
+    assert observe(StudyRun(PENDULUM, "duration", EULER), False, min(before)).pinned
     assert where == [{min(before)}]
     assert os.sched_getaffinity(0) == before
 

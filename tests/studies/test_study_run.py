@@ -17,8 +17,8 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.studies import measure
 from proofmass.studies import run as runs
-from proofmass.studies.measure import Found, shares
-from proofmass.studies.record import NAN, Row, Setting, read_table
+from proofmass.studies.measure import Measurement, shares
+from proofmass.studies.record import NAN, Setting, StudyRow, read_table
 from proofmass.studies.run import pool, reference_of, row, run
 from proofmass.studies.store import Store
 from tests.shipped import shipped
@@ -57,8 +57,8 @@ class Here:
         return future
 
 
-def found(seconds: float, **changed: object) -> Found:
-    return replace(Found({"position": 1e-3}, {"gap": 0.0}, seconds, 10, True, 0.5, "x"), **changed)
+def found(seconds: float, **changed: object) -> Measurement:
+    return replace(Measurement({"position": 1e-3}, {"gap": 0.0}, seconds, 10, True, 0.5, "x"), **changed)
 
 
 @pytest.fixture
@@ -154,7 +154,7 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
 
 
 def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
-    lost = Found(outcome="diverged", message="lost at 1 s")
+    lost = Measurement(outcome="diverged", message="lost at 1 s")
     monkeypatch.setattr(runs, "measure", lambda task, again, timeout:
                         found(0.1) if task.value == 0.005 else lost)
     bad, good = run(FEW, Store(tmp_path), Here(), repeats=2)
@@ -164,7 +164,7 @@ def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
 
 
 def test_a_repeat_that_fails_is_a_failure():
-    one = row(FEW[0], [found(0.1), found(0.2), Found(outcome="crashed", message="signal 6")], True)
+    one = row(FEW[0], [found(0.1), found(0.2), Measurement(outcome="crashed", message="signal 6")], True)
     assert (one.outcome, one.message, one.repeats) == ("crashed", "repeat 2: signal 6", (0.2,))
 
 
@@ -262,7 +262,7 @@ def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
 
 
 def test_runs_side_by_side_are_those_one_after_the_other(tmp_path):
-    def rows(jobs: int) -> list[Row]:
+    def rows(jobs: int) -> list[StudyRow]:
         with ThreadPoolExecutor(jobs) as workers:
             return run(tasks(), Store(tmp_path / str(jobs)), workers, repeats=0)
 

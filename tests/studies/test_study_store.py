@@ -10,19 +10,19 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.sidecar import load_case
 from proofmass.studies import store as stores
-from proofmass.studies.measure import Found, Task
-from proofmass.studies.record import COLUMNS, NAN, Row, Setting, read_table, table, write_table
+from proofmass.studies.measure import Measurement, StudyRun
+from proofmass.studies.record import COLUMNS, NAN, Setting, StudyRow, read_table, table, write_table
 from proofmass.studies.store import Store, key_of
 from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 
 TASK = tasks()[0]
-FOUND = Found({"position": 1e-3}, {"gap": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
-LATE = Found(outcome="timed out", message="no answer in 5 s")
-ROWS = [Row("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 1e-3,
+FOUND = Measurement({"position": 1e-3}, {"gap": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
+LATE = Measurement(outcome="timed out", message="no answer in 5 s")
+ROWS = [StudyRow("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 1e-3,
             {"timestep": 1e-3, "integrator": "RK4", "solref": (0.02, 1.0), "defaults": True},
             {"position": 0.1 + 0.2}, {"gap": 0.0}, 0.1, 7, (0.1, 0.25), True, 0.5, "x 2"),
-        Row("trade", "pendulum", "duration", "pymunk", "a, \"b\"", "iterations", NAN,
+        StudyRow("trade", "pendulum", "duration", "pymunk", "a, \"b\"", "iterations", NAN,
             {"iterations": 10, "word": "8"}, outcome="diverged", message="lost at\ntime 1 s")]
 
 
@@ -122,7 +122,7 @@ def test_the_same_model_in_another_place_has_the_same_key(models, edit):
 def test_keys_tell_recorded_curves_apart(models):
     def key():
         case = load_case(models / "hacksaw_recorded.toml")
-        return key_of(Task(case, next(iter(case.run)), Setting("mujoco")))
+        return key_of(StudyRun(case, next(iter(case.run)), Setting("mujoco")))
 
     before, file = key(), next(models.glob("*.csv"))
     lines = file.read_text().splitlines()
@@ -131,7 +131,7 @@ def test_keys_tell_recorded_curves_apart(models):
 
 
 def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
-    task = Task(load_case(shipped("rod_cantilever.toml")), "rest",
+    task = StudyRun(load_case(shipped("rod_cantilever.toml")), "rest",
                 Setting("mujoco", {"segments": 10}))
     assert key_of(task) != key_of(replace(task, setting=task.setting.but(segments=20)))
     with pytest.raises(InputError, match="segments"):

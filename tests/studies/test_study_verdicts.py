@@ -16,21 +16,29 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.diet import diet, scene
-from proofmass.studies.diet.diet import Kept
+from proofmass.studies.diet.diet import DietStore
 from proofmass.studies.diet.edits import read
 from proofmass.studies.diet.options import DRAWN, Feature
-from proofmass.studies.diet.scene import Scene, Watch
+from proofmass.studies.diet.scene import DietScene, Watch
 from proofmass.studies.diet.scene import moved as moved_over
 from proofmass.studies.diet.table import Entry
 from proofmass.studies.diet.trial import Cost, Pace
-from proofmass.studies.measure import Found, Task
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.measure import Measurement, StudyRun
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.stress import stand
-from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect, told
+from proofmass.studies.stress.boundary import (
+    Boundary,
+    BoundaryKind,
+    Failure,
+    Sought,
+    Tried,
+    bisect,
+    told,
+)
 from proofmass.studies.stress.stand import NotHere, Stand, judged, known, needs
 from proofmass.studies.stress.stand import observed as observed_run
-from proofmass.studies.trade.axes import Line, jolted
+from proofmass.studies.trade.axes import ConvergenceSeries, jolted
 from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sampled
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import Track, clear, flat, level, observed, slowed
@@ -46,7 +54,7 @@ def case_of(name: str):
 FOURBAR = case_of("fourbar")  # timestep 1e-3, solref 0.005 1, solimp 0.9999 0.9999 0.001
 BIAS = 0.9**60  # Chipmunk's own: the share of a gap that is left after a second
 SECOND = 3000  # iterations in pymunk where nothing is said
-GONE = Failure("gone", Limit.UNSTABLE, True)
+GONE = Failure("gone", BoundaryKind.UNSTABLE, True)
 
 
 def moves(name: str, setting: Setting, folder: Path, run: str = "duration"):
@@ -149,8 +157,8 @@ def test_what_is_moved_of_the_samples(tmp_path):
         ("samples at the ends of links", 21, True)]
 
 
-def row(error: float, outcome: str = "ran") -> Row:
-    return Row("floor", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome)
+def row(error: float, outcome: str = "ran") -> StudyRow:
+    return StudyRow("floor", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome)
 
 
 def moved(cause: str, error: float, better: bool | None = True, **more):
@@ -192,9 +200,9 @@ def test_a_gain_is_how_much_better_the_error_is():
         "leaves the error", "divides the error by 1.01", "multiplies the error by 2.00"]
 
 
-def line(engine: str, axis: str, scaled: bool = False, count: int = 2, **knobs) -> Line:
+def line(engine: str, axis: str, scaled: bool = False, count: int = 2, **knobs) -> ConvergenceSeries:
     """A line of settings; loops get harder with the step of one that is scaled."""
-    return Line(engine, "", axis, tuple(
+    return ConvergenceSeries(engine, "", axis, tuple(
         Setting(engine, {axis: 0.1 / 2**k, **({"solref": (1.0 / 2**k, 1.0)} if scaled else {}),
                          **knobs}) for k in range(count)))
 
@@ -278,12 +286,12 @@ def test_a_boundary_is_where_its_strides_find_it():
 def test_what_is_not_known_is_closed_in_to_a_tenth():
     """Where nothing is known is no property of an engine; a boundary before it still is."""
     def ours(x: float) -> Failure | None:
-        return Failure("late", Limit.OURS) if x >= 9.0 else None
+        return Failure("late", BoundaryKind.OURS) if x >= 9.0 else None
 
     holds, breaks, failure = bisect(ours, 1.0, 16.0)
     assert holds < 9.0 <= breaks
     assert 1.01 < breaks / holds <= 1.1
-    assert failure.limit == Limit.OURS
+    assert failure.limit == BoundaryKind.OURS
     holds, breaks, failure = bisect(lambda x: GONE if 5.0 <= x < 9.0 else ours(x), 1.0, 16.0)
     assert holds < 5.0 <= breaks <= 1.01 * holds
     assert failure == GONE
@@ -310,11 +318,11 @@ def test_what_is_sought_is_told_with_what_failed():
 
 def test_a_limit_of_our_own_is_no_boundary():
     place = ("", "", "", "", "", 1.0, 9.0)
-    ours = Boundary(*place, 2.0, 3.0, theory=2.5, limit=Limit.OURS, failure="no reference: at 3")
+    ours = Boundary(*place, 2.0, 3.0, theory=2.5, limit=BoundaryKind.OURS, failure="no reference: at 3")
     assert (ours.found, ours.unknown, ours.ending) == (False, True, "ours: no reference: at 3")
     assert isnan(ours.measured)
     assert isnan(ours.ratio)
-    assert Boundary(*place, 2.0, 3.0, limit=Limit.UNSTABLE).found
+    assert Boundary(*place, 2.0, 3.0, limit=BoundaryKind.UNSTABLE).found
     assert isnan(Boundary(*place, 2.0, 3.0, theory=0.0).ratio)
     assert isnan(Boundary(*place, 2.0, 3.0, theory=inf).ratio)
     assert Boundary("", "", "", "", "", 9.0, 1.0, 1.0).measured == 0.0
@@ -327,7 +335,7 @@ def test_only_a_warning_of_mujoco_is_the_engine_s_own_word():
 
 def test_the_front_is_of_settings_that_ran():
     def of(value, seconds, error, kind="rate", outcome="ran"):
-        return Row("", "", "", "", "", "", value, errors={kind: error}, seconds=seconds,
+        return StudyRow("", "", "", "", "", "", value, errors={kind: error}, seconds=seconds,
                    outcome=outcome)
 
     rows = [of(1, 2.0, 0.1), of(2, 1.0, 0.2), of(3, 3.0, 0.2), of(4, 0.5, 0.01, outcome="stopped"),
@@ -389,13 +397,13 @@ def test_an_order_is_seen_in_two_refinements_in_turn(slopes, seen):
     assert observed(falling(*slopes)) == pytest.approx(seen, nan_ok=True)
 
 
-def tracked(*rows: Row) -> Track:
+def tracked(*rows: StudyRow) -> Track:
     """Rows of a line of four steps."""
     return Track(line("mujoco", "timestep", count=4), list(rows))
 
 
-def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> Row:
-    return Row("trade", "", "duration", "mujoco", "", "timestep", 0.0, {}, errors,
+def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
+    return StudyRow("trade", "", "duration", "mujoco", "", "timestep", 0.0, {}, errors,
                seconds=seconds, outcome=outcome)
 
 
@@ -428,32 +436,32 @@ def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
     assert tracked(at("timed out")).done(1.0)
 
 
-OFF, LOST, OURS = Limit.INACCURATE, Limit.UNSTABLE, Limit.OURS
+OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.OURS
 
 
 @pytest.mark.parametrize(("found", "message", "limit", "silent"), [
-    (Found({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, None, False),
-    (Found(), None, None, False),
-    (Found({"position": 0.111}), "position off by 0.11 of its range", OFF, True),
-    (Found({"effort": 0.222}), "effort off by 0.22 of its range", OFF, True),
-    (Found({"position": nan}), "position off by nan of its range", OFF, True),
-    (Found(outcome="diverged", message="MuJoCo warning x"), "diverged: MuJoCo warning x", LOST,
+    (Measurement({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, None, False),
+    (Measurement(), None, None, False),
+    (Measurement({"position": 0.111}), "position off by 0.11 of its range", OFF, True),
+    (Measurement({"effort": 0.222}), "effort off by 0.22 of its range", OFF, True),
+    (Measurement({"position": nan}), "position off by nan of its range", OFF, True),
+    (Measurement(outcome="diverged", message="MuJoCo warning x"), "diverged: MuJoCo warning x", LOST,
      False),
-    (Found(outcome="diverged", message="open"), "diverged: open", LOST, True),
-    (Found(outcome="not finite", message="x at 3"), "not finite: x at 3", LOST, True),
-    (Found(outcome="stopped", message="x"), "stopped: x", LOST, False),
-    (Found(outcome="crashed", message="killed by signal 6: x"), "crashed: killed by signal 6: x",
+    (Measurement(outcome="diverged", message="open"), "diverged: open", LOST, True),
+    (Measurement(outcome="not finite", message="x at 3"), "not finite: x at 3", LOST, True),
+    (Measurement(outcome="stopped", message="x"), "stopped: x", LOST, False),
+    (Measurement(outcome="crashed", message="killed by signal 6: x"), "crashed: killed by signal 6: x",
      LOST, False),
-    (Found(outcome="crashed", message="ValueError: x"), "crashed: ValueError: x", OURS, False),
-    (Found(outcome="refused", message="x"), "refused: x", Limit.REFUSED, False),
-    *((Found(outcome=word, message="x"), f"{word}: x", OURS, False) for word in (
+    (Measurement(outcome="crashed", message="ValueError: x"), "crashed: ValueError: x", OURS, False),
+    (Measurement(outcome="refused", message="x"), "refused: x", BoundaryKind.REFUSED, False),
+    *((Measurement(outcome=word, message="x"), f"{word}: x", OURS, False) for word in (
         "not solved", "no start", "no reference", "timed out", "out of memory", "unsupported"))])
 def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
     assert judged(found) == (None if message is None else Failure(message, limit, silent))
 
 
 def test_every_kind_of_limit_has_its_sentence():
-    assert len({limit.sentence for limit in Limit}) == len(Limit) == 5
+    assert len({limit.sentence for limit in BoundaryKind}) == len(BoundaryKind) == 5
 
 
 def fails(error: Exception):
@@ -463,26 +471,26 @@ def fails(error: Exception):
 
 
 def test_what_keeps_a_run_from_its_answer(monkeypatch):
-    task = Task(FOURBAR, "sweep", Setting("mujoco"))
+    task = StudyRun(FOURBAR, "sweep", Setting("mujoco"))
     calls = []
 
     def answer(function, *args, timeout):
         calls.append((function.__name__, args, timeout))
-        return Found(steps=7)
+        return Measurement(steps=7)
 
     monkeypatch.setattr(stand, "isolated", answer)
-    assert observed_run(task, 5.0) == Found(steps=7)
+    assert observed_run(task, 5.0) == Measurement(steps=7)
     assert calls == [("observe", (task, False, None), 5.0)]
     for error, outcome in ((Diverged("why"), "diverged"), (Crashed("why"), "crashed"),
                            (BadModel("why"), "no start"), (Unsupported("why"), "unsupported"),
                            (NotSolved("why"), "not solved")):
         monkeypatch.setattr(stand, "isolated", fails(error))
-        assert observed_run(task, 5.0) == Found(outcome=outcome, message="why")
+        assert observed_run(task, 5.0) == Measurement(outcome=outcome, message="why")
 
 
 @pytest.mark.parametrize("engine_too", [True, False])
 def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, monkeypatch):
-    task, calls = Task(FOURBAR, "sweep", Setting("pymunk", {"iterations": 7})), []
+    task, calls = StudyRun(FOURBAR, "sweep", Setting("pymunk", {"iterations": 7})), []
 
     def late(function, *args, timeout):
         calls.append((function.__name__, args, timeout))
@@ -491,8 +499,8 @@ def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, m
 
     monkeypatch.setattr(stand, "isolated", late)
     assert observed_run(task, 5.0) == (
-        Found(outcome="timed out", message="late") if engine_too else
-        Found(outcome="no reference", message="late; the engine has its run"))
+        Measurement(outcome="timed out", message="late") if engine_too else
+        Measurement(outcome="no reference", message="late; the engine has its run"))
     assert calls[1] == ("simulated", (task,), 60.0)
     monkeypatch.setattr(stand, "simulate", lambda engine, model, run: (
         engine, model, run.kind, run.settings))
@@ -504,7 +512,7 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
 
     def found(task, store, patience):
         asked.append((task, store, patience))
-        return Found({"position": 0.5})
+        return Measurement({"position": 0.5})
 
     monkeypatch.setattr(stand, "tried", found)
     own = Stand(FOURBAR, "duration", Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
@@ -512,11 +520,11 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
     assert own.lost(FOURBAR, timestep=0.25) == Failure("position off by 0.5 of its range", OFF,
                                                        True)
     setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
-    assert asked == [(Task(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
+    assert asked == [(StudyRun(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
     monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
-    for compiles, outcome, limit in ((True, "no start", OURS), (False, "refused", Limit.REFUSED)):
+    for compiles, outcome, limit in ((True, "no start", OURS), (False, "refused", BoundaryKind.REFUSED)):
         monkeypatch.setattr(stand, "is_compiled", lambda case, answer=compiles: answer)
-        assert own.run(FOURBAR) == Found(outcome=outcome, message="why")
+        assert own.run(FOURBAR) == Measurement(outcome=outcome, message="why")
         assert own.lost(FOURBAR) == Failure(f"{outcome}: why", limit)
         planar = replace(own, setting=Setting("pymunk"))
         assert planar.lost(FOURBAR) == Failure("no start: why", OURS)
@@ -541,8 +549,8 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
 
 
 def test_a_run_is_looked_for_in_the_store_first(tmp_path, monkeypatch):
-    task = Task(FOURBAR, "sweep", Setting("mujoco"))
-    monkeypatch.setattr(stand, "observed", lambda task, patience: Found(steps=int(patience)))
+    task = StudyRun(FOURBAR, "sweep", Setting("mujoco"))
+    monkeypatch.setattr(stand, "observed", lambda task, patience: Measurement(steps=int(patience)))
     store = Store(tmp_path)
     assert stand.tried(task, store, 5.0).steps == 5
     monkeypatch.setattr(stand, "observed", fails(KeyError()))
@@ -639,8 +647,8 @@ def entry(outcome: str, **more):
     return Entry("kind", "name", outcome, **more)
 
 
-def scene_with(*watches: Watch, draft: object = "whole") -> Scene:
-    return Scene(draft, watches, None, set())
+def scene_with(*watches: Watch, draft: object = "whole") -> DietScene:
+    return DietScene(draft, watches, None, set())
 
 
 def cost_of(calls: list, *answers):
@@ -675,7 +683,7 @@ def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outc
     monkeypatch.setattr(diet, "isolated", cost_of(
         calls, Curves(np.zeros(1), {"y": np.array([1.0])}),
         Curves(np.zeros(1), {"y": np.array([value])})))
-    found = diet.Search(scene_with(quick, slow)).ran(["one", "two"], Given())
+    found = diet.DietSearch(scene_with(quick, slow)).ran(["one", "two"], Given())
     assert found[0] == outcome
     assert found[1] == {"a": {"y": 0.0}, "b": {"y": pytest.approx((value - 1) / 0.5, nan_ok=True)}}
     assert found[2] == ""
@@ -689,7 +697,7 @@ def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
     for error, outcome in ((BadModel("why"), "needed"), (Diverged("why"), "diverged"),
                            (TimedOut("why"), "timed out")):
         monkeypatch.setattr(diet, "isolated", cost_of([], gone, error))
-        assert diet.Search(scene_with(watch, watch)).ran([1, 2], Given()) == (
+        assert diet.DietSearch(scene_with(watch, watch)).ran([1, 2], Given()) == (
             outcome, {"a": {"probe": 0.0}}, "why")  # a probe that never moved
 
 
@@ -719,7 +727,7 @@ def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
     return Feature(kind, name, cut, parts)
 
 
-class Outcomes(diet.Search):
+class Outcomes(diet.DietSearch):
     """Answers by what was cut: that without a harmful feature is harmless."""
 
     def ran(self, models, draft):
@@ -728,7 +736,7 @@ class Outcomes(diet.Search):
         return "matters" if "bad" in " ".join(draft) else "harmless", {"a": {"y": 0.5}}, "said"
 
 
-class Asked(Kept):
+class Asked(DietStore):
     """Keeps nothing, and what it was asked."""
 
     def __init__(self):
@@ -740,7 +748,7 @@ class Asked(Kept):
         return make()
 
 
-def search(scene: Scene, **how) -> Outcomes:
+def search(scene: DietScene, **how) -> Outcomes:
     return Outcomes(scene, rounds=0, kept=Asked(), **how)
 
 
@@ -857,7 +865,7 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
         return Pace((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
 
     monkeypatch.setattr(diet, "paced", raced)
-    own = diet.Search(scene_with(short, long), rounds=3, kept=Asked())
+    own = diet.DietSearch(scene_with(short, long), rounds=3, kept=Asked())
     now, draft = Cuts(["old"]), Cuts(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
         assert own.timed(now, draft, entry(outcome)) == entry(
@@ -869,7 +877,7 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
     kept_as, (run, rounds) = own.kept.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)
-    quick = diet.Search(scene_with(short), rounds=1, kept=Asked())
+    quick = diet.DietSearch(scene_with(short), rounds=1, kept=Asked())
     quick.timed(now, draft, entry("drawn"))
     assert asked[-1][-1] == 20 * 30.0
 
@@ -879,8 +887,8 @@ def test_work_goes_to_the_workers():
         def submit(self, what, *args, **more):
             return SimpleNamespace(result=lambda: ("pool", what(*args, **more)))
 
-    assert diet.Search(scene_with()).worked(int, "11", base=2) == 3
-    assert diet.Search(scene_with(), workers=Pool()).worked(int, "11", base=2) == ("pool", 3)
+    assert diet.DietSearch(scene_with()).worked(int, "11", base=2) == 3
+    assert diet.DietSearch(scene_with(), workers=Pool()).worked(int, "11", base=2) == ("pool", 3)
 
 
 def test_many_features_are_one():

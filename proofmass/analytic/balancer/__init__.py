@@ -6,14 +6,24 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.balancer.measures import TARGETS, facts, marks
 from proofmass.analytic.balancer.measures import target as target_of
 from proofmass.analytic.balancer.model import Balancer, balancer
-from proofmass.analytic.balancer.path import Path, Trail, along, follow
+from proofmass.analytic.balancer.path import BalancerPaths, Path, along, follow
 from proofmass.analytic.numerics import Array
 
 MODES = (1, -1)
 MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
 
-__all__ = ["MODES", "Balancer", "Path", "Trail", "along", "balancer", "facts", "follow", "marks",
-           "solve"]
+__all__ = [
+    "MODES",
+    "Balancer",
+    "BalancerPaths",
+    "Path",
+    "along",
+    "balancer",
+    "facts",
+    "follow",
+    "marks",
+    "solve",
+]
 
 
 def solve(

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from proofmass.analytic.balancer.model import Balancer
 from proofmass.analytic.numerics import Array
 
-Index = NDArray[Any]
+Which = NDArray[Any]
 
 STILL = 1e-9  # [rad] the last Newton step; what is left is its square
 MOST = 12
@@ -49,10 +49,10 @@ class Point:
     unknowns: Array
     side: Array
 
-    def __getitem__(self, which: Index) -> "Point":
+    def __getitem__(self, which: Which) -> "Point":
         return Point(self.alpha[which], self.unknowns[which], self.side[which])
 
-    def put(self, which: Index, other: "Point") -> None:
+    def put(self, which: Which, other: "Point") -> None:
         """Replace some of the batch."""
         self.alpha[which], self.unknowns[which] = other.alpha, other.unknowns
         self.side[which] = other.side
@@ -130,7 +130,7 @@ def solve(b: Balancer, p: Point) -> tuple[Point, Array]:
     return Point(p.alpha, unknowns, p.side), moved
 
 
-def tangent(b: Balancer, p: Point) -> tuple[Array, Index]:
+def tangent(b: Balancer, p: Point) -> tuple[Array, Which]:
     """Change of the unknowns with alpha (B, N), and whether the equilibrium is stable (B,).
 
     It is stable as long as the determinant of Newton's matrix keeps the sign that a minimum of the
@@ -156,7 +156,7 @@ def solved(matrix: Array, right: Array) -> Array:
         return out
 
 
-def stable_at_rest(b: Balancer, p: Point) -> Index:
+def stable_at_rest(b: Balancer, p: Point) -> Which:
     """Whether the rest posture is a minimum of the energy (B,): the matrix has its inertia."""
     _, matrix = system(b, p)
     held = (p.side != 0).sum(axis=-1)

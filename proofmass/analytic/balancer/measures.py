@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from proofmass.analytic.balancer.model import Balancer, balancer
-from proofmass.analytic.balancer.path import Path, Trail, along, follow
+from proofmass.analytic.balancer.path import BalancerPaths, Path, along, follow
 from proofmass.analytic.numerics import Array
 
 Curve = Callable[[Array], Array]
@@ -393,7 +393,7 @@ def straightened(path: Path) -> list[str]:
     return []
 
 
-def untouched(low: Array, high: Array, path: Path, trail: Trail) -> list[str]:
+def untouched(low: Array, high: Array, path: Path, trail: BalancerPaths) -> list[str]:
     """Stops that are never left, or never met."""
     left = {joint for _, joint, _, side in trail.switches if side == 0}
     met = {joint for _, joint, _, side in trail.switches if side > 0}

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.balancer.equilibrium import (
-    Index,
     Point,
+    Which,
     at_rest,
     margins,
     nearest,
@@ -46,7 +46,7 @@ class Pieces:
         Change of the unknowns with alpha at its start and at its end.
     """
 
-    design: Index
+    design: Which
     start: Point
     end: Point
     out: Array
@@ -54,7 +54,7 @@ class Pieces:
 
 
 @dataclass(frozen=True)
-class Trail:
+class BalancerPaths:
     """Paths of a batch, as far as they could be followed.
 
     Attributes
@@ -75,7 +75,7 @@ class Trail:
     why: list[str]
 
 
-def follow(b: Balancer, to: float, stride: float = STRIDE) -> Trail:
+def follow(b: Balancer, to: float, stride: float = STRIDE) -> BalancerPaths:
     """Follow the equilibria of a batch from rest to a pendulum angle.
 
     Each path goes by its own strides along its tangent, corrected by Newton's method; a stride is
@@ -90,13 +90,13 @@ def follow(b: Balancer, to: float, stride: float = STRIDE) -> Trail:
     stride : float
         Largest stride [rad].
     """
-    walk = Walk(b, to, stride)
+    walk = PathWalk(b, to, stride)
     while walk.going.any():
         walk.step()
     return walk.trail()
 
 
-class Walk:
+class PathWalk:
     """Where each path stands, and how far its next stride goes."""
 
     def __init__(self, b: Balancer, to: float, stride: float):
@@ -110,7 +110,7 @@ class Walk:
         self.going = np.array([not why and to != 0 for why in self.why])
         self.out[self.going] = tangent(b[self.going], self.at[self.going])[0]
         self.switches: list[tuple[int, int, float, int]] = []
-        self.kept: list[tuple[Index, Point, Point, Array, Array]] = []
+        self.kept: list[tuple[Which, Point, Point, Array, Array]] = []
 
     def step(self) -> None:
         """One stride of every path that is not at its end."""
@@ -129,7 +129,7 @@ class Walk:
             self.switch(k[over], here[over], there[over], out[over])
         self.going[k[self.sense * (self.to - self.at.alpha[k]) <= 0]] = False
 
-    def shorten(self, k: Index) -> None:
+    def shorten(self, k: Which) -> None:
         """Halve the strides of some paths; end those that have come to a fold."""
         self.stride[k] /= 2
         for i in k[self.stride[k] < NARROW]:
@@ -140,13 +140,13 @@ class Walk:
         self.going[i] = False
         self.why[i] = f"at {np.degrees(self.at.alpha[i]):.4f} deg {why}"
 
-    def keep(self, k: Index, here: Point, there: Point, out: Array, into: Array) -> None:
+    def keep(self, k: Which, here: Point, there: Point, out: Array, into: Array) -> None:
         """Keep strides that were good and stand at their ends."""
         self.kept.append((k, here, there, out, into))
         self.at.put(k, there)
         self.out[k] = into
 
-    def switch(self, k: Index, here: Point, there: Point, out: Array) -> None:
+    def switch(self, k: Which, here: Point, there: Point, out: Array) -> None:
         """Go to the first stop that is left or met within a stride, and switch it there."""
         b = self.b[k]
         event, joint = meet(b, here, there)
@@ -163,7 +163,7 @@ class Walk:
             if self.switched[i] > SWITCHES:
                 self.end(i, "a joint rattles on its stop")
 
-    def trail(self) -> Trail:
+    def trail(self) -> BalancerPaths:
         """All that was kept, in order."""
         none = np.zeros(0, int)
         kept = [(none, self.at[none], self.at[none], self.out[none], self.out[none]), *self.kept]
@@ -173,11 +173,11 @@ class Walk:
         order = order[(first.alpha != last.alpha)[order]]
         pieces = Pieces(which[order], first[order], last[order], np.concatenate(out)[order],
                         np.concatenate(into)[order])
-        return Trail(pieces, sorted(self.switches, key=lambda s: (s[0], self.sense * s[2])),
+        return BalancerPaths(pieces, sorted(self.switches, key=lambda s: (s[0], self.sense * s[2])),
                      self.at.alpha, list(self.why))
 
 
-def meet(b: Balancer, here: Point, there: Point) -> tuple[Point, Index]:
+def meet(b: Balancer, here: Point, there: Point) -> tuple[Point, Which]:
     """The first switching of a stop between two equilibria, and its place among the stops.
 
     Newton's method on the margin as a function of alpha, begun at the chord's zero.
@@ -233,7 +233,7 @@ class Path:
     side: Array
 
 
-def along(b: Balancer, trail: Trail, alpha: Array) -> Path:
+def along(b: Balancer, trail: BalancerPaths, alpha: Array) -> Path:
     """The path at pendulum angles of the side that the trail was followed to.
 
     A cubic through both ends of a stride, and Newton's method from there.
@@ -262,7 +262,7 @@ def along(b: Balancer, trail: Trail, alpha: Array) -> Path:
                 spread(found.unknowns[:, n:n + 2]), spread(side))
 
 
-def guess(trail: Trail, design: NDArray[np.int_], angle: Array) -> Point:
+def guess(trail: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:
     """Cubic Hermite interpolation (K,) of the strides that hold the angles; rest at angle 0."""
     pieces = trail.pieces
     sense = np.sign(pieces.end.alpha.sum()) or 1.0

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from proofmass.analytic.linkages.slider_crank import _slack
 from proofmass.analytic.numerics import Array, finite, not_negative, one_of, positive, unwrapped
 
-Plane = NDArray[np.complex128]
+ComplexPoints = NDArray[np.complex128]
 MODES = (1, -1)
 
 
@@ -147,13 +147,13 @@ def _inputs(*given: ArrayLike) -> tuple[Array, ...]:
     return np.broadcast_arrays(*(a.reshape(a.shape + (1,) * (axes - a.ndim)) for a in arrays))
 
 
-def _arm(length: float, angle: Array, rate: Array, acceleration: Array) -> tuple[Plane, ...]:
+def _arm(length: float, angle: Array, rate: Array, acceleration: Array) -> tuple[ComplexPoints, ...]:
     """Complex vector of a turning arm, its velocity and its acceleration."""
     arm = length * np.exp(1j * angle)
     return arm, 1j * rate * arm, (1j * acceleration - rate**2) * arm
 
 
-def _direction(apart: Plane, slack: float, a1: Array, a2: Array) -> Plane:
+def _direction(apart: ComplexPoints, slack: float, a1: Array, a2: Array) -> ComplexPoints:
     """Unit vector along D, or ValueError where D vanishes."""
     distance = np.abs(apart)
     if not distance.min(initial=np.inf) > slack:

@@ -19,7 +19,7 @@ from proofmass.analytic.planar.dynamics import free_motion, holding
 from proofmass.analytic.planar.kinematics import Drives, condition, move, rates
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
-    Failure,
+    CannotMove,
     Mechanism,
     Mirrored,
     Overconstrained,
@@ -29,7 +29,7 @@ from proofmass.analytic.planar.mechanism import (
 )
 from proofmass.analytic.planar.quantities import quantities
 
-__all__ = ["Branch", "CannotAssemble", "Failure", "Mechanism", "Mirrored", "Overconstrained",
+__all__ = ["Branch", "CannotAssemble", "CannotMove", "Mechanism", "Mirrored", "Overconstrained",
            "SingularHere", "read", "solve"]
 
 PART, OFF = 0.1, 0.382

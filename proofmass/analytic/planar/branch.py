@@ -32,7 +32,7 @@ from proofmass.analytic.planar.kinematics import (
 )
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
-    Failure,
+    CannotMove,
     Mechanism,
     Mirrored,
     SingularHere,
@@ -96,7 +96,7 @@ class Branch:
             raise SingularHere(f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
                                f"chooses no branch: start elsewhere")
 
-    def follow(self, inputs: Array) -> tuple[Array, Failure | None]:
+    def follow(self, inputs: Array) -> tuple[Array, CannotMove | None]:
         """Follow the branch over inputs (n, drives).
 
         Returns
@@ -109,7 +109,7 @@ class Branch:
         knots, failure = self.walk(inputs)
         return self.close(inputs[:len(knots)], knots), failure
 
-    def walk(self, inputs: Array) -> tuple[list[Knot], Failure | None]:
+    def walk(self, inputs: Array) -> tuple[list[Knot], CannotMove | None]:
         """A knot that reaches it for each of the inputs (n, drives) that the branch goes to."""
         knots, failure, leap_at, room = list[Knot](), None, CREEP, 16
         while (done := len(knots)) < len(inputs):
@@ -120,7 +120,7 @@ class Branch:
             knots += [self.knot] * count
             try:
                 leap_at = self.advance(window[count - 1] if count else inputs[done], leap_at)
-            except Failure as error:
+            except CannotMove as error:
                 failure = error
                 break
         return knots, failure
@@ -128,7 +128,7 @@ class Branch:
     def reach(self, end: float) -> list[Knot]:
         """The knots on the way to a value of the only drive, as far as the branch goes."""
         knots, leap_at, target = [self.knot], CREEP, np.array([end])
-        with suppress(Failure):
+        with suppress(CannotMove):
             while self.knot.q[self.d.driven] != target:
                 leap_at = self.advance(target, leap_at)
                 if self.knot is not knots[-1]:

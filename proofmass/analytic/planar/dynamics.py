@@ -20,8 +20,8 @@ import numpy as np
 from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.kinematics import (
     CLOSED,
+    BodyMotion,
     Drives,
-    Motion,
     bias,
     fitting,
     freedoms,
@@ -37,7 +37,7 @@ from proofmass.analytic.planar.mechanism import CannotAssemble, Mechanism, Singu
 Carried = list[tuple[int, Complex, Array]]
 
 
-def carriers(m: Mechanism, motion: Motion) -> Carried:
+def carriers(m: Mechanism, motion: BodyMotion) -> Carried:
     """Bodies with inertia: number, Jacobian of the centre (n, joints), of the turn (joints,)."""
     turning = m.moved_by * m.hinges * m.signs
     return [(b, jacobian(m, motion, b, motion.point(b, body.centre)), turning[b])
@@ -65,7 +65,7 @@ def mass(m: Mechanism, carried: Carried) -> Array:
     return np.asarray(total)
 
 
-def inertial(m: Mechanism, carried: Carried, motion: Motion, a: Array) -> Array:
+def inertial(m: Mechanism, carried: Carried, motion: BodyMotion, a: Array) -> Array:
     """What accelerates the bodies of a motion, as forces on the joints (n, joints)."""
     force = np.array([j.armature for j in m.joints]) * a
     for b, centre, turn in carried:
@@ -90,7 +90,7 @@ def holding(m: Mechanism, q: Array, d: Drives) -> Array:
                       - np.einsum("nfd,nf->nd", tangent, force[:, d.following]))
 
 
-def potential(m: Mechanism, motion: Motion, q: Array) -> Array:
+def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Energy of gravity and joint springs [J] (n,)."""
     energy = sum(0.5 * j.stiffness * (q[:, k] - j.rest) ** 2 for k, j in enumerate(m.joints))
     for b, body in enumerate(m.bodies):
@@ -98,7 +98,7 @@ def potential(m: Mechanism, motion: Motion, q: Array) -> Array:
     return np.asarray(energy)
 
 
-def kinetic(m: Mechanism, motion: Motion, v: Array) -> Array:
+def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
     """Energy of motion [J] (n,)."""
     energy = sum(0.5 * j.armature * v[:, k] ** 2 for k, j in enumerate(m.joints))
     for b, body in enumerate(m.bodies):
@@ -115,7 +115,7 @@ TILT = 1.5
 """Stretch of the map from z to q at which a new tangent plane is taken; 1 where it touches."""
 
 
-class Chart:
+class TangentChart:
     """The tangent plane of the loops at a closed pose q (joints,), in own units.
 
     `stretch` tells how much the map from z to q stretched in the last pose asked for.
@@ -128,7 +128,7 @@ class Chart:
         self.stretch = 1.0
         self.z = np.zeros(len(self.normal))
 
-    def close(self, z: Array) -> tuple[Array, Motion]:
+    def close(self, z: Array) -> tuple[Array, BodyMotion]:
         """The closed pose of coordinates z, by Newton from the last one."""
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
         while True:
@@ -145,7 +145,7 @@ class Chart:
         self.at, self.z = q, z
         return q, motion
 
-    def matrix(self, q: Array, motion: Motion) -> Array:
+    def matrix(self, q: Array, motion: BodyMotion) -> Array:
         """Jacobian of loops and coordinates together (joints, joints)."""
         loops = loop_jacobian(self.m, motion, q[None])[0]
         return np.vstack([loops * self.m.scale / self.m.size, self.normal])
@@ -190,7 +190,7 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
     q = nearest(m, m.start)
     if not freedoms(m, q):
         raise SingularHere("the mechanism has no freedom")
-    chart, v = Chart(m, q), fitting(m, q, m.start_rate)
+    chart, v = TangentChart(m, q), fitting(m, q, m.start_rate)
     found = [chart.motion(chart.state(v))[:3]]
     solver = DOP853(chart.slope, times[0], chart.state(v), times[-1], rtol=ACCURACY, atol=ACCURACY)
     while len(found) < len(times):
@@ -202,7 +202,7 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
             found.append(chart.motion(inside(times[len(found)]))[:3])
         q, v, _, _ = chart.motion(solver.y)
         if chart.stretch > TILT and solver.status == "running":
-            chart = Chart(m, q)
+            chart = TangentChart(m, q)
             solver = DOP853(chart.slope, solver.t, chart.state(v), times[-1], rtol=ACCURACY,
                             atol=ACCURACY, first_step=min(solver.h_abs, times[-1] - solver.t))
     q, v, a = (np.array(part) for part in zip(*found, strict=True))

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.numerics import Array, Complex, Index
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
     Mechanism,
@@ -24,7 +23,7 @@ from proofmass.analytic.planar.mechanism import (
 
 
 @dataclass(frozen=True)
-class Motion:
+class BodyMotion:
     """Displacements of all bodies in n poses, with their first two time derivatives.
 
     Attributes
@@ -47,7 +46,7 @@ class Motion:
         return np.asarray(self.w[order][body] * z + self.t[order][body])
 
 
-def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None) -> Motion:
+def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None) -> BodyMotion:
     """Move a mechanism.
 
     Parameters
@@ -74,7 +73,7 @@ def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None)
         for j in body.joints:
             moved = [x[j] for x in joint]
             (_hinge if m.joints[j].hinge else _slide)(m, j, b, moved, w, t, turn, place)
-    return Motion((w[0], w[1], w[2]), (t[0], t[1], t[2]), (turn[0], turn[1], turn[2]), place)
+    return BodyMotion((w[0], w[1], w[2]), (t[0], t[1], t[2]), (turn[0], turn[1], turn[2]), place)
 
 
 def _hinge(m: Mechanism, j: int, b: int, moved: list[Array], w: list[Complex],
@@ -104,20 +103,20 @@ def _slide(m: Mechanism, j: int, b: int, moved: list[Array], w: list[Complex],
         t[2][b] += along[2] * moved[0] + 2 * along[1] * moved[1] + along[0] * moved[2]
 
 
-def jacobian(m: Mechanism, motion: Motion, body: int, point: Complex) -> Complex:
+def jacobian(m: Mechanism, motion: BodyMotion, body: int, point: Complex) -> Complex:
     """Derivatives of a point (n,) of a body, seen where it is, by the joints (n, joints)."""
     hinged = 1j * m.signs[:, None] * (point - motion.place)
     columns = np.where(m.hinges[:, None], hinged, motion.place)
     return np.asarray((m.moved_by[body][:, None] * columns).T)
 
 
-def residual(m: Mechanism, motion: Motion, q: Array) -> Array:
+def residual(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """How far the loops are open (n, rows): x and y of each pin [m], then the couplings."""
     return _stack(m, [_apart(m, motion, k, 0) for k in range(len(m.pins))],
                   [_coupling(m, q, k) for k in range(len(m.couplings))], len(q))
 
 
-def loop_jacobian(m: Mechanism, motion: Motion, q: Array) -> Array:
+def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Derivatives of the residual by the joints (n, rows, joints)."""
     pins = [jacobian(m, motion, p.one, motion.point(p.one, p.on_one))
             - jacobian(m, motion, p.two, motion.point(p.two, p.on_two)) for p in m.pins]
@@ -132,7 +131,7 @@ def loop_jacobian(m: Mechanism, motion: Motion, q: Array) -> Array:
     return _stack(m, pins, couplings, *q.shape)
 
 
-def bias(m: Mechanism, motion: Motion, q: Array, v: Array) -> Array:
+def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
     """Second time derivative of the residual when the joints do not accelerate (n, rows)."""
     couplings = []
     for c in m.couplings:
@@ -171,7 +170,7 @@ def lipschitz(m: Mechanism, q: Array) -> float:
     return total
 
 
-def _apart(m: Mechanism, motion: Motion, k: int, order: int) -> Complex:
+def _apart(m: Mechanism, motion: BodyMotion, k: int, order: int) -> Complex:
     p = m.pins[k]
     return motion.point(p.one, p.on_one, order) - motion.point(p.two, p.on_two, order)
 
@@ -194,7 +193,6 @@ def _stack(m: Mechanism, pins: list[Complex], couplings: list[Array], n: int,
     return rows
 
 
-Index = NDArray[np.intp]
 RANK = 1e-9
 """Singular values below this share of the largest count as zero."""
 CLOSED = 1e-12

@@ -18,28 +18,28 @@ from numpy.typing import NDArray
 from proofmass.analytic.numerics import Array, NotCovered
 
 
-class Failure(ValueError):
+class CannotMove(ValueError):
     """The mechanism cannot do what is asked; the subclass says in which way."""
 
 
-class CannotAssemble(Failure):
+class CannotAssemble(CannotMove):
     """No pose closes the loops, or none was found from this start."""
 
 
-class SingularHere(Failure):
+class SingularHere(CannotMove):
     """The loops' Jacobian loses rank: a limit position, a change point, or a free joint."""
 
 
-class Mirrored(Failure):
+class Mirrored(CannotMove):
     """A pose that closes the loops, but in another assembly mode than was asked for."""
 
 
-class Overconstrained(Failure):
+class Overconstrained(CannotMove):
     """The loops hold a direction that is held already."""
 
 
 @dataclass(frozen=True)
-class Joint:
+class PlanarJoint:
     """A hinge about `place`, or a slide along the unit vector `place`, in the reference pose.
 
     `sign` is +1 when the hinge's axis is the plane's normal, -1 when it is against it.  `load` is a
@@ -105,7 +105,7 @@ class Mechanism:
     """
 
     bodies: tuple[Body, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[PlanarJoint, ...]
     pins: tuple[Pin, ...]
     couplings: tuple[Coupling, ...]
     gravity: complex
@@ -231,13 +231,13 @@ class Reader:
         """A point of a body, in the reference pose."""
         return self.flat(self.at[body] + self.turn[body] @ local)
 
-    def joint(self, j: int, ctrl: Array) -> Joint:
+    def joint(self, j: int, ctrl: Array) -> PlanarJoint:
         """Joint number j, with the constant loads that motors give it."""
         model, dof, adr = self.model, self.model.jnt_dofadr[j], self.model.jnt_qposadr[j]
         hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         place = (self.point(model.jnt_bodyid[j], model.jnt_pos[j]) if hinge
                  else self.flat(self.axes[j]))
-        return Joint(
+        return PlanarJoint(
             model.joint(j).name, bool(hinge), place,
             float(np.sign(self.axes[j] @ self.normal)) if hinge else 1.0,
             float(model.qpos0[adr]), self.unless(OFF.mjDSBL_SPRING, model.jnt_stiffness[j]),

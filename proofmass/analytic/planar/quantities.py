@@ -5,7 +5,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.dynamics import kinetic, potential
-from proofmass.analytic.planar.kinematics import Motion
+from proofmass.analytic.planar.kinematics import BodyMotion
 from proofmass.analytic.planar.mechanism import Mechanism, Reader, rotation
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -14,7 +14,7 @@ TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
 FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
 
 
-def quantities(reader: Reader, m: Mechanism, motion: Motion, joint: tuple[Array, Array, Array],
+def quantities(reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array],
                moments: dict[str, Array]) -> dict[str, Array]:
     """Curves (n,) by channel name: ``sensor``, ``sensor.x``, ``.y``, ``.z``, ``sensor.angle``.
 
@@ -49,7 +49,7 @@ def quantities(reader: Reader, m: Mechanism, motion: Motion, joint: tuple[Array,
     return found
 
 
-def frame(reader: Reader, motion: Motion, s: int) -> dict[str, Array]:
+def frame(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:
     """The parts of a sensor that reads a frame; none if it reads it in a moving one."""
     kind = S(reader.model.sensor_type[s])
     if reader.model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:

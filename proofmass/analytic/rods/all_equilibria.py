@@ -58,16 +58,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ellipe, ellipkm1
 
-from proofmass.analytic.numerics import TURN, Array, Complex
+from proofmass.analytic.numerics import TURN, Array, Complex, Index
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.elastica import Rods, relative, rods
-from proofmass.analytic.rods.equilibrium import State, clamps, state
+from proofmass.analytic.rods.elastica import ElasticaRods, relative, rods
+from proofmass.analytic.rods.equilibrium import RodState, clamps, state
 
 POSE_BOUND_MOST = 200.0  # alpha at which a bound is given up
 POSE_BOUND_SAMPLES = 20001
 
 
-def largest(s: State, modes: Sequence[int]) -> float:
+def largest(s: RodState, modes: Sequence[int]) -> float:
     """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where this gives none."""
     a, clamp = s.assembly, clamps(s)[1]
     away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
@@ -128,7 +128,7 @@ class Boxes:
                      self.turn / 2.0, np.tile(self.motion, (x.size, 1)))
 
 
-def bound(s: State, modes: Sequence[int]) -> float:
+def bound(s: RodState, modes: Sequence[int]) -> float:
     """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where none is found.
 
     >>> from proofmass.analytic.rods.assembly import assembly
@@ -158,7 +158,7 @@ def bound(s: State, modes: Sequence[int]) -> float:
     return float(np.inf)
 
 
-def tight(s: State, modes: Sequence[int], least: float, edge: float) -> Boxes:
+def tight(s: RodState, modes: Sequence[int], least: float, edge: float) -> Boxes:
     """All poses, in boxes with that edge [L] or less, where some alpha may exceed `least`."""
     boxes = first(s)
     while True:
@@ -170,7 +170,7 @@ def tight(s: State, modes: Sequence[int], least: float, edge: float) -> Boxes:
         boxes = boxes.halved(s.assembly.freedoms == 2)
 
 
-def first(s: State) -> Boxes:
+def first(s: RodState) -> Boxes:
     """Boxes that hold all poses which pins can be brought to."""
     a, clamp = s.assembly, clamps(s)[1]
     reach, edge = a.length + np.abs(a.arm), FIRST_EDGE * a.length.min()
@@ -182,7 +182,7 @@ def first(s: State) -> Boxes:
                  np.pi / count if a.freedoms == 3 else 0.0, np.zeros((phi.size, 3)))
 
 
-def moved(s: State, boxes: Boxes) -> Boxes:
+def moved(s: RodState, boxes: Boxes) -> Boxes:
     """The same with motions that make the least s_i of their centres as large as possible."""
     parts = (slice(i, i + BOXES_AT_ONCE) for i in range(0, boxes.phi.size, BOXES_AT_ONCE))
     motion = [best(s, boxes.where[i], boxes.phi[i], boxes.motion[i]) for i in parts]
@@ -190,7 +190,7 @@ def moved(s: State, boxes: Boxes) -> Boxes:
                  np.concatenate([np.empty((0, 3)), *motion]))
 
 
-def best(s: State, where: Complex, phi: Array, start: Array) -> Array:
+def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
     """Motions (n, 3) whose largest |d_i - t_i|/L_i is about the least: any is a proof.
 
     Newton's method for the logarithm of the sum of exp(sharp |d_i - t_i|/L_i), which is convex.
@@ -228,7 +228,7 @@ def best(s: State, where: Complex, phi: Array, start: Array) -> Array:
     return out
 
 
-def limits(s: State, boxes: Boxes, modes: Sequence[int],
+def limits(s: RodState, boxes: Boxes, modes: Sequence[int],
            whole: bool = True) -> tuple[Array, NDArray[np.bool_]]:
     """alpha (n,) that no rod exceeds in a box, or at its centre; and whether all pins get there."""
     a = s.assembly
@@ -271,7 +271,7 @@ def largest_root(slack: Array, room: Array, mode: int) -> Array:
     return np.asarray(root)
 
 
-def proven(s: State, modes: Sequence[int]) -> float:
+def proven(s: RodState, modes: Sequence[int]) -> float:
     """The bound that costs nothing, or else that of the boxes."""
     quick = largest(s, modes)
     return quick if np.isfinite(quick) else bound(s, modes)
@@ -287,7 +287,7 @@ LEAST_SHARE = 1e-3  # of the largest load
 ENDS = 1e-12  # 1 - |tanh(y)| of a rod that lies along its load
 
 
-def drawn(s: State, modes: Sequence[int], least: float, most: float) -> tuple[Array, Array]:
+def drawn(s: RodState, modes: Sequence[int], least: float, most: float) -> tuple[Array, Array]:
     """Charts (k, 2, n) and poses (3, n) with some alpha within about [least, most]."""
     a, (theta, clamp, _) = s.assembly, clamps(s)
     boxes, random = tight(s, modes, least, TIGHT_EDGE), np.random.default_rng(SEED)
@@ -327,7 +327,6 @@ def charts(alpha: Array, delta: Array, modes: NDArray[np.int_],
     return np.stack([alpha, np.where(light, any_other, q)], axis=1)
 
 
-Index = NDArray[np.intp]
 
 STRAIGHT = 8.0  # K - alpha: a rod stretched along its clamp's tangent but for 4 exp(-8)
 ARC_POINTS = 500  # points that a row's arc length is measured with
@@ -471,7 +470,7 @@ class Ways:
                     self.chart[:, which])
 
 
-def starts(s: State, modes: Sequence[int], largest: float,
+def starts(s: RodState, modes: Sequence[int], largest: float,
            poses: int) -> Iterator[tuple[Array, Array]]:
     """Batches of starts: charts (k, 2, n) and poses (3, n)."""
     a, (angle, clamp, _) = s.assembly, clamps(s)
@@ -494,7 +493,7 @@ def starts(s: State, modes: Sequence[int], largest: float,
                np.stack([where.real, where.imag, phi])[:, at[near]])
 
 
-def lattice(s: State, poses: int) -> tuple[Complex, Array]:
+def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
     """Places P and angles phi (n,) that every pin can be brought to, as many as asked or more."""
     a, clamp = s.assembly, clamps(s)[1]
     cell = 0.1 * a.length.min()
@@ -510,7 +509,7 @@ def lattice(s: State, poses: int) -> tuple[Complex, Array]:
         cell /= 1.2
 
 
-def around(s: State, cell: float) -> tuple[Complex, Array]:
+def around(s: RodState, cell: float) -> tuple[Complex, Array]:
     """Poses `cell` [m] apart, in a box around all that the pins can be brought to."""
     a, clamp = s.assembly, clamps(s)[1]
     reach = RIM * a.length + np.abs(a.arm)
@@ -536,7 +535,7 @@ def reaching(sheet: Mesh, off: Complex, angle: float, length: float,
         np.einsum("ns,nsc->cn", share, sheet.chart[triangle]))
 
 
-def balanced(s: State, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bool_]:
+def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bool_]:
     """Whether the step to equilibrium is short (n,), by Cramer's rule."""
     force, along, across = (sum(getattr(ways, name) for ways in chosen)
                             for name in ("force", "along", "across"))
@@ -570,7 +569,7 @@ FURTHEST_ITERATE = 340.0  # alpha and q: k' = sech(q) is 1e-147
 SINGULAR = 1e-200  # determinant of a matrix that is not solved with
 
 
-def turned(s: State, found: Rods) -> tuple[Complex, Complex, Complex, Complex]:
+def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex, Complex]:
     """Tips from their clamps (k, n), loads on them, and derivatives (k, 2, n) of both by charts."""
     a = s.assembly
     turn = np.exp(1j * clamps(s)[0])[:, None]
@@ -580,7 +579,7 @@ def turned(s: State, found: Rods) -> tuple[Complex, Complex, Complex, Complex]:
             np.moveaxis(unit * found.force_slope, 0, 1))
 
 
-def system(s: State, chart: Array, pose: Array) -> tuple[Array, Array]:
+def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Residual (n, N) and Newton's matrix (n, N, N), N = 2 k + p: closures, then balance."""
     a, k, p = s.assembly, s.assembly.rods, s.assembly.freedoms
     tip, force, tips, forces = turned(s, rods(chart[:, 0], chart[:, 1]))
@@ -605,7 +604,7 @@ def wrench(force: Complex, arm: Complex) -> Array:
                      (arm.conj() * force).imag.sum(axis=0)])
 
 
-def solve(s: State, chart: Array, pose: Array) -> tuple[Array, Array]:
+def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Charts (k, 2, m) and poses (3, m) of the starts that arrive."""
     k, p = s.assembly.rods, s.assembly.freedoms
     x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
@@ -622,7 +621,7 @@ def solve(s: State, chart: Array, pose: Array) -> tuple[Array, Array]:
     return split(x[:, done], k)
 
 
-def lengths(s: State, x: Array, step: Array) -> Array:
+def lengths(s: RodState, x: Array, step: Array) -> Array:
     """Steps (2 k + p, n) over the longest that are taken.
 
     Where alpha is large it may change by a share of itself, with q so that loops stay in place:
@@ -659,7 +658,7 @@ def solved(right: Array, matrix: Array) -> Array:
     return out
 
 
-def negative(s: State, chart: Array, pose: Array) -> NDArray[np.int_]:
+def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     r"""Number of negative eigenvalues (n,) of the potential's second variation.
 
     By Sturm, a rod under its dead load alone has as many as Jacobi's field has zeros: one between
@@ -724,7 +723,7 @@ class Solutions:
         where there is no proof.
     """
 
-    state: State
+    state: RodState
     modes: NDArray[np.int_]
     psi: Array
     k_rel: Array
@@ -800,7 +799,7 @@ def solutions(
     random (`tight`), which finds 57 more and one more; ten times as many starts from another
     seed find the same.
 
-    `State.energy`, `State.shape` and `closure` integrate from the clamp, and an error grows by up
+    `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, and an error grows by up
     to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential
     and stability are of the closed form, and have their digits.
 
@@ -836,7 +835,7 @@ def solutions(
     return described(given, chart[..., kept], pose[:, kept], cap, bound)
 
 
-def checked(s: State, modes: int | Sequence[int], most_load: float | None,
+def checked(s: RodState, modes: int | Sequence[int], most_load: float | None,
             poses: int) -> list[int]:
     """The largest mode of each rod; ValueError for what cannot be searched."""
     upto = np.broadcast_to(modes, s.assembly.rods) if np.size(modes) in (
@@ -856,7 +855,7 @@ def checked(s: State, modes: int | Sequence[int], most_load: float | None,
     return [int(mode) for mode in upto]
 
 
-def distinct(s: State, chart: Array, pose: Array, which: NDArray[np.intp]) -> NDArray[np.intp]:
+def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) -> NDArray[np.intp]:
     """One of each group of arrivals that are the same in tips, loads and clamp moments."""
     found = rods(*np.moveaxis(chart[..., which], 1, 0))
     size = 1.0 + np.abs(found.force)
@@ -870,7 +869,7 @@ def distinct(s: State, chart: Array, pose: Array, which: NDArray[np.intp]) -> ND
     return which[apart]
 
 
-def described(s: State, chart: Array, pose: Array, up_to: float, bound: float) -> Solutions:
+def described(s: RodState, chart: Array, pose: Array, up_to: float, bound: float) -> Solutions:
     """Equilibria in the document's terms."""
     a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
     force = turned(s, found)[1].T

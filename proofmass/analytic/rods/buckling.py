@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import brentq
 
-from proofmass.analytic.chart import Chart, Line, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.column import critical, whole
 from proofmass.analytic.rods.elastica import rods, stiff, tip
@@ -141,21 +141,21 @@ def pinned_waves() -> list[float]:
                          (j + 0.5) * np.pi, xtol=1e-15)) for j in (1, 2, 3)]
 
 
-def straight(loads: list[float], most: float = MOST) -> Iterator[Line]:
+def straight(loads: list[float], most: float = MOST) -> Iterator[ChartLine]:
     """The straight column, which gets a direction to fall in at each of its critical loads."""
     load = np.linspace(0.0, most, STRAIGHT) * critical()
     return parted(0.0 * load, load, (load[:, None] > loads).sum(axis=1), "straight", most)
 
 
 def both_sides(deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
-               ) -> Iterator[Line]:
+               ) -> Iterator[ChartLine]:
     """A mode and its mirror image."""
     for side in (1, -1):
         yield from parted(side * deflection, load, negative, label, most)
 
 
 def parted(deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
-           ) -> Iterator[Line]:
+           ) -> Iterator[ChartLine]:
     """The stable parts of a branch and the others, up to the largest load that is drawn."""
     ratio, falls = load / critical(), negative > 0
     reach = falls.copy()  # to the stable part's end
@@ -165,9 +165,9 @@ def parted(deflection: Array, load: Array, negative: Array, label: str, most: fl
         shown = part & (ratio <= most)
         if shown.any():
             x, y = np.where(shown, [deflection, ratio], np.nan)
-            yield Line(x, y, label, stable=stable)
+            yield ChartLine(x, y, label, stable=stable)
 
 
-def scaled(line: Line, length: float) -> Line:
+def scaled(line: ChartLine, length: float) -> ChartLine:
     """The line of a unit column for one of that length [m]."""
-    return Line(length * line.x, line.y, line.label, stable=line.stable)
+    return ChartLine(length * line.x, line.y, line.label, stable=line.stable)

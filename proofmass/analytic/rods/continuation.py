@@ -14,7 +14,7 @@ from proofmass.analytic.rods.equilibrium import (
     ROUNDING,
     SURE,
     Columns,
-    State,
+    RodState,
     closure,
     columns,
     newton,
@@ -32,13 +32,13 @@ TURN = 0.95  # cosine of the angle that a tangent may turn by in a stride: 18 de
 STRAY = 0.25  # share of a stride that the correction may take
 
 
-class Walk:
+class PathStep:
     """One step after the other along a line in the parameters; `part` is how much of it is behind.
 
     Coordinates are the free unknowns over their sizes and, last, the way along the line.
     """
 
-    def __init__(self, start: State, free: Columns, line: Array, stride: float,
+    def __init__(self, start: RodState, free: Columns, line: Array, stride: float,
                  sense: float = 1.0):
         self.a, self.free, self.start = start.assembly, free, start.vector
         self.rows, self.scale = sizes(self.a)
@@ -60,7 +60,7 @@ class Walk:
 
     def along(self, vector: Array, before: Array) -> tuple[Array, float]:
         """Unit tangent, to the side of another one, and the determinant of what is found."""
-        _, jacobian = closure(State(self.a, vector))
+        _, jacobian = closure(RodState(self.a, vector))
         matrix = np.vstack([jacobian @ self.basis / self.rows[:, None], before])
         right = np.zeros(before.size)
         right[-1] = 1.0
@@ -71,7 +71,7 @@ class Walk:
         """The path's point at a stride along the tangent from here; None where there is none."""
         vector, moved = self.here + self.basis @ self.tangent * stride, 0.0
         for _ in range(8):
-            f, jacobian = closure(State(self.a, vector))
+            f, jacobian = closure(RodState(self.a, vector))
             matrix = np.vstack([jacobian @ self.basis / self.rows[:, None], self.tangent])
             step = solve(matrix[None], np.append(-f / self.rows, 0.0)[None])[0]
             vector, size = vector + self.basis @ step, float(np.linalg.norm(step))
@@ -147,12 +147,12 @@ class Walk:
         """The point at an end of the line, between here and there."""
         guess = self.here + (goal - self.part) / (part - self.part) * (there - self.here)
         guess += self.basis[:, -1] * self.length * (goal - self.place(guess))
-        found, _ = newton(State(self.a, guess[None]), self.free)
+        found, _ = newton(RodState(self.a, guess[None]), self.free)
         return np.asarray(found.vector[0])
 
 
 @dataclass(frozen=True)
-class Trail:
+class WaypointPath:
     """A path through way points, as far as it could be followed.
 
     Attributes
@@ -170,15 +170,15 @@ class Trail:
         the path does not turn back.  Behind it a symmetric posture may be unstable.
     """
 
-    states: State
+    states: RodState
     reached: float
-    last: State
+    last: RodState
     why: str
     crossed: Array
 
 
 @dataclass(frozen=True)
-class Branch:
+class EquilibriumPath:
     """One-parameter family of equilibria, folds passed.
 
     Attributes
@@ -193,16 +193,16 @@ class Branch:
         Parameters of branch points that it passed.
     """
 
-    states: State
+    states: RodState
     parameter: Array
-    folds: State
+    folds: RodState
     at: Array
     why: str
     crossed: Array
 
 
-def follow(start: State, *, inputs: ArrayLike | None = None, pose: ArrayLike | None = None,
-           load: ArrayLike | None = None, stride: float = STRIDE) -> Trail:
+def follow(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike | None = None,
+           load: ArrayLike | None = None, stride: float = STRIDE) -> WaypointPath:
     r"""Follow an equilibrium along straight lines between way points; a fold ends it.
 
     Parameters
@@ -246,25 +246,25 @@ def follow(start: State, *, inputs: ArrayLike | None = None, pose: ArrayLike | N
     found, here = np.full((len(way), start.vector.size), np.nan), start.vector
     crossed: list[float] = []
     for j, goal in enumerate(way):
-        walk = Walk(State(start.assembly, here), free, goal - here, stride)
+        walk = PathStep(RodState(start.assembly, here), free, goal - here, stride)
         while walk.part < 1.0 and not walk.why and not walk.folds:
             walk.step(1.0)
         here = walk.here
         crossed += [j + part for part in walk.crossed]
         if walk.part < 1.0:
             why = walk.why or f"fold: {name} singularity"
-            last = State(start.assembly, walk.folds[-1][1] if walk.folds else here)
+            last = RodState(start.assembly, walk.folds[-1][1] if walk.folds else here)
             part = walk.folds[-1][0] if walk.folds else walk.part
-            return Trail(State(start.assembly, found), j + part, last, why,
+            return WaypointPath(RodState(start.assembly, found), j + part, last, why,
                          np.array(crossed))
         found[j] = here
-    return Trail(State(start.assembly, found), float(len(way)), State(start.assembly, here), "",
+    return WaypointPath(RodState(start.assembly, found), float(len(way)), RodState(start.assembly, here), "",
                  np.array(crossed))
 
 
-def trace(start: State, *, inputs: ArrayLike | None = None, pose: ArrayLike | None = None,
+def trace(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike | None = None,
           load: ArrayLike | None = None, to: tuple[float, float], most: int = 400,
-          stride: float = STRIDE) -> Branch:
+          stride: float = STRIDE) -> EquilibriumPath:
     r"""Trace the equilibria over one parameter, round its folds.
 
     Parameters
@@ -286,7 +286,7 @@ def trace(start: State, *, inputs: ArrayLike | None = None, pose: ArrayLike | No
     free, way = _given(start, *(None if rate is None else np.asarray(rate, float)[None] + base
                                 for rate, base in ((inputs, start.inputs), (pose, start.pose),
                                                    (load, start.load))))
-    walk = Walk(start, free, way[0] - start.vector, stride, 1.0 if to[1] > 0 else -1.0)
+    walk = PathStep(start, free, way[0] - start.vector, stride, 1.0 if to[1] > 0 else -1.0)
     points = [(0.0, start.vector)]
     while to[0] <= walk.part <= to[1] and not walk.why and len(points) < most:
         walk.step(to[1], to[0])
@@ -297,11 +297,11 @@ def trace(start: State, *, inputs: ArrayLike | None = None, pose: ArrayLike | No
         walk.why = walk.why or f"{most} points did not reach the end"
     a, (at, vectors) = start.assembly, zip(*points, strict=True)
     turns = np.array([vector for _, vector in walk.folds]).reshape(-1, start.vector.size)
-    return Branch(State(a, np.array(vectors)), np.array(at), State(a, turns),
+    return EquilibriumPath(RodState(a, np.array(vectors)), np.array(at), RodState(a, turns),
                   np.array([part for part, _ in walk.folds]), walk.why, np.array(walk.crossed))
 
 
-def _given(start: State, inputs: ArrayLike | None, pose: ArrayLike | None, load: ArrayLike | None
+def _given(start: RodState, inputs: ArrayLike | None, pose: ArrayLike | None, load: ArrayLike | None
            ) -> tuple[Columns, Array]:
     """Columns that are found, and vectors (t, columns) whose others are the way points."""
     if start.vector.ndim != 1:

@@ -444,7 +444,7 @@ def of_shape(
 
 
 @dataclass(frozen=True)
-class Rods:
+class ElasticaRods:
     """Rods of unit length and stiffness in the frame of their clamps, arrays of one shape.
 
     Attributes
@@ -474,7 +474,7 @@ class Rods:
     field: Array
 
 
-def rods(alpha: Array, q: Array) -> Rods:
+def rods(alpha: Array, q: Array) -> ElasticaRods:
     """Rods of unit length and stiffness at places of the chart, with their derivatives."""
     k, rest = np.tanh(q), 1.0 / np.cosh(q)
     sn, cn, dn, second = jacobi(alpha, rest)
@@ -489,7 +489,7 @@ def rods(alpha: Array, q: Array) -> Rods:
     back = delta.conj()
     tip, force = back * z / alpha, alpha**2 * back
     spin = np.stack([rise, turn])
-    return Rods(
+    return ElasticaRods(
         tip, force,
         np.stack([(1.0 - tip) / alpha, back * z_slope / alpha]) - 1j * spin * tip,
         np.stack([2.0 * force / alpha, 0.0 * force]) - 1j * spin * force,

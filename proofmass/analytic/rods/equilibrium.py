@@ -126,7 +126,7 @@ Columns = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
-class State:
+class RodState:
     """States (...) of one assembly of k rods whose platform has p freedoms.
 
     Attributes
@@ -139,15 +139,15 @@ class State:
     assembly: Assembly
     vector: Array
 
-    def __getitem__(self, which: int | Columns | NDArray[np.bool_]) -> "State":
+    def __getitem__(self, which: int | Columns | NDArray[np.bool_]) -> "RodState":
         """One of a batch, or some."""
-        return State(self.assembly, np.array(self.vector[which]))
+        return RodState(self.assembly, np.array(self.vector[which]))
 
     def part(self, name: str) -> Array:
         """Columns of `vector`: "rods", "pose", "inputs" or "load"."""
         return self.vector[..., columns(self.assembly, name)]
 
-    def replaced(self, **parts: ArrayLike) -> "State":
+    def replaced(self, **parts: ArrayLike) -> "RodState":
         """The same with other parts: pose, inputs or load."""
         vector = self.vector
         for name, value in parts.items():
@@ -156,7 +156,7 @@ class State:
             vector = np.broadcast_to(vector, (*np.broadcast_shapes(
                 given.shape[:-1], vector.shape[:-1]), vector.shape[-1])).copy()
             vector[..., where] = given
-        return State(self.assembly, vector)
+        return RodState(self.assembly, vector)
 
     @property
     def moment(self) -> Array:
@@ -217,7 +217,7 @@ def columns(a: Assembly, *names: str) -> Columns:
 
 
 def state(a: Assembly, *, inputs: ArrayLike = 0.0, pose: ArrayLike = 0.0, load: ArrayLike = 0.0,
-          moment: ArrayLike = 0.0, force: ArrayLike = 0.0) -> State:
+          moment: ArrayLike = 0.0, force: ArrayLike = 0.0) -> RodState:
     """A state, or a first guess of one, from its parts; all may be batches (...).
 
     Parameters
@@ -240,7 +240,7 @@ def state(a: Assembly, *, inputs: ArrayLike = 0.0, pose: ArrayLike = 0.0, load: 
                            np.broadcast_to(n, (*shape, k, 2))], axis=-1).reshape(*shape, 3 * k)
     rest = [np.broadcast_to(parts[name], (*shape, given[name][1])) for name in
             ("pose", "inputs", "load")]
-    return State(a, np.concatenate([rods, *rest], axis=-1))
+    return RodState(a, np.concatenate([rods, *rest], axis=-1))
 
 
 def _rows(name: str, value: ArrayLike, width: int) -> Array:
@@ -251,7 +251,7 @@ def _rows(name: str, value: ArrayLike, width: int) -> Array:
     return given
 
 
-def clamps(s: State) -> tuple[Array, Complex, Complex]:
+def clamps(s: RodState) -> tuple[Array, Complex, Complex]:
     """Tangents theta_i [rad] and places [m] of the clamps, forces on the tips [N], (..., k)."""
     a, q = s.assembly, s.inputs
     n = s.force @ np.array([1.0, 1.0j])
@@ -267,7 +267,7 @@ SMALLEST = 1e-2  # part of a step that is tried
 ROUNDING = 1e-10  # residual over its size below which a step need not lessen it
 
 
-def closure(s: State) -> tuple[Array, Array]:
+def closure(s: RodState) -> tuple[Array, Array]:
     """Residuals (..., 3 k + p) and their derivatives (..., 3 k + p, 4 k + 2 p) by the vector."""
     a, k = s.assembly, s.assembly.rods
     theta, clamp, n = clamps(s)
@@ -344,7 +344,7 @@ def sizes(a: Assembly) -> tuple[Array, Array]:
             np.concatenate([rods, pose, inputs, load]))
 
 
-def newton(s: State, free: Columns, within: ArrayLike = FAR) -> tuple[State, Array]:
+def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodState, Array]:
     """Close states (n, ...) by some columns of their vectors; and how far each went.
 
     Steps are halved while they do not lessen the residual.  States that do not close are NaN.
@@ -382,13 +382,13 @@ def newton(s: State, free: Columns, within: ArrayLike = FAR) -> tuple[State, Arr
         norm, part = np.where(good, now, norm), np.where(good, 1.0, part / 2.0)
         left, here, part, norm, step = (values[~met] for values in (left, here, part, norm, step))
     moved = np.linalg.norm((at - s.vector) / scale, axis=-1)
-    return State(a, at), np.where(np.isfinite(moved), moved, np.inf)
+    return RodState(a, at), np.where(np.isfinite(moved), moved, np.inf)
 
 
 def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array]:
     """Norms (n,) of the residuals over their sizes, and Newton's steps (n, columns)."""
     rows, scale = sizes(a)
-    f, jacobian = closure(State(a, vector))
+    f, jacobian = closure(RodState(a, vector))
     f, jacobian = f / rows, jacobian[..., free] * scale[free] / rows[:, None]
     step = np.zeros_like(vector)
     step[:, free] = solve(jacobian, -f) * scale[free]
@@ -412,7 +412,7 @@ def solve(matrix: Array, right: Array) -> Array:
         return np.concatenate([solve(m[None], r[None]) for m, r in pairs])
 
 
-def direct(guess: State) -> State:
+def direct(guess: RodState) -> RodState:
     r"""Equilibria at given inputs and load, each the one that its guess leads to.
 
     Parameters
@@ -452,21 +452,21 @@ def direct(guess: State) -> State:
     return settled(guess, "pose")
 
 
-def settled(guess: State, found: str) -> State:
+def settled(guess: RodState, found: str) -> RodState:
     """Forces, moments and "pose" or "inputs" of closed states; ValueError for the first failure."""
     flat = guess.vector.reshape(-1, guess.vector.shape[-1])
-    result, _ = newton(State(guess.assembly, flat), columns(guess.assembly, "rods", found))
+    result, _ = newton(RodState(guess.assembly, flat), columns(guess.assembly, "rods", found))
     lost = ~np.isfinite(result.vector).all(axis=-1)
     if lost.any():
-        first = State(guess.assembly, flat[np.argmax(lost)])
+        first = RodState(guess.assembly, flat[np.argmax(lost)])
         given = first.inputs if found == "pose" else first.pose
         raise ValueError(f"no equilibrium is found from the guess at "
                          f"{'inputs' if found == 'pose' else 'pose'} {given.tolist()}, load "
                          f"{first.load.tolist()}: begin nearer, or follow a path to it")
-    return State(guess.assembly, result.vector.reshape(guess.vector.shape))
+    return RodState(guess.assembly, result.vector.reshape(guess.vector.shape))
 
 
-def inverse(guess: State) -> State:
+def inverse(guess: RodState) -> RodState:
     r"""Inputs that hold the platform at given poses under given loads.
 
     Parameters
@@ -506,7 +506,7 @@ def inverse(guess: State) -> State:
     return settled(guess, "inputs")
 
 
-def square(s: State) -> None:
+def square(s: RodState) -> None:
     """ValueError unless there are as many inputs as freedoms."""
     a = s.assembly
     if a.rods != a.freedoms:
@@ -514,7 +514,7 @@ def square(s: State) -> None:
                          f"and {a.freedoms} freedoms")
 
 
-def within_reach(s: State) -> None:
+def within_reach(s: RodState) -> None:
     """ValueError for the first pose whose pin is further from a clamp or guide than a rod is long.
     """
     a, (x, y, *phi) = s.assembly, np.moveaxis(s.pose, -1, 0)
@@ -561,7 +561,7 @@ class Derivatives:
     inverse_determinant: Array
 
 
-def derivatives(s: State) -> Derivatives:
+def derivatives(s: RodState) -> Derivatives:
     r"""First derivatives about closed states, exact, by the implicit function theorem.
 
     With the rows f of `proofmass.analytic.rods.equilibrium` and R the columns of all rods::

@@ -9,11 +9,11 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.chart import MOST, Chart, Line, Panel
+from proofmass.analytic.chart import MOST, Chart, ChartLine, Panel
 from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
-from proofmass.analytic.rods.equilibrium import State, derivatives, direct, state
+from proofmass.analytic.rods.equilibrium import RodState, derivatives, direct, state
 from proofmass.analytic.rods.workspace import (
     field,
     joined,
@@ -35,7 +35,7 @@ def pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assemb
 
 
 def at_rest(a: Assembly, inputs: ArrayLike, load: ArrayLike, pin: ArrayLike, moment: ArrayLike,
-            push: ArrayLike) -> State:
+            push: ArrayLike) -> RodState:
     """The equilibrium that a first guess leads to.
 
     Parameters
@@ -127,22 +127,22 @@ def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
     pose, clamp = found.state.pose[which], found.state.assembly.clamp
     ways = min(int(found.negative[which[0]]), MANY)
     lines = [posture(found, int(i), rank) for rank, i in enumerate(which, 1)]
-    lines.append(Line(pose[:, 0], pose[:, 1], "pin", ways == 0, points=True))
-    lines.append(Line(clamp.real, clamp.imag, "clamps", points=True))
+    lines.append(ChartLine(pose[:, 0], pose[:, 1], "pin", ways == 0, points=True))
+    lines.append(ChartLine(clamp.real, clamp.imag, "clamps", points=True))
     if not ways:
         return Panel(tuple(lines), title="Stable")
     ends = dict.fromkeys(f"{V:.3g}" for V in found.potential[which[[0, -1]]])
     return Panel(tuple(lines), title=f"Falls in {directions(ways)}: {' to '.join(ends)} J")
 
 
-def posture(found: Solutions, i: int, rank: int) -> Line:
+def posture(found: Solutions, i: int, rank: int) -> ChartLine:
     """Both rods of one equilibrium, out to the pin and back."""
     x, y = (np.append(one[0], one[1, -2::-1]) for one in found.state[i].shape(
         np.linspace(0.0, 1.0, POINTS))[:2])
     if found.negative[i]:
-        return Line(x, y, f"unstable, no. {rank} in its panel", stable=False)
+        return ChartLine(x, y, f"unstable, no. {rank} in its panel", stable=False)
     modes = " and ".join(map(str, found.modes[i]))
-    return Line(x, y, f"stable at {found.potential[i]:.4g} J, modes {modes}")
+    return ChartLine(x, y, f"stable at {found.potential[i]:.4g} J, modes {modes}")
 
 
 def directions(ways: int) -> str:
@@ -274,7 +274,7 @@ def motor_angles(
                name="inputs")
     lines = (*line(m, rim(m)[0], "direct singularity"),
              *line(m, loci(m, "inverse"), "inverse singularity"),
-             Line(start.inputs[:1], start.inputs[1:], "here", points=True))
+             ChartLine(start.inputs[:1], start.inputs[1:], "here", points=True))
     slopes, (_, torn) = derivatives(m.states).direct, joined(m)
     panel = Panel(lines, field(m, torn, slopes, "det(dP/dq)", "m²/rad²"))
     return Chart(("theta1", "rad"), ("theta2", "rad"), (panel,),

@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import Array, finite
 from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.equilibrium import State, columns, derivatives, direct, newton
+from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, direct, newton
 from proofmass.analytic.rods.rod_pair import pair
 
-Numbers = tuple[float, ...]
+PairNumbers = tuple[float, ...]
 
 
 def solve(
@@ -91,7 +91,7 @@ def solve(
 
 
 @nearby
-def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers) -> State:
+def branch(path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: PairNumbers) -> RodState:
     """Equilibria (n,) along a path of the motors, NaN behind a fold.
 
     Newton's method goes on from there to problems of more digits, of which sensitivities want many.
@@ -103,18 +103,18 @@ def branch(path: tuple[tuple[float, ...], ...], problem: Numbers, guess: Numbers
 
 
 @nearby
-def followed(path: tuple[tuple[float, ...], ...], problem: Numbers, first: Numbers) -> State:
+def followed(path: tuple[tuple[float, ...], ...], problem: PairNumbers, first: PairNumbers) -> RodState:
     """The same from an equilibrium, to which many guesses lead."""
     return follow(begun(np.array(first), *problem), inputs=path).states
 
 
 def begun(vector: Array, distance: float, length: float, stiffness: float, force_x: float,
-          force_y: float) -> State:
+          force_y: float) -> RodState:
     """States of a pair of rods with these vectors, under its load."""
-    return State(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
+    return RodState(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
 
 
-def described(s: State, rate: Array) -> dict[str, Array]:
+def described(s: RodState, rate: Array) -> dict[str, Array]:
     """Quantities (n,) of equilibria whose motors turn at rates (2, n)."""
     slopes = derivatives(s)
     velocity = np.einsum("npk,kn->pn", slopes.direct, rate)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.equilibrium import flow
-from proofmass.analytic.rods.shooting import Rods, integrate
+from proofmass.analytic.rods.shooting import ShotRods, integrate
 
 System = Callable[[Array], tuple[Array, Array]]
 
@@ -22,7 +22,7 @@ class Shot:
     """Where Newton's method ended: (n_x, n_y, m0) [N, N m], the rod, and how it got there."""
 
     unknowns: Array
-    rod: Rods
+    rod: ShotRods
     iterations: int
     residual: float  # largest of the tip's misses [m] and its moment [N m]
     converged: bool

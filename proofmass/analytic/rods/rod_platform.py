@@ -10,7 +10,7 @@ from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
-from proofmass.analytic.rods.equilibrium import State, derivatives, direct
+from proofmass.analytic.rods.equilibrium import RodState, derivatives, direct
 
 MODES = tuple(range(1, 10))
 LARGEST = 20.0  # alpha = L sqrt(R/EI): States of more are not to be followed, e^alpha away
@@ -83,7 +83,7 @@ def solve(
     [0.006759, 0.011078, -1.394088, 0.075531]
     """
     arc = np.asarray(s, float)
-    found = standing(Problem(side, radius, length, stiffness, (theta1, theta2, theta3), None,
+    found = standing(PlatformProblem(side, radius, length, stiffness, (theta1, theta2, theta3), None,
                              (0.0, 0.0, 0.0), (force_x, force_y, moment), inflections),
                      mode, prolongation)
     known: dict[str, Array] = {}
@@ -95,7 +95,7 @@ def solve(
     return known | {name: np.full(arc.shape, value) for name, value in ends.items()}
 
 
-class Problem(NamedTuple):
+class PlatformProblem(NamedTuple):
     """Three rods alike on an equilateral platform, their clamps or guides round a circle.
 
     Without `guide` the inputs turn the clamps; angles [rad], load (F_x, F_y [N], M [N m]).
@@ -120,38 +120,38 @@ class Problem(NamedTuple):
                         guide=self.guide)
 
 
-def standing(problem: Problem, mode: int, prolongation: float = 0.0) -> State:
+def standing(problem: PlatformProblem, mode: int, prolongation: float = 0.0) -> RodState:
     """The equilibrium of that mode, with rigid ends if there are any."""
     there = stable(problem)
     if mode not in range(1, 1 + len(there.vector)):
         raise ValueError(f"mode {mode} is not there; there are: {spoken(there)}, with loads up to "
                          f"R = {LARGEST:g}² EI/L²")
-    near = State(problem.assembly, there[int(mode) - 1].vector)
+    near = RodState(problem.assembly, there[int(mode) - 1].vector)
     return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
 
 
 @nearby
-def stable(problem: Problem) -> State:
+def stable(problem: PlatformProblem) -> RodState:
     """All stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
     found = solutions(problem.assembly, inputs=problem.inputs, load=problem.load,
                       modes=problem.inflections, most_load=LARGEST)
     return found.state[found.negative == 0]
 
 
-def spoken(found: State) -> str:
+def spoken(found: RodState) -> str:
     """Modes by their poses."""
     poses = (f"{k} at ({x:.3g}, {y:.3g}) m, {np.degrees(phi):.4g} degrees"
              for k, (x, y, phi) in enumerate(found.pose, 1))
     return "; ".join(poses) or "none"
 
 
-def with_ends(found: State, prolongation: float) -> State:
+def with_ends(found: RodState, prolongation: float) -> RodState:
     """The same equilibrium with rigid ends that grow from nothing."""
     steps = int(np.ceil(prolongation / (STRIDE * found.assembly.length[0])))
     sign = np.sign(derivatives(found).direct_determinant)
     for rigid in np.linspace(0.0, prolongation, steps + 1)[1:]:
         robot = replace(found.assembly, prolongation=np.full(3, rigid))
-        found = direct(State(robot, found.vector))
+        found = direct(RodState(robot, found.vector))
         if sign * derivatives(found).direct_determinant < 0.0:
             raise ValueError(f"prolongation must be less than {rigid:.3g} m, where this "
                              f"equilibrium becomes unstable, got {prolongation}")

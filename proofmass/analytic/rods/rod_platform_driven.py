@@ -12,8 +12,8 @@ from proofmass.analytic.chart import Chart
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.equilibrium import State, columns, derivatives, newton
-from proofmass.analytic.rods.rod_platform import MODES, Problem, Three, standing
+from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, newton
+from proofmass.analytic.rods.rod_platform import MODES, PlatformProblem, Three, standing
 from proofmass.analytic.rods.workspace import over_poses, sheet
 
 __all__ = ["MODES", "constant_orientation", "solve"]
@@ -66,7 +66,7 @@ def constant_orientation(
     ['m/rad', 'N/m']
     """
     guide = None if guide1 is None or guide2 is None or guide3 is None else (guide1, guide2, guide3)
-    problem = Problem(side, radius, length, stiffness, (theta1, theta2, theta3), guide,
+    problem = PlatformProblem(side, radius, length, stiffness, (theta1, theta2, theta3), guide,
                       (input1, input2, input3), (force_x, force_y, moment), inflections)
     start = standing(problem, mode, prolongation)
     chart = over_poses(start, sheet(start, nodes), "rad²/m²" if guide is None else "m/rad")
@@ -143,13 +143,13 @@ def solve(
     if q.shape[:1] != (3,):
         raise ValueError(f"inputs must be those of three rods, (3, ...), got {q.shape}")
     path = q.reshape(3, -1).T
-    problem = Problem(side, radius, length, stiffness, (theta1, theta2, theta3),
+    problem = PlatformProblem(side, radius, length, stiffness, (theta1, theta2, theta3),
                       guides(guide1, guide2, guide3), tuple(path[0].tolist()),
                       (force_x, force_y, moment), inflections)
     near = branch(problem, tuple(map(tuple, path.tolist())), mode, prolongation).vector
     there = np.isfinite(near[:, 0])
     robot = replace(problem.assembly, prolongation=np.full(3, prolongation))
-    states = State(robot, near[there]).replaced(inputs=path[there], load=problem.load)
+    states = RodState(robot, near[there]).replaced(inputs=path[there], load=problem.load)
     found, _ = newton(states, columns(robot, "rods", "pose"))
     speed = np.broadcast_to(np.asarray(rate, float), q.shape).reshape(3, -1).T
     curves = {name: np.full(there.shape, np.nan) for name in NAMES}
@@ -169,15 +169,15 @@ def guides(*angle: float | None) -> Three | None:
 
 
 @nearby
-def branch(problem: Problem, path: tuple[Three, ...], mode: int, prolongation: float) -> State:
+def branch(problem: PlatformProblem, path: tuple[Three, ...], mode: int, prolongation: float) -> RodState:
     """Equilibria (n,) along a path of inputs; NaN from the first that is not stable."""
     trail = follow(standing(problem, mode, prolongation), inputs=path)
     vector = trail.states.vector
     vector[np.arange(len(path)) > trail.crossed.min(initial=np.inf) - 1.0] = np.nan
-    return State(trail.states.assembly, vector)
+    return RodState(trail.states.assembly, vector)
 
 
-def described(found: State, rate: Array) -> Array:
+def described(found: RodState, rate: Array) -> Array:
     """Quantities (10, n) of equilibria (n,) whose inputs have rates (n, 3)."""
     guide = found.assembly.guide
     moved = (derivatives(found).direct @ rate[..., None])[..., 0]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from proofmass.analytic.chart import Chart, Line, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.numerics import TURN, Array, Complex, positive
 from proofmass.analytic.rods.column import whole
 from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
@@ -35,7 +35,7 @@ STEPS = 4  # of Newton's method, from a guess within STRIDE^2
 
 
 @dataclass(frozen=True)
-class Family:
+class SnapFamily:
     """Shapes of rods of unit length, bent to the left, from the most wound one on.
 
     Attributes
@@ -74,7 +74,7 @@ class Family:
 
 
 @lru_cache(maxsize=32)
-def family(length: float, distance: float) -> Family:
+def family(length: float, distance: float) -> SnapFamily:
     """The shapes, from half a turn of the clamp to beyond the second fold.
 
     ValueError for a length that is not positive, or a distance that is not 0.32 to 0.99 of it.
@@ -96,7 +96,7 @@ def family(length: float, distance: float) -> Family:
     for i in before[::-1]:
         place = np.insert(place, i + 1, fold(place[i], sense), axis=0)
     angle = np.unwrap(-log_tip(place[::-1].T)[0].imag)[::-1]  # the last ones are not wound
-    return Family(distance / length, place, angle, before + 1 + np.arange(before.size))
+    return SnapFamily(distance / length, place, angle, before + 1 + np.arange(before.size))
 
 
 def shape(alpha: Array, q: Array, distance: Array | float, fraction: Array
@@ -205,7 +205,7 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
              for line in pieces(of, side * of.angle, side * moment, near, word)]
     after = float(-unit * rods(*of.at(np.array([of.fold]))).moment[0])
     for side in (1, -1):
-        lines.append(Line(-side * np.full(2, of.fold), side * np.array(
+        lines.append(ChartLine(-side * np.full(2, of.fold), side * np.array(
             [moment[of.folds[0]], -after]), "before and after a snap", points=True))
     return Chart(
         ("motor", "rad"), ("holding moment", "N m"), (Panel(tuple(lines)),),
@@ -214,14 +214,14 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
         f"and beyond the next one with two directions to fall in.")
 
 
-def pieces(of: Family, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
-           ) -> Iterator[Line]:
+def pieces(of: SnapFamily, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
+           ) -> Iterator[ChartLine]:
     """A branch between its folds, as far as it is near."""
     ends = [0, *of.folds[:2], angle.size - 1]
     for count, first, last in zip(COUNTS, ends[:-1], ends[1:], strict=True):
         part = np.arange(first, last + 1)[near[first: last + 1]]
         label = f"{count} direction{'s' * (count == 'two')} to fall in"
-        yield Line(angle[part], moment[part], f"stable, bent to the {word}" if count == "no"
+        yield ChartLine(angle[part], moment[part], f"stable, bent to the {word}" if count == "no"
                    else label, stable=count == "no")
 
 
@@ -243,10 +243,10 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
     a = np.radians(np.linspace(80.0, -np.degrees(of.fold), 6))
     before = drawn(of, a, length)
     landed = drawn(of, np.array([of.fold]), length)[0].conj()
-    way = tuple(Line(p.real, p.imag, f"{angle:.1f}°") for p, angle in
+    way = tuple(ChartLine(p.real, p.imag, f"{angle:.1f}°") for p, angle in
                 zip(before, np.degrees(a), strict=True))
-    snap = (Line(before[-1].real, before[-1].imag, "before the snap", stable=False),
-            Line(landed.real, landed.imag, "after it"))
+    snap = (ChartLine(before[-1].real, before[-1].imag, "before the snap", stable=False),
+            ChartLine(landed.real, landed.imag, "after it"))
     return Chart(
         ("x", "m"), ("y", "m"),
         (Panel(way, title="the motor turns down"), Panel(snap, title="it snaps")),
@@ -254,7 +254,7 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
         "jumps to the mirrored side.", alike=True)
 
 
-def drawn(of: Family, angle: Array, length: float) -> Complex:
+def drawn(of: SnapFamily, angle: Array, length: float) -> Complex:
     """Places x + iy [m] of stable rods that are bent to the left (n, points)."""
     alpha, q = of.at(angle)
     return np.asarray(length * shape(alpha, q, of.distance, np.linspace(0.0, 1.0, POINTS))[0].T)
@@ -345,7 +345,7 @@ def sides(angle: Array, fold: float, side: int) -> Array:
     return now
 
 
-def drop(of: Family) -> float:
+def drop(of: SnapFamily) -> float:
     """Energy lost in a snap, of a rod of unit length and stiffness."""
     before, after = rods(*of.at(of.fold * np.array([-1.0, 1.0]))).energy
     return float(before - after)

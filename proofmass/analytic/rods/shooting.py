@@ -21,7 +21,7 @@ SCHEMES = {"rk4": RK4, "dop853": (DOP853.A[:12, :12], DOP853.B)}
 
 
 @dataclass(frozen=True)
-class Rods:
+class ShotRods:
     """Rods along their nodes, and how their ends move with what they were started with.
 
     Attributes
@@ -45,7 +45,7 @@ def integrate(
     weight_x: float = 0.0, weight_y: float = 0.0,
     length: float = 1.0, stiffness: float = 1.0,
     nodes: int | Array = 41, scheme: str = "dop853", slopes: bool = False,
-) -> Rods:
+) -> ShotRods:
     r"""Rods from clamp to tip with load n on the tip and moment m0 at the clamp.
 
     ::
@@ -103,14 +103,14 @@ def integrate(
     path = march(lambda at, z: _slope(z, force + weight * (length - at), stiffness), state, s,
                  scheme)
     theta, moment, x, y = np.moveaxis(path[:, :, 0], 1, 0)
-    return Rods(s, theta, moment, x, y, path[:, :, 1:])
+    return ShotRods(s, theta, moment, x, y, path[:, :, 1:])
 
 
 def from_tip(
     n_x: ArrayLike, n_y: ArrayLike, theta: ArrayLike, moment: ArrayLike = 0.0, *,
     weight_x: float = 0.0, weight_y: float = 0.0, length: float = 1.0, stiffness: float = 1.0,
     nodes: int | Array = 41, scheme: str = "dop853", slopes: bool = False,
-) -> Rods:
+) -> ShotRods:
     """Rods followed backwards from a tip of known angle [rad], with a moment [N m] on it.
 
     The equations are those of `integrate` with s counted from the tip and m turned around, so the

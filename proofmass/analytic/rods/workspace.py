@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from proofmass.analytic.chart import Chart, Field, Line, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Field, Panel
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.continuation import STRAY, follow
 from proofmass.analytic.rods.equilibrium import (
     Columns,
-    State,
+    RodState,
     clamps,
     closure,
     columns,
@@ -56,7 +56,7 @@ class Map:
     axes: tuple[int, int]
     first: Array
     second: Array
-    states: State
+    states: RodState
 
     @property
     def reached(self) -> NDArray[np.bool_]:
@@ -64,7 +64,7 @@ class Map:
         return np.isfinite(self.states.vector[..., 0])
 
 
-def spread(start: State, first: ArrayLike, second: ArrayLike, *, name: str = "pose",
+def spread(start: RodState, first: ArrayLike, second: ArrayLike, *, name: str = "pose",
            axes: tuple[int, int] = (0, 1)) -> Map:
     r"""Spread a sheet of equilibria from one state over a grid, without jumping.
 
@@ -120,10 +120,10 @@ def spread(start: State, first: ArrayLike, second: ArrayLike, *, name: str = "po
     front = np.array([root])
     while front.size:
         front = _advance(start, vectors, front, grid, at, name)
-    return Map(name, axes, *grid, State(start.assembly, vectors))
+    return Map(name, axes, *grid, RodState(start.assembly, vectors))
 
 
-def _advance(start: State, vectors: Array, front: Columns, grid: tuple[Array, Array],
+def _advance(start: RodState, vectors: Array, front: Columns, grid: tuple[Array, Array],
              at: Columns, name: str) -> Columns:
     """Solve the neighbours of a front of nodes; the new front."""
     old = np.repeat(front, len(ASIDE), axis=0)
@@ -135,14 +135,14 @@ def _advance(start: State, vectors: Array, front: Columns, grid: tuple[Array, Ar
     if not len(new):
         return new
     goal = np.stack([line[i] for line, i in zip(grid, new.T, strict=True)], axis=1)
-    here = State(start.assembly, vectors[old[:, 0], old[:, 1]])
+    here = RodState(start.assembly, vectors[old[:, 0], old[:, 1]])
     there, good = onward(here, goal, at, name)
     vectors[new[good, 0], new[good, 1]] = there.vector[good]
     return np.unique(new[good], axis=0)
 
 
-def onward(here: State, goal: Array, at: Columns, name: str, halvings: int = HALVINGS
-           ) -> tuple[State, NDArray[np.bool_]]:
+def onward(here: RodState, goal: Array, at: Columns, name: str, halvings: int = HALVINGS
+           ) -> tuple[RodState, NDArray[np.bool_]]:
     """States (n,) moved to other values (n, 2) of two columns; and whether on the same sheet.
 
     Where one stride does not do, two halves are tried, and four quarters.
@@ -157,7 +157,7 @@ def onward(here: State, goal: Array, at: Columns, name: str, halvings: int = HAL
     return there, good
 
 
-def stride(here: State, goal: Array, at: Columns, name: str) -> tuple[State, NDArray[np.bool_]]:
+def stride(here: RodState, goal: Array, at: Columns, name: str) -> tuple[RodState, NDArray[np.bool_]]:
     """One stride along the tangent and one correction; and whether it can be trusted."""
     a, scale = here.assembly, sizes(here.assembly)[1]
     free = columns(a, "rods", "inputs" if name == "pose" else "pose")
@@ -168,7 +168,7 @@ def stride(here: State, goal: Array, at: Columns, name: str) -> tuple[State, NDA
     way = np.linalg.norm(change / scale, axis=1)
     guess = here.vector + change
     guess[:, at] = goal
-    there, _ = newton(State(a, guess), free, STRAY * way)
+    there, _ = newton(RodState(a, guess), free, STRAY * way)
     good = np.isfinite(there.vector[:, 0])
     before, after = (determinant(matrix[..., free]) for matrix in (
         jacobian[good], closure(there[good])[1]))
@@ -176,7 +176,7 @@ def stride(here: State, goal: Array, at: Columns, name: str) -> tuple[State, NDA
     return there, good
 
 
-def loci(m: Map, which: str) -> State:
+def loci(m: Map, which: str) -> RodState:
     """Direct or inverse singularities where a sheet crosses them on the lines of its grid.
 
     Parameters
@@ -192,7 +192,7 @@ def loci(m: Map, which: str) -> State:
     if which not in ("direct", "inverse"):
         raise ValueError(f"which must be 'direct' or 'inverse', got {which!r}")
 
-    def sign(s: State) -> Array:
+    def sign(s: RodState) -> Array:
         return np.asarray(np.sign(getattr(derivatives(s), f"{which}_determinant")))
 
     low, high = _edges(m)
@@ -207,11 +207,11 @@ def loci(m: Map, which: str) -> State:
     return low
 
 
-def _edges(m: Map) -> tuple[State, State]:
+def _edges(m: Map) -> tuple[RodState, RodState]:
     """Both ends of the edges of a grid within the sheet."""
     v = m.states.vector
     pairs = (v[:-1], v[1:]), (v[:, :-1], v[:, 1:])
-    low, high = (State(m.states.assembly, np.concatenate(
+    low, high = (RodState(m.states.assembly, np.concatenate(
         [pair[end].reshape(-1, v.shape[-1]) for pair in pairs])) for end in (0, 1))
     there = np.isfinite(low.vector[:, 0]) & np.isfinite(high.vector[:, 0])
     low, high = low[there], high[there]
@@ -233,7 +233,7 @@ COMMON = 0.8
 """Share of a field that its colours tell apart; it has no bound at a singularity."""
 
 
-def sheet(start: State, nodes: int) -> Map:
+def sheet(start: RodState, nodes: int) -> Map:
     """The poses that a state leads to, over a window that is fitted to them."""
     several(nodes)
     a = start.assembly
@@ -268,7 +268,7 @@ def several(nodes: int) -> None:
         raise ValueError(f"nodes must lie within [5, 201], got {nodes}")
 
 
-def over_poses(start: State, m: Map, unit: str) -> Chart:
+def over_poses(start: RodState, m: Map, unit: str) -> Chart:
     """A sheet of poses with what parts it, and how stiff it is where the start belongs to."""
     (edges, torn), (ends, ways) = joined(m), rim(m)
     own = aspect(m, edges, start)
@@ -294,7 +294,7 @@ def stiffness_of(m: Map, own: NDArray[np.bool_]) -> Array:
     return values
 
 
-def aspect(m: Map, edges: Columns, start: State) -> NDArray[np.bool_]:
+def aspect(m: Map, edges: Columns, start: RodState) -> NDArray[np.bool_]:
     """Nodes of a sheet that no singularity parts from the one it began at."""
     sign = np.sign(derivatives(m.states).direct_determinant).ravel()
     at = start.vector[columns(start.assembly, m.name)[list(m.axes)]]
@@ -320,14 +320,14 @@ def joined(m: Map) -> tuple[Columns, NDArray[np.bool_]]:
     for way in (1, -1):
         left = np.flatnonzero(~good)
         here, there = flat[ends[left, ::way]].swapaxes(0, 1)
-        moved, met = onward(State(m.states.assembly, here), there[:, at], at, m.name)
+        moved, met = onward(RodState(m.states.assembly, here), there[:, at], at, m.name)
         good[left[met]] = (np.abs(moved.vector - there)[met] < SAME).all(axis=1)
     torn = np.zeros(m.reached.size, bool)
     torn[ends[~good]] = True
     return ends[good], torn.reshape(m.reached.shape)
 
 
-def rim(m: Map) -> tuple[State, Columns]:
+def rim(m: Map) -> tuple[RodState, Columns]:
     """Last states (e,) of a sheet on the lines of its grid, and which way (e, 2) it ends there.
 
     By strides outwards, halved where they fail: most within 1e-3 of an edge, fewer where a rod that
@@ -343,7 +343,7 @@ def rim(m: Map) -> tuple[State, Columns]:
     step = np.stack([np.mean(np.diff(m.first)) * ways[:, 0], np.mean(np.diff(m.second)) * ways[:, 1]
                      ], axis=1) * ~border / 2.0
     at = columns(m.states.assembly, m.name)[list(m.axes)]
-    last = State(m.states.assembly, m.states.vector[tuple(nodes.T)])
+    last = RodState(m.states.assembly, m.states.vector[tuple(nodes.T)])
     for _ in range(TRIES):
         there, good = onward(last, last.vector[:, at] + step, at, m.name, 0)
         last.vector[good] = there.vector[good]
@@ -351,7 +351,7 @@ def rim(m: Map) -> tuple[State, Columns]:
     return last, ways
 
 
-def area(m: Map, ends: State, ways: Columns) -> float:
+def area(m: Map, ends: RodState, ways: Columns) -> float:
     """Of a sheet [m^2]: its extent along the second axis, summed over the first.
 
     Error of about second order in the step, as against the first order of counting nodes: 1.5 %
@@ -361,7 +361,7 @@ def area(m: Map, ends: State, ways: Columns) -> float:
     return float(np.mean(np.diff(m.first)) * (second @ ways[:, 1]))
 
 
-def line(m: Map, points: State, text: str) -> tuple[Line, ...]:
+def line(m: Map, points: RodState, text: str) -> tuple[ChartLine, ...]:
     """Points on lines of a grid, joined two by two across its cells; nothing where there are none.
     """
     at = columns(points.assembly, m.name)[list(m.axes)]
@@ -376,16 +376,16 @@ def line(m: Map, points: State, text: str) -> tuple[Line, ...]:
     pairs = np.array([pair for pair in cells.values() if len(pair) == 2], int).reshape(-1, 2)
     xy = np.pad(points.vector[:, at][pairs], ((0, 0), (0, 1), (0, 0)),
                 constant_values=np.nan).reshape(-1, 2)
-    return (Line(xy[:, 0], xy[:, 1], text),) if len(xy) else ()
+    return (ChartLine(xy[:, 0], xy[:, 1], text),) if len(xy) else ()
 
 
-def posture(s: State) -> tuple[Line, Line]:
+def posture(s: RodState) -> tuple[ChartLine, ChartLine]:
     """Rods and platform of one state; its clamps."""
     x, y, *_ = s.shape(np.linspace(0.0, 1.0, 61))
     pins = s.pose @ [1.0, 1.0j, 0.0][: s.pose.size] + np.exp(1j * s.pose[-1]) * s.assembly.arm
     z = np.concatenate([x + 1j * y, pins[:, None], np.full((len(x), 1), np.nan)], axis=1).ravel()
     z, clamp = np.concatenate([z, pins, pins[:1]]), clamps(s)[1]
-    return Line(z.real, z.imag, "here"), Line(clamp.real, clamp.imag, "clamps", points=True)
+    return ChartLine(z.real, z.imag, "here"), ChartLine(clamp.real, clamp.imag, "clamps", points=True)
 
 
 def field(m: Map, torn: NDArray[np.bool_], matrix: Array, name: str, unit: str) -> Field:

@@ -99,7 +99,7 @@ TOUCHES = 1e-12  # [rad, or extents] rounding of a pose; beyond it a joint is pa
 PULLS = 1e-12  # of the largest force: rounding of a reaction
 
 
-class Stops:
+class LimitedJoints:
     """The limited joints of a model, without the `driven` ones.
 
     Attributes
@@ -216,7 +216,7 @@ class Resting(Linkage):
         self.free, self.far = free, far
         slide = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.reach = np.where(slide, model.stat.extent, 1.0)
-        self.stops = Stops(model, self.dofs, self.reach)
+        self.stops = LimitedJoints(model, self.dofs, self.reach)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # soft; rows hold the stops
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 

@@ -33,7 +33,7 @@ from proofmass.sim.mujoco.model import Recorder, load, refuse_dry_friction
 from proofmass.sim.mujoco.sensors import withhold
 from proofmass.sim.mujoco.settings import configure, stepped_with
 from proofmass.sim.mujoco.settling import until_still
-from proofmass.sim.plane import Plane, find_plane
+from proofmass.sim.plane import MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Curves, Rod, Run, Unsupported
 from proofmass.sim.rods import (
     LIGHT,
@@ -41,7 +41,7 @@ from proofmass.sim.rods import (
     SLIDE,
     THICK,
     Chain,
-    Pose,
+    RodPose,
     check_rod,
     check_sites,
     connect,
@@ -196,7 +196,7 @@ def recorder(model: mujoco.MjModel, data: mujoco.MjData,
     return record, missing
 
 
-def plane_of(path: Path, run: Run) -> Plane:
+def plane_of(path: Path, run: Run) -> MotionPlane:
     """The plane that the rods bend in, from the model with chains for them."""
     model, data = load(path, replace(run, settings={}))
     mujoco.mj_kinematics(model, data)
@@ -264,7 +264,7 @@ def put(model: mujoco.MjModel, data: mujoco.MjData, bare: mujoco.MjModel, begin:
             data.qpos[first:first + 2] = x[k - 1] - s, y[k - 1]
 
 
-def pose(data: mujoco.MjData, one: Chain, plane: Plane) -> Pose:
+def pose(data: mujoco.MjData, one: Chain, plane: MotionPlane) -> RodPose:
     """Vertices of a rod's links, their angles, and bends with which EI/h gives the moments."""
     places = np.array([data.body(f"{one.rod.name}.{k}").xpos
                        for k in range(one.vertices.size)])
@@ -274,7 +274,7 @@ def pose(data: mujoco.MjData, one: Chain, plane: Plane) -> Pose:
     return places, angles, moments(np.diff(angles, prepend=angles[0]))
 
 
-def stretch(one: Chain, shape: Pose) -> float:
+def stretch(one: Chain, shape: RodPose) -> float:
     """By how much of its length a link is longer or shorter than it should be, at most."""
     links = np.linalg.norm(np.diff(shape[0], axis=0), axis=1)
     return float(np.abs(links / one.lengths - 1.0).max())

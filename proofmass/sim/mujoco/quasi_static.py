@@ -21,7 +21,7 @@ from proofmass.sim.mujoco.sensors import drive_moments, withhold
 from proofmass.sim.mujoco.settling import settled
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
-from proofmass.sim.rods import Chain, Pose, of_rods, shapes
+from proofmass.sim.rods import Chain, RodPose, of_rods, shapes
 
 ACC = int(mujoco.mjtStage.mjSTAGE_ACC)
 NO_ACC = "springs, weights or stops bring the model to rest: a path of rests has no accelerations"
@@ -112,7 +112,7 @@ def rest(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
                   seconds=time.perf_counter() - began, steps=1)
 
 
-def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> Pose:
+def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
     """Vertices, angles and bends of a rod's links."""
     links = [model.body(name).id for name in one.names]
     ahead = data.xmat[links].reshape(-1, 3, 3)[:, :, 0]

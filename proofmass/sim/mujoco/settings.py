@@ -16,7 +16,7 @@ OFF = mujoco.mjtDisableBit
 
 
 @dataclass(frozen=True)
-class Place:
+class SettingPlace:
     """Where a setting stands.
 
     Attributes
@@ -39,18 +39,18 @@ class Place:
 
 
 PLACES = {
-    "timestep": Place("option"),
-    "integrator": Place("option", mujoco.mjtIntegrator),
-    "solver": Place("option", mujoco.mjtSolver),
-    "iterations": Place("option"),
-    "tolerance": Place("option"),
-    "cone": Place("option", mujoco.mjtCone, quiet=True),
-    "impratio": Place("option", quiet=True),
-    "noslip_iterations": Place("option", quiet=True),
-    "refsafe": Place("flag", bit=int(OFF.mjDSBL_REFSAFE), quiet=True),
-    "warmstart": Place("flag", bit=int(OFF.mjDSBL_WARMSTART), quiet=True),
-    "solref": Place("equality"),
-    "solimp": Place("equality"),
+    "timestep": SettingPlace("option"),
+    "integrator": SettingPlace("option", mujoco.mjtIntegrator),
+    "solver": SettingPlace("option", mujoco.mjtSolver),
+    "iterations": SettingPlace("option"),
+    "tolerance": SettingPlace("option"),
+    "cone": SettingPlace("option", mujoco.mjtCone, quiet=True),
+    "impratio": SettingPlace("option", quiet=True),
+    "noslip_iterations": SettingPlace("option", quiet=True),
+    "refsafe": SettingPlace("flag", bit=int(OFF.mjDSBL_REFSAFE), quiet=True),
+    "warmstart": SettingPlace("flag", bit=int(OFF.mjDSBL_WARMSTART), quiet=True),
+    "solref": SettingPlace("equality"),
+    "solimp": SettingPlace("equality"),
 }
 """Of every setting for which MuJoCo itself has a word, which is its name here."""
 SOFTNESS = tuple(key for key, place in PLACES.items() if place.tag == "equality")

@@ -27,7 +27,7 @@ from proofmass.sim.pymunk.kinematics import (
     values,
 )
 from proofmass.sim.pymunk.links import Links
-from proofmass.sim.pymunk.read import Channel, kinetic, moving, unwrapped
+from proofmass.sim.pymunk.read import Sensor, kinetic, moving, unwrapped
 from proofmass.sim.pymunk.space import FIELDS, Motor, Settings, add_drives, aim, build, put, taken
 
 CLEAR = 1e-9
@@ -248,7 +248,7 @@ LOOKED_AT = 40
 """Poses at which the iterations needed are found."""
 
 
-def duration(links: Links, run: Run, channels: dict[str, Channel], settings: Settings) -> Curves:
+def duration(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Step a mechanism through time; see `proofmass.sim.pymunk.engine.simulate`.
 
     Without a given number of iterations the run is repeated with what its poses need.
@@ -298,7 +298,7 @@ def _checked(links: Links, pose: Array, x: Array) -> float:
     return float(gap.max())
 
 
-def _curve(links: Links, c: Channel, states: States, dt: float) -> Array:
+def _curve(links: Links, c: Sensor, states: States, dt: float) -> Array:
     if c.order == -1:
         return kinetic(links, 0.5 * (states[1] + states[2]))
     return moving(c.function, c.order, *states, dt)

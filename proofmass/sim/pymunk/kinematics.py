@@ -14,7 +14,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.links import Hold, Joint, Links, Table
+from proofmass.sim.pymunk.links import Hold, HoldTable, LinkJoint, Links
 
 STEP = 1e-30
 QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -31,7 +31,7 @@ def turned(angle: Array, vector: Array) -> Array:
     return found
 
 
-def apart(hold: Hold | Table, pose: Array) -> Array:
+def apart(hold: Hold | HoldTable, pose: Array) -> Array:
     """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
     a, b = pose[..., hold.a, :], pose[..., hold.b, :]
     return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
@@ -60,7 +60,7 @@ def gaps(links: Links, pose: Array) -> Array:
     return np.where(links.table.slides, np.abs(rows[..., 0]), np.linalg.norm(rows, axis=-1))
 
 
-def joint_value(joint: Joint, pose: Array) -> Array:
+def joint_value(joint: LinkJoint, pose: Array) -> Array:
     """A joint's coordinate [rad or m] (...), continuous from its value in the start pose."""
     hold = joint.hold
     if hold.axis is None:
@@ -69,7 +69,7 @@ def joint_value(joint: Joint, pose: Array) -> Array:
     return joint.value + (along * apart(hold, pose)).sum(-1)
 
 
-def values(joints: tuple[Joint, ...], pose: Array) -> Array:
+def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
     """The coordinates of some joints (..., joints), of poses (..., links + 1, 3)."""
     columns = [joint_value(joint, pose)[..., None] for joint in joints]
     return np.concatenate([np.zeros((*pose.shape[:-2], 0)), *columns], axis=-1)
@@ -212,7 +212,7 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
     return float(gaps(links, moved(fit.x)).max())
 
 
-def slope(links: Links, pose: Array, pull: Array, stops: tuple[Joint, ...]) -> Array:
+def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) -> Array:
     """Derivatives of ``V - pull . held`` by the coordinates of poses (..., links + 1, 3).
 
     Each hold has a force u between its anchors and a moment t between its links:
@@ -249,7 +249,7 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[Joint, ...]) -> A
     return found
 
 
-def _between(links: Links, pose: Array, pull: Array, stops: tuple[Joint, ...]
+def _between(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
              ) -> tuple[Array, Array]:
     """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
     table, slides, rows = links.table, links.table.slides, 2 * len(links.holds)
@@ -291,7 +291,7 @@ class Modes:
     shapes: Array
     squares: Array
     pull: Array
-    stops: tuple[Joint, ...]
+    stops: tuple[LinkJoint, ...]
 
     def rise(self, links: Links, pose: Array, move: Array) -> Array:
         """By how much a move from the pose makes the energy's slope along each mode larger."""
@@ -309,7 +309,7 @@ def free_directions(links: Links, rows: Array) -> Array:
     return np.pad(moves, ((0, 0), (0, 1), (0, 0)))
 
 
-def find_modes(links: Links, pose: Array, stops: tuple[Joint, ...]) -> Modes:
+def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes:
     """The modes of a pose (links + 1, 3) whose joints `stops` stay on their stops.
 
     The curvature is that of ``V - pull . held``, so that it counts how the paths bend on which
@@ -333,7 +333,7 @@ def sizes(links: Links, moves: Array) -> Array:
     return np.asarray(np.abs(moves / links.sizes[:3]).max(axis=(-2, -1)))
 
 
-def _held(links: Links, stops: tuple[Joint, ...], pose: Array) -> Array:
+def _held(links: Links, stops: tuple[LinkJoint, ...], pose: Array) -> Array:
     return np.concatenate([bound(links, pose), values(stops, pose)], axis=-1)
 
 

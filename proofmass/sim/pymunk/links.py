@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.plane import Plane
+from proofmass.sim.plane import MotionPlane
 
 HAIR = 1e-13
 """How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
@@ -33,7 +33,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Table:
+class HoldTable:
     """Holds as arrays, one row each; the axis of a hinge or a loop is zero."""
 
     a: NDArray[np.intp]
@@ -49,7 +49,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Joint:
+class LinkJoint:
     """A hinge or slide: its hold, value in the start pose, sense about the normal, and its loads.
 
     ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
@@ -108,12 +108,12 @@ class Links:
 
     model: mujoco.MjModel
     data: mujoco.MjData
-    plane: Plane
+    plane: MotionPlane
     of_body: Array
     centre: Array
     mass: Array
     moment: Array
-    joints: tuple[Joint, ...]
+    joints: tuple[LinkJoint, ...]
     driven: tuple[int, ...]
     loops: tuple[Hold, ...]
     pulls: tuple[Pull, ...]
@@ -121,7 +121,7 @@ class Links:
     extent: float
 
     @property
-    def drives(self) -> tuple[Joint, ...]:
+    def drives(self) -> tuple[LinkJoint, ...]:
         """The joints with a prescribed motion."""
         return tuple(self.joints[j] for j in self.driven)
 
@@ -131,11 +131,11 @@ class Links:
         return (*(joint.hold for joint in self.joints), *self.loops)
 
     @cached_property
-    def table(self) -> Table:
+    def table(self) -> HoldTable:
         """All holds as arrays."""
         holds = self.holds
         axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
-        return Table(np.array([hold.a for hold in holds]), np.array([hold.b for hold in holds]),
+        return HoldTable(np.array([hold.a for hold in holds]), np.array([hold.b for hold in holds]),
                      np.array([hold.on_a for hold in holds]),
                      np.array([hold.on_b for hold in holds]), np.array(axes))
 

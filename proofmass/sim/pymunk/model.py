@@ -9,7 +9,7 @@ from pydantic import Field
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, Count, EngineSettings, Number, Run, Switch, Unsupported
 from proofmass.sim.pymunk.links import Links
-from proofmass.sim.pymunk.read import Channel, channel
+from proofmass.sim.pymunk.read import Sensor, channel
 from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import Settings
 from proofmass.sim.rods import of_rods
@@ -35,11 +35,11 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
     return links, _settings(run, compiled)
 
 
-def find_channels(links: Links, run: Run) -> tuple[dict[str, Channel], dict[str, str]]:
+def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, str]]:
     """The channels of a run that pymunk delivers, and why it does not deliver the others."""
     found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
-    wanted = {name: c for name, c in found.items() if isinstance(c, Channel)}
+    wanted = {name: c for name, c in found.items() if isinstance(c, Sensor)}
     if run.kind == "duration":
         missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
         wanted = {name: c for name, c in wanted.items() if c.order != -2}

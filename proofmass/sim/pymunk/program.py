@@ -15,14 +15,14 @@ import pymunk
 from proofmass.sim.program_text import TEMPLATES, escaped
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
-from proofmass.sim.pymunk.links import Hold, Joint, Links
+from proofmass.sim.pymunk.links import Hold, LinkJoint, Links
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.read import (
-    Channel,
     Direction,
     Level,
-    Place,
+    PointPlace,
     Potential,
+    Sensor,
     Turn,
     Value,
     weights,
@@ -282,7 +282,7 @@ class Writer:
             a, b = name[constraint.a], name[constraint.b]
             first, seen = owner is not seen, owner
             if isinstance(constraint, pymunk.DampedRotarySpring | pymunk.DampedSpring):
-                assert isinstance(owner, Joint)
+                assert isinstance(owner, LinkJoint)
                 yield self._spring(owner, constraint, a, b, first)
             elif isinstance(constraint, STOPS):
                 yield self._stop(owner, constraint, a, b)
@@ -292,7 +292,7 @@ class Writer:
                 yield self._hold(owner, constraint, a, b, [together] if together else [])
                 together = ""
 
-    def _spring(self, joint: Joint, constraint: pymunk.Constraint, a: str, b: str, first: bool
+    def _spring(self, joint: LinkJoint, constraint: pymunk.Constraint, a: str, b: str, first: bool
                 ) -> dict[str, Any]:
         k, square, cube = joint.stiffness
         unit, effort = UNIT[joint.hold.axis is None]
@@ -330,7 +330,7 @@ class Writer:
             joint.damping)
         return {"words": f"{called(joint)}: {' and '.join(told)}", "lines": lines}
 
-    def _stop(self, joint: Joint | Hold, stop: pymunk.Constraint, a: str, b: str
+    def _stop(self, joint: LinkJoint | Hold, stop: pymunk.Constraint, a: str, b: str
               ) -> dict[str, Any]:
         if isinstance(stop, pymunk.RotaryLimitJoint):
             text = f"pymunk.RotaryLimitJoint({a}, {b}, {digits(stop.min)}, {digits(stop.max)})"
@@ -341,7 +341,7 @@ class Writer:
         return {"words": f"{called(joint)}: its limits; with an error_bias of 0 it would bounce",
                 "lines": [wrapped(f"space.add({text})")]}
 
-    def _hold(self, owner: Joint | Hold, hold: pymunk.Constraint, a: str, b: str,
+    def _hold(self, owner: LinkJoint | Hold, hold: pymunk.Constraint, a: str, b: str,
               before: list[str]) -> dict[str, Any]:
         if isinstance(hold, pymunk.PivotJoint):
             text = (f"pymunk.PivotJoint({a}, {b}, {tupled(hold.anchor_a)}, "
@@ -354,7 +354,7 @@ class Writer:
             words = f"{b} moves along a line of {a}, {REACH:g} EXTENT each way, and does not turn"
         return {"words": f"{called(owner)}: {words}", "lines": [*before, wrapped(f"add({text})")]}
 
-    def drive(self, k: int, joint: Joint, motor: Motor, kind: str) -> dict[str, Any]:
+    def drive(self, k: int, joint: LinkJoint, motor: Motor, kind: str) -> dict[str, Any]:
         """How a drive is made, and how it is told the value after the next step."""
         a, b = self.names[joint.hold.a], self.names[joint.hold.b]
         if isinstance(motor, SlideDrive):
@@ -388,7 +388,7 @@ class Writer:
                  "velocity": ", ".join(map(digits, v))}
                 for name, p, v in zip(self.names[:-1], pose[:-1], velocity[:-1], strict=True)]
 
-    def channel(self, name: str, channel: Channel) -> str:
+    def channel(self, name: str, channel: Sensor) -> str:
         """The curve of a channel."""
         function = channel.function
         if channel.order == -1:
@@ -408,8 +408,8 @@ class Writer:
         if isinstance(function, Turn):
             return changing([(function.share, f"angle(pose, {self.names[function.link]})")],
                             function.start)
-        assert isinstance(function, Place | Direction)
-        kind = "point" if isinstance(function, Place) else "direction"
+        assert isinstance(function, PointPlace | Direction)
+        kind = "point" if isinstance(function, PointPlace) else "direction"
         at_x, at_y = map(digits, function.local)
         text = f"{kind}(pose, {self.names[function.link]}, {at_x}, {at_y})"
         plane, k = function.plane, function.part
@@ -417,7 +417,7 @@ class Writer:
         return changing([(float(plane.e1[k]), f"{text}[0]"), (float(plane.e2[k]), f"{text}[1]")],
                         level if abs(level) > ZERO * self.links.extent else 0.0)
 
-    def _value(self, joint: Joint) -> str:
+    def _value(self, joint: LinkJoint) -> str:
         hold, ground = joint.hold, len(self.names) - 1
         if hold.axis is None:
             turns = [(s * joint.sign, f"angle(pose, {self.names[link]})")
@@ -446,9 +446,9 @@ class Writer:
                             for mass, place in masses] if heavy else []}
 
 
-def called(owner: Joint | Hold) -> str:
+def called(owner: LinkJoint | Hold) -> str:
     """A joint or a loop in words."""
     kind = "loop"
-    if isinstance(owner, Joint):
+    if isinstance(owner, LinkJoint):
         kind = "hinge" if owner.hold.axis is None else "slide"
     return f'{kind} "{spoken(owner.name)}"' if owner.name else f"a {kind}"

@@ -48,8 +48,8 @@ from proofmass.sim.pymunk.kinematics import (
     turned,
     values,
 )
-from proofmass.sim.pymunk.links import HAIR, Joint, Links
-from proofmass.sim.pymunk.read import Channel, kinetic, unwrapped
+from proofmass.sim.pymunk.links import HAIR, LinkJoint, Links
+from proofmass.sim.pymunk.read import Sensor, kinetic, unwrapped
 from proofmass.sim.pymunk.space import (
     FIELDS,
     STOPS,
@@ -61,20 +61,20 @@ from proofmass.sim.pymunk.space import (
     put,
     taken,
 )
-from proofmass.sim.rods import Chain, Pose, shapes
+from proofmass.sim.rods import Chain, RodPose, shapes
 
-Stops = list[tuple[Joint, pymunk.Constraint]]
+Stops = list[tuple[LinkJoint, pymunk.Constraint]]
 STAY = 1e-30
 """Way back in a step [rad or m] of a joint that rests on its stop: with none the stop lets go."""
 
 
-def way_back(joint: Joint, pose: Array) -> float:
+def way_back(joint: LinkJoint, pose: Array) -> float:
     """Way [rad or m] of a joint from beyond a stop back to it; zero between the stops."""
     value = float(joint_value(joint, pose))
     return float(np.clip(value, *joint.limits)) - value if joint.limits else 0.0
 
 
-def beyond(stops: Stops, pose: Array) -> list[Joint]:
+def beyond(stops: Stops, pose: Array) -> list[LinkJoint]:
     """The joints that are beyond a stop, and so held by it in the next step."""
     return [joint for joint, _ in stops if way_back(joint, pose)]
 
@@ -155,7 +155,7 @@ def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -
     return closing + fall / max(1.0, _excess(links, pose, fall))
 
 
-def _leaving(links: Links, beyond: tuple[Joint, ...], pose: Array, velocity: Array, dt: float,
+def _leaving(links: Links, beyond: tuple[LinkJoint, ...], pose: Array, velocity: Array, dt: float,
              least: float = 0.0) -> NDArray[np.bool_]:
     """Which joints beyond their stops move back faster than `sim.pymunk.stops.ease` asks."""
     back = np.array([way_back(joint, pose) for joint in beyond])
@@ -420,7 +420,7 @@ NO_ACC = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
 NO_RATE = "Chipmunk gives no quasi-static rates of coordinates that springs or gravity hold"
 
 
-def sweep(links: Links, run: Run, channels: dict[str, Channel], settings: Settings) -> Curves:
+def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Hold the drives at each sample until rest; see `proofmass.sim.pymunk.engine.simulate`.
 
     Where the loops cannot be closed any further the sweep stops and keeps what it has.
@@ -473,7 +473,7 @@ def _drive_to(held: Held, target: Array) -> None:
     held.settle(target)
 
 
-def _curve(c: Channel, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:
+def _curve(c: Sensor, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:
     if c.order == -2:
         return effort[:, c.drive] * c.factor
     if c.order == -1:
@@ -484,7 +484,7 @@ def _curve(c: Channel, links: Links, pose: Array, velocity: Array, effort: Array
 NO_MOTION = "nothing moves: no rates, no accelerations"
 
 
-def rest(links: Links, run: Run, channels: dict[str, Channel], settings: Settings) -> Curves:
+def rest(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Let a mechanism come to rest with its drives held at their first values.
 
     Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.
@@ -505,7 +505,7 @@ def rest(links: Links, run: Run, channels: dict[str, Channel], settings: Setting
                   settings={"iterations": held.most, "error_bias": settings["error_bias"]})
 
 
-def shape(links: Links, pose: Array, one: Chain) -> Pose:
+def shape(links: Links, pose: Array, one: Chain) -> RodPose:
     """Vertices, angles and bends of a rod's links."""
     bodies = [links.model.body(name).id for name in one.names]
     tip = links.model.site(f"{one.rod.name}.tip").id

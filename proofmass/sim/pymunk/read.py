@@ -8,20 +8,20 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import gear_of_force, joint_of
-from proofmass.sim.plane import Plane
+from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, turned
-from proofmass.sim.pymunk.links import Joint, Links
+from proofmass.sim.pymunk.links import LinkJoint, Links
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 ORDER = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2,
          S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
 FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
-Pose = Callable[[Array], Array]
+PoseFunction = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
-class Channel:
+class Sensor:
     """One channel: a function of the pose and how often to differentiate it by time.
 
     ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the effort of a drive,
@@ -29,7 +29,7 @@ class Channel:
     """
 
     order: int
-    function: Pose
+    function: PoseFunction
     drive: int = 0
     factor: float = 1.0
 
@@ -57,13 +57,13 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Place:
+class PointPlace:
     """Component `part` of the world position [m] of a point of a link, `height` over the plane.
 
     ``local`` is seen from the link's centre in the start pose.
     """
 
-    plane: Plane
+    plane: MotionPlane
     link: int
     local: Array
     height: float
@@ -79,7 +79,7 @@ class Place:
 class Direction:
     """Component `part` in the world of a unit vector of a link, `height` of it over the plane."""
 
-    plane: Plane
+    plane: MotionPlane
     link: int
     local: Array
     height: float
@@ -94,7 +94,7 @@ class Direction:
 class Value:
     """The coordinate of a joint [rad or m]."""
 
-    joint: Joint
+    joint: LinkJoint
 
     def __call__(self, pose: Array) -> Array:
         return joint_value(self.joint, pose)
@@ -116,17 +116,17 @@ class Potential:
         return energy
 
 
-def weights(links: Links) -> list[tuple[float, Place]]:
+def weights(links: Links) -> list[tuple[float, PointPlace]]:
     """Mass [kg] and centre of mass of every body of the MJCF."""
     model, plane, found = links.model, links.plane, []
     for b in range(1, model.nbody):
         link, point = int(links.of_body[b]), links.data.xipos[b]
-        found.append((float(model.body_mass[b]), Place(
+        found.append((float(model.body_mass[b]), PointPlace(
             plane, link, plane.flat(point) - links.centre[link], float(point @ plane.normal), 0)))
     return found
 
 
-def channel(links: Links, name: str) -> Channel | str:
+def channel(links: Links, name: str) -> Sensor | str:
     """Find what a channel name means.
 
     Parameters
@@ -160,39 +160,39 @@ def channel(links: Links, name: str) -> Channel | str:
     if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
         return "a sensor with a reference frame is not rebuilt for pymunk"
     if kind in ORDER:
-        return Channel(ORDER[kind], _frame(links, s, part))
+        return Sensor(ORDER[kind], _frame(links, s, part))
     return _scalar(links, s)
 
 
-def _scalar(links: Links, s: int) -> Channel | str:
+def _scalar(links: Links, s: int) -> Sensor | str:
     model, obj = links.model, links.model.sensor_objid[s]
     kind = S(int(model.sensor_type[s]))
     user = kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT
     if kind in (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL) or user:
         order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}.get(kind, 2)
-        return Channel(order, Value(links.joints[obj]))
+        return Sensor(order, Value(links.joints[obj]))
     if kind == S.mjSENS_E_POTENTIAL:
-        return Channel(0, Potential(links))
+        return Sensor(0, Potential(links))
     if kind == S.mjSENS_E_KINETIC:
-        return Channel(-1, Level())
+        return Sensor(-1, Level())
     if kind in FORCES:
         return _force(links, kind, obj)
     return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
 
 
-def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Channel:
+def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor:
     """What a joint's drive must do, or the constant force of the motors on a joint without one."""
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
         gear = 1.0 if of_joint else gear_of_force(model, obj)
-        return Channel(-2, Level(), links.driven.index(joint), 1.0 / gear)
+        return Sensor(-2, Level(), links.driven.index(joint), 1.0 / gear)
     force = links.joints[joint].load if of_joint else float(
         links.data.actuator_force[model.actuator_outadr[obj]])
-    return Channel(0, Level(force))
+    return Sensor(0, Level(force))
 
 
-def _frame(links: Links, s: int, part: str) -> Pose:
+def _frame(links: Links, s: int, part: str) -> PoseFunction:
     link, local, height, turn = _frame_at(links, s)
     plane, kind = links.plane, S(int(links.model.sensor_type[s]))
     if part == "angle":
@@ -202,7 +202,7 @@ def _frame(links: Links, s: int, part: str) -> Pose:
         return Turn(link, share=float(plane.normal[k]))
     if kind == S.mjSENS_FRAMEXAXIS:
         return Direction(plane, link, plane.flat(turn[:, 0]), float(turn[:, 0] @ plane.normal), k)
-    return Place(plane, link, local, height, k)
+    return PointPlace(plane, link, local, height, k)
 
 
 def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
@@ -227,7 +227,7 @@ def kinetic(links: Links, velocity: Array) -> Array:
                   + velocity[..., :-1, 2] ** 2 @ links.moment)
 
 
-def moving(function: Pose, order: int, pose: Array, before: Array, after: Array,
+def moving(function: PoseFunction, order: int, pose: Array, before: Array, after: Array,
            dt: float) -> Array:
     """A function of the pose, or its rate or acceleration, from velocities half a step away.
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import gear_of, joint_of
-from proofmass.sim.plane import PARALLEL, Plane, find_plane
+from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Unsupported
-from proofmass.sim.pymunk.links import HAIR, Hold, Joint, Links, Pull
+from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
 
 MOST = 1e300  # [kg, kg m2] of a link; what is computed with it stays finite
 
 
-def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
               count: int) -> tuple[Array, Array, Array]:
     """Centre, mass and moment of every link; bodies without joints belong to their parent's.
 
@@ -103,14 +103,14 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
         raise Unsupported("; ".join(reasons))
 
 
-def refuse_gravity(model: mujoco.MjModel, plane: Plane) -> None:
+def refuse_gravity(model: mujoco.MjModel, plane: MotionPlane) -> None:
     """Raise `Unsupported` if gravity does not lie in the plane of motion."""
     gravity = model.opt.gravity
     if abs(gravity @ plane.normal) > PARALLEL * np.linalg.norm(gravity):
         raise Unsupported(f"option gravity {gravity.tolist()} does not lie in the plane of motion")
 
 
-def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: Plane) -> None:
+def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: MotionPlane) -> None:
     """Raise `Unsupported` if a load (force and moment, (2, 3)) leaves the plane of motion."""
     across = np.append(wrench[0] @ plane.normal, plane.flat(wrench[1]))
     if np.abs(across).max() > PARALLEL * np.abs(wrench).max():
@@ -267,8 +267,8 @@ def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
     return data
 
 
-def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
-           centre: Array, j: int, driven: bool) -> Joint:
+def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
+           centre: Array, j: int, driven: bool) -> LinkJoint:
     body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
     a, b = of_body[model.body_parentid[body]], of_body[body]
     point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
@@ -281,7 +281,7 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
         sign = float(np.sign(data.xaxis[j] @ plane.normal))
         hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
     limited = model.jnt_limited[j] and not driven
-    return Joint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
+    return LinkJoint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
                  _stiffness(model, j), float(model.qpos_spring[at]),
                  float(model.dof_damping[dof]),
                  0.0 if driven else _load(model, data, j),
@@ -295,7 +295,7 @@ def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 
-def _pulls(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+def _pulls(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
            centre: Array) -> tuple[Pull, ...]:
     pulls = []
     for a in filter(partial(dead_load, model), range(model.nactuator)):
@@ -315,7 +315,7 @@ def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
     return float(model.jnt_stiffness[j]), square, cube
 
 
-def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Array,
+def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
            centre: Array) -> tuple[Hold, ...]:
     loops = []
     for e in np.flatnonzero(model.eq_active0):
@@ -333,7 +333,7 @@ def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: Plane, of_body: Ar
     return tuple(loops)
 
 
-def _extent(joints: tuple[Joint, ...], loops: tuple[Hold, ...], centre: Array,
+def _extent(joints: tuple[LinkJoint, ...], loops: tuple[Hold, ...], centre: Array,
             model: mujoco.MjModel) -> float:
     """Largest distance between two anchors [m]; between any two points if they all coincide."""
     points = np.array([centre[h.a] + h.on_a for h in (*(j.hold for j in joints), *loops)])

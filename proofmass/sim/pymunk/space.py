@@ -13,7 +13,7 @@ import pymunk
 from pymunk import batch
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.pymunk.links import Hold, Joint, Links, Pull
+from proofmass.sim.pymunk.links import Hold, LinkJoint, Links, Pull
 
 Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
@@ -62,7 +62,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
 
 
 def constraints(links: Links, bodies: list[pymunk.Body]
-                ) -> Iterator[tuple[Joint | Hold, pymunk.Constraint]]:
+                ) -> Iterator[tuple[LinkJoint | Hold, pymunk.Constraint]]:
     """All constraints but those of drives, in the solver's order, with the joint or the loop each
     belongs to: springs, loads and stops of a joint, what holds it, then the loops."""
     for joint in links.joints:
@@ -93,7 +93,7 @@ def at(links: Links, link: int, local: Array) -> tuple[float, float]:
 
 
 def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
-          joint: Joint | None = None) -> list[pymunk.Constraint]:
+          joint: LinkJoint | None = None) -> list[pymunk.Constraint]:
     a, b = bodies[hold.a], bodies[hold.b]
     limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
     if hold.axis is None:
@@ -116,7 +116,7 @@ def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
             pymunk.GrooveJoint(a, b, start, end, at(links, hold.b, hold.on_b))]
 
 
-def _springs(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
+def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
     """The spring of a joint, and its load as a spring with a force that does not change."""
     springs: list[pymunk.Constraint] = []
     if any(joint.stiffness) or joint.damping:
@@ -126,7 +126,7 @@ def _springs(joint: Joint, links: Links, bodies: list[pymunk.Body]) -> list[pymu
     return springs
 
 
-def _spring(joint: Joint, links: Links, bodies: list[pymunk.Body],
+def _spring(joint: LinkJoint, links: Links, bodies: list[pymunk.Body],
             force: Callable[[float], float], damping: float) -> pymunk.Constraint:
     """A spring between two links whose force is a function of the joint's value."""
     hold = joint.hold
@@ -163,7 +163,7 @@ def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
 class HingeDrive(pymunk.GearJoint):
     """Holds two links at an angle, as a gear of ratio 1 with a phase."""
 
-    def __init__(self, joint: Joint, bodies: Sequence[pymunk.Body]):
+    def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
         super().__init__(bodies[joint.hold.a], bodies[joint.hold.b], 0.0, 1.0)
         self.start, self.sign = joint.value, joint.sign
         self.error_bias = 0.0
@@ -180,7 +180,7 @@ class SlideDrive(pymunk.GrooveJoint):
     along the slide, and the guide only what is across.
     """
 
-    def __init__(self, joint: Joint, links: Links, bodies: Sequence[pymunk.Body]):
+    def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
         hold, axis = joint.hold, joint.hold.axis
         assert axis is not None
         across = links.extent * np.array([-axis[1], axis[0]])

@@ -7,9 +7,9 @@ from rich.table import Table
 
 from proofmass.command import answering, errors
 from proofmass.errors import InputError
-from proofmass.studies.diet.diet import Diet, Kept, Search
+from proofmass.studies.diet.diet import Diet, DietSearch, DietStore
 from proofmass.studies.diet.edits import read, write
-from proofmass.studies.diet.scene import Scene, scene_of
+from proofmass.studies.diet.scene import DietScene, scene_of
 from proofmass.studies.diet.table import (
     NO_GAIN,
     Entry,
@@ -41,8 +41,8 @@ def run_diet(model: Path, output: Path | None, seconds: float, watch: list[str] 
             read_entries(table)  # what is no table of a diet is not replaced by one
         scene = scene_of(model, seconds, tuple(dict.fromkeys(watch or ())), error)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
-            found = Search(scene, blind, tune=not keep_options, workers=workers,
-                           kept=Kept(file.parent / "runs"),
+            found = DietSearch(scene, blind, tune=not keep_options, workers=workers,
+                           kept=DietStore(file.parent / "runs"),
                            progress=lambda what: status.update(what[:70])).run()
         finish(scene, found, file)
     for part in shown(found.table):
@@ -52,7 +52,7 @@ def run_diet(model: Path, output: Path | None, seconds: float, watch: list[str] 
         print(path)
 
 
-def finish(scene: Scene, found: Diet, file: Path) -> None:
+def finish(scene: DietScene, found: Diet, file: Path) -> None:
     """Write the slim model and the table, and try the model as it was written."""
     file.parent.mkdir(parents=True, exist_ok=True)
     half = file.with_name(f"{file.stem}.part.xml")
@@ -60,7 +60,7 @@ def finish(scene: Scene, found: Diet, file: Path) -> None:
         write(found.slim, half, dressed=True)
         written = read(half, found.slim.rods)
         models = [written.compiled(found.slim.segmented(w.run.rods)) for w in scene.watches]
-        search = Search(scene)
+        search = DietSearch(scene)
         outcome, _, message = (search.held if found.tuned else search.ran)(models, found.slim)
         if outcome != "harmless":
             raise InputError(scene.draft.file, "", "cannot be written with all its digits: its "

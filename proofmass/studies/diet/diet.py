@@ -37,15 +37,15 @@ from proofmass.studies.diet.options import (
     steps,
     work,
 )
-from proofmass.studies.diet.scene import TIMED, Scene, Watch, moved, strayed
-from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Entry, Moved
+from proofmass.studies.diet.scene import TIMED, DietScene, Watch, moved, strayed
+from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Displacements, Entry
 from proofmass.studies.diet.trial import Cost, Pace, attempt, paced
 from proofmass.studies.run import pool
 from proofmass.studies.store import digest, once, saved, sources, versions
 from proofmass.worker import isolated
 
 
-class Kept:
+class DietStore:
     """What came of models in runs.
 
     Parameters
@@ -83,8 +83,8 @@ ROUNDS = 15  # pairs of runs, of which the interval of the median is that from t
 SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
 T = TypeVar("T")
 ASKING = 8  # features that wait for workers at a time
-Tried = tuple[Feature, Entry]
-Judge = Callable[[list[mujoco.MjModel], Draft], tuple[str, Moved, str]]
+TriedFeature = tuple[Feature, Entry]
+Judge = Callable[[list[mujoco.MjModel], Draft], tuple[str, Displacements, str]]
 Changed = tuple[Draft, Draft, Entry]
 """A draft, the same with an option changed, and what came of it."""
 
@@ -120,7 +120,7 @@ class Diet:
 
 
 @dataclass
-class Search:
+class DietSearch:
     """Finds what a scene does not need.
 
     Attributes
@@ -143,12 +143,12 @@ class Search:
         Called with what is tried.
     """
 
-    scene: Scene
+    scene: DietScene
     blind: bool = False
     rounds: int = ROUNDS
     tune: bool = True
     workers: Executor | None = None
-    kept: Kept = field(default_factory=Kept)
+    kept: DietStore = field(default_factory=DietStore)
     progress: Callable[[str], None] = lambda _: None
     found: dict[tuple[str, str], Entry] = field(default_factory=dict)
 
@@ -211,7 +211,7 @@ class Search:
                         break
         return now, found
 
-    def explored(self, now: Draft, feature: Feature) -> list[Tried]:
+    def explored(self, now: Draft, feature: Feature) -> list[TriedFeature]:
         """What becomes of a feature, or of its parts where it cannot go as a whole."""
         last = self.found.get((feature.kind, feature.name))
         if last and last.outcome in SETTLED:
@@ -252,13 +252,13 @@ class Search:
         outcome, shares, message = self.kept.once(models, runs, lambda: judge(models, draft))
         return draft, Entry(feature.kind, feature.name, outcome, shares, message)
 
-    def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
+    def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Displacements, str]:
         """Outcome, changes and message of a draft's models in the runs of the scene."""
         optional = set() if draft.watch else draft.probes
         return self.judged(models, draft, SLOWER, lambda watch: watch.run,
                            lambda watch, curves: moved(watch, curves, optional))
 
-    def held(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Moved, str]:
+    def held(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Displacements, str]:
         """The same of errors; of changes where there is nothing to hold a run against."""
         optional = set() if draft.watch else draft.probes
         return self.judged(models, draft, NOT_CHEAPER, lambda watch: watch.bound.run
@@ -267,9 +267,9 @@ class Search:
 
     def judged(self, models: list[mujoco.MjModel], draft: Draft, slower: float,
                run_of: Callable[[Watch], Run],
-               shares_of: Callable[[Watch, Curves], dict[str, float]]) -> tuple[str, Moved, str]:
+               shares_of: Callable[[Watch, Curves], dict[str, float]]) -> tuple[str, Displacements, str]:
         """Outcome, shares of what is allowed, and message of a draft's models in some runs."""
-        shares: Moved = {}
+        shares: Displacements = {}
         try:
             for watch, model in zip(self.scene.watches, models, strict=True):
                 curves = self.worked(isolated, attempt, model, rodded(run_of(watch), draft),

@@ -31,7 +31,7 @@ from proofmass.studies.diet.edits import (
     undraw,
     unlimit,
 )
-from proofmass.studies.diet.scene import Scene, Watch
+from proofmass.studies.diet.scene import DietScene, Watch
 from proofmass.studies.diet.table import OPTION
 from proofmass.studies.diet.trial import STEPPED, by_steps, most_iterations
 from proofmass.wording import number
@@ -90,7 +90,7 @@ def ladder(kind: str, rungs: Iterable[tuple[str, Cut]]) -> Iterator[Feature]:
     yield from below
 
 
-def features(draft: Draft, scene: Scene) -> Iterator[Feature]:
+def features(draft: Draft, scene: DietScene) -> Iterator[Feature]:
     """All that may go from a draft of a scene, in the order in which it is tried."""
     read, keys = scene.read, scene.keys
     spec = draft.spec
@@ -176,7 +176,7 @@ def fit(draft: Draft, share: int) -> bool:
                                     for rod in draft.rods)
 
 
-Rungs = Callable[[Draft, Scene], list[Feature]]
+Rungs = Callable[[Draft, DietScene], list[Feature]]
 FEWER = (1, 2, 3, 5, 10, 20, 50)  # iterations that are tried
 USUAL = {"iterations": 100, "ls_iterations": 50}  # MuJoCo's defaults
 LOOSER = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)  # where the solver may stop, not lower
@@ -191,12 +191,12 @@ CHEAPER = {  # of each integrator: with fewer evaluations, or fewer derivatives 
     INTEGRATOR.mjINT_IMPLICIT: (INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICITFAST)}
 
 
-def stepped(scene: Scene) -> list[Watch]:
+def stepped(scene: DietScene) -> list[Watch]:
     """The runs of a scene that go by time steps."""
     return [watch for watch in scene.watches if by_steps(watch.run)]
 
 
-def following(scene: Scene, option: str) -> list[Watch]:
+def following(scene: DietScene, option: str) -> list[Watch]:
     """Those of them that take an option from the model, and not from the sidecar."""
     return [watch for watch in stepped(scene) if option not in watch.run.settings]
 
@@ -212,7 +212,7 @@ def work(draft: Draft) -> float:
     return EVALUATIONS.get(INTEGRATOR(option.integrator), 1) / float(option.timestep)
 
 
-def tolerances(draft: Draft, scene: Scene) -> list[Feature]:
+def tolerances(draft: Draft, scene: DietScene) -> list[Feature]:
     """A solver that may stop earlier, or after so few iterations that it never gets there."""
     watches, option = following(scene, "tolerance"), draft.spec.option
     if not watches:
@@ -227,7 +227,7 @@ def tolerances(draft: Draft, scene: Scene) -> list[Feature]:
     return found
 
 
-def caps(draft: Draft, scene: Scene) -> list[Feature]:
+def caps(draft: Draft, scene: DietScene) -> list[Feature]:
     """Iterations beyond the usual number, which are allowed and not taken."""
     now, most = draft.spec.option.iterations, USUAL["iterations"]
     if now <= most or not following(scene, "iterations"):
@@ -235,7 +235,7 @@ def caps(draft: Draft, scene: Scene) -> list[Feature]:
     return [rung("iterations", f"iterations {now} to {most}", most)]
 
 
-def searches(draft: Draft, scene: Scene) -> list[Feature]:
+def searches(draft: Draft, scene: DietScene) -> list[Feature]:
     """Iterations of the line search beyond the usual number."""
     now, most = draft.spec.option.ls_iterations, USUAL["ls_iterations"]
     if now <= most or not stepped(scene):
@@ -243,7 +243,7 @@ def searches(draft: Draft, scene: Scene) -> list[Feature]:
     return [rung("ls_iterations", f"ls_iterations {now} to {most}", most)]
 
 
-def steps(draft: Draft, scene: Scene) -> list[Feature]:
+def steps(draft: Draft, scene: DietScene) -> list[Feature]:
     """Longer steps, as long as what is from sample to sample has room for them."""
     if not (watches := following(scene, "timestep")):
         return []
@@ -261,14 +261,14 @@ def steps(draft: Draft, scene: Scene) -> list[Feature]:
             for step in values]
 
 
-def integrators(draft: Draft, scene: Scene) -> list[Feature]:
+def integrators(draft: Draft, scene: DietScene) -> list[Feature]:
     """Integrators that evaluate less in a step."""
     now = INTEGRATOR(draft.spec.option.integrator)
     return [rung("integrator", f"integrator {told(now)} to {told(other)}", int(other))
             for other in CHEAPER.get(now, ()) if following(scene, "integrator")]
 
 
-def solvers(draft: Draft, scene: Scene) -> list[Feature]:
+def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
     """The other solvers, where there is something to solve."""
     watches, now = following(scene, "solver"), SOLVER(draft.spec.option.solver)
     if not watches or not taken(draft, watches[0], draft.spec.option.tolerance):
@@ -277,7 +277,7 @@ def solvers(draft: Draft, scene: Scene) -> list[Feature]:
             for other in (SOLVER.mjSOL_NEWTON, SOLVER.mjSOL_CG, SOLVER.mjSOL_PGS) if other != now]
 
 
-def jacobians(draft: Draft, scene: Scene) -> list[Feature]:
+def jacobians(draft: Draft, scene: DietScene) -> list[Feature]:
     """The other way to keep Jacobian and inertia, sparse or dense."""
     now, watches = JACOBIAN(draft.spec.option.jacobian), stepped(scene)
     if not watches:
@@ -287,7 +287,7 @@ def jacobians(draft: Draft, scene: Scene) -> list[Feature]:
     return [rung("jacobian", f"jacobian {told(now)} to {told(other)}", int(other))]
 
 
-def cones(draft: Draft, scene: Scene) -> list[Feature]:
+def cones(draft: Draft, scene: DietScene) -> list[Feature]:
     """Pyramids for elliptic friction cones."""
     if draft.spec.option.cone != ELLIPTIC or not stepped(scene):
         return []

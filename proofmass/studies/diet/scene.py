@@ -126,7 +126,7 @@ class Watch:
 
 
 @dataclass(frozen=True)
-class Scene:
+class DietScene:
     """A model and what it is for.
 
     Attributes
@@ -155,7 +155,7 @@ class Scene:
 
 
 def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: float | None = None
-             ) -> Scene:
+             ) -> DietScene:
     """A model with the sidecars beside it that speak of it.
 
     Parameters
@@ -190,7 +190,7 @@ def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: flo
         let = let_go(file, draft, seconds)
         keys = {let.run.start, *(case.start for case in cases)} - {""}
         held, why = with_fine_solution(file, draft, let, error)
-        return Scene(draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why))
+        return DietScene(draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why))
     if error is not None:
         raise InputError(file, "--error", "its sidecar states what an error may be; change its "
                          "tolerances, or leave --error out")
@@ -208,7 +208,7 @@ def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: flo
         sensors &= read_by
         words = (f"Watched: {listed(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
                  "runs of the sidecars.")
-    return Scene(draft, tuple(watches), sensors, {case.start for case in cases}, (
+    return DietScene(draft, tuple(watches), sensors, {case.start for case in cases}, (
         words, "Options are held against the references of the sidecars: an error may grow by a "
         "tenth of what it leaves of its tolerance."))
 

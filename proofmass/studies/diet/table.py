@@ -14,7 +14,7 @@ from proofmass.studies.diet.trial import Cost, Interval
 from proofmass.studies.record import write_columns
 from proofmass.wording import number
 
-Moved = dict[str, dict[str, float]]
+Displacements = dict[str, dict[str, float]]
 EMPTY = ("",) * 7
 SAID = "said"
 """The kind of an entry that is a sentence: what is watched, what options are held against."""
@@ -72,7 +72,7 @@ class Entry:
     kind: str
     name: str
     outcome: str
-    moved: Moved = field(default_factory=dict)
+    moved: Displacements = field(default_factory=dict)
     message: str = ""
     costs: tuple[Cost, ...] = ()
     saved: Interval | tuple[()] = ()

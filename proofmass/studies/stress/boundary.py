@@ -16,7 +16,7 @@ STRIDE = 4.0
 """Factor from one value to the next on the way to the extreme."""
 
 
-class Limit(StrEnum):
+class BoundaryKind(StrEnum):
     """What ends the way of a knob; `sentence` says it in words."""
 
     UNSTABLE = "unstable"
@@ -32,14 +32,14 @@ class Limit(StrEnum):
 
 
 SENTENCES = {
-    Limit.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's warning, a "
+    BoundaryKind.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's warning, a "
                     "loop comes open, or there is no pose or no equilibrium any more",
-    Limit.INACCURATE: "the engine runs to the end, and is off by more than a tenth of the range, "
+    BoundaryKind.INACCURATE: "the engine runs to the end, and is off by more than a tenth of the range, "
                       "or by more than the row names",
-    Limit.REFUSED: "the engine does not compile or accept it",
-    Limit.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for lack of "
+    BoundaryKind.REFUSED: "the engine does not compile or accept it",
+    BoundaryKind.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for lack of "
                 "time, of a reference or of iterations, or did not accept it itself",
-    Limit.HOLDS: "no boundary: all held as far as the knob was turned"}
+    BoundaryKind.HOLDS: "no boundary: all held as far as the knob was turned"}
 """Of all kinds of limits, for tables and pages."""
 
 
@@ -47,7 +47,7 @@ class Failure(NamedTuple):
     """Why a value did not hold, what kind of limit that is, and whether the engine said nothing."""
 
     message: str
-    limit: Limit
+    limit: BoundaryKind
     silent: bool = False
 
 
@@ -128,7 +128,7 @@ class Boundary(Turned):
     step: float = NAN
     theory: float = NAN
     law: str = ""
-    limit: Limit = Limit.HOLDS
+    limit: BoundaryKind = BoundaryKind.HOLDS
     failure: str = ""
     silent: bool = False
 
@@ -140,7 +140,7 @@ class Boundary(Turned):
     @property
     def unknown(self) -> bool:
         """Whether nothing is known beyond `holds`, for a reason of our own."""
-        return self.limit == Limit.OURS
+        return self.limit == BoundaryKind.OURS
 
     @property
     def measured(self) -> float:
@@ -170,7 +170,7 @@ class Boundary(Turned):
         ...          failure="position off by 0.1 of its range", silent=True).ending
         'inaccurate, in silence: position off by 0.1 of its range'
         """
-        if self.limit == Limit.HOLDS:
+        if self.limit == BoundaryKind.HOLDS:
             return ""
         return f"{self.limit}{', in silence' if self.silent else ''}: {self.why}"
 
@@ -198,7 +198,7 @@ class Sought(Turned):
 
         holds, breaks, failure = bisect(test, self.start, self.reach, within)
         known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
-        message, limit, silent = failure or ("", Limit.HOLDS, False)
+        message, limit, silent = failure or ("", BoundaryKind.HOLDS, False)
         return Boundary(**known, holds=holds, breaks=breaks, step=steps.get(holds, NAN),
                         limit=limit, failure=message, silent=silent)
 
@@ -239,7 +239,7 @@ def bisect(test: Callable[[float], Failure | None], start: float, reach: float,
             break
         holds = value
     while max(holds / breaks, breaks / holds) > 1.0 + (  # not with NaN
-            max(COARSE, within) if failure and failure.limit == Limit.OURS else within):
+            max(COARSE, within) if failure and failure.limit == BoundaryKind.OURS else within):
         middle = float(np.sqrt(holds * breaks))
         if found := test(middle):
             breaks, failure = middle, found

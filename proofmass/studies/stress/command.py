@@ -8,7 +8,7 @@ from proofmass.command import answering, counting, errors
 from proofmass.studies.command import named
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.stress import kept, stress, write_boundaries
@@ -48,7 +48,7 @@ def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None
 def shown(found: list[Boundary]) -> Table:
     """A row for each boundary, on standard output, and what the kinds of limits are."""
     table = Table(box=None, header_style="bold", pad_edge=False, caption_justify="left",
-                  caption="\n".join(f"{kind}: {kind.sentence}" for kind in Limit
+                  caption="\n".join(f"{kind}: {kind.sentence}" for kind in BoundaryKind
                                     if any(one.limit == kind for one in found)))
     for name in ("what", "engine", "setting", "knob", "boundary", "theory", "ratio",
                  "how it breaks"):

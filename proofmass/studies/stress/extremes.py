@@ -25,11 +25,11 @@ from proofmass.strict import Kind
 from proofmass.studies import variants
 from proofmass.studies.bounded import bounded
 from proofmass.studies.invariants import conserved, invariants
-from proofmass.studies.measure import Found, Task, taken
+from proofmass.studies.measure import Measurement, StudyRun, taken
 from proofmass.studies.record import Knob, Setting
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress import theory
-from proofmass.studies.stress.boundary import NAN, Failure, Limit, Sought, Tried, told
+from proofmass.studies.stress.boundary import NAN, BoundaryKind, Failure, Sought, Tried, told
 from proofmass.studies.stress.near_singular import closings, limits, snaps, stretchings
 from proofmass.studies.stress.stand import (
     LONG,
@@ -88,29 +88,29 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> T
     run = case.run["duration"].model_copy(update={"n": count + 1,
                                                   "until": count * per * stand.step})
     own = case.model_copy(update={"run": {"duration": run}})
-    task = Task(own, "duration", stand.setting.but(**knobs), "stress")
+    task = StudyRun(own, "duration", stand.setting.but(**knobs), "stress")
     found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
     if found.outcome != Outcome.RAN:
         limit = limit_of(found)
         return Tried(Failure(f"{found.outcome}: {found.message}", limit,
-                             limit != Limit.OURS and not told(found.message)))
+                             limit != BoundaryKind.OURS and not told(found.message)))
     off = found.invariants.get("energy", 0.0)
-    lost = Failure(f"energy off by {off:.2g}", Limit.INACCURATE, silent=True)
+    lost = Failure(f"energy off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
     return Tried(None if off <= OFF else lost, found.step)
 
 
-def weighing(task: Task) -> Found:
+def weighing(task: StudyRun) -> Measurement:
     """Run a task for its energy alone."""
     try:
-        return cast(Found, isolated(weighed_here, task, timeout=TIMEOUT))
+        return cast(Measurement, isolated(weighed_here, task, timeout=TIMEOUT))
     except tuple(FAILURES) as error:
-        return Found(outcome=FAILURES[type(error)], message=str(error))
+        return Measurement(outcome=FAILURES[type(error)], message=str(error))
 
 
-def weighed_here(task: Task) -> Found:
+def weighed_here(task: StudyRun) -> Measurement:
     """The same, in this process."""
     curves = simulated(task)
-    return Found(invariants=invariants(task.case, curves), seconds=curves.seconds,
+    return Measurement(invariants=invariants(task.case, curves), seconds=curves.seconds,
                  steps=curves.steps, step=taken(task.run, curves))
 
 
@@ -141,12 +141,12 @@ def resized(stand: Stand, least: float, factor: float) -> Tried:
     """Run at another size, down to the least that MuJoCo compiles for other engines as well."""
     if factor < least and not stand.engine.native:
         return Tried(Failure(f"MuJoCo, which reads the model for {stand.setting.engine}, compiles "
-                             f"the same mechanism down to {least:.3g} times its size", Limit.OURS))
+                             f"the same mechanism down to {least:.3g} times its size", BoundaryKind.OURS))
     found = stand.run(variants.larger(stand.case, stand.models, factor))
     return Tried(unlike(found, stand.run(stand.case)), found.step)
 
 
-def unlike(found: Found, own: Found) -> Failure | None:
+def unlike(found: Measurement, own: Measurement) -> Failure | None:
     """Why a run at another size is lost: errors must be those at its own, by dimensional analysis.
 
     What is ten times as large is another curve; rounding is not that of another size.
@@ -156,7 +156,7 @@ def unlike(found: Found, own: Found) -> Failure | None:
     for kind, error in found.errors.items():
         if error > 10.0 * own.errors[kind] + ROUNDING:
             return Failure(f"{kind} off by {error:.2g} of its range, {own.errors[kind]:.2g} at its "
-                           f"size", Limit.INACCURATE, silent=True)
+                           f"size", BoundaryKind.INACCURATE, silent=True)
     return None
 
 

@@ -33,10 +33,10 @@ from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.reference import compiled
 from proofmass.strict import Kind
-from proofmass.studies.measure import Task
+from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.store import MATTERS, Store, digest, key_of, model_bytes, once, sources
-from proofmass.studies.stress.boundary import Failure, Limit, Sought, Tried, bisect
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Tried, bisect
 from proofmass.studies.stress.stand import LOST, Stand, judged, known, needs, tried
 from proofmass.studies.stress.ways import farther, followed, hinged, turning
 from proofmass.studies.variants import movable, reread, times, with_model
@@ -46,11 +46,11 @@ PACE = 0.02  # change of the link from one closed start pose to the next: none i
 LENGTH_WITHIN = 1e-9  # how sharply the shortest length is found
 
 
-Links = tuple[str, ...]
+BodyNames = tuple[str, ...]
 """Sites at the ends of links."""
 
 
-def ends(case: Case) -> Iterator[Links]:
+def ends(case: Case) -> Iterator[BodyNames]:
     """Of each loop, the last first, the ends of the links that it holds together."""
     model = compiled(case)
     for e in reversed(range(model.neq)):
@@ -60,12 +60,12 @@ def ends(case: Case) -> Iterator[Links]:
                         if model.site_bodyid[site] and model.site_pos[site].any())
 
 
-def last_link(case: Case) -> Links:
+def last_link(case: Case) -> BodyNames:
     """The end of the last link that a loop holds; none if there is none."""
     return next((links[:1] for links in ends(case) if links), ())
 
 
-def last_arm(case: Case) -> Links:
+def last_arm(case: Case) -> BodyNames:
     """The ends of both links of the last loop, if nothing else drives or holds them; or none."""
     model, (last, *others) = compiled(case), [*ends(case)] or [()]
     bodies = [int(model.site(link).bodyid[0]) for link in last]
@@ -74,7 +74,7 @@ def last_arm(case: Case) -> Links:
     return last if len(bodies) == 2 and not {*bodies} & (held | driven) else ()
 
 
-def shortened(case: Case, links: Links, folder: Path, factor: float) -> Case:
+def shortened(case: Case, links: BodyNames, folder: Path, factor: float) -> Case:
     """The case with links so many times as long, and closed in its start pose."""
     pose = closed(case, links, factor)
 
@@ -87,7 +87,7 @@ def shortened(case: Case, links: Links, folder: Path, factor: float) -> Case:
     return with_model(case, folder, change)
 
 
-def closed(case: Case, links: Links, factor: float) -> Array:
+def closed(case: Case, links: BodyNames, factor: float) -> Array:
     """Joint values of the start pose with links so many times as long.
 
     Raises
@@ -109,7 +109,7 @@ def closed(case: Case, links: Links, factor: float) -> Array:
     return pose
 
 
-def least(case: Case, links: Links, kind: Kind, folder: Path) -> float:
+def least(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
     """Length of links, in their own, from which on the mechanism makes its whole way.
 
     NaN where the reference has no poses with longer ones, or has them all with shorter ones.
@@ -122,20 +122,20 @@ def least(case: Case, links: Links, kind: Kind, folder: Path) -> float:
     return float("nan")
 
 
-def least_kept(case: Case, links: Links, kind: Kind, store: Store) -> float:
+def least_kept(case: Case, links: BodyNames, kind: Kind, store: Store) -> float:
     """The same, found once for both engines: steps of the reference are short at singular poses."""
     name = repr((case.model_dump_json(include=MATTERS), links, kind, sources()))
     file = store.folder / f"{digest(name.encode() + model_bytes(case))}.least.json"
     return float(once(file, lambda: least(case, links, kind, store.folder / "models")))
 
 
-def unclosed(case: Case, links: Links, kind: Kind, folder: Path, factor: float
+def unclosed(case: Case, links: BodyNames, kind: Kind, folder: Path, factor: float
              ) -> Failure | None:
     """Why the mechanism does not make its whole way with links so many times as long."""
     try:
         followed(shortened(case, links, folder, factor), kind)
     except InputError as error:
-        return Failure(error.wrong, Limit.UNSTABLE)
+        return Failure(error.wrong, BoundaryKind.UNSTABLE)
     return None
 
 
@@ -174,7 +174,7 @@ def unreachable(case: Case, far: float) -> Failure | None:
     try:
         followed(farther(case, far), "sweep")
     except InputError as error:
-        return Failure(str(error), Limit.UNSTABLE)
+        return Failure(str(error), BoundaryKind.UNSTABLE)
     return None
 
 
@@ -190,7 +190,7 @@ def stretchings(stand: Stand) -> Iterator[Sought]:
                       last_arm(stand.case))
 
 
-def spared(stand: Stand, pose: str, knob: str, links: Links) -> Iterator[Sought]:
+def spared(stand: Stand, pose: str, knob: str, links: BodyNames) -> Iterator[Sought]:
     """Links with less and less to spare, in each run."""
     needs(stand.case.drive and movable(stand.case) and known(stand.case) and links,
           f"{pose}: no such links in a driven loop")
@@ -204,7 +204,7 @@ def spared(stand: Stand, pose: str, knob: str, links: Links) -> Iterator[Sought]
                          own.words if kind == "duration" else kind)
 
 
-def sparing(stand: Stand, links: Links, length: float, share: float) -> Tried:
+def sparing(stand: Stand, links: BodyNames, length: float, share: float) -> Tried:
     """Run with links so much longer than what just closes.
 
     The reference has all poses.  A sweep that ends before one of them has not found it, which is a
@@ -212,7 +212,7 @@ def sparing(stand: Stand, links: Links, length: float, share: float) -> Tried:
     """
     found = stand.tried(shortened(stand.case, links, stand.models, length * (1.0 + share)))
     if found.failure and found.failure.message.startswith("stopped"):
-        return found._replace(failure=found.failure._replace(limit=Limit.OURS))
+        return found._replace(failure=found.failure._replace(limit=BoundaryKind.OURS))
     return found
 
 
@@ -243,7 +243,7 @@ def there_and_back(case: Case, far: float) -> Case:
 
 def snapped(stand: Stand, far: float) -> Tried:
     """Whether the engine's rod comes back another way than it went; its error is not asked for."""
-    task = Task(there_and_back(stand.case, far), "sweep", stand.setting, "stress")
+    task = StudyRun(there_and_back(stand.case, far), "sweep", stand.setting, "stress")
     found = tried(task, stand.store, stand.patience)
     if found.outcome != Outcome.RAN:
         return Tried(judged(found))
@@ -268,5 +268,5 @@ def parted(curves: dict[str, Array]) -> Failure | None:
         apart = float(np.abs(values - values[::-1]).max())
         if apart > LOST * np.ptp(values):
             return Failure(f"{name} comes back {apart:.2g} away from where it went",
-                           Limit.UNSTABLE, silent=True)
+                           BoundaryKind.UNSTABLE, silent=True)
     return None

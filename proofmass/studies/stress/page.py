@@ -24,7 +24,7 @@ from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC, Look, hatches, looks
 from proofmass.report.svg import inline
-from proofmass.studies.stress.boundary import Boundary, Limit
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, pretty, spoken
 
@@ -180,7 +180,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
              for name, own in groupby(found, lambda one: subject(one))]
     page = output / "index.html"
     write_whole(page, environment().get_template("stress.html").render(
-        parts=parts, limits=list(Limit), about=about(), style={}, home=home))
+        parts=parts, limits=list(BoundaryKind), about=about(), style={}, home=home))
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
@@ -229,4 +229,4 @@ def cells(one: Boundary) -> dict[str, str]:
             "measured": number(one.measured, 4) if one.found else none,
             "theory": number(one.theory, 4), "ratio": number(one.ratio, 4), "law": one.law,
             "failure": one.why, "silent": "in silence" if one.silent else "",
-            "limit": "" if one.limit == Limit.HOLDS else str(one.limit)}
+            "limit": "" if one.limit == BoundaryKind.HOLDS else str(one.limit)}

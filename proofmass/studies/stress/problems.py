@@ -30,7 +30,7 @@ from proofmass.sim.specimens import key, mjcf, wheel
 from proofmass.solve import simulate
 from proofmass.studies.measure import taken
 from proofmass.studies.stress import theory
-from proofmass.studies.stress.boundary import Failure, Limit, Sought, Tried, told
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Tried, told
 from proofmass.worker import KILLED, Crashed, TimedOut, isolated
 
 STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
@@ -110,14 +110,14 @@ def stepping(engine: str, text: str, step: float, settings: dict[str, Any], chan
     try:
         curves = ran(engine, text, Run("duration", x, (channel,), settings=settings))
     except Diverged as error:
-        return Tried(Failure(str(error), Limit.UNSTABLE, silent=not told(str(error))))
+        return Tried(Failure(str(error), BoundaryKind.UNSTABLE, silent=not told(str(error))))
     except Unsupported as error:
-        return Tried(Failure(str(error), Limit.OURS))
+        return Tried(Failure(str(error), BoundaryKind.OURS))
     except (Crashed, TimedOut) as error:
         aborted = str(error).startswith(KILLED)
-        return Tried(Failure(str(error), Limit.UNSTABLE if aborted else Limit.OURS))
+        return Tried(Failure(str(error), BoundaryKind.UNSTABLE if aborted else BoundaryKind.OURS))
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4:].max())
-    grew = Failure(f"grew to {last:.2g}", Limit.UNSTABLE, silent=True)
+    grew = Failure(f"grew to {last:.2g}", BoundaryKind.UNSTABLE, silent=True)
     return Tried(None if last < bound else grew, taken("duration", curves))
 
 
@@ -225,12 +225,12 @@ def pushed(engine: str, segments: int, load: float) -> Tried:
     try:
         curves = ran(engine, column(load), run)
     except (NotSolved, Unsupported) as error:
-        return Tried(Failure(str(error), Limit.OURS))
+        return Tried(Failure(str(error), BoundaryKind.OURS))
     except (BadModel, Diverged) as error:  # an equilibrium that is unstable, for one
-        return Tried(Failure(str(error), Limit.UNSTABLE))
+        return Tried(Failure(str(error), BoundaryKind.UNSTABLE))
     bent = float(abs(curves.channels["rod.angle"][-1]))
     # 1e-6 of load beyond the critical one bends the tip by sqrt(8e-6) rad
-    return Tried(None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", Limit.UNSTABLE))
+    return Tried(None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", BoundaryKind.UNSTABLE))
 
 
 def folds() -> Iterator[Sought]:
@@ -251,8 +251,8 @@ def swept(engine: str, text: str, end: float) -> Tried:
     try:
         stopped = ran(engine, text, run).stopped
     except Unsupported as error:
-        return Tried(Failure(str(error), Limit.OURS))
-    return Tried(Failure(stopped, Limit.UNSTABLE) if stopped else None)
+        return Tried(Failure(str(error), BoundaryKind.OURS))
+    return Tried(Failure(stopped, BoundaryKind.UNSTABLE) if stopped else None)
 
 
 def long_runs() -> Iterator[Sought]:
@@ -284,5 +284,5 @@ def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods
     place, truth = found["place"] / 1e-3, np.cos(x)
     energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
     off = np.abs(place - truth).max() / 2 if what == "place" else 1 - energy[-1]
-    lost = Failure(f"off by {off:.2g}", Limit.INACCURATE, silent=True)
+    lost = Failure(f"off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
     return Tried(lost if off > 0.1 else None, taken("duration", curves))

@@ -3,7 +3,7 @@
 That is when the engine says so, when it is not finite, when a loop comes open by a tenth of the
 mechanism, and when a position, or a holding moment of a sweep, is off by a tenth of its range: that
 the engine does not see.  What keeps us from knowing is a limit of our own; see
-`proofmass.studies.stress.boundary.Limit`.
+`proofmass.studies.stress.boundary.BoundaryKind`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -23,10 +23,10 @@ from proofmass.sim.mjcf import compiles
 from proofmass.sim.protocol import BadModel, Curves, Engine, NotSolved, Scheme
 from proofmass.solve import simulate
 from proofmass.strict import Kind
-from proofmass.studies.measure import Found, Task, observe
+from proofmass.studies.measure import Measurement, StudyRun, observe
 from proofmass.studies.record import Knob, Setting
 from proofmass.studies.store import Store, key_of
-from proofmass.studies.stress.boundary import Failure, Limit, Sought, Trial, Tried, told
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Trial, Tried, told
 from proofmass.studies.stress.ways import in_steps
 from proofmass.studies.variants import READS
 from proofmass.worker import KILLED, TimedOut, isolated
@@ -37,9 +37,9 @@ JUDGED = "position", "effort"
 TIMEOUT = 60.0
 LONG = 1_000_000  # steps of the longest runs
 SAME = 1e-9  # share of a step by which rounding may change it
-LIMITS: dict[str, Limit] = {
-    Outcome.DIVERGED: Limit.UNSTABLE, Outcome.NOT_FINITE: Limit.UNSTABLE,
-    Outcome.STOPPED: Limit.UNSTABLE, "refused": Limit.REFUSED}
+LIMITS: dict[str, BoundaryKind] = {
+    Outcome.DIVERGED: BoundaryKind.UNSTABLE, Outcome.NOT_FINITE: BoundaryKind.UNSTABLE,
+    Outcome.STOPPED: BoundaryKind.UNSTABLE, "refused": BoundaryKind.REFUSED}
 """Outcomes that are the engine's; all others are limits of our own."""
 
 
@@ -79,14 +79,14 @@ class Stand:
         x = grid(self.case, self.kind)
         return float(x[-1] - x[0])
 
-    def run(self, case: Case, **knobs: Knob) -> Found:
+    def run(self, case: Case, **knobs: Knob) -> Measurement:
         """Run a changed case."""
-        task = Task(case, self.kind, self.setting.but(**knobs), "stress")
+        task = StudyRun(case, self.kind, self.setting.but(**knobs), "stress")
         try:
             return tried(task, self.store, self.patience)
         except InputError as error:
             refused = self.engine.native and not is_compiled(case)
-            return Found(outcome="refused" if refused else "no start", message=error.wrong)
+            return Measurement(outcome="refused" if refused else "no start", message=error.wrong)
 
     def lost(self, case: Case, **knobs: Knob) -> Failure | None:
         """Run a changed case; why it is lost, or None."""
@@ -129,35 +129,35 @@ class Stand:
                       reach, trial, **more)
 
 
-def tried(task: Task, store: Store, patience: float = TIMEOUT) -> Found:
+def tried(task: StudyRun, store: Store, patience: float = TIMEOUT) -> Measurement:
     """A run, from the store if it is there; nobody asks for its time, so that it needs no core."""
     return store.once(key_of(task), task, patience, partial(observed, task, patience))
 
 
-def observed(task: Task, patience: float) -> Found:
+def observed(task: StudyRun, patience: float) -> Measurement:
     """A run, and whatever keeps it from one."""
     try:
-        return cast(Found, isolated(observe, task, False, None, timeout=patience))
+        return cast(Measurement, isolated(observe, task, False, None, timeout=patience))
     except TimedOut as late:
         return unanswered(task, str(late))
     except NotSolved as error:
-        return Found(outcome=Outcome.NOT_SOLVED, message=str(error))
+        return Measurement(outcome=Outcome.NOT_SOLVED, message=str(error))
     except tuple(FAILURES) as error:
-        return Found(outcome=FAILURES[type(error)], message=str(error))
+        return Measurement(outcome=FAILURES[type(error)], message=str(error))
     except BadModel as error:
-        return Found(outcome=Outcome.NO_START, message=str(error))
+        return Measurement(outcome=Outcome.NO_START, message=str(error))
 
 
-def unanswered(task: Task, late: str) -> Found:
+def unanswered(task: StudyRun, late: str) -> Measurement:
     """Whose answer was not there in time: the engine's, if late again, or the reference's."""
     try:
         isolated(simulated, task, timeout=TIMEOUT)
     except tuple(FAILURES):
-        return Found(outcome=FAILURES[TimedOut], message=late)
-    return Found(outcome=Outcome.NO_REFERENCE, message=f"{late}; the engine has its run")
+        return Measurement(outcome=FAILURES[TimedOut], message=late)
+    return Measurement(outcome=Outcome.NO_REFERENCE, message=f"{late}; the engine has its run")
 
 
-def simulated(task: Task) -> Curves:
+def simulated(task: StudyRun) -> Curves:
     """A run in this process, held against nothing."""
     case, run = task.setting.applied(task.case, task.run)
     return simulate(task.setting.engine, case.model_path, run)
@@ -168,7 +168,7 @@ def is_compiled(case: Case) -> bool:
     return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
 
 
-def judged(found: Found) -> Failure | None:
+def judged(found: Measurement) -> Failure | None:
     """Why a run is lost, or None."""
     if found.outcome != Outcome.RAN:
         unseen = found.outcome in (Outcome.DIVERGED, Outcome.NOT_FINITE) and not told(found.message)
@@ -176,15 +176,15 @@ def judged(found: Found) -> Failure | None:
     for kind in JUDGED:
         if not found.errors.get(kind, 0.0) <= LOST:
             return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range",
-                           Limit.INACCURATE, silent=True)
+                           BoundaryKind.INACCURATE, silent=True)
     return None
 
 
-def limit_of(found: Found) -> Limit:
+def limit_of(found: Measurement) -> BoundaryKind:
     """What kind of limit a run without errors is."""
     if found.outcome == Outcome.CRASHED and found.message.startswith(KILLED):
-        return Limit.UNSTABLE
-    return LIMITS.get(found.outcome, Limit.OURS)
+        return BoundaryKind.UNSTABLE
+    return LIMITS.get(found.outcome, BoundaryKind.OURS)
 
 
 class NotHere(Exception):

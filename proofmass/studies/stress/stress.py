@@ -11,7 +11,7 @@ Boundaries are looked for side by side; each trial is kept, so that a killed stu
 
 import csv
 import io
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -19,11 +19,11 @@ from typing import Any, get_type_hints
 
 from proofmass.files import write_whole
 from proofmass.studies.record import write_columns
+from proofmass.studies.run import Progress
 from proofmass.studies.store import Store, digest, once, sources, versions
 from proofmass.studies.stress import problems
-from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Trial, Tried
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, Sought, Trial, Tried
 
-Progress = Callable[[str, int, int], None]
 COLUMNS = {
     "what": "name of the sidecar, or a small model whose limit theory knows, in words",
     "engine": "name of the engine",
@@ -38,7 +38,7 @@ COLUMNS = {
     "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
     "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
     "law": "what theory says, in words",
-    "limit": "what kind of limit it is; " + "; ".join(f"{one}: {one.sentence}" for one in Limit),
+    "limit": "what kind of limit it is; " + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
     "failure": "what went wrong there",
     "silent": "whether the engine itself said nothing",
     "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
@@ -48,7 +48,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Kept:
+class StoredTrial:
     """A trial whose outcomes are kept in a folder, a file each."""
 
     trial: Trial
@@ -59,7 +59,7 @@ class Kept:
         """The outcome for a value, found or made."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
         told, step = once(file, lambda: self.trial(value))
-        return Tried(Failure(told[0], Limit(told[1]), told[2]) if told else None, step)
+        return Tried(Failure(told[0], BoundaryKind(told[1]), told[2]) if told else None, step)
 
 
 def kept(sought: Sought, store: Store) -> Sought:
@@ -67,7 +67,7 @@ def kept(sought: Sought, store: Store) -> Sought:
     code = Path(str(problems.__file__)).read_text(encoding="utf-8")
     name = repr((sought.what, sought.engine, sought.setting, sought.knob,
                  versions(sought.engine), sources(), code))
-    return replace(sought, trial=Kept(sought.trial, store.folder, name))
+    return replace(sought, trial=StoredTrial(sought.trial, store.folder, name))
 
 
 def stress(sought: Iterable[Sought], workers: Executor,

@@ -29,7 +29,7 @@ def size(engine: str, axis: str, value: Knob) -> float:
 
 
 @dataclass(frozen=True)
-class Line:
+class ConvergenceSeries:
     """Settings of one engine that differ in one knob, from coarse to fine.
 
     Attributes
@@ -64,12 +64,12 @@ class Line:
         return Scan(self.name, self.axis, tuple(one.knobs for one in self.settings))
 
 
-def line_of(engine: str, scan: Scan) -> Line:
+def line_of(engine: str, scan: Scan) -> ConvergenceSeries:
     """The line of an engine's scan."""
-    return Line(engine, scan.name, scan.axis, tuple(Setting(engine, k) for k in scan.settings))
+    return ConvergenceSeries(engine, scan.name, scan.axis, tuple(Setting(engine, k) for k in scan.settings))
 
 
-def lines(case: Case, kind: Kind) -> list[Line]:
+def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
     """What can be turned in a run of a case; nothing in a sweep of a rigid mechanism.
 
     Raises
@@ -99,7 +99,7 @@ def jolted(case: Case) -> bool:
     return moving or bool(compiled(case).opt.gravity.any())
 
 
-def as_given(case: Case, kind: Kind) -> Iterator[Line]:
+def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
     """What the model and the sidecar themselves set, one line for each solver of the run.
 
     It may run where no other setting does: a stiff mechanism with a tiny mass, for one.
@@ -113,7 +113,7 @@ def as_given(case: Case, kind: Kind) -> Iterator[Line]:
                  for name, value in case.settings.get(solver, {}).items()}
         setting = Setting(engine, {"timestep": own, **given})
         place = "sidecar" if given else "model"
-        yield Line(engine, f"{spoken(solver)}, as in the {place}", "timestep", (setting,))
+        yield ConvergenceSeries(engine, f"{spoken(solver)}, as in the {place}", "timestep", (setting,))
 
 
 def at_step(setting: Setting, step: float) -> Setting:

@@ -10,7 +10,7 @@ from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
 from proofmass.strict import Kind
-from proofmass.studies.record import NAN, Row
+from proofmass.studies.record import NAN, StudyRow
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import FALLS, Limits, order, promises
 from proofmass.studies.trade.verdict import Verdict
@@ -50,7 +50,7 @@ class Choice:
         nothing of other motions.
     """
 
-    row: Row
+    row: StudyRow
     of: str
     wanted: float
     check: Check
@@ -60,10 +60,10 @@ class Choice:
     motion: str = ""
 
 
-Verify = Callable[[Case, Kind, Row, str, float], Check]
+Verify = Callable[[Case, Kind, StudyRow, str, float], Check]
 
 
-def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str = "position",
+def choose(case: Case, kind: Kind, rows: Iterable[StudyRow], wanted: float, of: str = "position",
            engine: str = "", verdicts: Iterable[Verdict] = (), verify: Verify = verify,
            limits: Limits | None = None) -> Choice:
     """The cheapest setting whose error is as small as is asked for, with margin.
@@ -105,7 +105,7 @@ def choose(case: Case, kind: Kind, rows: Iterable[Row], wanted: float, of: str =
     raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits)]))
 
 
-def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
+def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
     """Settings that meet an error with margin, cheapest first.
 
     Where only iterations differ, fewer come first: they are never dearer, whatever the clock says.
@@ -120,13 +120,13 @@ def enough(rows: Iterable[Row], of: str, wanted: float) -> list[Row]:
                                          float(str(row.knobs.get("iterations", 0))), row.seconds))
 
 
-def apart_from_iterations(row: Row) -> str:
+def apart_from_iterations(row: StudyRow) -> str:
     """What rows have in common that differ in a number of iterations only."""
     said = {name: value for name, value in row.knobs.items() if name != "iterations"}
     return repr((row.engine, "iterations" in row.knobs, sorted(said.items())))
 
 
-def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
+def best(rows: Sequence[StudyRow], of: str, wanted: float, verdicts: Iterable[Verdict],
          limits: Limits | None = None) -> tuple[str, ...]:
     """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
     a line that still falls would need."""
@@ -143,7 +143,7 @@ def best(rows: Sequence[Row], of: str, wanted: float, verdicts: Iterable[Verdict
     return f"{short}: {floored(floor)}", floor.evidence, more
 
 
-def would_need(rows: Iterable[Row], of: str, wanted: float, verdicts: Iterable[Verdict],
+def would_need(rows: Iterable[StudyRow], of: str, wanted: float, verdicts: Iterable[Verdict],
                limits: Limits | None = None) -> str:
     """The step and cost by which the cheapest line that still falls would be good enough.
 
@@ -165,7 +165,7 @@ def would_need(rows: Iterable[Row], of: str, wanted: float, verdicts: Iterable[V
     return f"{said}; {limits.settings} settings were measured"
 
 
-def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:
+def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
     """What became of settings none of which has such an error: how many, and the first of them.
 
     The first is the model's own setting, where there is one.
@@ -181,7 +181,7 @@ def none_ran(rows: Sequence[Row], of: str) -> tuple[str, ...]:
             f"the first, {told(first)}: {': '.join(filter(None, (first.outcome, first.message)))}")
 
 
-def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: Iterable[Verdict]
+def beside(rows: Iterable[StudyRow], chosen: StudyRow, of: str, wanted: float, verdicts: Iterable[Verdict]
            ) -> tuple[str, float]:
     """What the engine's defaults, refined to the same error, would cost; and over the chosen."""
     plain = [row for row in rows if row.engine == chosen.engine and default(row)
@@ -210,12 +210,12 @@ def beside(rows: Iterable[Row], chosen: Row, of: str, wanted: float, verdicts: I
             f"s, {number(ratio, 2)} times as long"), ratio
 
 
-def default(row: Row) -> bool:
+def default(row: StudyRow) -> bool:
     """Whether nothing but the time step differs from what the engine has by itself."""
     return engine_of(row.engine).is_default(row.knobs)
 
 
-def floor_at(row: Row, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
+def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
     """The error floor that a row stands at: of its own line, or of another of that engine."""
     near = [v for v in verdicts if (v.engine, v.kind) == (row.engine, of)
             and v.floor > row.errors[of] / ALIKE

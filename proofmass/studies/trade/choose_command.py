@@ -15,7 +15,7 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.strict import Kind
 from proofmass.studies.command import named, seconds
-from proofmass.studies.record import Row
+from proofmass.studies.record import StudyRow
 from proofmass.studies.run import pool
 from proofmass.studies.run import run as run_tasks
 from proofmass.studies.store import Store, versions
@@ -82,13 +82,13 @@ def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None
         errors.print("\n".join(words(choice, case)), markup=False)
 
 
-def choose_with_drive(case: Case, kind: Kind, rows: list[Row], error: float, of: str, solver: str,
+def choose_with_drive(case: Case, kind: Kind, rows: list[StudyRow], error: float, of: str, solver: str,
                       verdicts: list[Verdict], check: Verify, store: Store, limits: Limits
                       ) -> Choice:
     """`choose`, with finer steps where the program's drive asks for them."""
-    tried = list[tuple[Row, float]]()
+    tried = list[tuple[StudyRow, float]]()
 
-    def noted(case: Case, kind: Kind, row: Row, of: str, wanted: float) -> Check:
+    def noted(case: Case, kind: Kind, row: StudyRow, of: str, wanted: float) -> Check:
         found = check(case, kind, row, of, wanted)
         tried.append((row, found.fresh))
         return found
@@ -180,7 +180,7 @@ def asked(case: Case, kind: Kind, error: float, solver: str) -> None:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")
 
 
-def there(rows: list[Row], of: str) -> None:
+def there(rows: list[StudyRow], of: str) -> None:
     """Raise ValueError if no run tells such an error, but some tell others."""
     kinds = dict.fromkeys(kind for row in rows for kind in row.errors)
     if kinds and of not in kinds:

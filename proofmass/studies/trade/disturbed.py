@@ -24,7 +24,7 @@ from proofmass.reference import compiled
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import BadModel, Curves
 from proofmass.strict import Kind
-from proofmass.studies.measure import CONSTANT, Task, span
+from proofmass.studies.measure import CONSTANT, StudyRun, span
 from proofmass.studies.record import KINDS, NAN
 from proofmass.studies.store import Store, digest, key_of, once
 from proofmass.studies.stress.stand import simulated
@@ -54,7 +54,7 @@ ROUNDED = 0.3
 
 
 @dataclass(frozen=True)
-class Motion:
+class DisturbedMotion:
     """How a free motion answers to a start that is disturbed by `NUDGE`.
 
     Attributes
@@ -93,7 +93,7 @@ class Motion:
                 f"errors are judged up to there")
 
 
-def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Motion | None:
+def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> DisturbedMotion | None:
     """How a case's free motion answers; None where none is free, or no engine runs it as given.
 
     Parameters
@@ -109,7 +109,7 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Motion | 
         return None
     other = moved(case, store.folder / "models")
     for line in as_given(case, kind) if other else ():
-        task = Task(case, kind, line.settings[0])
+        task = StudyRun(case, kind, line.settings[0])
         if other and (found := parted(task, other, store, timeout)):
             away = next((found[what] for what in KINDS if what in found), None)
             if away is not None:
@@ -117,7 +117,7 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Motion | 
     return None
 
 
-def answer(x: Array, away: Array) -> Motion:
+def answer(x: Array, away: Array) -> DisturbedMotion:
     """A motion's answer, from its distance (n,) to the undisturbed one at times x [s]."""
     peak = np.maximum.accumulate(away)
     end = int(np.argmax(peak > LINEAR)) if peak[-1] > LINEAR else x.size - 1
@@ -128,11 +128,11 @@ def answer(x: Array, away: Array) -> Motion:
         rate = float(np.polyfit(x[fitted], np.log(np.maximum(peak[fitted], 1e-300)), 1)[0])
     beyond = int(np.argmax(peak > SHARE)) if peak[-1] > SHARE else 0
     last = max(beyond - 1, min(LEAST, x.size) - 1)
-    return Motion(float(peak[-1]) / NUDGE, rate, float(x[last]) if beyond else NAN,
+    return DisturbedMotion(float(peak[-1]) / NUDGE, rate, float(x[last]) if beyond else NAN,
                   float(x[-1] - x[0]))
 
 
-def within(case: Case, kind: Kind, motion: Motion | None) -> Case:
+def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
     """The case with its run cut at the motion's horizon; the case itself where it has none."""
     table = case.run[kind]
     if motion is None or not motion.horizon > 0 or not table.until or not table.n:
@@ -144,7 +144,7 @@ def within(case: Case, kind: Kind, motion: Motion | None) -> Case:
     return case.model_copy(update={"run": {**case.run, kind: cut}})
 
 
-def rounding(task: Task, store: Store, timeout: float) -> dict[str, float]:
+def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
     """How far changes by some roundings move a run, by kind of channel [share of its range].
 
     Masses are changed by `ULPS` roundings and the start by one: each step rounds otherwise.
@@ -194,7 +194,7 @@ def with_start(case: Case, folder: Path, move: Callable[[Array], Array],
     return found if there else None
 
 
-def parted(task: Task, other: Case, store: Store, timeout: float) -> dict[str, Array]:
+def parted(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[str, Array]:
     """How far two runs of a setting part, by kind of channel (n,) [share of its range], over x.
 
     Nothing where either is lost.  Neither is held against a reference.
@@ -212,7 +212,7 @@ def parted(task: Task, other: Case, store: Store, timeout: float) -> dict[str, A
     return {what: np.array(values) for what, values in once(file, made).items()}
 
 
-def distances(task: Task, one: Curves, two: Curves) -> dict[str, Array]:
+def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
     """The largest distance at each sample of two runs, by kind of channel."""
     found = {"x": one.x}
     channels = {n: c for n, c in task.case.channels_of(task.run).items()
@@ -230,7 +230,7 @@ def distances(task: Task, one: Curves, two: Curves) -> dict[str, Array]:
 
 
 def motions_of(cases: list[Case], kinds: list[Kind], store: Store, workers: Executor,
-               timeout: float) -> list[Motion | None]:
+               timeout: float) -> list[DisturbedMotion | None]:
     """`motion_of` of many cases side by side, in workers of this machine or a cluster."""
     futures = [workers.submit(motion_of, case, kind, store, timeout)
                for case, kind in zip(cases, kinds, strict=True)]

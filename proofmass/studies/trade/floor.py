@@ -15,8 +15,8 @@ from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import STEP
 from proofmass.strict import Kind
-from proofmass.studies.record import NAN, Row, Setting
-from proofmass.studies.trade.axes import Line, at_step, studied
+from proofmass.studies.record import NAN, Setting, StudyRow
+from proofmass.studies.trade.axes import ConvergenceSeries, at_step, studied
 from proofmass.studies.variants import READS, movable, reread, thinned
 
 MOVES = 1.1
@@ -50,7 +50,7 @@ class Probe:
     whole: bool = False
 
 
-def halvings(run: Kind, line: Line, setting: Setting, own: float) -> list[Setting]:
+def halvings(run: Kind, line: ConvergenceSeries, setting: Setting, own: float) -> list[Setting]:
     """A setting of a line with half and a quarter of its step, or of its links.
 
     Parameters
@@ -122,7 +122,7 @@ def sampled(case: Case, run: Kind, n: int) -> Case:
     return case.model_copy(update={"run": {**case.run, run: table}})
 
 
-def judge(error: float, found: Sequence[tuple[Probe, Row]], kind: str, at_floor: bool = False
+def judge(error: float, found: Sequence[tuple[Probe, StudyRow]], kind: str, at_floor: bool = False
           ) -> tuple[str, str]:
     """What an error follows, and the factors that tell.
 

@@ -7,7 +7,7 @@ n^-2, with n^-1 if it has the naive springs.
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.strict import Kind
-from proofmass.studies.trade.axes import Line, studied
+from proofmass.studies.trade.axes import ConvergenceSeries, studied
 
 DERIVATIVE = {"position": 0, "energy": 1, "rate": 1, "acceleration": 2, "effort": 2}
 WITHIN = 0.2
@@ -15,7 +15,7 @@ WITHIN = 0.2
 second order into 1.9 to 2.1 and fourth order into 3.8 to 4.2."""
 
 
-def expected(case: Case, run: Kind, line: Line, kind: str) -> tuple[float, ...]:
+def expected(case: Case, run: Kind, line: ConvergenceSeries, kind: str) -> tuple[float, ...]:
     """Orders that a line may show in one kind of error, any of its terms being the largest.
 
     Nothing where theory promises none; 0 is a floor from the start on.

@@ -30,7 +30,7 @@ from proofmass.report.pages import about, environment, slug
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import KNOWN, RC, SOLID, Dash, Look
 from proofmass.report.svg import inline
-from proofmass.studies.record import KINDS, Row, read_table
+from proofmass.studies.record import KINDS, StudyRow, read_table
 from proofmass.studies.trade.axes import size
 from proofmass.studies.trade.choose import MARGIN, beside, best, enough
 from proofmass.studies.trade.orders import off
@@ -51,7 +51,7 @@ Name = tuple[str, str]
 Ends = Mapping[Name, tuple[float, float]]
 
 
-def name_of(of: Row | Verdict) -> Name:
+def name_of(of: StudyRow | Verdict) -> Name:
     """The line that a run or a verdict belongs to."""
     return of.engine, of.line
 
@@ -83,12 +83,12 @@ def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
                     va="center", color=looks[lines[0]].colour, zorder=9, annotation_clip=False)
 
 
-def work(row: Row) -> float:
+def work(row: StudyRow) -> float:
     """Steps in time, or segments of rods where nothing is stepped."""
     return row.value if row.axis == "segments" else float(row.steps)
 
 
-def failures(ax: Axes, rows: Sequence[Row], timed: bool, looks: Mapping[Name, Look]) -> None:
+def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Name, Look]) -> None:
     """Crosses at the upper edge, where their cost is known."""
     for row in rows:
         x = row.seconds if timed else work(row) or planned(row, rows)
@@ -97,19 +97,19 @@ def failures(ax: Axes, rows: Sequence[Row], timed: bool, looks: Mapping[Name, Lo
                     markeredgewidth=1.2, color=looks[name_of(row)].colour, clip_on=False, zorder=8)
 
 
-def planned(row: Row, rows: Iterable[Row]) -> float:
+def planned(row: StudyRow, rows: Iterable[StudyRow]) -> float:
     """Steps that a run without any would have made, by one that ran; 0 where nothing tells."""
     spans = (r.steps * step(r) for r in rows if r.steps)
     steps = next((s for s in spans if s > 0), np.nan) / step(row)
     return steps if steps > 0 else 0.0
 
 
-def step(row: Row) -> float:
+def step(row: StudyRow) -> float:
     """Time step that was asked for [s]; NaN if none was."""
     return float(str(row.knobs.get("timestep", np.nan)))
 
 
-def triangles(ax: Axes, rows: Sequence[Row], kind: str, verdicts: Iterable[Verdict]) -> None:
+def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
     """One for each expected order, below the part of a line that is nearest to it."""
     orders: dict[float, list[Name]] = {}
     for verdict in verdicts:
@@ -126,7 +126,7 @@ def triangles(ax: Axes, rows: Sequence[Row], kind: str, verdicts: Iterable[Verdi
             triangle(ax, (work(a), work(b)), TRIANGLE_AT * a.errors[kind], order)
 
 
-def slope(kind: str, a: Row, b: Row) -> float:
+def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
     """Order from one number of steps to the next."""
     return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(work(b) / work(a)))
 
@@ -197,7 +197,7 @@ FRONT: dict[str, Any] = {"color": "#d0d0d0", "linewidth": 6.0, "solid_capstyle":
 LOST = 10.0  # ranges: a run that is off by more is drawn at the upper edge
 
 
-def trade_sheet(rows: Sequence[Row], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
+def trade_sheet(rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
                 ) -> Figure:
     """The diagram of one run of a case: a row of panels for each kind of error.
 
@@ -221,7 +221,7 @@ def trade_sheet(rows: Sequence[Row], verdicts: Iterable[Verdict], looks: Mapping
     return figure
 
 
-def turn_sheet(rows: Sequence[Row], looks: Mapping[Name, Look]) -> Figure:
+def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
     """Errors over knobs other than the step: a column for each knob, coarse at the left."""
     kinds, knobs = shown_kinds(rows), list(dict.fromkeys(row.axis for row in rows))
     looks = {name: looks[name] for name in map(name_of, rows)}
@@ -262,18 +262,18 @@ def grid(kinds: Sequence[str], across: int, lines: int, wide: float, right: floa
     return figure, axes
 
 
-def axis_of(rows: Iterable[Row]) -> str:
+def axis_of(rows: Iterable[StudyRow]) -> str:
     """What is turned on the lines of the diagram: the step, or else what the first line has."""
     there = dict.fromkeys(row.axis for row in rows)
     return "timestep" if "timestep" in there else next(iter(there))
 
 
-def turned(row: Row) -> float:
+def turned(row: StudyRow) -> float:
     """Where a knob stands: its size, if that has a name of its own."""
     return size(row.engine, row.axis, row.value) if label_of(row) else row.value
 
 
-def label_of(row: Row) -> str:
+def label_of(row: StudyRow) -> str:
     """What the sizes along a line are called; empty where they are the knob's own values."""
     try:
         return engine_of(row.engine).labels.get(row.axis, "")
@@ -281,18 +281,18 @@ def label_of(row: Row) -> str:
         return ""
 
 
-def shown_kinds(rows: Iterable[Row]) -> list[str]:
+def shown_kinds(rows: Iterable[StudyRow]) -> list[str]:
     """Kinds of errors of which something can be drawn; one at least."""
     rows = list(rows)
     return [kind for kind in KINDS if any(good(row, kind) for row in rows)] or ["position"]
 
 
-def good(row: Row, kind: str) -> bool:
+def good(row: StudyRow, kind: str) -> bool:
     """Whether a run has an error of that kind that can be drawn."""
     return row.outcome == Outcome.RAN and 0 < row.errors.get(kind, np.nan) < np.inf
 
 
-def dressed(rows: Iterable[Row]) -> dict[Name, Look]:
+def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
     """A look for each line: colour by engine, marker by integrator, dash among those alike."""
     looks: dict[Name, Look] = {}
     markers: dict[Name, int] = {}
@@ -310,7 +310,7 @@ def dressed(rows: Iterable[Row]) -> dict[Name, Look]:
     return looks
 
 
-def panels(pair: Sequence[Axes], rows: Sequence[Row], kind: str, looks: Mapping[Name, Look],
+def panels(pair: Sequence[Axes], rows: Sequence[StudyRow], kind: str, looks: Mapping[Name, Look],
            verdicts: Sequence[Verdict]) -> None:
     """One kind of error, over wall time and over steps or segments."""
     left, right = pair
@@ -334,7 +334,7 @@ def panels(pair: Sequence[Axes], rows: Sequence[Row], kind: str, looks: Mapping[
     triangles(right, shown, kind, verdicts)
 
 
-def seconds(row: Row) -> float:
+def seconds(row: StudyRow) -> float:
     """Wall time [s]."""
     return row.seconds
 
@@ -348,8 +348,8 @@ def scale(ax: Axes, errors: Sequence[float]) -> None:
     ax.tick_params(labelbottom=True)
 
 
-def curve(ax: Axes, x: Sequence[float], rows: Sequence[Row], kind: str, look: Look,
-          best: Sequence[Row] = ()) -> None:
+def curve(ax: Axes, x: Sequence[float], rows: Sequence[StudyRow], kind: str, look: Look,
+          best: Sequence[StudyRow] = ()) -> None:
     """One line, from coarse to fine; settings on the front are filled."""
     y = [min(row.errors[kind], LOST) for row in rows]
     layer = 3 + look.number / 20
@@ -360,7 +360,7 @@ def curve(ax: Axes, x: Sequence[float], rows: Sequence[Row], kind: str, look: Lo
             color=look.colour, markersize=5, zorder=layer + 1)
 
 
-def stairs(ax: Axes, best: Sequence[Row], kind: str) -> None:
+def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
     """The front: no setting measured is below and at the left of it."""
     if best:
         ax.step([row.seconds for row in best], [min(row.errors[kind], LOST) for row in best],
@@ -432,12 +432,12 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
     return Written(index, {one["case"]: one["page"] for one in parts})
 
 
-def place(row: Row) -> tuple[str, str]:
+def place(row: StudyRow) -> tuple[str, str]:
     """What a page is about."""
     return row.case, row.run
 
 
-def part(rows: Sequence[Row], verdicts: Iterable[Verdict], output: Path) -> dict[str, Any]:
+def part(rows: Sequence[StudyRow], verdicts: Iterable[Verdict], output: Path) -> dict[str, Any]:
     """All that a page shows of one run of a case."""
     case, run = place(rows[0])
     own = [v for v in verdicts if (v.case, v.run) == (case, run)]
@@ -450,12 +450,12 @@ def part(rows: Sequence[Row], verdicts: Iterable[Verdict], output: Path) -> dict
             "reached": list(reached(rows, own)), "kinds": kinds(rows), "measured": measured(rows)}
 
 
-def kinds(rows: Iterable[Row]) -> list[str]:
+def kinds(rows: Iterable[StudyRow]) -> list[str]:
     """Kinds of errors that there are."""
     return [kind for kind in KINDS if any(kind in row.errors for row in rows)]
 
 
-def figures(rows: Sequence[Row], verdicts: Sequence[Verdict], stem: Path
+def figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: Path
             ) -> Iterator[dict[str, Any]]:
     """The diagram, and the errors over what else was turned, if anything was."""
     looks, axis = dressed(rows), axis_of(rows)
@@ -470,7 +470,7 @@ def figures(rows: Sequence[Row], verdicts: Sequence[Verdict], stem: Path
             yield {"svg": Markup(svg), "stem": name, "caption": caption}
 
 
-def advice(rows: Sequence[Row], verdicts: Sequence[Verdict]) -> list[tuple[str, list[str]]]:
+def advice(rows: Sequence[StudyRow], verdicts: Sequence[Verdict]) -> list[tuple[str, list[str]]]:
     """What to use for an error of each kind, in words: engine after engine, the cheapest first."""
     found = []
     engines = dict.fromkeys(row.engine for row in rows)
@@ -483,7 +483,7 @@ def advice(rows: Sequence[Row], verdicts: Sequence[Verdict]) -> list[tuple[str, 
     return found
 
 
-def use(rows: Sequence[Row], engine: str, kind: str, wanted: float, verdicts: Sequence[Verdict]
+def use(rows: Sequence[StudyRow], engine: str, kind: str, wanted: float, verdicts: Sequence[Verdict]
         ) -> tuple[float, str]:
     """What to use of one engine, after its wall time [s]; or why there is nothing."""
     able = enough(rows, kind, wanted)
@@ -495,7 +495,7 @@ def use(rows: Sequence[Row], engine: str, kind: str, wanted: float, verdicts: Se
                          f"{beside(rows, row, kind, wanted, verdicts)[0]}")
 
 
-def prices(rows: Sequence[Row], verdicts: Sequence[Verdict]) -> Iterator[list[str]]:
+def prices(rows: Sequence[StudyRow], verdicts: Sequence[Verdict]) -> Iterator[list[str]]:
     """For each engine, and each error of the first kind that is asked: what to use, its wall time
     [s], and how many times as long the engine's defaults take."""
     kind = next(iter(kinds(rows)), "")
@@ -513,7 +513,7 @@ def prices(rows: Sequence[Row], verdicts: Sequence[Verdict]) -> Iterator[list[st
         yield cells
 
 
-def lines(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, Any]]:
+def lines(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[dict[str, Any]]:
     """The table, line by line, every number already a word."""
     looks, told = dressed(rows), list(verdicts)
     for name, look in looks.items():
@@ -525,7 +525,7 @@ def lines(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str
                           for v in told if name_of(v) == name}}
 
 
-def cells(row: Row, kinds: Iterable[str]) -> dict[str, Any]:
+def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
     """One run."""
     return {"value": number(row.value), "errors": [number(row.errors.get(k, float("nan")))
                                                    for k in kinds],
@@ -535,7 +535,7 @@ def cells(row: Row, kinds: Iterable[str]) -> dict[str, Any]:
             "repeats": len(row.repeats), "outcome": row.outcome, "message": row.message}
 
 
-def floor_records(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
+def floor_records(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
     """What keeps each line from falling further, and the evidence."""
     looks = dressed(rows)
     for v in verdicts:
@@ -545,7 +545,7 @@ def floor_records(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[
                    "evidence": v.evidence}
 
 
-def reached(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
+def reached(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
     """How far each line came that shows no floor, and where a finer setting is worse."""
     looks = dressed(rows)
     for v in verdicts:
@@ -554,7 +554,7 @@ def reached(rows: Sequence[Row], verdicts: Iterable[Verdict]) -> Iterator[dict[s
                    "said": said}
 
 
-def measured(rows: Sequence[Row]) -> str:
+def measured(rows: Sequence[StudyRow]) -> str:
     """How the times were taken."""
     ran = [row for row in rows if row.repeats]
     machines = ", ".join(dict.fromkeys(row.machine for row in ran if row.machine))

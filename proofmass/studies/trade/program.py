@@ -54,7 +54,7 @@ PRINTED = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)
 
 
 @dataclass(frozen=True)
-class Ran:
+class ProgramRun:
     """What the run of a program gave.
 
     Attributes
@@ -100,14 +100,14 @@ def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
     return engine_of(setting.engine).write_program(case.model_path, run, motion, head, drive)
 
 
-def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> Ran:
+def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> ProgramRun:
     """Run the program of a setting, or find in the store what it gave."""
     text = program(case, setting, drive)
     name = digest(json.dumps([text, case.model_dump(mode="json"), versions(setting.engine),
                               sources()], sort_keys=True).encode())
     file = store.folder / f"{name}.program.json"
     if file.is_file():
-        return Ran(**{"seconds": float("nan"), **read(file)})
+        return ProgramRun(**{"seconds": float("nan"), **read(file)})
     with own_core() as core:
         ran = limited(case, "duration", run_program, case, setting, text, timeout, core)
     told = {key: value for key, value in asdict(ran).items() if value == value}
@@ -120,7 +120,7 @@ LATE = "no end after"
 
 
 def run_program(case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
-                ) -> Ran:
+                ) -> ProgramRun:
     """Run a program in a bare interpreter, and hold its curves against the reference."""
     case, run = setting.applied(case, "duration")
     with tempfile.TemporaryDirectory() as folder:
@@ -131,15 +131,15 @@ def run_program(case: Case, setting: Setting, text: str, timeout: float, core: i
                 done = subprocess.run([sys.executable, "-I", file.name], cwd=folder, text=True,
                                       capture_output=True, timeout=timeout, check=False)
         except subprocess.TimeoutExpired:
-            return Ran(failure=f"{LATE} {timeout:g} s")
+            return ProgramRun(failure=f"{LATE} {timeout:g} s")
         if done.returncode or not (printed := PRINTED.search(done.stdout)):
             said = done.stderr.strip().splitlines() or ["it ended without a word"]
-            return Ran(failure=said[-1])
+            return ProgramRun(failure=said[-1])
         curves = read_curves(Path(folder) / "curves.csv", run)
     lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
     if lost:
-        return Ran(failure=f"{lost[0]} is not finite")
-    return Ran(shares(case, "duration", curves), float(printed[2]), int(printed[1]))
+        return ProgramRun(failure=f"{lost[0]} is not finite")
+    return ProgramRun(shares(case, "duration", curves), float(printed[2]), int(printed[1]))
 
 
 def read_curves(file: Path, run: Run) -> Curves:

@@ -21,15 +21,14 @@ from proofmass.reference import grid
 from proofmass.sim.protocol import Curves, Recipe, leading
 from proofmass.solve import plan
 from proofmass.studies.bounded import bounded
-from proofmass.studies.measure import Task, truth
-from proofmass.studies.record import Row, Setting
-from proofmass.studies.run import reference_of, run
+from proofmass.studies.measure import StudyRun, truth
+from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.run import Progress, reference_of, run
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.axes import as_given, studied
 from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
 
-Progress = Callable[[str, int, int], None]
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
 SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
@@ -43,7 +42,7 @@ PATIENCE = 5.0  # times what a reference took: each worker evaluates it once, be
 
 
 @dataclass
-class Family:
+class SettingFamily:
     """Settings of one engine that differ in the step, and their rows, from coarse to fine.
 
     ``at(step)`` is the setting with a step [s]; `plain` families are the engine's own defaults.
@@ -56,7 +55,7 @@ class Family:
     sample: float
     plain: bool = False
     first: float | None = None
-    rows: list[Row] = field(default_factory=list)
+    rows: list[StudyRow] = field(default_factory=list)
 
     def step(self, wanted: float) -> float:
         """`odd_step` of its samples."""
@@ -90,7 +89,7 @@ class Family:
         cost = ran[-1].seconds * ran[-1].value / step if ran else 0.0
         return step if cost <= limit else None
 
-    def finer(self, rows: list[Row], of: str, needed: float) -> float | None:
+    def finer(self, rows: list[StudyRow], of: str, needed: float) -> float | None:
         """The step that the order of the last errors says is good enough."""
         last = rows[-1]
         if not error(last, of) < COARSE:
@@ -114,7 +113,7 @@ def odd_step(sample: float, wanted: float) -> float:
     return sample / (ceil(sample / wanted - 1e-9) // 2 * 2 + 1)
 
 
-def between(coarse: Row, fine: Row, of: str, needed: float) -> float | None:
+def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
     """A step between one that is good enough and one that is not; None if these are close."""
     if coarse.value < CLOSE * fine.value:
         return None
@@ -128,18 +127,18 @@ def between(coarse: Row, fine: Row, of: str, needed: float) -> float | None:
     return min(max(wanted, fine.value * 1.05), coarse.value / 1.05)
 
 
-def error(row: Row, of: str) -> float:
+def error(row: StudyRow, of: str) -> float:
     """The error of a row; infinite if it has none."""
     value = row.reached(of)
     return value if row.outcome == Outcome.RAN and isfinite(value) else inf
 
 
-def order(coarse: Row, fine: Row, of: str) -> float:
+def order(coarse: StudyRow, fine: StudyRow, of: str) -> float:
     """The order of convergence that two rows show; minus infinity where the finer one is lost."""
     return order_of((coarse.value, error(coarse, of)), (fine.value, max(error(fine, of), 1e-300)))
 
 
-def families(case: Case, engine: str = "") -> Iterator[Family]:
+def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
     """What is searched in a duration: of an engine, or of all that the case runs in."""
     times = grid(case, "duration")
     sample = float(times[1] - times[0])
@@ -148,12 +147,12 @@ def families(case: Case, engine: str = "") -> Iterator[Family]:
     for line in as_given(case, "duration"):
         if line.engine in (engine or line.engine):
             own, = line.settings
-            yield Family(line.engine, line.name, setter(own), sample,
+            yield SettingFamily(line.engine, line.name, setter(own), sample,
                          first=min(leading(own.knobs["timestep"]), sample))
     for name in there:
         if name in (engine or name):
             for recipe in engine_of(name).recipes(about):
-                yield Family(name, recipe.name, setting_of(name, recipe), sample, recipe.plain)
+                yield SettingFamily(name, recipe.name, setting_of(name, recipe), sample, recipe.plain)
 
 
 def setter(own: Setting) -> Callable[[float], Setting]:
@@ -168,7 +167,7 @@ def setting_of(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
 
 def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,
            engine: str = "", *, limits: Limits | None = None, slack: float = SLACK,
-           repeats: int = 5, progress: Progress = lambda *_: None) -> list[Row]:
+           repeats: int = 5, progress: Progress = lambda *_: None) -> list[StudyRow]:
     """Measure settings of a duration until the cheapest that is good enough is known.
 
     Parameters
@@ -211,7 +210,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
     timed += [row for family in found if family.plain for row in family.rows
               if row.outcome == Outcome.RAN and row not in timed]
-    tasks_ = [Task(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
+    tasks_ = [StudyRun(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
                    row.value) for row in timed]
     again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
     limits.spent = time.monotonic() - began
@@ -221,7 +220,7 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
 
 def kept_reference_seconds(case: Case, store: Store) -> float:
     """`reference_seconds`, measured once for a store; 0 where a file keeps the reference."""
-    task = Task(case, "duration", Setting(case.run["duration"].solvers[0].partition(":")[0]))
+    task = StudyRun(case, "duration", Setting(case.run["duration"].solvers[0].partition(":")[0]))
     if reference_of(task, store):
         return 0.0
     file = store.folder / f"{key_of(task)}.reference.json"
@@ -237,8 +236,8 @@ def reference_seconds(case: Case) -> float:
     return time.perf_counter() - began
 
 
-def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: float
-                     ) -> list[Task]:
+def finer_for_drives(case: Case, tried: Iterable[tuple[StudyRow, float]], wanted: float
+                     ) -> list[StudyRun]:
     """Finer steps of settings whose drives are not moved well enough.
 
     Parameters
@@ -261,23 +260,23 @@ def finer_for_drives(case: Case, tried: Iterable[tuple[Row, float]], wanted: flo
         if wanted < off < COARSE:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
             step = odd_step(sample, finer)
-            asked.append((row.seconds * row.value / step, Task(
+            asked.append((row.seconds * row.value / step, StudyRun(
                 case, "duration", scaled(row, step), row.study, row.line, row.axis, step)))
     return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
 
 
-def following(case: Case, family: Family, every: Iterable[Family], of: str, needed: float,
-              longest: float, slack: float) -> Iterator[tuple[Family, Task]]:
+def following(case: Case, family: SettingFamily, every: Iterable[SettingFamily], of: str, needed: float,
+              longest: float, slack: float) -> Iterator[tuple[SettingFamily, StudyRun]]:
     """The next run of a family, if there is one."""
     best = cheapest([row for one in every for row in one.rows if one.engine == family.engine
                      or not family.plain], of, needed)
     limit = min(longest, (PLAIN if family.plain else slack) * best)
     if (step := family.next(of, needed, limit)) is not None:
-        yield family, Task(case, "duration", family.at(step), "choose", family.name, "timestep",
+        yield family, StudyRun(case, "duration", family.at(step), "choose", family.name, "timestep",
                            step)
 
 
-def cheapest(rows: Iterable[Row], of: str, needed: float) -> float:
+def cheapest(rows: Iterable[StudyRow], of: str, needed: float) -> float:
     """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
     return min((row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0),
                default=inf)

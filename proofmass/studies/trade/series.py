@@ -18,11 +18,11 @@ from proofmass.outcome import Outcome
 from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
 from proofmass.studies import BUDGET, LONGEST
-from proofmass.studies.measure import Task
-from proofmass.studies.record import NAN, Knob, Row, Setting
+from proofmass.studies.measure import StudyRun
+from proofmass.studies.record import NAN, Knob, Setting, StudyRow
 from proofmass.studies.run import row as row_of
 from proofmass.studies.store import Store, key_of, versions
-from proofmass.studies.trade.axes import Line, at_step, lines
+from proofmass.studies.trade.axes import ConvergenceSeries, at_step, lines
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number, spoken
 
@@ -53,8 +53,8 @@ Points = Sequence[tuple[float, float]]
 class Track:
     """A line and the rows of its settings that were run, from the first on."""
 
-    line: Line
-    rows: list[Row] = field(default_factory=list)
+    line: ConvergenceSeries
+    rows: list[StudyRow] = field(default_factory=list)
 
     def done(self, budget: float) -> bool:
         """Whether another setting would tell nothing more, or the last one took a budget [s]."""
@@ -303,13 +303,13 @@ class Limits:
 class Promise:
     """The step [s] with which a line should be good enough, and what it should cost [s]."""
 
-    row: Row
+    row: StudyRow
     step: float
     seconds: float
     falls: float
 
 
-def promises(rows: Iterable[Row], verdicts: Iterable[Verdict], of: str, needed: float
+def promises(rows: Iterable[StudyRow], verdicts: Iterable[Verdict], of: str, needed: float
              ) -> list[Promise]:
     """Of each line at no error floor the step that should be good enough, the cheapest first."""
     floors = {(v.engine, v.line) for v in verdicts if v.kind == of and v.floor > 0}
@@ -323,7 +323,7 @@ def promises(rows: Iterable[Row], verdicts: Iterable[Verdict], of: str, needed: 
     return sorted(found, key=lambda each: each.seconds)
 
 
-def ends(rows: Iterable[Row]) -> Iterator[tuple[Row, Row]]:
+def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
     """The finest step of each line and the one before it that is clearly coarser, if both ran."""
     stepped = sorted((row for row in rows if row.axis == "timestep"),
                      key=lambda row: (row.engine, row.line, -row.value))
@@ -334,13 +334,13 @@ def ends(rows: Iterable[Row]) -> Iterator[tuple[Row, Row]]:
             yield before[-1], line[-1]
 
 
-def scaled(row: Row, step: float) -> Setting:
+def scaled(row: StudyRow, step: float) -> Setting:
     """A setting with another step; what holds loops goes with the step, as it does on its line."""
     return at_step(Setting(row.engine, dict(row.knobs, timestep=row.value)), step)
 
 
-def known(case: Case, kind: Kind, rows: Iterable[Row], store: Store, only: str = ""
-          ) -> Iterator[Row]:
+def known(case: Case, kind: Kind, rows: Iterable[StudyRow], store: Store, only: str = ""
+          ) -> Iterator[StudyRow]:
     """Settings that the store has of a case beside those of a study, whoever asked for them; of one
     engine `only`, if that is given.
 
@@ -355,13 +355,13 @@ def known(case: Case, kind: Kind, rows: Iterable[Row], store: Store, only: str =
             continue
         setting = Setting(engine, {name: tuple(value) if isinstance(value, list) else value
                                    for name, value in knobs.items()})
-        task = Task(case, kind, setting, "choose", *placed(setting, own))
+        task = StudyRun(case, kind, setting, "choose", *placed(setting, own))
         found = store.repeats(key) if key_of(task) == key else []
         if found and found[0].outcome == Outcome.RAN:
             yield row_of(task, found, True, key)
 
 
-def placed(setting: Setting, own: Iterable[Line]) -> tuple[str, str, float]:
+def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str, float]:
     """The line that a setting is on, its axis and its value there; else a line of its own."""
     for line in own:
         first = line.settings[0]

@@ -11,7 +11,7 @@ theory expects.
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field
 from math import isnan, nan
@@ -25,12 +25,12 @@ from proofmass.reference import compiled
 from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
 from proofmass.studies import LONGEST
-from proofmass.studies.measure import Task
-from proofmass.studies.record import NAN, Row, write_table
-from proofmass.studies.run import pool, run
+from proofmass.studies.measure import StudyRun
+from proofmass.studies.record import NAN, StudyRow, write_table
+from proofmass.studies.run import Progress, pool, run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import WORK, Line, lines
-from proofmass.studies.trade.disturbed import ROUNDED, Motion, motions_of, rounding, within
+from proofmass.studies.trade.axes import WORK, ConvergenceSeries, lines
+from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
 from proofmass.studies.trade.floor import ROUNDING, UNKNOWN, Probe, factor, halvings, judge, probes
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import Track, clear, flat, halved, least, observed
@@ -40,10 +40,9 @@ from proofmass.wording import number
 
 USUAL = 2.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
-Progress = Callable[[str, int, int], None]
-Place = tuple[int, int]  # of a lane, and of a setting on its line
-Moved = dict[Place, list[tuple[Probe, Row]]]
-Halved = dict[Place, list[Row]]
+SeriesPlace = tuple[int, int]  # of a lane, and of a setting on its line
+ProbedRows = dict[SeriesPlace, list[tuple[Probe, StudyRow]]]
+Halved = dict[SeriesPlace, list[StudyRow]]
 
 
 @dataclass(frozen=True)
@@ -51,8 +50,8 @@ class Trade:
     """What a study found: its settings, what was moved, verdicts on the lines, and the cases as
     they were judged: a chaotic motion up to its horizon."""
 
-    rows: list[Row]
-    moved: list[Row]
+    rows: list[StudyRow]
+    moved: list[StudyRow]
     verdicts: list[Verdict]
     cases: list[Case] = field(default_factory=list)
 
@@ -64,10 +63,10 @@ class Lane:
     case: Case
     run: Kind
     track: Track
-    motion: Motion | None = None
+    motion: DisturbedMotion | None = None
 
     @property
-    def line(self) -> Line:
+    def line(self) -> ConvergenceSeries:
         """Whose settings they are."""
         return self.track.line
 
@@ -98,13 +97,13 @@ class Lane:
         return (self.track.place(clear(self.track.points(kind))[-1][0])
                 if off(*self.orders(kind)) else None)
 
-    def task(self, k: int) -> Task:
+    def task(self, k: int) -> StudyRun:
         """Setting number k."""
         setting = self.line.settings[k]
-        return Task(self.case, self.run, setting, "trade", self.line.name, self.line.axis,
+        return StudyRun(self.case, self.run, setting, "trade", self.line.name, self.line.axis,
                     leading(setting.knobs[self.line.axis]))
 
-    def row(self, size: float) -> Row:
+    def row(self, size: float) -> StudyRow:
         """The row of the setting of a size."""
         return self.track.rows[self.track.place(size)]
 
@@ -182,7 +181,7 @@ def halve(lanes: list[Lane], store: Store, workers: Executor, longest: float,
              for k in dict.fromkeys(lane.floors().values())
              for setting in halvings(lane.run, lane.line, lane.line.settings[k],
                                      float(compiled(lane.case).opt.timestep))]
-    tasks = [Task(lane.case, lane.run, setting, "floor", lane.line.name, "halved",
+    tasks = [StudyRun(lane.case, lane.run, setting, "floor", lane.line.name, "halved",
                   leading(setting.knobs["timestep" if lane.run == "duration" else "segments"]))
              for (n, _), setting in asked for lane in (lanes[n],)]
     found: Halved = {}
@@ -192,14 +191,14 @@ def halve(lanes: list[Lane], store: Store, workers: Executor, longest: float,
     return found
 
 
-def left(lane: Lane, k: int, kind: str, finer: Sequence[Row]) -> bool:
+def left(lane: Lane, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
     """Whether two halvings leave the error of setting number k, which is asymptotic."""
     rows = [lane.track.rows[k], *finer]
     return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
 def move(lanes: list[Lane], finer: Halved, store: Store, workers: Executor, longest: float,
-         progress: Progress) -> Moved:
+         progress: Progress) -> ProbedRows:
     """Move every cause where two halvings leave an error, and where an order is another."""
     places = dict.fromkeys(
         [(n, k) for n, lane in enumerate(lanes) for kind, k in lane.floors().items()
@@ -209,17 +208,17 @@ def move(lanes: list[Lane], finer: Halved, store: Store, workers: Executor, long
     asked = [(place, probe) for place in places for lane in (lanes[place[0]],)
              for probe in probes(lane.case, lane.run, lane.line.settings[place[1]],
                                  store.folder / "models", lane.line.scaled)]
-    tasks = [Task(probe.case, lanes[n].run, probe.setting, "floor", lanes[n].line.name, probe.cause)
+    tasks = [StudyRun(probe.case, lanes[n].run, probe.setting, "floor", lanes[n].line.name, probe.cause)
              for (n, _), probe in asked]
     rows = run(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
-    found: Moved = {place: [] for place in places}
+    found: ProbedRows = {place: [] for place in places}
     for (place, probe), row in zip(asked, rows, strict=True):
         found[place].append((probe, row))
     return found
 
 
-def disturb(lanes: list[Lane], finer: Halved, moved: Moved, store: Store, workers: Executor,
-            longest: float) -> dict[Place, dict[str, float]]:
+def disturb(lanes: list[Lane], finer: Halved, moved: ProbedRows, store: Store, workers: Executor,
+            longest: float) -> dict[SeriesPlace, dict[str, float]]:
     """How far changes by some roundings move the results that may be rounding.
 
     Those that grow as the step shrinks, and those that nothing else moves.
@@ -234,8 +233,8 @@ def disturb(lanes: list[Lane], finer: Halved, moved: Moved, store: Store, worker
     return {place: future.result() for place, future in futures.items()}
 
 
-def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: Moved,
-            disturbed: Mapping[Place, Mapping[str, float]], budget: float) -> Verdict:
+def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: ProbedRows,
+            disturbed: Mapping[SeriesPlace, Mapping[str, float]], budget: float) -> Verdict:
     """Order and error floor of a line in one kind of error; how far it came where none is shown.
 
     Parameters
@@ -280,7 +279,7 @@ def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: Moved,
         motion.words if motion else "", motion.horizon if motion else NAN)
 
 
-def as_rounding(row: Row, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
+def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
     """Whether an error is rounding, and by how much changes by some roundings moved the result."""
     moved, error = away.get(kind, NAN), row.errors.get(kind, NAN)
     if not moved >= ROUNDED * error:
@@ -296,7 +295,7 @@ def limits(longest: float, budget: float = USUAL) -> str:
             f"after {number(longest)} s (--longest).")
 
 
-def cost(rows: Iterable[Row], kind: str, error: float) -> float:
+def cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
     """Wall time of the cheapest of the rows that are no further off [s]; NaN if all are."""
     return min((row.seconds for row in rows if row.outcome == Outcome.RAN
                 and row.errors.get(kind, nan) <= error), default=nan)

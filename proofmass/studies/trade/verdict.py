@@ -8,7 +8,7 @@ import numpy as np
 
 from proofmass.front import nondominated
 from proofmass.outcome import Outcome
-from proofmass.studies.record import NAN, Row
+from proofmass.studies.record import NAN, StudyRow
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Verdict:
     Attributes
     ----------
     case, run, engine, line, kind : str
-        What it is about; see `Row`.
+        What it is about; see `StudyRow`.
     observed, expected : float
         Order of convergence before an error floor, and by theory; NaN where there is none.
     floor : float
@@ -55,7 +55,7 @@ class Verdict:
     horizon: float = NAN
 
 
-def front(rows: Iterable[Row], kind: str) -> list[Row]:
+def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
     """Settings that nothing measured betters in both wall time and error; cheapest first.
 
     >>> rows = [Row("", "", "", "", "", "", v, errors={"rate": e}, seconds=s)

@@ -20,10 +20,10 @@ from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.bounded import limited
-from proofmass.studies.measure import REFERENCE, Task, shares
-from proofmass.studies.record import NAN, Knob, Row, Setting
+from proofmass.studies.measure import REFERENCE, StudyRun, shares
+from proofmass.studies.record import NAN, Knob, Setting, StudyRow
 from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.program import Ran, drive_words, imposed, tried
+from proofmass.studies.trade.program import ProgramRun, drive_words, imposed, tried
 from proofmass.wording import number
 from proofmass.worker import TimedOut
 
@@ -62,9 +62,9 @@ class Check:
     shifted: float
     note: str
     used: Setting
-    ran: Ran | None = None
+    ran: ProgramRun | None = None
     drive: Imposed | None = None
-    others: tuple[tuple[Imposed, Ran], ...] = ()
+    others: tuple[tuple[Imposed, ProgramRun], ...] = ()
     reason: str = ""
     again: bool = True
     lost: str = ""
@@ -107,7 +107,7 @@ class Check:
         return told
 
 
-def verify(case: Case, kind: Kind, row: Row, of: str, wanted: float, store: Store | None = None,
+def verify(case: Case, kind: Kind, row: StudyRow, of: str, wanted: float, store: Store | None = None,
            longest: float = 30.0, drive: str = "", compare: bool = False) -> Check:
     """Run a setting as a program, and from a shifted start; NaN for what is lost.
 
@@ -173,14 +173,14 @@ def shifted_once(case: Case, kind: Kind, setting: Setting, of: str, store: Store
         if store is None:
             found, note, lost = make()
         else:
-            key = key_of(Task(case, kind, setting))
+            key = key_of(StudyRun(case, kind, setting))
             found, note, lost = once(store.folder / f"{key}.{of}.shifted.json", make)
     except TimedOut as error:
         return NAN, "", str(error)
     return (NAN if found is None else found), note, lost
 
 
-def as_program(case: Case, setting: Setting, row: Row, of: str, store: Store | None,
+def as_program(case: Case, setting: Setting, row: StudyRow, of: str, store: Store | None,
                longest: float, drive: str = "") -> Check:
     """A setting run as a program, with the gain of its drive that suits it best."""
     ways = imposed(case, setting.engine)
@@ -200,23 +200,23 @@ def as_program(case: Case, setting: Setting, row: Row, of: str, store: Store | N
 
 
 def other_drives(case: Case, check: Check, of: str, store: Store | None, longest: float
-                 ) -> list[tuple[Imposed, Ran]]:
+                 ) -> list[tuple[Imposed, ProgramRun]]:
     """Of each other way to move the drives the best gain, and what it gives."""
-    found: dict[str, tuple[Imposed, Ran]] = {}
+    found: dict[str, tuple[Imposed, ProgramRun]] = {}
     for one in imposed(case, check.used.engine):
         if check.drive and one.kind == check.drive.kind:
             continue
         try:
             ran = ran_as(case, check.used, one, store, longest)
         except Unsupported as error:
-            ran = Ran(failure=str(error))
+            ran = ProgramRun(failure=str(error))
         if one.kind not in found or error_or_inf(ran, of) < error_or_inf(found[one.kind][1], of):
             found[one.kind] = one, ran
     return list(found.values())
 
 
 def ran_as(case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
-           ) -> Ran:
+           ) -> ProgramRun:
     """What the program of a setting gives."""
     if store is not None:
         return tried(case, setting, drive, store, longest)
@@ -224,7 +224,7 @@ def ran_as(case: Case, setting: Setting, drive: Imposed, store: Store | None, lo
         return tried(case, setting, drive, Store(Path(folder)), longest)
 
 
-def error_or_inf(ran: Ran, of: str) -> float:
+def error_or_inf(ran: ProgramRun, of: str) -> float:
     """The error of what ran; infinite if it has none."""
     error = ran.errors.get(of, NAN)
     return error if error == error else np.inf

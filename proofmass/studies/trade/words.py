@@ -3,7 +3,7 @@
 from math import isfinite
 
 from proofmass.outcome import Outcome
-from proofmass.studies.record import Row
+from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.orders import WITHIN
 from proofmass.studies.trade.series import ASYMPTOTIC, Track, observed, still, still_falls, worse
 from proofmass.studies.trade.verdict import Verdict
@@ -13,7 +13,7 @@ ASKED = 1e-4
 """Share of the range that a line is asked for which did not come so far."""
 
 
-def told(row: Row) -> str:
+def told(row: StudyRow) -> str:
     """A setting in words.
 
     >>> told(Row("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
@@ -24,7 +24,7 @@ def told(row: Row) -> str:
         f"{row.line}, {place}")
 
 
-def turned(row: Row) -> str:
+def turned(row: StudyRow) -> str:
     """What was turned along its line, and how far.
 
     >>> turned(Row("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
@@ -34,17 +34,17 @@ def turned(row: Row) -> str:
     return f"{row.axis} {place}"
 
 
-def brief(row: Row) -> str:
+def brief(row: StudyRow) -> str:
     """The same without the engine."""
     return told(row).removeprefix(spoken(row.engine)).lstrip(", ")
 
 
-def off(row: Row, of: str) -> str:
+def off(row: StudyRow, of: str) -> str:
     """How large an error is."""
     return f"{number(row.errors[of], 2)} off"
 
 
-def cost(row: Row) -> str:
+def cost(row: StudyRow) -> str:
     """What a setting costs, and its place on its line."""
     return f"{number(row.seconds, 2)} s at {turned(row)}"
 
@@ -54,7 +54,7 @@ def floored(verdict: Verdict) -> str:
     return f"the error floor is {number(verdict.floor, 2)}, {verdict.cause}"
 
 
-def needs(error: float, wanted: float, falls: float, row: Row) -> str:
+def needs(error: float, wanted: float, falls: float, row: StudyRow) -> str:
     """The step that an error would need, and what a run would cost, if an order holds.
 
     >>> row = Row("", "", "", "", "", "timestep", 1e-3, seconds=0.5)

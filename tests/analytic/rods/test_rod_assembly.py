@@ -5,7 +5,7 @@ import pytest
 
 from proofmass.analytic.rods.assembly import assembly, mirrored, triangle
 from proofmass.analytic.rods.equilibrium import (
-    State,
+    RodState,
     closure,
     derivatives,
     direct,
@@ -49,9 +49,9 @@ def phi_of(pins):
 def test_exact_derivatives_against_differences(guide):
     rng = np.random.default_rng(1)
     a = three(0.3, angle=[0.1, 2.2, -1.9], guide=guide, prolongation=[0.0, 0.1, 0.2])
-    s = State(a, rng.normal(0.0, 0.1, 18))
+    s = RodState(a, rng.normal(0.0, 0.1, 18))
     jacobian, h = closure(s)[1], 1e-5
-    up, down = (closure(State(a, s.vector + sign * h * np.eye(18)))[0] for sign in (1, -1))
+    up, down = (closure(RodState(a, s.vector + sign * h * np.eye(18)))[0] for sign in (1, -1))
     # h^2 f'''/6 with f''' up to 1e3 m/(N m)^3, since EI is 0.05 N m^2
     assert np.abs(jacobian - (up - down).T / (2 * h)).max() <= 1e-6
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib import rc_context
 
-from proofmass.analytic.chart import Chart, Line, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.rods import rod_pair
 from proofmass.analytic.rods.rod_pair import MANY, sharing
 from proofmass.case import Case
@@ -31,7 +31,7 @@ def equilibria(natural: Case) -> Chart:
     return chart_of(natural, natural.chart[0])
 
 
-def postures(chart: Chart) -> list[Line]:
+def postures(chart: Chart) -> list[ChartLine]:
     return [line for line in chart.lines if not line.points]
 
 

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.continuation import follow, trace
-from proofmass.analytic.rods.equilibrium import State, closure, derivatives, direct, inverse, state
+from proofmass.analytic.rods.equilibrium import (
+    RodState,
+    closure,
+    derivatives,
+    direct,
+    inverse,
+    state,
+)
 from proofmass.analytic.rods.workspace import loci, spread
 from tests.analytic.rods.rod_assembly_cases import DATA, NAMES, PAIR, pair, three
 
@@ -112,7 +119,7 @@ def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
     slack, eps = np.linalg.svd(closure(fold)[1][:, :8])[2][-1], 1e-6
     ahead = fold.inputs + np.array([eps, 0.0])
     # along the null vector the parameter is quadratic, so solutions are sqrt(eps) = 1e-3 away
-    sides = [direct(State(PAIR, fold.vector + np.pad(step * slack, (0, 4))).replaced(inputs=ahead))
+    sides = [direct(RodState(PAIR, fold.vector + np.pad(step * slack, (0, 4))).replaced(inputs=ahead))
              for step in (3e-3, -3e-3)]
     assert 1e-4 < np.linalg.norm(sides[0].pose - sides[1].pose) < 1e-2
     with pytest.raises(ValueError, match="no equilibrium"):

@@ -11,7 +11,7 @@ from scipy.optimize import root
 from proofmass.analytic.remember import memory_in_use
 from proofmass.analytic.rods import rod_platform, rod_platform_driven
 from proofmass.analytic.rods.assembly import mirrored, triangle
-from proofmass.analytic.rods.rod_platform import Problem, standing
+from proofmass.analytic.rods.rod_platform import PlatformProblem, standing
 from tests.analytic.rods.rod_assembly_cases import CORNERS, DATA, EI, three
 from tests.independent.rods.chain_assembly import settle
 
@@ -35,7 +35,7 @@ def at(slides, **parameters):
 
 def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
     """A state of the mechanism of Table 8."""
-    return standing(Problem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode)
+    return standing(PlatformProblem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode)
 
 
 @pytest.mark.parametrize(("mode", "row"), [(2, 0), (1, 1)])
@@ -103,7 +103,7 @@ def test_shooting_finds_the_same(load):
 def test_the_misprinted_angle_is_another_mechanism():
     """With theta2 = 0 no equilibrium, of any potential, is near a printed one."""
     motors = tuple(np.radians([45.0, TABLE8["inputs2_misprint_deg"], -60.0]))
-    there = rod_platform.stable(Problem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3,
+    there = rod_platform.stable(PlatformProblem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3,
                                         (0.0, 0.5, 0.0), 1)).pose
     for row in TABLE8["recomputed"]:
         assert np.hypot(*(there[:, :2] - row["pose"]).T).min() > 0.05

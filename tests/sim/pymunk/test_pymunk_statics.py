@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.pymunk.engine import simulate
-from proofmass.sim.pymunk.links import Joint
+from proofmass.sim.pymunk.links import LinkJoint
 
 FLAT = '<option gravity="0 0 0"><flag contact="disable"/></option>'
 HEAVY = '<option gravity="0 -9.81 0"><flag contact="disable"/></option>'
@@ -236,8 +236,8 @@ def test_a_sweep_may_begin_anywhere(tmp_path):
 
 def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
     """The energy only paces the steps: a wrong one makes them more, and no other moment."""
-    energy = Joint.spring_energy
-    monkeypatch.setattr(Joint, "spring_energy", lambda self, value: (
+    energy = LinkJoint.spring_energy
+    monkeypatch.setattr(LinkJoint, "spring_energy", lambda self, value: (
         energy(self, value) * (1.01 if self.name == "winding2" else 1.0)))
     moments = BALANCERS["plain"][1]
     got = balanced(tmp_path, "plain", np.linspace(0, 90, 10)).channels["hold"]

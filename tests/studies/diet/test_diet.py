@@ -15,9 +15,9 @@ from proofmass.cli import app
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.solve import plan
-from proofmass.studies.diet.diet import Diet, Search
+from proofmass.studies.diet.diet import Diet, DietSearch
 from proofmass.studies.diet.edits import Draft, all_digits, flatten, read, shortest, write
-from proofmass.studies.diet.scene import Scene, scene_of, watched
+from proofmass.studies.diet.scene import DietScene, scene_of, watched
 from proofmass.studies.diet.trial import most_iterations
 from tests.shipped import shipped
 
@@ -87,10 +87,10 @@ def padded(folder: Path) -> Path:
     return file
 
 
-def searched(file: Path, seconds: float = 0.3, **how: bool) -> tuple[Scene, Diet]:
+def searched(file: Path, seconds: float = 0.3, **how: bool) -> tuple[DietScene, Diet]:
     """A diet without timings."""
     scene = scene_of(file, seconds)
-    return scene, Search(scene, rounds=0, **how).run()
+    return scene, DietSearch(scene, rounds=0, **how).run()
 
 
 def names(spec: mujoco.MjSpec) -> dict[str, set[str]]:
@@ -99,7 +99,7 @@ def names(spec: mujoco.MjSpec) -> dict[str, set[str]]:
 
 
 @pytest.fixture(scope="module")
-def stripped(tmp_path_factory) -> tuple[Scene, Diet]:
+def stripped(tmp_path_factory) -> tuple[DietScene, Diet]:
     return searched(padded(tmp_path_factory.mktemp("diet")), blind=True)
 
 
@@ -258,7 +258,7 @@ def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, mo
     for _ in range(2):
         answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])
         assert answer.exit_code == 0, answer.output
-        monkeypatch.setattr(Search, "ran", None)  # the second time nothing is run again
+        monkeypatch.setattr(DietSearch, "ran", None)  # the second time nothing is run again
         monkeypatch.setattr("proofmass.studies.diet.command.finish", lambda *_: None)
     assert "sun" not in slim.read_text()
     assert not list(slim.parent.glob("*.part*"))

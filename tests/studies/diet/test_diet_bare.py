@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.studies.diet.diet import Diet, Search
+from proofmass.studies.diet.diet import Diet, DietSearch
 from proofmass.studies.diet.edits import Draft, set_option, write
 from proofmass.studies.diet.scene import scene_of
 from tests.studies.diet.test_diet import BALLAST, model
@@ -48,7 +48,7 @@ def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str,
 
 def slimmed(file: Path, folder: Path, seconds: float, **more: object) -> tuple[Diet, Path]:
     """A diet, and the file that it wrote."""
-    found = Search(scene_of(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
+    found = DietSearch(scene_of(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
     return found, written(found.slim, folder)
 
 

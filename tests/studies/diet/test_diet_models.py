@@ -10,7 +10,7 @@ import pytest
 from proofmass.compare import compare, reference_for
 from proofmass.sidecar import load_case
 from proofmass.solve import plan, simulate
-from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import set_option, write
 from proofmass.studies.diet.options import integrators, steps, tolerances
 from proofmass.studies.diet.scene import scene_of
@@ -21,7 +21,7 @@ OWN = models_like("*.xml")
 
 def gone(file: Path) -> list[str]:
     """What a diet takes out of a model."""
-    found = Search(scene_of(file, 1.0), rounds=0, tune=False).run()
+    found = DietSearch(scene_of(file, 1.0), rounds=0, tune=False).run()
     return [e.title for e in found.entries if e.outcome == "harmless"]
 
 
@@ -44,7 +44,7 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     edit("pendulum.xml", 'timestep="1e-3"', 'timestep="1.25e-4"')
     file, case = models / "pendulum.xml", load_case(models / "pendulum.toml")
     scene = scene_of(file, 1.0)
-    found = Search(scene, rounds=0).run()
+    found = DietSearch(scene, rounds=0).run()
     step = mujoco.MjModel.from_xml_path(str(file)).opt.timestep
     longer = found.slim.compiled().opt.timestep
     assert longer >= 2 * step

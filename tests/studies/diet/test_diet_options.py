@@ -8,9 +8,9 @@ import mujoco
 import pytest
 
 from proofmass.studies.diet import diet, options
-from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import Draft, set_option
-from proofmass.studies.diet.scene import Scene, scene_of
+from proofmass.studies.diet.scene import DietScene, scene_of
 from proofmass.studies.diet.trial import Cost, Pace
 from tests.studies.diet.test_diet import model
 
@@ -34,7 +34,7 @@ def set_to(draft: Draft, **values: float) -> Draft:
     return draft
 
 
-def names(rungs: options.Rungs, draft: Draft, scene: Scene) -> list[str]:
+def names(rungs: options.Rungs, draft: Draft, scene: DietScene) -> list[str]:
     """What is tried, in words."""
     return [rung.name for rung in rungs(draft, scene)]
 
@@ -77,13 +77,13 @@ def test_the_way_with_less_work_is_taken(tmp_path):
     file = falling(tmp_path, step=1e-3)
     for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
         scene = scene_of(file, 1.0, (), error)
-        found = Search(scene, rounds=0).run()
+        found = DietSearch(scene, rounds=0).run()
         slim = found.slim.compiled()
         assert mujoco.mjtIntegrator(slim.opt.integrator).name == f"mjINT_{integrator}"
         assert options.work(found.slim) < 4000.0
         assert found.tuned
         assert found.whole.worst[2] <= 1
-    kept = Search(scene, rounds=0, tune=False).run()
+    kept = DietSearch(scene, rounds=0, tune=False).run()
     assert kept.slim.compiled().opt.timestep == 1e-3
     assert not kept.tuned
     assert not [e for e in kept.entries if e.kind == "option"]
@@ -97,7 +97,7 @@ def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, save
     monkeypatch.setattr(diet, "paced", lambda models, run, rounds, limit: Pace(
         (Cost(2.0, 3), Cost(1.0, 2)), saved))
     scene = scene_of(falling(tmp_path), 0.2)
-    now, entries = Search(scene, rounds=9).optioned(scene.draft)
+    now, entries = DietSearch(scene, rounds=9).optioned(scene.draft)
     entry = entries[-1]
     assert (entry.name, entry.outcome) == ("jacobian auto to sparse", outcome)
     assert entry.saved == saved
@@ -114,7 +114,7 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
     scene = scene_of(file, 1.0)
     assert scene.watches[0].bound is None
     assert "Options may move a channel by no more than a feature may" in scene.said[-1]
-    found = Search(scene, rounds=0).run()
+    found = DietSearch(scene, rounds=0).run()
     assert found.slim.compiled().opt.timestep == 0.004
     assert found.slim.compiled().opt.tolerance == 1e-8
 
@@ -125,8 +125,8 @@ def test_a_bound_that_allows_anything_is_noticed(tmp_path):
     watch = scene.watches[0]
     loose = replace(watch, bound=replace(watch.bound, allowed=dict.fromkeys(
         watch.bound.allowed, 1e9)))
-    strict = Search(scene, rounds=0).run().slim.compiled().opt.timestep
-    found = Search(replace(scene, watches=(loose,)), rounds=0).run().slim.compiled()
+    strict = DietSearch(scene, rounds=0).run().slim.compiled().opt.timestep
+    found = DietSearch(replace(scene, watches=(loose,)), rounds=0).run().slim.compiled()
     assert found.opt.timestep == pytest.approx(float(watch.bound.run.x[1]))
     assert found.opt.timestep > strict
 
@@ -134,14 +134,14 @@ def test_a_bound_that_allows_anything_is_noticed(tmp_path):
 def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
     """The last look takes out features that are there, and not an empty set of them."""
     asked = []
-    tried = Search.tried
+    tried = DietSearch.tried
 
     def noted(self, now, feature, tuned=False):
         asked.append((feature.kind, feature.name))
         return tried(self, now, feature, tuned)
 
-    monkeypatch.setattr(Search, "tried", noted)
-    Search(scene_of(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
+    monkeypatch.setattr(DietSearch, "tried", noted)
+    DietSearch(scene_of(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
     whole = [k for k, (kind, _) in enumerate(asked) if kind == "all of these"]
     assert whole[-1] == len(asked) - 1
     assert len(whole) == 2  # what goes in the first round together, and what is left at the end

@@ -13,7 +13,7 @@ from proofmass.errors import InputError
 from proofmass.sim.mujoco.coupling import independent_groups
 from proofmass.sim.protocol import Run
 from proofmass.studies.diet import scene as scenes
-from proofmass.studies.diet.diet import Search
+from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import scene_of
 from proofmass.worker import TimedOut
 from tests.studies.diet.test_diet_bare import bare, written
@@ -46,7 +46,7 @@ def far(folder: Path, sensors: str = "", tie: str = "") -> Path:
 def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
     """The bodies that a diet leaves, and what it says of what was watched."""
     scene = scene_of(file, 0.3, **more)  # type: ignore[arg-type]
-    found = Search(scene, rounds=0, tune=False).run()
+    found = DietSearch(scene, rounds=0, tune=False).run()
     return {b.name for b in found.slim.spec.bodies} - {"world"}, scene.said
 
 
@@ -78,7 +78,7 @@ def test_what_is_named_is_all_that_decides(tmp_path, name):
     """A joint, a body, a site or a sensor; the energies of all are asked for by nobody."""
     file = far(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
     scene = scene_of(file, 0.3, (name,))
-    found = Search(scene, rounds=0, tune=False).run()
+    found = DietSearch(scene, rounds=0, tune=False).run()
     assert {b.name for b in found.slim.spec.bodies} == {"world", "crank"}
     assert scene.said[0].startswith("Watched: ")
     assert name in scene.said[0]
@@ -122,7 +122,7 @@ def test_channels_of_a_sidecar_can_be_watched(models, edit):
     scene = scene_of(file, 1.0, ("angle",))
     assert list(scene.watches[0].allowed) == ["angle"]
     assert scene.read == {"angle"}
-    found = Search(scene, rounds=0, tune=False).run()
+    found = DietSearch(scene, rounds=0, tune=False).run()
     assert [s.name for s in found.slim.spec.sensors] == ["angle"]
     with pytest.raises(InputError, match="did you mean 'rate'"):
         scene_of(file, 1.0, ("rat",))

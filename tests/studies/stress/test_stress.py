@@ -17,7 +17,7 @@ from proofmass.studies.record import Setting
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress import near_singular
-from proofmass.studies.stress.boundary import Boundary, Failure, Limit, Sought, Tried, bisect
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, Sought, Tried, bisect
 from proofmass.studies.stress.extremes import extremes, resized, sizes
 from proofmass.studies.stress.page import stress_sheet, write_stress
 from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
@@ -29,7 +29,7 @@ from proofmass.worker import TimedOut
 def test_a_boundary_is_between_its_sides(start, reach, edge):
     up = reach > start
     holds, breaks, failure = bisect(
-        lambda x: Failure("gone", Limit.UNSTABLE, True) if (x > edge) is up else None, start, reach)
+        lambda x: Failure("gone", BoundaryKind.UNSTABLE, True) if (x > edge) is up else None, start, reach)
     assert sorted([holds, edge, breaks])[1] == edge
     assert max(breaks / holds, holds / breaks) <= 1.01
     assert failure == ("gone", "unstable", True)
@@ -37,7 +37,7 @@ def test_a_boundary_is_between_its_sides(start, reach, edge):
 
 def test_what_never_holds_and_what_always_does():
     never = Sought("", "", "", "", "", 1.0, 9.0,
-                   lambda x: Tried(Failure("no", Limit.UNSTABLE))).find()
+                   lambda x: Tried(Failure("no", BoundaryKind.UNSTABLE))).find()
     assert np.isnan(never.measured)
     assert np.isnan(never.ratio)
     assert never.failure == "at 1 already: no"
@@ -111,7 +111,7 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stand):
     failure = smaller.trial(1.9e-6).failure
     assert failure
     assert failure.message.startswith("effort off by 0.0")
-    assert failure.limit == Limit.INACCURATE
+    assert failure.limit == BoundaryKind.INACCURATE
     assert failure.silent
 
 
@@ -121,7 +121,7 @@ def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stand):
     smaller = next(s for s in sizes(held) if s.reach < 1)
     assert np.isnan(smaller.theory)
     found = smaller.find()
-    assert (found.limit, found.found, found.silent) == (Limit.OURS, False, False)
+    assert (found.limit, found.found, found.silent) == (BoundaryKind.OURS, False, False)
     assert 10**-0.5 <= found.holds <= 1.1 * 10**-0.5
     assert np.isnan(found.measured)
     assert "MuJoCo, which reads the model for pymunk" in found.failure
@@ -160,7 +160,7 @@ def test_the_least_inertia_bounds_the_size(stand):
     assert smaller.theory == pytest.approx(10**-0.5)
     found = smaller.find()
     assert found.ratio == pytest.approx(1.0, abs=0.01)
-    assert (found.limit, found.silent) == (Limit.REFUSED, False)
+    assert (found.limit, found.silent) == (BoundaryKind.REFUSED, False)
     assert "mjMINVAL" in found.failure
     assert "stiffness: there is no spring and no rod" in skipped
     assert {s.knob for s in sought} == {
@@ -250,7 +250,7 @@ def test_trials_are_made_once(tmp_path):
 
     def trial(x):
         tried.append(x)
-        return Tried(Failure("beyond", Limit.UNSTABLE, True) if x > 3.0 else None, x / 2)
+        return Tried(Failure("beyond", BoundaryKind.UNSTABLE, True) if x > 3.0 else None, x / 2)
 
     sought = Sought("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
     with pool(1) as workers:
@@ -265,15 +265,15 @@ def test_trials_are_made_once(tmp_path):
 
 def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     rows = [Boundary("spring, \"soft\"", "mujoco", "Euler", "dt ω", "1", 0.1, 10.0, 1.99, 2.005,
-                     1.99, 2.0, "2 √(1 + ζ²)", Limit.UNSTABLE, "grew, without a word", True),
+                     1.99, 2.0, "2 √(1 + ζ²)", BoundaryKind.UNSTABLE, "grew, without a word", True),
             Boundary("spring, hard", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0,
                      theory=np.inf, law="implicit"),
             Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
-                     limit=Limit.INACCURATE, failure="at 1 already: no"),
+                     limit=BoundaryKind.INACCURATE, failure="at 1 already: no"),
             Boundary("fourbar", "pymunk", "as in the model", "size", "times", 1.0, 1e-6, 0.1,
-                     0.099, limit=Limit.REFUSED, failure="refused: too small"),
+                     0.099, limit=BoundaryKind.REFUSED, failure="refused: too small"),
             Boundary("fourbar", "pymunk", "as in the model", "steps", "1", 100.0, 1e6, 1000.0,
-                     1009.0, 1e-3, limit=Limit.OURS,
+                     1009.0, 1e-3, limit=BoundaryKind.OURS,
                      failure="no reference: none in 60 s; the engine has its run")]
     write_boundaries(rows, tmp_path / "stress.csv")
     assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
@@ -283,7 +283,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     assert "1 of 1 boundaries are passed in silence" in page
     assert "unstable, <strong>in silence</strong>: grew, without a word" in page
     assert "not known beyond 1000" in page
-    for limit in Limit:
+    for limit in BoundaryKind:
         assert f"{limit}: {limit.sentence}" in table
         assert f"{limit}: {limit.sentence}" in page.replace("&#39;", "'")
     assert "fourbar" in page

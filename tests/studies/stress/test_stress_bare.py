@@ -20,9 +20,9 @@ import pytest
 
 from proofmass.reference import grid
 from proofmass.sim.protocol import Run
-from proofmass.studies.measure import Found
+from proofmass.studies.measure import Measurement
 from proofmass.studies.stress import extremes
-from proofmass.studies.stress.boundary import Limit, Sought
+from proofmass.studies.stress.boundary import BoundaryKind, Sought
 from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.ways import in_steps, longer
 
@@ -45,7 +45,7 @@ def agrees(sought: Sought, limit: float) -> None:
     assert sought.trial(limit * (1 - AGREE)).failure is None
     failure = sought.trial(limit * (1 + AGREE)).failure
     assert failure
-    assert failure.limit in (Limit.UNSTABLE, Limit.INACCURATE)
+    assert failure.limit in (BoundaryKind.UNSTABLE, BoundaryKind.INACCURATE)
 
 
 def test_the_scripts_import_their_engine_and_numpy_alone():
@@ -195,7 +195,7 @@ def test_a_step_that_was_not_asked_for_is_an_error(stand, engine, monkeypatch):
 def test_a_run_that_is_lost_has_no_step_to_tell(stand, monkeypatch):
     held = stand("pendulum")
     monkeypatch.setattr("proofmass.studies.stress.stand.tried",
-                        lambda *_: Found(outcome="diverged"))
+                        lambda *_: Measurement(outcome="diverged"))
     assert np.isnan(held.stepped(held.case, 1.0, timestep=0.01).step)
 
 

@@ -9,10 +9,10 @@ from proofmass.analytic.rods.rod_snap import marks
 from proofmass.engines import engine_of
 from proofmass.reference import compiled
 from proofmass.studies import variants
-from proofmass.studies.measure import Found, Task
+from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.stress import extremes, near_singular, theory
-from proofmass.studies.stress.boundary import Failure, Limit, bisect
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, bisect
 from proofmass.studies.stress.stand import tried
 from proofmass.studies.variants import reread
 
@@ -74,7 +74,7 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
     shares = np.geomspace(2e-3, 3e-5, 4)
     cases = [near_singular.shortened(held.case, arm, held.models, shortest * (1 + share))
              for share in shares]
-    found = [tried(Task(case, "duration", held.setting, "stress"), held.store) for case in cases]
+    found = [tried(StudyRun(case, "duration", held.setting, "stress"), held.store) for case in cases]
     ratio = [one.errors["position"] / one.invariants["gap"] for one in found]
     # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
     assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
@@ -95,12 +95,12 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
 
 def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(stand, monkeypatch):
     """We did not find the pose; the drive's own way ends at a limit position, which is none."""
-    held, answer = stand("fourbar", kind="sweep"), Found(outcome="stopped", message="no pose")
+    held, answer = stand("fourbar", kind="sweep"), Measurement(outcome="stopped", message="no pose")
     monkeypatch.setattr("proofmass.studies.stress.stand.tried", lambda *_: answer)
     held = replace(held, case=reread(held.case))
     assert near_singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
-        "stopped: no pose", Limit.OURS)
-    assert held.tried(held.case).failure == Failure("stopped: no pose", Limit.UNSTABLE)
+        "stopped: no pose", BoundaryKind.OURS)
+    assert held.tried(held.case).failure == Failure("stopped: no pose", BoundaryKind.UNSTABLE)
 
 
 def test_the_reference_snaps_at_its_fold(stand):

@@ -21,7 +21,7 @@ from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.mujoco.snippet import pasted
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.choose import (
@@ -52,12 +52,12 @@ def fourbar() -> Case:
     return load_case(shipped("fourbar.toml"))
 
 
-def holds(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
+def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
     """A run that gives again what was measured."""
     return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.knobs))
 
 
-def chosen(case: Case, rows: list[Row], wanted: float, **asked: object):
+def chosen(case: Case, rows: list[StudyRow], wanted: float, **asked: object):
     return choose(case, "duration", rows, wanted, **{"verify": holds, **asked})
 
 
@@ -79,7 +79,7 @@ def test_what_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> 
 
 @pytest.mark.parametrize("errors", [(2e-4, 1e-6), (1e-6, 2e-4), (nan, 1e-6), (1e-6, nan)])
 def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tuple) -> None:
-    def lucky(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
+    def lucky(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
         check = holds(case, kind, row, of, wanted)
         return replace(check, fresh=errors[0], shifted=errors[1]) if row.value == 0.0005 else check
 
@@ -144,7 +144,7 @@ def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
     plain = line("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
     tuned = line("tuned", cost=1.5e-6)
 
-    def lucky(case: Case, kind: str, row: Row, of: str, wanted: float) -> Check:
+    def lucky(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
         check = holds(case, kind, row, of, wanted)
         return replace(check, shifted=1.0) if (row.line, row.value) == ("plain", 0.001) else check
 
@@ -313,7 +313,7 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     case = load_case(shipped(f"{name}.toml"))
     case = case.model_copy(update={"run": {"duration": case.run["duration"].model_copy(
         update={"n": 101, "until": None if case.drive else 1.0})}})
-    row = Row("trade", name, "duration", "mujoco", "", "timestep", 2e-3,
+    row = StudyRow("trade", name, "duration", "mujoco", "", "timestep", 2e-3,
               {"timestep": 2e-3, "integrator": "RK4"})
     curves = shifted(case, "duration", Setting("mujoco", row.knobs))
     whole, _ = fresh(case, "duration", Setting("mujoco", row.knobs), 0)
@@ -336,7 +336,7 @@ def test_no_other_start_is_said() -> None:
 
 def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
     """One iteration a step leaves loops open."""
-    row = Row("trade", "fourbar", "duration", "pymunk", "", "iterations", 1.0,
+    row = StudyRow("trade", "fourbar", "duration", "pymunk", "", "iterations", 1.0,
               {"timestep": 0.0174, "iterations": 1, "error_bias": 0.0}, steps=361)
     check = verify(fourbar, "duration", row, "position", 1e9)
     assert np.isnan([check.fresh, check.shifted]).all()
@@ -416,8 +416,8 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
 
 
 def at(line: str = "", error: float = 1e-5, value: float = 1e-3, seconds: float = 1.0,
-       engine: str = "mujoco", outcome: str = "ran", message: str = "", **knobs: object) -> Row:
-    return Row("trade", "fourbar", "duration", engine, line, "timestep", value,
+       engine: str = "mujoco", outcome: str = "ran", message: str = "", **knobs: object) -> StudyRow:
+    return StudyRow("trade", "fourbar", "duration", engine, line, "timestep", value,
                {"timestep": value, **knobs}, {"position": error}, {}, seconds, 70,
                outcome=outcome, message=message)
 
@@ -472,10 +472,10 @@ def test_what_the_defaults_would_cost() -> None:
     """Seconds of a setting that takes 0.5 s and of the defaults, refined to a half of 1e-4."""
     tuned = at("tuned", seconds=0.5)
 
-    def of(*rows: Row, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
+    def of(*rows: StudyRow, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
         return beside([tuned, *rows], tuned, "position", 1e-4, floors)
 
-    def plain(error: float, value: float, seconds: float = 2.0, **more) -> Row:
+    def plain(error: float, value: float, seconds: float = 2.0, **more) -> StudyRow:
         return at("plain", error, value, seconds, defaults=True, **more)
 
     nothing = "the defaults were not measured, or did not run"

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from proofmass.case import Case
 from proofmass.reference import compiled, grid
 from proofmass.sidecar import load_case
-from proofmass.studies.measure import Task
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.measure import StudyRun
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.axes import lines
@@ -20,7 +20,7 @@ from proofmass.studies.trade.disturbed import (
     LEAST,
     NUDGE,
     ROUNDED,
-    Motion,
+    DisturbedMotion,
     answer,
     motion_of,
     moved,
@@ -78,7 +78,7 @@ def away_by_hand(until: float) -> np.ndarray:
 def test_a_disturbance_grows_as_the_equations_of_motion_have_it(double, tmp_path):
     """No engine and no code of this package on the other side."""
     case = short(double, 10.0)
-    found = parted(Task(case, "duration", RK4), moved(case, tmp_path), Store(tmp_path), 60.0)
+    found = parted(StudyRun(case, "duration", RK4), moved(case, tmp_path), Store(tmp_path), 60.0)
     away = away_by_hand(10.0)
     # RK4 at 1 ms is 1e-5 off at the end, and so is the place where its growth is that
     assert found["position"] == pytest.approx(away, rel=0.01, abs=1e-11)
@@ -139,8 +139,8 @@ def test_what_grows_with_a_power_of_time_is_not_chaotic(power):
 def test_a_horizon_leaves_something_to_judge():
     x = np.linspace(0.0, 20.0, 401)
     assert answer(x, np.where(x > 0.04, 1.0, 1e-9)).horizon == x[LEAST - 1]
-    assert np.isnan(Motion(1.0, np.nan, np.nan, 20.0).horizon)
-    assert Motion(99.0, np.nan, np.nan, 20.0).words == ""
+    assert np.isnan(DisturbedMotion(1.0, np.nan, np.nan, 20.0).horizon)
+    assert DisturbedMotion(99.0, np.nan, np.nan, 20.0).words == ""
 
 
 def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_path):
@@ -154,9 +154,9 @@ def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_p
 def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
     """Some 1e-16 in each of 5000 steps, times what a disturbance grows by; not by what RK4 errs."""
     case = short(double, 5.0)
-    away = rounding(Task(case, "duration", RK4), Store(tmp_path), 60.0)["position"]
+    away = rounding(StudyRun(case, "duration", RK4), Store(tmp_path), 60.0)["position"]
     assert 1e-16 < away < 5000 * 1e-15 * 1e3
-    row = Row("", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDED * 0.99})
+    row = StudyRow("", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDED * 0.99})
     assert trade.as_rounding(row, "position", {"position": away})[0] == "rounding"
     far = replace(row, errors={"position": away / ROUNDED * 1.01})
     assert trade.as_rounding(far, "position", {"position": away}) == ("unknown", "")

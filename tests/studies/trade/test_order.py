@@ -7,7 +7,7 @@ import pytest
 
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
-from proofmass.studies.measure import Task, simulate
+from proofmass.studies.measure import StudyRun, simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
@@ -36,7 +36,7 @@ def errors(case, folder, change=lambda setting: setting):
     own = compiled(case).opt.timestep
     k = next((k for k, size in enumerate(line.sizes) if size < 2 * own), -2)
     pair = [change(setting) for setting in line.settings[k:][:2]]
-    rows = run([Task(case, "duration", setting) for setting in pair], Store(folder), repeats=0,
+    rows = run([StudyRun(case, "duration", setting) for setting in pair], Store(folder), repeats=0,
                timeout=600.0)
     assert all(row.errors for row in rows), [row.message for row in rows]
     return {kind: [(s.knobs["timestep"], row.errors[kind])

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from proofmass.case import Case
-from proofmass.drive import EXACT, InProportion, Law, Steady, Swing, motion_source
+from proofmass.drive import EXACT, FunctionLaw, InProportion, Steady, Swing, motion_source
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
 from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
@@ -23,7 +23,7 @@ from proofmass.solve import simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.program import (
-    Ran,
+    ProgramRun,
     imposed,
     program,
     read_curves,
@@ -140,7 +140,7 @@ LAWS = {
     "steady": [Steady(0.5, -2.0, x_is_time=True)],
     "swing": [LEADER],
     "in proportion": [LEADER, InProportion(LEADER, 0.3, -0.5, 2.0)],
-    "table": [Law(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)]}
+    "table": [FunctionLaw(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)]}
 
 
 @pytest.mark.parametrize("laws", LAWS.values(), ids=LAWS)
@@ -191,7 +191,7 @@ def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
 def test_a_program_that_does_not_end_is_ended() -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = written(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
-    assert run_program(case, setting, text, 1.0) == Ran(failure="no end after 1 s")
+    assert run_program(case, setting, text, 1.0) == ProgramRun(failure="no end after 1 s")
 
 
 def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:

@@ -11,12 +11,12 @@ from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.sim.pymunk.scans import left_after
-from proofmass.studies.measure import Task
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.measure import StudyRun
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import search as module
-from proofmass.studies.trade.program import Ran
-from proofmass.studies.trade.search import Family, families, finer_for_drives, search
+from proofmass.studies.trade.program import ProgramRun
+from proofmass.studies.trade.search import SettingFamily, families, finer_for_drives, search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import Check, other_drives
 from tests.shipped import shipped
@@ -36,18 +36,18 @@ class World:
         self.families = families
         self.asked: list[tuple[str, float, int]] = []
         monkeypatch.setattr(module, "families", lambda case, engine: [
-            Family("mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False)
+            SettingFamily("mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False)
             for name, one in families.items()])
         monkeypatch.setattr(module, "run", self.run)
 
-    def run(self, tasks: list[Task], store: object, workers: object, *, repeats: int,
-            timeout: float, progress: object) -> list[Row]:
+    def run(self, tasks: list[StudyRun], store: object, workers: object, *, repeats: int,
+            timeout: float, progress: object) -> list[StudyRow]:
         rows = []
         for task in tasks:
             self.asked.append((task.line, task.value, repeats))
             order, scale, floor, cost, *_ = self.families[task.line]
             steps = round(6.28 / task.value)
-            row = Row("choose", "fourbar", "duration", "mujoco", task.line, "timestep", task.value,
+            row = StudyRow("choose", "fourbar", "duration", "mujoco", task.line, "timestep", task.value,
                       dict(task.setting.knobs), {"position": scale * task.value**order + floor},
                       seconds=cost * steps, steps=steps, repeats=(1.0,) * repeats)
             if order == 0:
@@ -141,7 +141,7 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
 def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
     """By the square of the step: a hundredth of the error is a tenth of the step, and its loops."""
     knobs = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
-    row = Row("choose", "fourbar", "duration", "mujoco", "RK4", "timestep", SAMPLE, knobs,
+    row = StudyRow("choose", "fourbar", "duration", "mujoco", "RK4", "timestep", SAMPLE, knobs,
               {"position": 1e-8}, seconds=1.0)
     task, = finer_for_drives(fourbar, [(row, 1e-2)], 1e-4)
     assert SAMPLE / 14 < task.value <= SAMPLE * (0.8 * 1e-2) ** 0.5
@@ -153,12 +153,12 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
 
 def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
     """With its error, or why it is lost."""
-    given = {Imposed("servo", 2.0): Ran(failure="lost"), Imposed("servo", 0.5): Ran(
-        {"position": 3e-4}, 2.0, 9), Imposed("servo", 0.2): Ran({"position": 2e-3}, 1.0, 9)}
+    given = {Imposed("servo", 2.0): ProgramRun(failure="lost"), Imposed("servo", 0.5): ProgramRun(
+        {"position": 3e-4}, 2.0, 9), Imposed("servo", 0.2): ProgramRun({"position": 2e-3}, 1.0, 9)}
     monkeypatch.setattr("proofmass.studies.trade.verify.ran_as",
-                        lambda case, setting, drive, *_: given.get(drive, Ran(failure="lost")))
+                        lambda case, setting, drive, *_: given.get(drive, ProgramRun(failure="lost")))
     setting = Setting("mujoco", {"timestep": 1e-3})
-    check = Check(1e-6, 1e-6, "", setting, Ran({"position": 1e-6}, 1.0, 9), Imposed("flywheel"))
+    check = Check(1e-6, 1e-6, "", setting, ProgramRun({"position": 1e-6}, 1.0, 9), Imposed("flywheel"))
     found = other_drives(fourbar, check, "position", None, 9.0)
     assert [drive.kind for drive, _ in found] == ["servo", "equality"]
     assert found[0][0].gain == 0.5

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from proofmass.sidecar import load_case
-from proofmass.studies.measure import Task
+from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
@@ -65,7 +65,7 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
     store, own = Store(tmp_path), tasks(models)[0].case
     asked = [Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
              Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"})]
-    rows = run([Task(own, "duration", setting, "choose") for setting in asked], store, repeats=1)
+    rows = run([StudyRun(own, "duration", setting, "choose") for setting in asked], store, repeats=1)
     found = sorted(known(own, "duration", [], store), key=lambda row: row.value)
     assert [row.line for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
     assert [row.value for row in found] == [4e-4, 1e-3]

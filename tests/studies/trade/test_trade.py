@@ -11,10 +11,10 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.scans import INTEGRATORS
-from proofmass.studies.record import Row, Setting, read_table
+from proofmass.studies.record import Setting, StudyRow, read_table
 from proofmass.studies.store import Store
 from proofmass.studies.trade import axes, trade
-from proofmass.studies.trade.axes import Line, lines, size, studied
+from proofmass.studies.trade.axes import ConvergenceSeries, lines, size, studied
 from proofmass.studies.trade.orders import WITHIN, expected, off
 from proofmass.studies.trade.series import (
     Track,
@@ -89,11 +89,11 @@ def test_a_finer_step_that_is_worse_is_found():
 
 
 def tracked(errors, seconds=0.1, outcomes=()):
-    line = Line("mujoco", "x", "timestep", tuple(
+    line = ConvergenceSeries("mujoco", "x", "timestep", tuple(
         Setting("mujoco", {"timestep": 0.1 / 2**k}) for k in range(8)))
-    rows = [Row("trade", "", "duration", "mujoco", "x", "timestep", 0.0, errors={"rate": e},
+    rows = [StudyRow("trade", "", "duration", "mujoco", "x", "timestep", 0.0, errors={"rate": e},
                 seconds=seconds) for e in errors]
-    rows += [Row("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
+    rows += [StudyRow("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
              for o in outcomes]
     return Track(line, rows)
 
@@ -132,7 +132,7 @@ def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
 def placed(errors, seconds=0.5, **kinds):
     """A track whose rows know their steps; `errors` of positions."""
     track = tracked([])
-    track.rows = [Row("trade", "", "duration", "mujoco", "x", "timestep", size,
+    track.rows = [StudyRow("trade", "", "duration", "mujoco", "x", "timestep", size,
                       {"timestep": size}, {"position": e, **{k: v[n] for k, v in kinds.items()}},
                       seconds=seconds) for n, (size, e) in enumerate(
                           zip(track.line.sizes, errors, strict=False))]
@@ -300,7 +300,7 @@ def test_a_wrong_integrator_is_off(pendulum):
 
 def test_failures_stay_in_the_table(tmp_path, monkeypatch):
     case = load_case(shipped("fourbar.toml"))
-    line = Line("pymunk", "few", "iterations", tuple(
+    line = ConvergenceSeries("pymunk", "few", "iterations", tuple(
         Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)))
     monkeypatch.setattr(trade, "lines", lambda *_: [line])
     study = trade.trade([case], Store(tmp_path), repeats=1)

@@ -6,8 +6,8 @@ import pytest
 
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
-from proofmass.studies.measure import Task
-from proofmass.studies.record import Row, Setting
+from proofmass.studies.measure import StudyRun
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor import MOVES, Probe, gain, judge, probes
@@ -22,7 +22,7 @@ STIFF = Setting("mujoco", {"timestep": 2e-3, "integrator": "RK4", "solref": (0.0
 def moved(folder, case, setting, kind="duration"):
     """The errors of a setting, and all its causes moved."""
     wanted = probes(case, kind, setting, folder)
-    first, *rows = run([Task(case, kind, setting), *(Task(p.case, kind, p.setting)
+    first, *rows = run([StudyRun(case, kind, setting), *(StudyRun(p.case, kind, p.setting)
                                                      for p in wanted)], Store(folder), repeats=0)
     return first.errors, list(zip(wanted, rows, strict=True))
 
@@ -114,7 +114,7 @@ def test_samples_between_the_ends_of_links_are_found(tmp_path):
 
 
 def row(error, outcome="ran"):
-    return Row("floor", "", "duration", "mujoco", "", "", 0.0, outcome=outcome,
+    return StudyRow("floor", "", "duration", "mujoco", "", "", 0.0, outcome=outcome,
                errors={"rate": error} if outcome == "ran" else {})
 
 

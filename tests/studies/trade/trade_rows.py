@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from proofmass.studies.record import Row
+from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.verdict import Verdict
 
 SPAN = 6.28  # s of motion
@@ -10,13 +10,13 @@ STEPS = tuple(0.016 / 2**k for k in range(9))  # s
 
 
 def line(name: str, engine: str = "mujoco", order: float = 2.0, scale: float = 100.0,
-         floor: float = 0.0, cost: float = 1e-5, **knobs: object) -> list[Row]:
+         floor: float = 0.0, cost: float = 1e-5, **knobs: object) -> list[StudyRow]:
     """Errors scale * step^order + floor; a step costs `cost` seconds; rates are 10 times as far off
     and accelerations 100 times."""
     rows = []
     for dt in STEPS:
         error, steps = scale * dt**order + floor, round(SPAN / dt)
-        rows.append(Row("trade", "fourbar", "duration", engine, name, "timestep", dt,
+        rows.append(StudyRow("trade", "fourbar", "duration", engine, name, "timestep", dt,
                         {"timestep": dt, **knobs},
                         {"position": error, "rate": 10 * error, "acceleration": 100 * error},
                         {"gap": 1e-3 * error}, steps * cost, steps, (steps * cost,) * 5, True, 0.0))
@@ -32,7 +32,7 @@ def verdict(name: str, expected: float, floor: float = float("nan"), cause: str 
             for kind, factor in (("position", 1), ("rate", 10), ("acceleration", 100))]
 
 
-def study() -> tuple[list[Row], list[Verdict]]:
+def study() -> tuple[list[StudyRow], list[Verdict]]:
     """Twelve lines, one of which fails at first."""
     rows, verdicts = [], []
     for k, name in enumerate(("Euler", "implicit", "implicitfast", "RK4", "discrete")):
