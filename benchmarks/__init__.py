@@ -20,8 +20,11 @@ ROOT = Path(__file__).parent.parent
 def command(text: str | None) -> ArgumentParser:
     """A command line with `--quick`."""
     parser = ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true",
-                        help="the same at small sizes, in seconds; writes nothing into docs/")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="the same at small sizes, in seconds; writes nothing into docs/",
+    )
     return parser
 
 

@@ -82,12 +82,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
     given = parser.parse_args(argv)
-    files = sorted((ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"),
-                   key=lambda file: file.name)
+    files = sorted(
+        (ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"),
+        key=lambda file: file.name,
+    )
     with folders(given.quick, given.folder) as (folder, docs):
         cases = [case for case in map(load_case, files) if turnable(case, None)]
-        study = (trade(cases, Store(folder / "runs"), budget=0.01, repeats=1) if given.quick else
-                 measured(cases, folder, None, None, None))
+        study = (
+            trade(cases, Store(folder / "runs"), budget=0.01, repeats=1)
+            if given.quick
+            else measured(cases, folder, None, None, None)
+        )
         write_study(study, folder)
         cases = study.cases
         stepped = [case for case in cases if "duration" in case.run]
@@ -95,12 +100,21 @@ def main(argv: Sequence[str] | None = None) -> None:
         rows = refined_rows(stepped, study, folder, wanted)
         found = picks(stepped, rows, study.verdicts, wanted)
         with rc_context(RC):
-            save(accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
-                 docs / "accuracy")
+            save(
+                accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
+                docs / "accuracy",
+            )
         (docs / "accuracy.svg").unlink()
-        text = [head(study), CHOSEN, *summary(found), *table(found), *whys(found),
-                *far(ROOT / "reports" / "stress" / "stress.csv"), *orders(study, cases),
-                *causes(study)]
+        text = [
+            head(study),
+            CHOSEN,
+            *summary(found),
+            *table(found),
+            *whys(found),
+            *far(ROOT / "reports" / "stress" / "stress.csv"),
+            *orders(study, cases),
+            *causes(study),
+        ]
         (docs / "accuracy.md").write_text("\n".join(text) + "\n", encoding="utf-8")
 
 
@@ -109,30 +123,51 @@ def time_of(case: Case) -> float:
     return float(np.ptp(grid(case, "duration")))
 
 
-def refined_rows(cases: Sequence[Case], study: Trade, folder: Path, errors: Sequence[float]
-                 ) -> dict[str, list[StudyRow]]:
+def refined_rows(
+    cases: Sequence[Case], study: Trade, folder: Path, errors: Sequence[float]
+) -> dict[str, list[StudyRow]]:
     """Settings of each case, with those that `choose` searches."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     with pool() as workers:
         for case, engine, wanted in product(cases, ENGINES, errors):
-            found[case.name] += search(case, "position", wanted / MARGIN, Store(folder / "runs"),
-                                       workers, engine)
+            found[case.name] += search(
+                case, "position", wanted / MARGIN, Store(folder / "runs"), workers, engine
+            )
     return found
 
 
-def picks(cases: Sequence[Case], rows: Mapping[str, list[StudyRow]], told: Sequence[Verdict],
-          errors: Sequence[float]) -> list[Pick]:
+def picks(
+    cases: Sequence[Case],
+    rows: Mapping[str, list[StudyRow]],
+    told: Sequence[Verdict],
+    errors: Sequence[float],
+) -> list[Pick]:
     """What `choose` finds of each case, in each engine, for each error."""
     verdicts = {case.name: [v for v in told if v.case == case.name] for case in cases}
-    asked = [(case, engine, wanted) for case in cases for engine, wanted in product(ENGINES, errors)
-             if any(row.engine == engine for row in rows[case.name])]
+    asked = [
+        (case, engine, wanted)
+        for case in cases
+        for engine, wanted in product(ENGINES, errors)
+        if any(row.engine == engine for row in rows[case.name])
+    ]
 
     def one(what: tuple[Case, str, float]) -> Pick:
         case, engine, wanted = what
         try:
-            return Pick(case.name, engine, wanted, choose(
-                case, chosen(case, None), rows[case.name], wanted, "position", engine,
-                verdicts[case.name]))
+            return Pick(
+                case.name,
+                engine,
+                wanted,
+                choose(
+                    case,
+                    chosen(case, None),
+                    rows[case.name],
+                    wanted,
+                    "position",
+                    engine,
+                    verdicts[case.name],
+                ),
+            )
         except Cannot as why:
             return Pick(case.name, engine, wanted, None, str(why))
 
@@ -143,20 +178,30 @@ def picks(cases: Sequence[Case], rows: Mapping[str, list[StudyRow]], told: Seque
 def head(study: Trade) -> str:
     """What was run."""
     machines = dict.fromkeys(row.machine for row in study.rows if row.machine)
-    return HEAD.format(settings=len(study.rows), cases=len({row.case for row in study.rows}),
-                       runs=sum(len(row.repeats) for row in study.rows),
-                       machine=", ".join(machines))
+    return HEAD.format(
+        settings=len(study.rows),
+        cases=len({row.case for row in study.rows}),
+        runs=sum(len(row.repeats) for row in study.rows),
+        machine=", ".join(machines),
+    )
 
 
 def summary(found: Sequence[Pick]) -> Iterator[str]:
     """How often, and how much cheaper, engine by engine."""
-    yield ("| engine | error | found | dearest | cheapest | defaults never get there | "
-           "median × | least × | median × where they do |")
+    yield (
+        "| engine | error | found | dearest | cheapest | defaults never get there | "
+        "median × | least × | median × where they do |"
+    )
     yield "|---|---|---|---|---|---|---|---|---|"
     errors = dict.fromkeys(pick.wanted for pick in found)
     groups: list[tuple[str, str, Callable[[Pick], bool]]] = [
-        (spoken(engine), number(wanted), lambda p, e=engine, w=wanted: (p.engine, p.wanted)
-         == (e, w)) for engine, wanted in product(ENGINES, errors)]
+        (
+            spoken(engine),
+            number(wanted),
+            lambda p, e=engine, w=wanted: (p.engine, p.wanted) == (e, w),
+        )
+        for engine, wanted in product(ENGINES, errors)
+    ]
     for engine, error, own in (*groups, ("both", "both", lambda p: True)):
         asked = [pick for pick in found if own(pick)]
         got = [pick for pick in asked if pick.choice]
@@ -166,10 +211,12 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
         every = [*finite, *[float("inf")] * never]
         cells = [f"{number(max(seconds))} s", f"{number(min(seconds))} s"] if seconds else ["", ""]
         middle = median(every) if every else float("nan")
-        yield (f"| {engine} | {error} | {len(got)} of {len(asked)} | {' | '.join(cells)} | {never} "
-               f"| {'never' if middle == float('inf') else number(middle)} "
-               f"| {number(min(every, default=float('nan')))} "
-               f"| {number(median(finite)) if finite else '—'} |")
+        yield (
+            f"| {engine} | {error} | {len(got)} of {len(asked)} | {' | '.join(cells)} | {never} "
+            f"| {'never' if middle == float('inf') else number(middle)} "
+            f"| {number(min(every, default=float('nan')))} "
+            f"| {number(median(finite)) if finite else '—'} |"
+        )
     yield ""
 
 
@@ -181,8 +228,12 @@ def table(found: Sequence[Pick]) -> Iterator[str]:
     yield "|---|---|" + "---|---|---|" * len(errors)
     last = ""
     for case, engine in dict.fromkeys((pick.case, pick.engine) for pick in found):
-        cells = [cell for pick in found if (pick.case, pick.engine) == (case, engine)
-                 for cell in told(pick)]
+        cells = [
+            cell
+            for pick in found
+            if (pick.case, pick.engine) == (case, engine)
+            for cell in told(pick)
+        ]
         yield f"| {case if case != last else ''} | {spoken(engine)} | {' | '.join(cells)} |"
         last = case
 

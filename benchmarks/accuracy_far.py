@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from proofmass.studies.stress.boundary import Boundary
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.page import NEAR, THEORY, subject
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, spoken
@@ -24,14 +24,21 @@ def far(file: Path) -> Iterator[str]:
     found = read_boundaries(file)
     known = [one for one in found if one.theory == one.theory]
     turned = [one for one in found if subject(one) != THEORY]
-    yield FAR.format(known=len(known), near=sum(abs(one.ratio - 1) <= NEAR for one in known),
-                     within=NEAR, cases=", ".join(dict.fromkeys(one.what for one in turned)))
-    yield ("| knob | engine | settings | least | greatest | hold to the end | lost in silence "
-           "| not known beyond |")
+    yield FAR.format(
+        known=len(known),
+        near=sum(abs(one.ratio - 1) <= NEAR for one in known),
+        within=NEAR,
+        cases=", ".join(dict.fromkeys(one.what for one in turned)),
+    )
+    yield (
+        "| knob | engine | settings | least | greatest | hold to the end | lost in silence "
+        "| not known beyond |"
+    )
     yield "|---|---|---|---|---|---|---|---|"
     for knob, engine in dict.fromkeys((knob_of(one), one.engine) for one in turned):
-        yield row(knob, engine, [one for one in turned
-                                 if (knob_of(one), one.engine) == (knob, engine)])
+        yield row(
+            knob, engine, [one for one in turned if (knob_of(one), one.engine) == (knob, engine)]
+        )
 
 
 def knob_of(one: Boundary) -> str:
@@ -45,6 +52,8 @@ def row(knob: str, engine: str, own: Sequence[Boundary]) -> str:
     unit = {"times": " ×", "1": "", "share": ""}.get(own[0].unit, f" {own[0].unit}")
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
     silent = sum(one.found and one.silent for one in own)
-    return (f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
-            f"| {sum(one.limit == BoundaryKind.HOLDS for one in own)} "
-            f"| {silent or ''} | {sum(one.unknown for one in own) or ''} |")
+    return (
+        f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
+        f"| {sum(one.limit == BoundaryKind.HOLDS for one in own)} "
+        f"| {silent or ''} | {sum(one.unknown for one in own) or ''} |"
+    )

@@ -58,9 +58,11 @@ def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
         groups.setdefault((family(v.line), v.kind, v.expected), []).append(v)
     for (line, kind, expected), own in sorted(groups.items()):
         seen = sorted(v.observed for v in own)
-        yield (f"| {line} | {kind} | {len(own)} | {number(expected)} | {number(seen[0])} "
-               f"| {number(median(seen))} | {number(seen[-1])} "
-               f"| {sum(v in odd for v in own) or ''} |")
+        yield (
+            f"| {line} | {kind} | {len(own)} | {number(expected)} | {number(seen[0])} "
+            f"| {number(median(seen))} | {number(seen[-1])} "
+            f"| {sum(v in odd for v in own) or ''} |"
+        )
     if odd:
         yield ODD
         yield "| case | line | error of | expected | observed | at all places | it follows |"
@@ -69,8 +71,10 @@ def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
         for v in odd:
             own = [row for row in study.rows if (row.case, row.line) == (v.case, v.line)]
             places = ", ".join(f"{p:.2f}" for p in orders_of_places(named[v.case], v, own))
-            yield (f"| {v.case} | {v.line} | {v.kind} | {number(v.expected)} "
-                   f"| {number(v.observed)} | {places} | {v.remark.partition(': ')[0]} |")
+            yield (
+                f"| {v.case} | {v.line} | {v.kind} | {number(v.expected)} "
+                f"| {number(v.observed)} | {places} | {v.remark.partition(': ')[0]} |"
+            )
 
 
 def causes(study: Trade) -> Iterator[str]:
@@ -83,7 +87,9 @@ def causes(study: Trade) -> Iterator[str]:
         if v.floor > 0:
             groups.setdefault((family(v.line), v.kind, v.cause), []).append(v.floor)
     for (line, kind, cause), floors in sorted(groups.items()):
-        yield (f"| {line} | {kind} | {cause} | {len(floors)} | {number(min(floors), 2)} "
-               f"| {number(median(floors), 2)} | {number(max(floors), 2)} |")
+        yield (
+            f"| {line} | {kind} | {cause} | {len(floors)} | {number(min(floors), 2)} "
+            f"| {number(median(floors), 2)} | {number(max(floors), 2)} |"
+        )
     told = Counter(v.cause for v in study.verdicts if v.floor > 0)
     yield "\nAll together: " + ", ".join(f"{cause} {n}" for cause, n in told.most_common()) + "."

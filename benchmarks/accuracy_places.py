@@ -35,16 +35,21 @@ def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[StudyRow]) -> 
     """
     line = next(one for one in lines(case, verdict.run) if one.name == verdict.line)
     track = Track(line, list(rows))
-    errors = [(size, everywhere(case, verdict, line.settings[track.place(size)]))
-              for size, _ in clear(track.points(verdict.kind))]
-    return [float(np.median(np.log(a[both] / b[both]))) / log(coarse / fine)
-            for (coarse, a), (fine, b) in pairwise(errors)
-            for both in ((a > COUNTS * a.max()) & (b > COUNTS * b.max()),)]
+    errors = [
+        (size, everywhere(case, verdict, line.settings[track.place(size)]))
+        for size, _ in clear(track.points(verdict.kind))
+    ]
+    return [
+        float(np.median(np.log(a[both] / b[both]))) / log(coarse / fine)
+        for (coarse, a), (fine, b) in pairwise(errors)
+        for both in ((a > COUNTS * a.max()) & (b > COUNTS * b.max()),)
+    ]
 
 
 def everywhere(case: Case, verdict: Verdict, setting: Setting) -> Array:
     """Errors of one kind at all samples of all channels, as shares of the channels' ranges."""
     model, run = setting.applied(case, verdict.run)
     curves = simulate(setting.engine, model.model_path, run)
-    return np.concatenate([errors for kind, errors in deviations(model, verdict.run, curves)
-                           if kind == verdict.kind])
+    return np.concatenate(
+        [errors for kind, errors in deviations(model, verdict.run, curves) if kind == verdict.kind]
+    )

@@ -12,8 +12,12 @@ from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.choose import default
 
 ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for
-NAMES = {"mujoco": "MuJoCo, cheapest of all settings", "mujoco:default": "MuJoCo, defaults refined",
-         "pymunk": "pymunk, cheapest of all settings", "pymunk:default": "pymunk, defaults refined"}
+NAMES = {
+    "mujoco": "MuJoCo, cheapest of all settings",
+    "mujoco:default": "MuJoCo, defaults refined",
+    "pymunk": "pymunk, cheapest of all settings",
+    "pymunk:default": "pymunk, defaults refined",
+}
 
 
 def sheet(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
@@ -22,18 +26,40 @@ def sheet(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
     axes = figure.subplots(1, 2, sharey=True, sharex=True)
     for ax, engine in zip(axes, ("mujoco", "pymunk"), strict=True):
         for name in (f"{engine}:default", engine):
-            own = [r for r in rows if r.engine == engine and r.outcome == "ran" and r.seconds > 0
-                   and r.case in times and (name == engine or default(r))]
-            curve(ax, np.array([cheapest([r for r in own if r.case == case], time)
-                                for case, time in times.items()]), name)
+            own = [
+                r
+                for r in rows
+                if r.engine == engine
+                and r.outcome == "ran"
+                and r.seconds > 0
+                and r.case in times
+                and (name == engine or default(r))
+            ]
+            curve(
+                ax,
+                np.array(
+                    [
+                        cheapest([r for r in own if r.case == case], time)
+                        for case, time in times.items()
+                    ]
+                ),
+                name,
+            )
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel("largest error of all positions, share of range")
         ax.axhline(1.0, color="#333333", linewidth=0.8, linestyle=(0, (1, 2)))
         ax.set_ylim(1e-4, 30.0)
         ax.legend(loc="upper left", frameon=False, fontsize=7)
-        ax.annotate("as long as what it simulates", (ERRORS[0], 1.0), xytext=(0, -3), fontsize=7,
-                    textcoords="offset points", ha="left", va="top")
+        ax.annotate(
+            "as long as what it simulates",
+            (ERRORS[0], 1.0),
+            xytext=(0, -3),
+            fontsize=7,
+            textcoords="offset points",
+            ha="left",
+            va="top",
+        )
     axes[0].set_xlim(ERRORS[0] * 1.5, ERRORS[-1] / 1.5)
     axes[0].set_ylabel("wall time per simulated time [s/s]")
     figure.tight_layout()
@@ -54,7 +80,14 @@ def curve(ax: Axes, costs: Array, name: str) -> None:
     low, middle, high = np.quantile(costs, (0.25, 0.5, 0.75), axis=0, method="higher")
     there = np.isfinite(middle)
     top = np.where(np.isfinite(high), high, np.nan)
-    ax.fill_between(ERRORS[there], low[there], top[there], color=look.colour, alpha=0.18,
-                    linewidth=0)
-    ax.plot(ERRORS[there], middle[there], color=look.colour, linewidth=1.6,
-            linestyle=look.dash, label=NAMES[name])
+    ax.fill_between(
+        ERRORS[there], low[there], top[there], color=look.colour, alpha=0.18, linewidth=0
+    )
+    ax.plot(
+        ERRORS[there],
+        middle[there],
+        color=look.colour,
+        linewidth=1.6,
+        linestyle=look.dash,
+        label=NAMES[name],
+    )

@@ -1,6 +1,6 @@
 """Moment-angle curves of balancers: followed, alone and in a batch, against the thesis's grid.
 
-    python -m benchmarks.balancer [rounds] [--quick]
+python -m benchmarks.balancer [rounds] [--quick]
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,9 +16,13 @@ from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.independent.balancer import grid, grid4
 
 BATCH = 1000
-LINES = {"3 segments": ("1766", 90), "3 segments, preload": ("1745", 90),
-         "3 segments, contact": ("1860", 90), "4 segments": ("1744", 15),
-         "4 segments, two preloads": ("1747", 15)}
+LINES = {
+    "3 segments": ("1766", 90),
+    "3 segments, preload": ("1745", 90),
+    "3 segments, contact": ("1860", 90),
+    "4 segments": ("1744", 15),
+    "4 segments, two preloads": ("1747", 15),
+}
 
 
 def varied(given: dict[str, float], size: int) -> dict[str, Array]:
@@ -49,16 +53,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("rounds", type=int, nargs="?", default=5)
     given = parser.parse_args(argv)
     rounds = 1 if given.quick else given.rounds
-    found = [row for name, (line, count) in LINES.items()
-             for row in ways(name, line, count, 10 if given.quick else BATCH)]
+    found = [
+        row
+        for name, (line, count) in LINES.items()
+        for row in ways(name, line, count, 10 if given.quick else BATCH)
+    ]
     measure(found, rounds, 0.0 if given.quick else SPELL)
     print(f"least of {rounds} interleaved rounds, one thread; milliseconds of CPU a curve")
     base = {row.mechanism: row.own / row.poses for row in found if row.method.startswith("thesis")}
     print(f"{'balancer':28}{'method':34}{'ms a curve':>12}{'of the grid':>14}")
     for row in found:
         own = row.own / row.poses
-        print(f"{row.mechanism:28}{row.method:34}{1e3 * own:12.3f}"
-              f"{own / base[row.mechanism]:14.3f}")
+        print(
+            f"{row.mechanism:28}{row.method:34}{1e3 * own:12.3f}{own / base[row.mechanism]:14.3f}"
+        )
 
 
 if __name__ == "__main__":

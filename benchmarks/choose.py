@@ -77,33 +77,49 @@ ASKED = (
     Asked("models/linkages/fourbar.toml", "fourbar", "mujoco", "flywheel", "position", 1e-5, True),
     Asked("models/linkages/fourbar.toml", "fourbar", "mujoco", "servo", "position", 1e-4),
     Asked("models/linkages/fourbar.toml", "fourbar", "pymunk", "gear", "position", 1e-5, True),
-    Asked("models/linkages/fourbar_released.toml", "fourbar_released", "mujoco", "", "position",
-          1e-5, True),
-    Asked("models/linkages/fourbar_released.toml", "fourbar_released", "pymunk", "", "position",
-          1e-3, True),
+    Asked(
+        "models/linkages/fourbar_released.toml",
+        "fourbar_released",
+        "mujoco",
+        "",
+        "position",
+        1e-5,
+        True,
+    ),
+    Asked(
+        "models/linkages/fourbar_released.toml",
+        "fourbar_released",
+        "pymunk",
+        "",
+        "position",
+        1e-3,
+        True,
+    ),
     Asked("models/linkages/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-6, True),
     Asked("models/linkages/pendulum.toml", "pendulum", "pymunk", "", "position", 1e-4, True),
-    Asked("models/linkages/slider_crank.toml", "slider_crank", "mujoco", "equality", "position",
-          1e-3),
+    Asked(
+        "models/linkages/slider_crank.toml", "slider_crank", "mujoco", "equality", "position", 1e-3
+    ),
     Asked("models/linkages/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
-    Asked("models/linkages/inverted_slider_crank_classic.toml", "swinging_block", "mujoco",
-          "flywheel", "acceleration", 1e-2),
-    Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "mujoco", "", "position",
-          1e-6),
-    Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "pymunk", "", "position",
-          1e-3),
+    Asked(
+        "models/linkages/inverted_slider_crank_classic.toml",
+        "swinging_block",
+        "mujoco",
+        "flywheel",
+        "acceleration",
+        1e-2,
+    ),
+    Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "mujoco", "", "position", 1e-6),
+    Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "pymunk", "", "position", 1e-3),
     Asked(f"{OWN}/jansen.toml", "jansen", "mujoco", "flywheel", "position", 1e-5, True),
     Asked(f"{OWN}/jansen.toml", "jansen", "pymunk", "gear", "position", 1e-4, True),
     Asked(f"{OWN}/quick_return.toml", "quick_return", "mujoco", "flywheel", "rate", 1e-3),
     Asked(f"{OWN}/quick_return.toml", "quick_return", "pymunk", "gear", "position", 1e-4),
-    Asked(f"{OWN}/spring_slider.toml", "spring_slider", "mujoco", "", "position", 1e-5,
-          True),
-    Asked(f"{OWN}/spring_slider.toml", "spring_slider", "pymunk", "", "position", 1e-3,
-          True),
-    Asked(f"{OWN}/fivebar_swing.toml", "fivebar_swing", "mujoco", "flywheel", "position",
-          1e-5),
-    Asked(f"{OWN}/fivebar_swing.toml", "fivebar_swing", "pymunk", "gear", "acceleration",
-          1e-4))
+    Asked(f"{OWN}/spring_slider.toml", "spring_slider", "mujoco", "", "position", 1e-5, True),
+    Asked(f"{OWN}/spring_slider.toml", "spring_slider", "pymunk", "", "position", 1e-3, True),
+    Asked(f"{OWN}/fivebar_swing.toml", "fivebar_swing", "mujoco", "flywheel", "position", 1e-5),
+    Asked(f"{OWN}/fivebar_swing.toml", "fivebar_swing", "pymunk", "gear", "acceleration", 1e-4),
+)
 QUICK = (Asked("models/linkages/pendulum.toml", "pendulum", "mujoco", "", "position", 1e-4, True),)
 
 
@@ -133,11 +149,29 @@ def main(argv: Sequence[str] | None = None) -> None:
 def chosen(case: Case, asked: Asked, store: Store) -> Choice:
     """What `proofmass choose` chooses."""
     with pool() as workers:
-        rows = search(case, asked.of, asked.error / MARGIN, store, workers, asked.engine,
-                      limits=Limits(LONGEST), slack=slack_for(case, asked.drive))
+        rows = search(
+            case,
+            asked.of,
+            asked.error / MARGIN,
+            store,
+            workers,
+            asked.engine,
+            limits=Limits(LONGEST),
+            slack=slack_for(case, asked.drive),
+        )
     check = partial(verify, store=store, longest=LONGEST, drive=asked.drive)
-    return choose_with_drive(case, "duration", rows, asked.error, asked.of, asked.engine, [],
-                             check, store, Limits(LONGEST))
+    return choose_with_drive(
+        case,
+        "duration",
+        rows,
+        asked.error,
+        asked.of,
+        asked.engine,
+        [],
+        check,
+        store,
+        Limits(LONGEST),
+    )
 
 
 def bare(text: str, asked: Asked, folder: Path) -> float:
@@ -152,9 +186,11 @@ def line(case: Case, asked: Asked, choice: Choice, drive: Imposed, off: float) -
     """A setting in the table."""
     ran, fresh = choice.check.ran, choice.check.fresh
     assert ran
-    return (f"| {case.name} | {asked.engine} | {moved(case, drive)} | {asked.of} "
-            f"{number(asked.error)} | {number(fresh, 2)} | {number(off, 2)} | {off / fresh:.3f} | "
-            f"{number(ran.seconds, 2)} | {told(choice.row)} |")
+    return (
+        f"| {case.name} | {asked.engine} | {moved(case, drive)} | {asked.of} "
+        f"{number(asked.error)} | {number(fresh, 2)} | {number(off, 2)} | {off / fresh:.3f} | "
+        f"{number(ran.seconds, 2)} | {told(choice.row)} |"
+    )
 
 
 def moved(case: Case, drive: Imposed) -> str:
@@ -166,8 +202,10 @@ def rival_line(case: Case, asked: Asked, drive: Imposed, found: Duel) -> str:
     """The random settings beside one, in the table."""
     best = found.best
     ratio, setting = (number(best.ratio, 2), knobs(best.setting)) if best else ("none", "")
-    return (f"| {case.name} | {asked.engine} | {moved(case, drive)} | {number(found.error, 2)} | "
-            f"{found.tried} | {found.ran} | {found.good} | {ratio} | {setting} |")
+    return (
+        f"| {case.name} | {asked.engine} | {moved(case, drive)} | {number(found.error, 2)} | "
+        f"{found.tried} | {found.ran} | {found.good} | {ratio} | {setting} |"
+    )
 
 
 def knobs(setting: Setting) -> str:

@@ -41,25 +41,47 @@ KEY = ("target", "segments", "variant", "option")
 UNUSED = {"rest_angle": 0.0, "high2": np.pi}  # options that a design does without
 # Elbow up or down, power of the error in the aim, times the effort, 0 to go on from what was found
 # last; until nothing is missed.
-ATTEMPTS = ((1, 2.0, 1.0), (1, 1.9, 0.0), (1, 1.5, 0.0), (-1, 2.0, 2.0), (-1, 1.5, 0.0),
-            (-1, 2.0, 3.0))
+ATTEMPTS = (
+    (1, 2.0, 1.0),
+    (1, 1.9, 0.0),
+    (1, 1.5, 0.0),
+    (-1, 2.0, 2.0),
+    (-1, 1.5, 0.0),
+    (-1, 2.0, 3.0),
+)
 AGAIN = Effort(((96, 10), (32, 60)))
 
 
 def variant_of(row: Row) -> Variant:
     """What is free to choose in a row."""
     kind, option = row["variant"], row["option"]
-    return Variant(row["target"], row["segments"], "nonlinear" if "nonlinear" in kind else "linear",
-                   "preload" in kind, "rest angle" in option, "contact" in option,
-                   "relaxed" in option)
+    return Variant(
+        row["target"],
+        row["segments"],
+        "nonlinear" if "nonlinear" in kind else "linear",
+        "preload" in kind,
+        "rest angle" in option,
+        "contact" in option,
+        "relaxed" in option,
+    )
 
 
 def dashes() -> list[Row]:
     """The rows that the thesis has a dash for."""
-    return [{"line": None, "figure": "", "segments": v.segments, "target": v.target,
-             "variant": " ".join([*["nonlinear"] * (v.springs == "nonlinear"),
-                                  *["preload"] * v.preload]) or "regular", "option": v.option}
-            for v in left_out()]
+    return [
+        {
+            "line": None,
+            "figure": "",
+            "segments": v.segments,
+            "target": v.target,
+            "variant": " ".join(
+                [*["nonlinear"] * (v.springs == "nonlinear"), *["preload"] * v.preload]
+            )
+            or "regular",
+            "option": v.option,
+        }
+        for v in left_out()
+    ]
 
 
 def key(row: Row) -> tuple[str, int, str, str]:
@@ -103,17 +125,25 @@ def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> 
             continue  # it trades error for work reduction
         task = Synthesis(replace(variant_of(row), mode=mode), TARGETS[row["target"]], power=power)
         name = "_".join(map(str, (*key(row), mode, power, more))).replace(" ", "-")
-        search = SavedSearch(task, times(effort * more, 1) if more else AGAIN,
-                        states / f"{name}.npz" if states else None, start.get(mode))
+        search = SavedSearch(
+            task,
+            times(effort * more, 1) if more else AGAIN,
+            states / f"{name}.npz" if states else None,
+            start.get(mode),
+        )
         search.run()
         start[mode] = search.found
-        found |= min(({k: found[k] for k in OURS if k in found}, best(task, found, search.found)),
-                     key=lambda ours: ours.get("short", np.inf))
+        found |= min(
+            ({k: found[k] for k in OURS if k in found}, best(task, found, search.found)),
+            key=lambda ours: ours.get("short", np.inf),
+        )
         if not missed(found):
             break
     del found["short"]
-    return found | {"seconds": round(time.perf_counter() - began, 1),
-                    "cpu_seconds": round(time.process_time() - used, 1)}
+    return found | {
+        "seconds": round(time.perf_counter() - began, 1),
+        "cpu_seconds": round(time.process_time() - used, 1),
+    }
 
 
 def best(task: Synthesis, row: Row, vectors: Array) -> Row:
@@ -121,15 +151,24 @@ def best(task: Synthesis, row: Row, vectors: Array) -> Row:
     figures = task.figures(vectors)
     theirs = [row[k] for k in HELD if k in row and "why" not in row[k]]
     aims = np.stack([figures.rmse, 100.0 - figures.work_reduction])
-    bars = [min((t["rmse"] for t in theirs), default=np.inf),
-            100.0 - max((t["work_reduction"] for t in theirs), default=-np.inf)]
+    bars = [
+        min((t["rmse"] for t in theirs), default=np.inf),
+        100.0 - max((t["work_reduction"] for t in theirs), default=-np.inf),
+    ]
     share = (aims.T / bars).max(axis=-1)
     short = np.where(np.isfinite(share), np.maximum(1.0, share), np.inf)
     k = np.lexsort((figures.rmse, short))[0]
-    return {"ours": {"rmse": float(figures.rmse[k]), "spread": float(figures.spread[k]),
-                     "work_reduction": float(figures.work_reduction[k])}, "short": float(short[k]),
-            "parameters": {n: float(v[0]) for n, v in
-                           task.variant.parameters(vectors[k][None]).items()}}
+    return {
+        "ours": {
+            "rmse": float(figures.rmse[k]),
+            "spread": float(figures.spread[k]),
+            "work_reduction": float(figures.work_reduction[k]),
+        },
+        "short": float(short[k]),
+        "parameters": {
+            n: float(v[0]) for n, v in task.variant.parameters(vectors[k][None]).items()
+        },
+    }
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -149,16 +188,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     rows = [{**row, "line": int(line)} for line, row in thesis.items()] + dashes()
     known = {key(row): row for row in json.loads(TABLE.read_text())}
     for part in (rows[: len(thesis)], rows[len(thesis) :]):  # the dashes begin where others end
-        chosen = [row for row in part if not given.redraw and (not given.rows or {
-            str(row["line"] or "left-out"), " ".join(map(str, key(row)))} & set(given.rows))]
+        chosen = [
+            row
+            for row in part
+            if not given.redraw
+            and (
+                not given.rows
+                or {str(row["line"] or "left-out"), " ".join(map(str, key(row)))} & set(given.rows)
+            )
+        ]
         known |= run(chosen, known, given)
     found = [known[key(row)] for row in rows if key(row) in known]
     print(summary(found))
     with folders(given.quick, Path()) as (_, docs):
         (docs / TABLE.name).write_text(json.dumps(found, indent=1) + "\n")
         (docs / TABLE.name).with_suffix(".md").write_text(page(found))
-        draw(found[: len(thesis)], thesis).savefig(
-            (docs / TABLE.name).with_suffix(".png"), dpi=130)
+        draw(found[: len(thesis)], thesis).savefig((docs / TABLE.name).with_suffix(".png"), dpi=130)
 
 
 def run(rows: list[Row], known: dict[Any, Row], given: Namespace) -> dict[Any, Row]:
@@ -166,8 +211,10 @@ def run(rows: list[Row], known: dict[Any, Row], given: Namespace) -> dict[Any, R
     os.environ["OMP_NUM_THREADS"] = "1"  # a process a row; its threads would wait for the others'
     found = {}
     with ProcessPoolExecutor(given.jobs, get_context("spawn")) as pool:
-        futures = [pool.submit(designed, row, given.effort, given.states, narrower(row, known))
-                   for row in rows]
+        futures = [
+            pool.submit(designed, row, given.effort, given.states, narrower(row, known))
+            for row in rows
+        ]
         for row, future in zip(rows, futures, strict=True):
             found[key(row)] = future.result()
             print(list(table([found[key(row)]]))[-1], flush=True)

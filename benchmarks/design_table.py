@@ -34,18 +34,24 @@ def missed(row: Row) -> list[str]:
 
 def table(rows: list[Row]) -> Iterator[str]:
     """The rows as a Markdown table."""
-    yield ("| line | figure | target | segments | springs | free | printed | recomputed | ours | "
-           "elbow | worse in | s |")
+    yield (
+        "| line | figure | target | segments | springs | free | printed | recomputed | ours | "
+        "elbow | worse in | s |"
+    )
     yield "|---|---|---|---|---|---|---|---|---|---|---|---|"
     for row in rows:
         held = {"recomputed": row.get("narrower", {"why": "-"}), "printed": {"why": "-"}, **row}
-        pair = {k: held[k].get("why") or f"{held[k]['rmse']:.6f} / {held[k]['work_reduction']:.3f}"
-                for k in ("printed", "recomputed", "ours")}
-        yield (f"| {row['line'] or '-'} | {row['figure'] or '-'} | {row['target']} | "
-               f"{row['segments']} | {row['variant']} | {row['option']} | {pair['printed']} | "
-               f"{pair['recomputed']} | "
-               f"{pair['ours']} | {'down' if 'mode' in row['parameters'] else 'up'} | "
-               f"{', '.join(missed(row))} | {row['cpu_seconds']:.0f} |")
+        pair = {
+            k: held[k].get("why") or f"{held[k]['rmse']:.6f} / {held[k]['work_reduction']:.3f}"
+            for k in ("printed", "recomputed", "ours")
+        }
+        yield (
+            f"| {row['line'] or '-'} | {row['figure'] or '-'} | {row['target']} | "
+            f"{row['segments']} | {row['variant']} | {row['option']} | {pair['printed']} | "
+            f"{pair['recomputed']} | "
+            f"{pair['ours']} | {'down' if 'mode' in row['parameters'] else 'up'} | "
+            f"{', '.join(missed(row))} | {row['cpu_seconds']:.0f} |"
+        )
 
 
 HEAD = """# Balancers designed again
@@ -77,15 +83,17 @@ def summary(rows: list[Row]) -> str:
     up = [row for row in theirs if "mode" not in row["parameters"]]
     ratio = np.median([row["ours"]["rmse"] / row["printed"]["rmse"] for row in theirs])
     used = [row["cpu_seconds"] for row in rows]
-    return (f"{len(theirs) - len(same) - len(worse)} of {len(theirs)} are better than the thesis "
-            f"in all figures; {len(same)} are the same at the digits of the print in some figure "
-            f"and worse in none (lines {listed(same)}); {len(worse)} are worse in some figure "
-            f"(lines {listed(worse)}). {len(theirs) - len(up)} of the {len(theirs)} have their "
-            f"elbow down, where the thesis has it up; {sum(least[row['line']] >= 0 for row in up)} "
-            f"are as good or better with the elbow up. The median error is {ratio:.2f} of the "
-            f"printed one. Of the {len(dashes)} where the thesis has a dash, "
-            f"{sum(not missed(row) for row in dashes)} are as good as ours with an option less. "
-            f"CPU time: {sum(used):.0f} s in all, {max(used):.0f} s for the longest.")
+    return (
+        f"{len(theirs) - len(same) - len(worse)} of {len(theirs)} are better than the thesis "
+        f"in all figures; {len(same)} are the same at the digits of the print in some figure "
+        f"and worse in none (lines {listed(same)}); {len(worse)} are worse in some figure "
+        f"(lines {listed(worse)}). {len(theirs) - len(up)} of the {len(theirs)} have their "
+        f"elbow down, where the thesis has it up; {sum(least[row['line']] >= 0 for row in up)} "
+        f"are as good or better with the elbow up. The median error is {ratio:.2f} of the "
+        f"printed one. Of the {len(dashes)} where the thesis has a dash, "
+        f"{sum(not missed(row) for row in dashes)} are as good as ours with an option less. "
+        f"CPU time: {sum(used):.0f} s in all, {max(used):.0f} s for the longest."
+    )
 
 
 def listed(lines: list[int]) -> str:
@@ -106,16 +114,20 @@ def draw(rows: list[Row], thesis: dict[str, Row]) -> Figure:
         for axes, name in zip(figure.subplots(2, 3).ravel(), TARGETS, strict=True):
             own = [row for row in rows if row["target"] == name]
             best = min(own, key=lambda row: row["ours"]["rmse"])
-            theirs = max((row for row in own if "why" not in row["recomputed"]),
-                         key=lambda row: row["recomputed"]["work_reduction"])
+            theirs = max(
+                (row for row in own if "why" not in row["recomputed"]),
+                key=lambda row: row["recomputed"]["work_reduction"],
+            )
             wanted = TARGETS[name](angle)
             for label, line, row, look in (
-                    ("thesis", theirs["line"], thesis[str(theirs["line"])], "--"),
-                    ("ours", best["line"], best, "-")):
+                ("thesis", theirs["line"], thesis[str(theirs["line"])], "--"),
+                ("ours", best["line"], best, "-"),
+            ):
                 error = solve(angle, **row["parameters"])["balancing_moment"] - wanted
                 axes.semilogy(np.degrees(angle), np.abs(error), look, label=f"{label}, {line}")
             axes.set(xlabel="pendulum angle [deg]", ylabel="|M1 - target| / m g r")
             axes.set_title(name, loc="left", pad=20.0)  # points: the legend's line is below
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8,
-                        borderaxespad=0.0)
+            axes.legend(
+                loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8, borderaxespad=0.0
+            )
         return figure

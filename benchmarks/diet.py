@@ -66,16 +66,28 @@ Of {all} models {clean} have no feature left to remove; their options were left 
 for the eye; what they cost together is the time and the memory of the table, on {machine}.
 Steps of a sweep or a rest are its poses.
 """
-COLUMNS = ("model", "features", "goes", "only drawn", "moves a channel", "needed to run",
-           "ms a step", "without drawn", "KB", "without drawn")
+COLUMNS = (
+    "model",
+    "features",
+    "goes",
+    "only drawn",
+    "moves a channel",
+    "needed to run",
+    "ms a step",
+    "without drawn",
+    "KB",
+    "without drawn",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "diet")
     given = parser.parse_args(argv)
-    files = sorted((ROOT / "models").rglob("pendulum.xml" if given.quick else "*.xml"),
-                   key=lambda file: file.name)
+    files = sorted(
+        (ROOT / "models").rglob("pendulum.xml" if given.quick else "*.xml"),
+        key=lambda file: file.name,
+    )
     rounds = 1 if given.quick else ROUNDS  # pairs of runs
     with folders(given.quick, given.folder) as (folder, docs):
         own = {file.stem: searched(file, folder, rounds, tune=False) for file in files}
@@ -85,10 +97,15 @@ def main(argv: Sequence[str] | None = None) -> None:
             save(diet_sheet([e for e in ranked(fat) if e.outcome in LOOKS]), docs / "diet")
         (docs / "diet.svg").unlink()
         clean = sum(not named(entries, "harmless") for entries in own.values())
-        lines = [HEAD, *sentences(fat), "",
-                 OWN.format(clean=clean, all=len(own), machine=machine()),
-                 f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}",
-                 *(row(name, entries) for name, entries in own.items())]
+        lines = [
+            HEAD,
+            *sentences(fat),
+            "",
+            OWN.format(clean=clean, all=len(own), machine=machine()),
+            f"| {' | '.join(COLUMNS)} |",
+            f"|{'---|' * len(COLUMNS)}",
+            *(row(name, entries) for name, entries in own.items()),
+        ]
         (docs / "diet.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -98,8 +115,9 @@ def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[
     file = folder / model.name
     scene = scene_of(model, SECONDS)
     with pool() as workers:
-        found = DietSearch(scene, rounds=rounds, tune=tune, workers=workers,
-                       kept=DietStore(folder / "runs")).run()
+        found = DietSearch(
+            scene, rounds=rounds, tune=tune, workers=workers, kept=DietStore(folder / "runs")
+        ).run()
     finish(scene, found, file)
     return read_entries(file.with_suffix(".csv"))
 
@@ -118,8 +136,11 @@ def row(name: str, entries: Sequence[Entry]) -> str:
     cells = [number(1e3 * c.seconds, 2) for c in costs] + [number(c.size / 1024) for c in costs]
     geoms = sum(name.count(",") + 1 for name in drawn)
     told = [f"{geoms} geom{'s' * (geoms > 1)}" if geoms else "nothing", len(matters), needed]
-    return "| " + " | ".join(map(str, (name, single, "; ".join(gone) or "nothing", *told,
-                                       *cells))) + " |"
+    return (
+        "| "
+        + " | ".join(map(str, (name, single, "; ".join(gone) or "nothing", *told, *cells)))
+        + " |"
+    )
 
 
 if __name__ == "__main__":

@@ -60,7 +60,10 @@ def velocity(linkage: Linkage, q: Array, inputs: Sequence[float]) -> Array:
 
 
 def acceleration(
-    linkage: Linkage, q: Array, rates: Array, inputs: Sequence[float],
+    linkage: Linkage,
+    q: Array,
+    rates: Array,
+    inputs: Sequence[float],
     mistake: Callable[[Array], dict[int, float]] | None = None,
 ) -> Array:
     """Accelerations of q for those of the driven angles [rad/s^2].
@@ -75,8 +78,13 @@ def acceleration(
     return np.asarray(np.linalg.solve(-jacobian, bias))
 
 
-def sweep(linkage: Linkage, start: ArrayLike, angles: ArrayLike, rates: Sequence[float],
-          accelerations: Sequence[float]) -> Array:
+def sweep(
+    linkage: Linkage,
+    start: ArrayLike,
+    angles: ArrayLike,
+    rates: Sequence[float],
+    accelerations: Sequence[float],
+) -> Array:
     """q, rates and accelerations (3, n, size) at angles (n, inputs), each pose from the last."""
     q, poses = np.array(start, float), []
     for driven in np.reshape(angles, (-1, linkage.inputs)):
@@ -119,8 +127,9 @@ def collinear(start: Point, middle: Point, end: Point) -> Row:
     return row
 
 
-def turned(base: Point, pin: Point, length: float, angle: int, threshold: float | None,
-           slope: float = 1.0) -> tuple[Row, ...]:
+def turned(
+    base: Point, pin: Point, length: float, angle: int, threshold: float | None, slope: float = 1.0
+) -> tuple[Row, ...]:
     """pin - base = length (cos, sin) of coordinate number `angle`, one of its rows or both.
 
     The cosine row where |cos| < threshold, else the sine row (text line 2395); None: both, which
@@ -140,48 +149,99 @@ def turned(base: Point, pin: Point, length: float, angle: int, threshold: float 
     return (lambda q, rates: along(int(abs(np.cos(q[angle])) >= threshold), q, rates),)
 
 
-def fourbar(crank: float, coupler: float, rocker: float, ground: float,
-            threshold: float | None = 0.5**0.5) -> Linkage:
+def fourbar(
+    crank: float, coupler: float, rocker: float, ground: float, threshold: float | None = 0.5**0.5
+) -> Linkage:
     """q = (X1, Y1, X2, Y2, theta): crank pin and pin of coupler and rocker."""
     a, b, one, two = fixed(0, 0, 5), fixed(ground, 0, 5), moving(0, 5), moving(1, 5)
-    return Linkage((distance(a, one, crank), distance(one, two, coupler), distance(two, b, rocker),
-                    *turned(a, one, crank, 4, threshold)), 1)
+    return Linkage(
+        (
+            distance(a, one, crank),
+            distance(one, two, coupler),
+            distance(two, b, rocker),
+            *turned(a, one, crank, 4, threshold),
+        ),
+        1,
+    )
 
 
-def fivebar(left: float, left_coupler: float, right_coupler: float, right: float, ground: float,
-            threshold: float | None = 0.5) -> Linkage:
+def fivebar(
+    left: float,
+    left_coupler: float,
+    right_coupler: float,
+    right: float,
+    ground: float,
+    threshold: float | None = 0.5,
+) -> Linkage:
     """q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): left pin, middle pin, right pin."""
     a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
-    return Linkage((distance(a, one, left), distance(one, two, left_coupler),
-                    distance(two, three, right_coupler), distance(three, b, right),
-                    *turned(a, one, left, 6, threshold), *turned(b, three, right, 7, threshold)), 2)
+    return Linkage(
+        (
+            distance(a, one, left),
+            distance(one, two, left_coupler),
+            distance(two, three, right_coupler),
+            distance(three, b, right),
+            *turned(a, one, left, 6, threshold),
+            *turned(b, three, right, 7, threshold),
+        ),
+        2,
+    )
 
 
-def slider_crank(crank: float, coupler: float, guide: Sequence[tuple[float, float]],
-                 threshold: float | None = 0.5**0.5, slope: float = 1.0) -> Linkage:
+def slider_crank(
+    crank: float,
+    coupler: float,
+    guide: Sequence[tuple[float, float]],
+    threshold: float | None = 0.5**0.5,
+    slope: float = 1.0,
+) -> Linkage:
     """q = (X1, Y1, X2, Y2, theta): crank pin and slider on the line through two fixed points."""
     a, one, two = fixed(0, 0, 5), moving(0, 5), moving(1, 5)
     b, c = (fixed(*point, 5) for point in guide)
-    return Linkage((distance(a, one, crank), distance(one, two, coupler), collinear(b, two, c),
-                    *turned(a, one, crank, 4, threshold, slope)), 1)
+    return Linkage(
+        (
+            distance(a, one, crank),
+            distance(one, two, coupler),
+            collinear(b, two, c),
+            *turned(a, one, crank, 4, threshold, slope),
+        ),
+        1,
+    )
 
 
-def inverted_slider_crank(crank: float, rod: float, bar: float, ground: float,
-                          threshold: float | None = 0.95) -> Linkage:
+def inverted_slider_crank(
+    crank: float, rod: float, bar: float, ground: float, threshold: float | None = 0.95
+) -> Linkage:
     """q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): crank pin, end of the rod, slider on the rod."""
     a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
-    return Linkage((distance(a, one, crank), distance(one, two, rod), distance(b, three, bar),
-                    collinear(one, three, two), *turned(a, one, crank, 6, threshold),
-                    *turned(b, three, bar, 7, threshold)), 2)
+    return Linkage(
+        (
+            distance(a, one, crank),
+            distance(one, two, rod),
+            distance(b, three, bar),
+            collinear(one, three, two),
+            *turned(a, one, crank, 6, threshold),
+            *turned(b, three, bar, 7, threshold),
+        ),
+        2,
+    )
 
 
 def inverted_mistake(rates: Array) -> dict[int, float]:
     """Bias of rod (a product for a difference, line 3704) and slider (3706), as printed."""
     one, two, three = rates[:6].reshape(3, 2)
     u, w = two - one, three - one
-    return {1: -2.0 * one @ u + 2.0 * (two**2) @ one,
-            3: (-2.0 * one[0] * (u[1] + w[1]) + one[1] * (u[0] - w[0])
-                - two[0] * (three[1] + one[1]) + two[1] * w[0] + three[0] * u[1] - three[1] * u[0])}
+    return {
+        1: -2.0 * one @ u + 2.0 * (two**2) @ one,
+        3: (
+            -2.0 * one[0] * (u[1] + w[1])
+            + one[1] * (u[0] - w[0])
+            - two[0] * (three[1] + one[1])
+            + two[1] * w[0]
+            + three[0] * u[1]
+            - three[1] * u[0]
+        ),
+    }
 
 
 EXAMPLES = {  # linkage, printed first guess (text lines 1262, 5898, 7762, 9091)
@@ -190,7 +250,8 @@ EXAMPLES = {  # linkage, printed first guess (text lines 1262, 5898, 7762, 9091)
     "slider-crank": (slider_crank(1.0, 2.0, ((2.0, 0.0), (3.0, 0.0))), (0.1, 0.2, 1.0, 0.2, 0.5)),
     "inverted slider-crank": (
         inverted_slider_crank(2.0, 3.0, 1.0, 2.0),
-        (0.1, 0.2, 1.0, 0.2, 2.0 + np.cos(0.8), np.sin(0.8), 0.5, 0.8)),
+        (0.1, 0.2, 1.0, 0.2, 2.0 + np.cos(0.8), np.sin(0.8), 0.5, 0.8),
+    ),
 }
 
 

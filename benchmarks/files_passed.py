@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks import ROOT, command
 
-RECORDER = '''
+RECORDER = """
 import os, sys, threading
 found = set()
 def called(frame, event, _):
@@ -26,14 +26,31 @@ def called(frame, event, _):
             print(code.co_filename, file=file)  # at once: workers are killed
 threading.setprofile(called)
 sys.setprofile(called)
-'''
+"""
 JOURNEYS = {  # command, and the largest number that is aimed at
     "check of a four-bar": (("-m", "proofmass", "check", "models/linkages/fourbar.toml"), 18),
-    "a rod to its chain": (("-c", "from proofmass.sidecar import load_case\n"
-                            "from proofmass.reference import compiled\n"
-                            "compiled(load_case('models/rods/rod_cantilever.toml'))"), 24),
-    "trade to its page": (("-m", "proofmass", "trade", "models/linkages/pendulum.toml", "-o",
-                           "{folder}/trade", "--longest", "2"), 45),
+    "a rod to its chain": (
+        (
+            "-c",
+            "from proofmass.sidecar import load_case\n"
+            "from proofmass.reference import compiled\n"
+            "compiled(load_case('models/rods/rod_cantilever.toml'))",
+        ),
+        24,
+    ),
+    "trade to its page": (
+        (
+            "-m",
+            "proofmass",
+            "trade",
+            "models/linkages/pendulum.toml",
+            "-o",
+            "{folder}/trade",
+            "--longest",
+            "2",
+        ),
+        45,
+    ),
 }
 
 
@@ -53,10 +70,19 @@ def passed(arguments: Sequence[str]) -> list[str]:
     with TemporaryDirectory() as folder:
         Path(folder, "sitecustomize.py").write_text(RECORDER.format(folder=folder))
         environment = os.environ | {"PYTHONPATH": os.pathsep.join([folder, str(ROOT)])}
-        subprocess.run([sys.executable, *(word.format(folder=folder) for word in arguments)],
-                       cwd=ROOT, env=environment, check=True, stdout=subprocess.DEVNULL)
-        found = {line for file in Path(folder).glob("*.txt")
-                 for line in file.read_text().splitlines() if line.endswith(".py")}
+        subprocess.run(
+            [sys.executable, *(word.format(folder=folder) for word in arguments)],
+            cwd=ROOT,
+            env=environment,
+            check=True,
+            stdout=subprocess.DEVNULL,
+        )
+        found = {
+            line
+            for file in Path(folder).glob("*.txt")
+            for line in file.read_text().splitlines()
+            if line.endswith(".py")
+        }
     package = f"{ROOT / 'proofmass'}{os.sep}"
     return sorted(path.removeprefix(package) for path in found if path.startswith(package))
 

@@ -20,10 +20,20 @@ def system(q: Array) -> tuple[Array, Array]:
     level = abs(c) < np.sqrt(0.5)
     gap = x1 - CRANK * c if level else y1 - CRANK * s
     row = [1, 0, 0, 0, CRANK * s] if level else [0, 1, 0, 0, -CRANK * c]
-    value = [x1**2 + y1**2 - CRANK**2, ax**2 + ay**2 - COUPLER**2,
-             bx**2 + y2**2 - ROCKER**2, gap, 0]
-    slope = [[2 * x1, 2 * y1, 0, 0, 0], [-2 * ax, -2 * ay, 2 * ax, 2 * ay, 0],
-             [0, 0, 2 * bx, 2 * y2, 0], row, [0, 0, 0, 0, 1]]
+    value = [
+        x1**2 + y1**2 - CRANK**2,
+        ax**2 + ay**2 - COUPLER**2,
+        bx**2 + y2**2 - ROCKER**2,
+        gap,
+        0,
+    ]
+    slope = [
+        [2 * x1, 2 * y1, 0, 0, 0],
+        [-2 * ax, -2 * ay, 2 * ax, 2 * ay, 0],
+        [0, 0, 2 * bx, 2 * y2, 0],
+        row,
+        [0, 0, 0, 0, 1],
+    ]
     return np.array(value), np.array(slope, float)
 
 

@@ -32,9 +32,15 @@ from proofmass.solve import plan, simulate
 
 Array = NDArray[np.float64]
 MODELS = ROOT / "models" / "linkages"
-CLOSED = {"fourbar": "four-bar", "slider_crank": "slider-crank", "fivebar": "five-bar",
-          "inverted_slider_crank": "inverted slider-crank", "hacksaw": "hacksaw",
-          "inverted_slider_crank_classic": "swinging block", "threeprr": "3PRR"}
+CLOSED = {
+    "fourbar": "four-bar",
+    "slider_crank": "slider-crank",
+    "fivebar": "five-bar",
+    "inverted_slider_crank": "inverted slider-crank",
+    "hacksaw": "hacksaw",
+    "inverted_slider_crank_classic": "swinging block",
+    "threeprr": "3PRR",
+}
 GENERAL = {**CLOSED, "peaucellier": "Peaucellier cell", "watt": "Watt six-bar"}
 MOST = {"threeprr": 100_000}  # finds the zeros of a polynomial of degree six at every pose
 BARS: dict[str, Any] = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
@@ -102,21 +108,36 @@ def general(name: str, n: int) -> Callable[[], object]:
 def lengths(name: str) -> dict[str, Any]:
     """The parameters of a sidecar that an inverse closed form has too."""
     other = ("mode", "gravity")
-    return {k: v for k, v in load_case(MODELS / f"{name}.toml").parameters.items()
-            if k not in other and not k.endswith("_mass")}
+    return {
+        k: v
+        for k, v in load_case(MODELS / f"{name}.toml").parameters.items()
+        if k not in other and not k.endswith("_mass")
+    }
 
 
 def inverses(count: int) -> Iterator[Row]:
     """Inverse kinematics, on the way that the direct closed form gives."""
     found = closed_form("fivebar", count)()
     tip = [np.array([found[f"tip_{order}{axis}"] for axis in "xy"]) for order in ("", "v", "a")]
-    yield Row("five-bar", "closed form, inverse", "p v a", count,
-              partial(fivebar.solve_inverse, *tip, **lengths("fivebar")))
+    yield Row(
+        "five-bar",
+        "closed form, inverse",
+        "p v a",
+        count,
+        partial(fivebar.solve_inverse, *tip, **lengths("fivebar")),
+    )
     found = closed_form("threeprr", count)()
-    pose = [np.array([found[axis + order] for axis in ("x", "y", "psi")])
-            for order in ("", "_rate", "_acceleration")]
-    yield Row("3PRR", "closed form, inverse", "p v a", count,
-              partial(threeprr.solve_inverse, *pose, **lengths("threeprr")))
+    pose = [
+        np.array([found[axis + order] for axis in ("x", "y", "psi")])
+        for order in ("", "_rate", "_acceleration")
+    ]
+    yield Row(
+        "3PRR",
+        "closed form, inverse",
+        "p v a",
+        count,
+        partial(threeprr.solve_inverse, *pose, **lengths("threeprr")),
+    )
 
 
 def document(count: int) -> Iterator[Row]:
@@ -126,19 +147,33 @@ def document(count: int) -> Iterator[Row]:
         first = document_scheme.position(linkage, start).root
         ones = (1.0,) * linkage.inputs
         angles = first[-linkage.inputs :] + arc
-        yield Row(name, "document's scheme, Python", "p v a", count, partial(
-            document_scheme.sweep, linkage, first, angles, ones, [0.0] * linkage.inputs))
+        yield Row(
+            name,
+            "document's scheme, Python",
+            "p v a",
+            count,
+            partial(document_scheme.sweep, linkage, first, angles, ones, [0.0] * linkage.inputs),
+        )
     near, truth = np.array([1.4375, 1.95]), pin(fourbar.solve(turn, **BARS), "pin")
     error = np.abs(fourbar_newton.sweep(turn, near) - truth).max()
     assert error < 1e-12, error  # rounding through condition numbers up to 17
-    yield Row("four-bar", "the same, equations written out", "p v a", count,
-              partial(fourbar_newton.sweep, turn, near))
+    yield Row(
+        "four-bar",
+        "the same, equations written out",
+        "p v a",
+        count,
+        partial(fourbar_newton.sweep, turn, near),
+    )
 
 
 def pin(pose: dict[str, Array], name: str) -> Array:
     """Position, velocity and acceleration of a point (3, n, 2)."""
-    return np.array([np.stack([pose[f"{name}_{order}x"], pose[f"{name}_{order}y"]], axis=1)
-                     for order in ("", "v", "a")])
+    return np.array(
+        [
+            np.stack([pose[f"{name}_{order}x"], pose[f"{name}_{order}y"]], axis=1)
+            for order in ("", "v", "a")
+        ]
+    )
 
 
 def pylinkage(few: int, many: int) -> Iterator[Row]:
@@ -154,8 +189,10 @@ def pylinkage(few: int, many: int) -> Iterator[Row]:
     def slider(angle: Array) -> Array:
         return pin(slider_crank.solve(angle, **SLIDER), "slider")
 
-    for name, build, truth in (("four-bar", with_pylinkage.fourbar, bars),
-                               ("slider-crank", with_pylinkage.slider_crank, slider)):
+    for name, build, truth in (
+        ("four-bar", with_pylinkage.fourbar, bars),
+        ("slider-crank", with_pylinkage.slider_crank, slider),
+    ):
         error = with_pylinkage.difference(build, truth, many)
         assert error < 1e-8, error  # its crank turns by adding up 100 000 steps: 2e-10 here
         yield from with_pylinkage.rows(name, build, few, many)
@@ -167,20 +204,29 @@ def simulators(names: Sequence[str]) -> Iterator[Row]:
         case = load_case(MODELS / f"{name}.toml")
         for engine, gives in (("mujoco", "p v a h"), ("pymunk", "p v h")):
             run = plan(case, "sweep", engine)
-            yield Row(CLOSED[name], f"{engine} sweep", gives, run.x.size,
-                      partial(simulate, engine, case.model_path, run))
+            yield Row(
+                CLOSED[name],
+                f"{engine} sweep",
+                gives,
+                run.x.size,
+                partial(simulate, engine, case.model_path, run),
+            )
 
 
 def table(rows: list[Row]) -> None:
     """Print the rows by mechanism, the closed form first."""
     base = {row.mechanism: row.speed for row in reversed(rows) if row.method == "closed form"}
-    print(f"{'mechanism':22}{'method':36}{'gives':9}{'poses':>9}{'wall [s]':>10}{'CPU [s]':>9}"
-          f"{'poses/s':>12}{'closed form is':>16}")
+    print(
+        f"{'mechanism':22}{'method':36}{'gives':9}{'poses':>9}{'wall [s]':>10}{'CPU [s]':>9}"
+        f"{'poses/s':>12}{'closed form is':>16}"
+    )
     for mechanism in dict.fromkeys(row.mechanism for row in rows):
         for row in (row for row in rows if row.mechanism == mechanism):
             ratio = f"{base[mechanism] / row.speed:,.1f} x" if mechanism in base else "-"
-            print(f"{mechanism:22}{row.method:36}{row.gives:9}{row.poses:9,}{row.wall:10.4f}"
-                  f"{row.own:9.4f}{row.speed:12,.0f}{ratio:>16}")
+            print(
+                f"{mechanism:22}{row.method:36}{row.gives:9}{row.poses:9,}{row.wall:10.4f}"
+                f"{row.own:9.4f}{row.speed:12,.0f}{ratio:>16}"
+            )
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -189,12 +235,23 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = parser.parse_args(argv)
     sizes, rounds = (QUICK, 1) if given.quick else (Sizes(), given.rounds)
     last = sizes.samples[-1]
-    rows = [Row(word, "closed form", "p v a h", n, closed_form(name, n))
-            for name, word in CLOSED.items() for n in (last, sizes.most) if n <= MOST.get(name, n)]
-    rows += [*inverses(last), *document(sizes.python), *pylinkage(sizes.few, sizes.many),
-             *simulators(sizes.engines)]
-    rows += [Row(GENERAL[name], "general solver", "p v a", n, general(name, n))
-             for name in sizes.general for n in sizes.samples]
+    rows = [
+        Row(word, "closed form", "p v a h", n, closed_form(name, n))
+        for name, word in CLOSED.items()
+        for n in (last, sizes.most)
+        if n <= MOST.get(name, n)
+    ]
+    rows += [
+        *inverses(last),
+        *document(sizes.python),
+        *pylinkage(sizes.few, sizes.many),
+        *simulators(sizes.engines),
+    ]
+    rows += [
+        Row(GENERAL[name], "general solver", "p v a", n, general(name, n))
+        for name in sizes.general
+        for n in sizes.samples
+    ]
     measure(rows, rounds, 0.0 if given.quick else SPELL)
     print("least of", rounds, "interleaved rounds, one thread; poses/s and ratios by CPU time")
     table(rows)

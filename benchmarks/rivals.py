@@ -67,8 +67,16 @@ class Late(BaseException):
     """A rival takes longer than the chosen setting."""
 
 
-def duel(case: Case, name: str, of: str, chosen: Setting, drive: Imposed, count: int, seed: int,
-         rounds: int = ROUNDS) -> Duel:
+def duel(
+    case: Case,
+    name: str,
+    of: str,
+    chosen: Setting,
+    drive: Imposed,
+    count: int,
+    seed: int,
+    rounds: int = ROUNDS,
+) -> Duel:
     """Run random settings of the chosen one's engine beside it.
 
     Half of them are drawn from everything, half have one to three knobs other than the chosen.
@@ -102,9 +110,11 @@ def duel(case: Case, name: str, of: str, chosen: Setting, drive: Imposed, count:
     return Duel(error, count, done, found, best)
 
 
-def randomly(engine: str, sample: float, chosen: Setting, dice: random.Random, turn: int | None
-             ) -> Setting:
+def randomly(
+    engine: str, sample: float, chosen: Setting, dice: random.Random, turn: int | None
+) -> Setting:
     """A random setting; or the chosen one with so many knobs turned."""
+
     def logarithmic(low: float, high: float) -> float:
         return float(low * (high / low) ** dice.random())
 
@@ -112,22 +122,30 @@ def randomly(engine: str, sample: float, chosen: Setting, dice: random.Random, t
     step = float(base["timestep"])  # type: ignore[arg-type]
     count = max(1, round(sample / step))
     most = MORE_STEPS * count if turn is None else 2 * count
-    step = sample / ceil(logarithmic(0.4 * count, most)) if count > 1 or turn is None else (
-        sample / dice.choice((1, 1, 2)))
+    step = (
+        sample / ceil(logarithmic(0.4 * count, most))
+        if count > 1 or turn is None
+        else (sample / dice.choice((1, 1, 2)))
+    )
     if engine == "pymunk":
         iterations = round(logarithmic(1, 300))
         if turn is not None:
             iterations = max(1, round(int(str(base["iterations"])) * logarithmic(0.3, 1.5)))
         drawn: dict[str, Knob] = {
             "iterations": iterations,
-            "error_bias": 0.0 if dice.random() < 0.5 else logarithmic(1e-12, 0.9)}
+            "error_bias": 0.0 if dice.random() < 0.5 else logarithmic(1e-12, 0.9),
+        }
     else:
         soft, ratio = logarithmic(1.0, 30.0), dice.choice((1.0, logarithmic(0.3, 3.0)))
         d = 1 - logarithmic(1e-4, 0.3)
-        drawn = {"integrator": dice.choice(INTEGRATORS), "solref": (soft * step, ratio),
-                 "solimp": (d, d, 0.001), "solver": dice.choice(("newton", "cg", "pgs")),
-                 "iterations": round(logarithmic(1, 100)),
-                 "tolerance": dice.choice((0.0, logarithmic(1e-14, 1e-2)))}
+        drawn = {
+            "integrator": dice.choice(INTEGRATORS),
+            "solref": (soft * step, ratio),
+            "solimp": (d, d, 0.001),
+            "solver": dice.choice(("newton", "cg", "pgs")),
+            "iterations": round(logarithmic(1, 100)),
+            "tolerance": dice.choice((0.0, logarithmic(1e-14, 1e-2))),
+        }
     if turn is None:
         return Setting(engine, {"timestep": step, **drawn})
     names = dice.sample(sorted(["timestep", *drawn]), min(turn, len(drawn) + 1))
@@ -165,6 +183,7 @@ def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]
 @contextmanager
 def alarm(seconds: float) -> Iterator[None]:
     """Raise `Late` meanwhile, after a time of this process [s]."""
+
     def stop(_number: int, _frame: FrameType | None) -> None:
         raise Late
 
@@ -175,4 +194,3 @@ def alarm(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
-

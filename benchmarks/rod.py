@@ -1,6 +1,6 @@
 """Elliptic integrals and rods: tip poses, shapes and shooting, against scipy's integrals.
 
-    python -m benchmarks.rod [rounds] [--quick]
+python -m benchmarks.rod [rounds] [--quick]
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,8 +27,11 @@ def by_scipy(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array
     first = count * ellipkm1(1.0 - square) - ellipkinc(start, square)
     second = count * ellipe(square) - ellipeinc(start, square)
     along, across = 2.0 * second / first - 1.0, -2.0 * k * np.cos(start) / first
-    return (first**2, -along * np.cos(psi) - across * np.sin(psi),
-            -along * np.sin(psi) + across * np.cos(psi))
+    return (
+        first**2,
+        -along * np.cos(psi) - across * np.sin(psi),
+        -along * np.sin(psi) + across * np.cos(psi),
+    )
 
 
 def ways(count: int, batch: int) -> Iterator[Row]:
@@ -49,14 +52,29 @@ def ways(count: int, batch: int) -> Iterator[Row]:
     yield Row("F, E, K, E", "scipy", "", count, four)
     yield Row("tip pose", "all of it", "", count, lambda: tip(psi, k_rel, mode))
     yield Row("tip pose", "R, x, y with scipy", "", count, lambda: by_scipy(psi, k_rel, mode))
-    yield Row("shape", f"{batch} rods, 100 points", "", 100 * batch, lambda: shape(
-        psi[:batch, None], k_rel[:batch, None], mode[:batch, None], s[:-1]))
+    yield Row(
+        "shape",
+        f"{batch} rods, 100 points",
+        "",
+        100 * batch,
+        lambda: shape(psi[:batch, None], k_rel[:batch, None], mode[:batch, None], s[:-1]),
+    )
     for scheme, nodes in (("rk4", 61), ("dop853", 41)):
-        yield Row("shooting", f"{scheme}, {nodes} nodes, {batch} at once", "", batch, lambda
-                  scheme=scheme, nodes=nodes: integrate(*start, scheme=scheme, nodes=nodes))
+        yield Row(
+            "shooting",
+            f"{scheme}, {nodes} nodes, {batch} at once",
+            "",
+            batch,
+            lambda scheme=scheme, nodes=nodes: integrate(*start, scheme=scheme, nodes=nodes),
+        )
     yield Row("clamped-pinned", "Newton, exact Jacobian", "", 1, lambda: pinned(**PINNED))
-    yield Row("clamped-pinned", "document's Newton, RK4", "", 1, lambda: pinned(
-        **PINNED, nodes=61, scheme="rk4", exact=False, tolerance=1e-7))
+    yield Row(
+        "clamped-pinned",
+        "document's Newton, RK4",
+        "",
+        1,
+        lambda: pinned(**PINNED, nodes=61, scheme="rk4", exact=False, tolerance=1e-7),
+    )
     yield Row("cantilever", "tip load", "", 1, lambda: solve(s, force_y=10.0))
     yield Row("cantilever", "weight", "", 1, lambda: solve(s, weight_y=-10.0))
     yield Row("cantilever", "five branches, stability", "", 1, lambda: equilibria(force_y=100.0))
@@ -72,8 +90,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(f"least of {rounds} interleaved rounds, one thread, CPU time")
     print(f"{'what':16}{'how':34}{'us each':>12}{'a second':>14}")
     for row in found:
-        print(f"{row.mechanism:16}{row.method:34}{1e6 * row.own / row.poses:12.3f}"
-              f"{row.speed:14,.0f}")
+        print(
+            f"{row.mechanism:16}{row.method:34}{1e6 * row.own / row.poses:12.3f}{row.speed:14,.0f}"
+        )
 
 
 if __name__ == "__main__":

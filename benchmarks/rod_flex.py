@@ -29,9 +29,11 @@ ARC = np.linspace(0.0, 1.0, 21)
 Shape = Callable[[Array], dict[str, Array]]
 CASES: dict[str, tuple[float, Shape]] = {
     f"cantilever, P L^2/EI = {load:g}": (
-        load, lambda s, load=load: cantilever.solve(s, force_y=load))  # type: ignore[misc]
-    for load in (1.0, 2.0, 10.0)} | {
-    "clamped, pinned at (0.8, 0.1) L": (0.0, lambda s: rod_pinned.solve(s, **PIN))}
+        load,
+        lambda s, load=load: cantilever.solve(s, force_y=load),
+    )  # type: ignore[misc]
+    for load in (1.0, 2.0, 10.0)
+} | {"clamped, pinned at (0.8, 0.1) L": (0.0, lambda s: rod_pinned.solve(s, **PIN))}
 LINKS = 10, 20, 40, 80
 HEAD = """# Rods as MuJoCo's own flex
 
@@ -64,10 +66,19 @@ def at_rest(load: float, links: int, flex: bool) -> Curves:
     rod = Rod("rod", "clamp", None if load else "pin", 1.0, 1.0, links, ends, turn=turn)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "rod.xml"
-        file.write_text(MODEL.format(load=LOAD.format(load) if load else "",
-                                     ctrl="1" if load else ""))
-        return simulate(file, Run("rest", ARC, ("rod.x", "rod.y"), rods=(rod,),
-                                  settings={"flex": True} if flex else {}))
+        file.write_text(
+            MODEL.format(load=LOAD.format(load) if load else "", ctrl="1" if load else "")
+        )
+        return simulate(
+            file,
+            Run(
+                "rest",
+                ARC,
+                ("rod.x", "rod.y"),
+                rods=(rod,),
+                settings={"flex": True} if flex else {},
+            ),
+        )
 
 
 def error(curves: Curves, truth: dict[str, Array]) -> float:
@@ -87,9 +98,11 @@ def rows(counts: Sequence[int]) -> Iterator[str]:
             order = f"{np.log(last[0] / off) / np.log(last[1] / h):.2f}" if last else ""
             chain = error(at_rest(load, links, False), truth)
             last = off, h
-            yield (f"| {name} | {links} | {off:.2e} | {order} | {chain:.2e} | "
-                   f"{found.settings['stretch']:.1e} | {found.gap:.1e} | {found.steps} | "
-                   f"{used:.1f} |")
+            yield (
+                f"| {name} | {links} | {off:.2e} | {order} | {chain:.2e} | "
+                f"{found.settings['stretch']:.1e} | {found.gap:.1e} | {found.steps} | "
+                f"{used:.1f} |"
+            )
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -54,13 +54,19 @@ def two(s: RodState, nodes: int) -> Grid:
     rest = complex(*s.load) - first["R"] * np.exp(1j * (psi1[..., 0] + theta[0]))
     psi2 = np.clip((np.angle(rest) - theta[1]) % TURN, 1e-6, TURN - 1e-6)
     second = tip(psi2[..., None], second_k, stiffness=unit)
-    place = [c + (rod["x"] + 1j * rod["y"]) * np.exp(1j * angle)
-             for c, rod, angle in zip(clamp, (first, second), theta, strict=True)]
+    place = [
+        c + (rod["x"] + 1j * rod["y"]) * np.exp(1j * angle)
+        for c, rod, angle in zip(clamp, (first, second), theta, strict=True)
+    ]
     gap = place[0][..., None] - place[1]
     change = [turned(part) for part in (gap.real, gap.imag, np.abs(rest)[..., None] - second["R"])]
     cells = np.nonzero(change[0] & change[1] & change[2])
-    chart = np.stack([charted(first["R"][cells[:2]] / unit, first["k"][cells[:2]]),
-                      charted(second["R"][cells] / unit, second["k"][cells])])
+    chart = np.stack(
+        [
+            charted(first["R"][cells[:2]] / unit, first["k"][cells[:2]]),
+            charted(second["R"][cells] / unit, second["k"][cells]),
+        ]
+    )
     at = place[1][cells]
     forces = arrived(s, chart, np.stack([at.real, at.imag, 0.0 * at.real]))
     return Grid(gap.size, at.size, distinct(forces))
@@ -125,8 +131,9 @@ class Inverse:
         return out
 
 
-def shaped(s: RodState, psi1: float, k_rel: Array, table: list[Inverse]
-           ) -> Iterator[list[tuple[Array, Array, Complex, Complex]]]:
+def shaped(
+    s: RodState, psi1: float, k_rel: Array, table: list[Inverse]
+) -> Iterator[list[tuple[Array, Array, Complex, Complex]]]:
     """Rods 1 to 3 at all nodes of one psi1, for each k_rel1: R, k, tips and forces of each."""
     theta = clamps(s)[0]
     psi = np.array([inverse.psi for inverse in table])
@@ -136,18 +143,24 @@ def shaped(s: RodState, psi1: float, k_rel: Array, table: list[Inverse]
         first = turned_tip(s, 0, np.array([psi1]), np.array([k]))
         rest = complex(*s.load[:2]) - first[3][0]
         with np.errstate(divide="ignore", invalid="ignore"):  # parallel loads
-            loads = ((rest.conjugate() * three_way).imag / across,
-                     (two_way.conj() * rest).imag / across)
+            loads = (
+                (rest.conjugate() * three_way).imag / across,
+                (two_way.conj() * rest).imag / across,
+            )
         second = np.stack([table[j](loads[0][j]) for j in range(psi.size)], axis=1)
         third = np.stack([table[j](loads[1][:, j]) for j in range(psi.size)], axis=2)
         good = np.isfinite(second).any(axis=0) & np.isfinite(third).any(axis=0)
         j2, j3 = np.nonzero(good)
-        yield [first, turned_tip(s, 1, psi[j2], second[:, j2, j3]),
-               turned_tip(s, 2, psi[j3], third[:, j2, j3])]
+        yield [
+            first,
+            turned_tip(s, 1, psi[j2], second[:, j2, j3]),
+            turned_tip(s, 2, psi[j3], third[:, j2, j3]),
+        ]
 
 
-def turned_tip(s: RodState, i: int, psi: Array, k_rel: Array
-               ) -> tuple[Array, Array, Complex, Complex]:
+def turned_tip(
+    s: RodState, i: int, psi: Array, k_rel: Array
+) -> tuple[Array, Array, Complex, Complex]:
     """R/EI, k, tip and force in the frame of rod i; NaN where k_rel is."""
     theta, clamp, _ = clamps(s)
     unit, there = s.assembly.stiffness[i], np.isfinite(k_rel)
@@ -155,13 +168,18 @@ def turned_tip(s: RodState, i: int, psi: Array, k_rel: Array
     out = np.full((4, *k_rel.shape), np.nan, complex)
     turn = np.exp(1j * theta[i])
     psi_there = np.broadcast_to(psi, k_rel.shape)[there]
-    out[:, there] = (rod["R"] / unit, rod["k"], clamp[i] + turn * (rod["x"] + 1j * rod["y"]),
-                     rod["R"] * turn * np.exp(1j * psi_there))
+    out[:, there] = (
+        rod["R"] / unit,
+        rod["k"],
+        clamp[i] + turn * (rod["x"] + 1j * rod["y"]),
+        rod["R"] * turn * np.exp(1j * psi_there),
+    )
     return out[0].real, out[1].real, out[2], out[3]
 
 
-def near(s: RodState, shapes: list[tuple[Array, Array, Complex, Complex]], gap: float, moment: float
-         ) -> tuple[Array, Array]:
+def near(
+    s: RodState, shapes: list[tuple[Array, Array, Complex, Complex]], gap: float, moment: float
+) -> tuple[Array, Array]:
     """Charts (3, 2, m) and poses (3, m) of combinations that nearly close."""
     one, second, third = shapes
     side = abs(s.assembly.arm[0] - s.assembly.arm[1])
@@ -175,8 +193,9 @@ def near(s: RodState, shapes: list[tuple[Array, Array, Complex, Complex]], gap: 
             good &= np.abs(np.abs(pin[p] - pin[q]) - side) < gap
     at = np.nonzero(good)
     picks = [(np.zeros_like(at[0]),), (at[0], at[2]), (at[1], at[2])]
-    chart = np.stack([charted(rod[0][pick], rod[1][pick])
-                      for rod, pick in zip(shapes, picks, strict=True)])
+    chart = np.stack(
+        [charted(rod[0][pick], rod[1][pick]) for rod, pick in zip(shapes, picks, strict=True)]
+    )
     turn = np.angle(np.broadcast_to(pin[1], good.shape)[at] - pin[0][at])
     return chart, np.stack([centre[at].real, centre[at].imag, turn])
 

@@ -68,27 +68,48 @@ class Scene:
         """The rods' links; their tips are pinned to the first one's tip, or to the platform."""
         pin = self.a.freedoms == 2
         turn = self.found.state.shape([1.0])[2][0, :, 0] - clamps(self.found.state)[0][0]
-        ends = [None if pin and not i else "rod0.tip" if pin else f"pin{i}"
-                for i in range(self.a.rods)]
-        return [chain(Rod(f"rod{i}", f"clamp{i}", end, float(self.a.length[i]),
-                          float(self.a.stiffness[i]), self.n,
-                          ("clamped", "pinned" if end else "free"), mass=LIGHT,
-                          turn=float(turn[i]))) for i, end in enumerate(ends)]
+        ends = [
+            None if pin and not i else "rod0.tip" if pin else f"pin{i}" for i in range(self.a.rods)
+        ]
+        return [
+            chain(
+                Rod(
+                    f"rod{i}",
+                    f"clamp{i}",
+                    end,
+                    float(self.a.length[i]),
+                    float(self.a.stiffness[i]),
+                    self.n,
+                    ("clamped", "pinned" if end else "free"),
+                    mass=LIGHT,
+                    turn=float(turn[i]),
+                )
+            )
+            for i, end in enumerate(ends)
+        ]
 
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model; its start pose is near the lowest equilibrium."""
         theta, place, _ = (part[0] for part in clamps(self.found.state))
-        sites = [f'<site name="clamp{i}" pos="{p.real} {p.imag} 0" euler="0 0 {t}"/>'
-                 for i, (t, p) in enumerate(zip(theta, place, strict=True))]
+        sites = [
+            f'<site name="clamp{i}" pos="{p.real} {p.imag} 0" euler="0 0 {t}"/>'
+            for i, (t, p) in enumerate(zip(theta, place, strict=True))
+        ]
         load, pin = self.found.state.load[0], self.a.freedoms == 2
-        pins = "".join(f'<site name="pin{i}" pos="{r.real} {r.imag} 0"/>'
-                       for i, r in enumerate(self.a.arm))
+        pins = "".join(
+            f'<site name="pin{i}" pos="{r.real} {r.imag} 0"/>' for i, r in enumerate(self.a.arm)
+        )
         gear = [*load[:2], 0, 0, 0, 0.0 if pin else load[2]]
-        spec = mujoco.MjSpec.from_string(MODEL.format(
-            sites="".join(sites), platform="" if pin else PLATFORM.format(pins=pins),
-            hand="rod0.tip" if pin else "hand", load=" ".join(map(str, gear)),
-            pose="" if pin else " ".join(map(str, self.found.state.pose[0]))))
+        spec = mujoco.MjSpec.from_string(
+            MODEL.format(
+                sites="".join(sites),
+                platform="" if pin else PLATFORM.format(pins=pins),
+                hand="rod0.tip" if pin else "hand",
+                load=" ".join(map(str, gear)),
+                pose="" if pin else " ".join(map(str, self.found.state.pose[0])),
+            )
+        )
         return compile_with_rods(spec, [one.rod for one in self.chains])
 
     @cached_property
@@ -143,9 +164,12 @@ class Scene:
     def angles(self, qpos: Array) -> Array:
         """Of the links (k, n) [rad]."""
         theta = clamps(self.found.state)[0][0]
-        return np.array([t + np.cumsum([qpos[self.model.joint(name).qposadr[0]]
-                                        for name in one.names[1:]])
-                         for t, one in zip(theta, self.chains, strict=True)])
+        return np.array(
+            [
+                t + np.cumsum([qpos[self.model.joint(name).qposadr[0]] for name in one.names[1:]])
+                for t, one in zip(theta, self.chains, strict=True)
+            ]
+        )
 
     def which(self, angles: Array) -> tuple[int, Standing, float]:
         """The equilibrium that links have come to: its number or -1, itself, how far off [rad]."""
@@ -164,8 +188,7 @@ def scene(a: Assembly, given: dict[str, Sequence[float]], modes: int, n: int) ->
     load = np.append(given["load"], 0.0)
     inputs = np.broadcast_to(given["inputs"], a.rods)
     angles = found.state.shape(np.arange(1, n + 1) / n)[2]
-    standing = settle(a, inputs, seed=angles, segments=n, force=load[:2],
-                      moment=load[2])
+    standing = settle(a, inputs, seed=angles, segments=n, force=load[:2], moment=load[2])
     far = ~(np.abs(standing.pose - found.state.pose).max(axis=1) < FAR)
     standing.angle[far] = standing.energy[far] = np.nan  # too few links for so short waves
     return Scene(a, n, found, standing)
@@ -204,8 +227,12 @@ def pymunk_rest(scene: Scene, qpos: Array) -> Array:
         if max(abs(body.angular_velocity) for body in moving) < STILL:
             pose = np.array([[*body.position, body.angle] for body in moving] + [[0.0] * 3])
             theta = clamps(scene.found.state)[0][0]
-            return np.array([t + np.cumsum(shape(links, pose, one)[2][1:])
-                             for t, one in zip(theta, scene.chains, strict=True)])
+            return np.array(
+                [
+                    t + np.cumsum(shape(links, pose, one)[2][1:])
+                    for t, one in zip(theta, scene.chains, strict=True)
+                ]
+            )
     raise Diverged(f"not at rest after {MOST} steps")
 
 

@@ -25,18 +25,30 @@ from proofmass.sim.protocol import Diverged
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
 CORNERS, GUIDES = triangle(np.sqrt(3.0)), np.radians([0.0, 120.0, -120.0])
 CASES: dict[str, tuple[Any, dict[str, Any], int]] = {
-    "2RFR, Table 7": (assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=EI),
-                      {"inputs": np.radians([40.0, 60.0]), "load": [0.3, -0.1]}, 3),
-    "3RFR, Table 8": (assembly(CORNERS, stiffness=EI, arm=triangle(0.2)),
-                      {"inputs": np.radians([45.0, 180.0, -60.0]), "load": [0.0, 0.5, 0.0]}, 2),
-    "3PFR, annex": (assembly(CORNERS, stiffness=EI, arm=triangle(0.5), angle=GUIDES, guide=GUIDES),
-                    {"inputs": 0.1, "load": [0.3, -0.2, 0.0]}, 1),
+    "2RFR, Table 7": (
+        assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=EI),
+        {"inputs": np.radians([40.0, 60.0]), "load": [0.3, -0.1]},
+        3,
+    ),
+    "3RFR, Table 8": (
+        assembly(CORNERS, stiffness=EI, arm=triangle(0.2)),
+        {"inputs": np.radians([45.0, 180.0, -60.0]), "load": [0.0, 0.5, 0.0]},
+        2,
+    ),
+    "3PFR, annex": (
+        assembly(CORNERS, stiffness=EI, arm=triangle(0.5), angle=GUIDES, guide=GUIDES),
+        {"inputs": 0.1, "load": [0.3, -0.2, 0.0]},
+        1,
+    ),
 }
 CASES["2RFR, modes 1"] = *CASES["2RFR, Table 7"][:2], 1  # of --quick
 RANDOM = {  # case, engine, links: random starts
-    ("2RFR, Table 7", "mujoco", 20): 400, ("2RFR, Table 7", "mujoco", 10): 60,
-    ("2RFR, Table 7", "pymunk", 10): 60, ("3RFR, Table 8", "mujoco", 20): 200,
-    ("3PFR, annex", "mujoco", 20): 200}
+    ("2RFR, Table 7", "mujoco", 20): 400,
+    ("2RFR, Table 7", "mujoco", 10): 60,
+    ("2RFR, Table 7", "pymunk", 10): 60,
+    ("3RFR, Table 8", "mujoco", 20): 200,
+    ("3PFR, annex", "mujoco", 20): 200,
+}
 NUDGES = 2  # of each equilibrium, in the same scenes
 QUICK = {("2RFR, modes 1", "mujoco", 10): 1, ("2RFR, modes 1", "pymunk", 10): 1}
 Task = tuple[str, str, int, str, int]
@@ -55,9 +67,12 @@ def tasks(starts: Starts, equilibria: int | None) -> list[Task]:
     """Case, engine, links, which start (an equilibrium's number or "random"), and its seed."""
     some = [(*key, "random", seed) for key, count in starts.items() for seed in range(count)]
     for case, engine, links in starts:
-        some += [(case, engine, links, str(k), seed)
-                 for k in range(len(built(case, links).found))[:equilibria]
-                 for seed in range(NUDGES) if not np.isnan(built(case, links).standing.energy[k])]
+        some += [
+            (case, engine, links, str(k), seed)
+            for k in range(len(built(case, links).found))[:equilibria]
+            for seed in range(NUDGES)
+            if not np.isnan(built(case, links).standing.energy[k])
+        ]
     return some
 
 
@@ -69,9 +84,14 @@ def run(task: Task) -> Row:
         qpos = s.random(seed) if start == "random" else s.nudged(int(start), seed)
         angles = ENGINES[engine](s, qpos)
         k, own, off = s.which(angles)
-        row |= {"to": k, "potential": float(own.potential), "off": off,
-                "least": float(own.curvatures[0]), "pose": own.pose.round(4).tolist(),
-                "bend": float(np.abs(np.diff(own.angle, axis=-1)).max())}
+        row |= {
+            "to": k,
+            "potential": float(own.potential),
+            "off": off,
+            "least": float(own.curvatures[0]),
+            "pose": own.pose.round(4).tolist(),
+            "bend": float(np.abs(np.diff(own.angle, axis=-1)).max()),
+        }
     except Diverged as error:
         row |= {"lost": str(error)}
     return row | {"cpu": time.process_time() - began}
@@ -97,23 +117,31 @@ def table(key: tuple[str, str, int], rows: list[Row]) -> list[str]:
     s = built(key[0], key[2])
     loose = [row for row in rows if row["task"][3] == "random"]
     reached = Counter(row.get("to") for row in loose)
-    lines = ["| equilibrium | modes | V [J] | directions down | reached | nudged |",
-             "|---|---|---|---|---|---|"]
+    lines = [
+        "| equilibrium | modes | V [J] | directions down | reached | nudged |",
+        "|---|---|---|---|---|---|",
+    ]
     nudged: dict[int, list[Row]] = {}
     for row in rows:
         if row["task"][3] != "random":
             nudged.setdefault(int(row["task"][3]), []).append(row)
     for k in range(len(s.found)):
         ways = "; ".join(whither(k, row) for row in nudged.get(k, [])) or "no chain stands there"
-        lines.append(f"| {k + 1} | {', '.join(map(str, s.found.modes[k]))} | "
-                     f"{s.found.potential[k]:.6f} | {s.found.negative[k]} | "
-                     f"{reached[k] or ''} | {ways} |")
+        lines.append(
+            f"| {k + 1} | {', '.join(map(str, s.found.modes[k]))} | "
+            f"{s.found.potential[k]:.6f} | {s.found.negative[k]} | "
+            f"{reached[k] or ''} | {ways} |"
+        )
     fallen = sum(row.get("least", 1.0) <= 0.0 for row in rows)
     off, lost = [row["off"] for row in rows if "off" in row], sum("lost" in row for row in rows)
-    return [*lines, "", f"{len(loose)} random starts. {others(loose)}{fallen} of all {len(rows)} "
-            f"runs end where energy falls in some direction, {lost} do not come to rest. In the "
-            f"median links are within {np.median(off):.1g} rad of the chain's own equilibrium, "
-            f"{max(off):.1g} at most. CPU {sum(row['cpu'] for row in rows):.0f} s.\n"]
+    return [
+        *lines,
+        "",
+        f"{len(loose)} random starts. {others(loose)}{fallen} of all {len(rows)} "
+        f"runs end where energy falls in some direction, {lost} do not come to rest. In the "
+        f"median links are within {np.median(off):.1g} rad of the chain's own equilibrium, "
+        f"{max(off):.1g} at most. CPU {sum(row['cpu'] for row in rows):.0f} s.\n",
+    ]
 
 
 def others(loose: list[Row]) -> str:
@@ -121,9 +149,11 @@ def others(loose: list[Row]) -> str:
     rows = [row for row in loose if row.get("to") == -1]
     if not rows:
         return ""
-    return (f"{len(rows)} of them end in {len({tuple(row['pose']) for row in rows})} other places, "
-            f"stable for the chain; in each of them a joint is bent by "
-            f"{min(row['bend'] for row in rows):.2g} rad or more, a loop too tight for its links. ")
+    return (
+        f"{len(rows)} of them end in {len({tuple(row['pose']) for row in rows})} other places, "
+        f"stable for the chain; in each of them a joint is bent by "
+        f"{min(row['bend'] for row in rows):.2g} rad or more, a loop too tight for its links. "
+    )
 
 
 def whither(k: int, row: Row) -> str:
@@ -143,11 +173,14 @@ def agreement(rows: list[Row], starts: Starts) -> str:
                 ends.setdefault(row["task"][1], {})[row["task"][3], row["task"][4]] = here
         if len(ends) == 2:
             both = ends["mujoco"].keys() & ends["pymunk"].keys()
-            for word, some in (("random shapes", [t for t in both if t[0] == "random"]),
-                               ("nudges", [t for t in both if t[0] != "random"])):
+            for word, some in (
+                ("random shapes", [t for t in both if t[0] == "random"]),
+                ("nudges", [t for t in both if t[0] != "random"]),
+            ):
                 same = sum(ends["mujoco"][t] == ends["pymunk"][t] for t in some)
-                lines.append(f"{case}, {links} links: the same rest from {same} of {len(some)} "
-                             f"{word}.")
+                lines.append(
+                    f"{case}, {links} links: the same rest from {same} of {len(some)} {word}."
+                )
     return "\n".join(lines)
 
 

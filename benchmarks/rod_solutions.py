@@ -23,17 +23,26 @@ PAIR = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=EI)
 PAIR_AT = {"inputs": np.radians([40.0, 60.0]), "load": [0.3, -0.1]}
 CASES = {
     "2RFR, Table 7": (PAIR, PAIR_AT, (1, 2, 3)),
-    "3RFR, Table 8": (assembly(CORNERS, stiffness=EI, arm=triangle(0.2)),
-                      {"inputs": np.radians([45.0, 180.0, -60.0]), "load": [0.0, 0.5, 0.0]},
-                      (1, 2)),
-    "3PFR, annex": (assembly(CORNERS, stiffness=EI, arm=triangle(0.5), angle=GUIDES, guide=GUIDES),
-                    {"inputs": 0.1, "load": [0.3, -0.2, 0.0]}, (1, 2)),
+    "3RFR, Table 8": (
+        assembly(CORNERS, stiffness=EI, arm=triangle(0.2)),
+        {"inputs": np.radians([45.0, 180.0, -60.0]), "load": [0.0, 0.5, 0.0]},
+        (1, 2),
+    ),
+    "3PFR, annex": (
+        assembly(CORNERS, stiffness=EI, arm=triangle(0.5), angle=GUIDES, guide=GUIDES),
+        {"inputs": 0.1, "load": [0.3, -0.2, 0.0]},
+        (1, 2),
+    ),
 }
 CAPS = 10.0, 15.0, 20.0, 26.0, 40.0, 60.0, 80.0  # alpha
 NODES = 15, 30, 60, 120  # n, two rods
 PRINTED = {  # Table 2, a 3PFR: n, tolL [m], tolM [N m]: solutions, seconds
-    (15, 0.5, 1.0): (5, 1686), (20, 0.5, 1.0): (6, 4341), (25, 0.5, 1.0): (6, 12176),
-    (30, 0.1, 1.0): (6, 17241), (25, 0.1, 0.1): (3, 5467)}
+    (15, 0.5, 1.0): (5, 1686),
+    (20, 0.5, 1.0): (6, 4341),
+    (25, 0.5, 1.0): (6, 12176),
+    (30, 0.1, 1.0): (6, 17241),
+    (25, 0.1, 0.1): (3, 5467),
+}
 
 HEAD = """# All equilibria of flexible mechanisms
 
@@ -103,9 +112,11 @@ def searched(names: Sequence[str], most: int) -> Iterator[str]:
         a, given, modes = CASES[name]
         for upto in modes[:most]:
             found = solutions(a, modes=upto, **given)
-            yield (f"| {name} | {upto} | {len(found)} | {(found.negative == 0).sum()} | "
-                   f"{(found.modes == 1).all(axis=1).sum()} | {before.get((name, upto), '')} | "
-                   f"{found.up_to:.1f} | {found.bound:.1f} |")
+            yield (
+                f"| {name} | {upto} | {len(found)} | {(found.negative == 0).sum()} | "
+                f"{(found.modes == 1).all(axis=1).sum()} | {before.get((name, upto), '')} | "
+                f"{found.up_to:.1f} | {found.bound:.1f} |"
+            )
 
 
 def against(names: Sequence[str], most: int, caps: Sequence[float]) -> Iterator[str]:
@@ -121,13 +132,13 @@ def against(names: Sequence[str], most: int, caps: Sequence[float]) -> Iterator[
             yield f"| {name}, modes to {upto} | {' | '.join(cells)} (to {found.bound:.1f}) |"
 
 
-def gridded(names: Sequence[str], nodes: Sequence[int],
-            settings: Sequence[tuple[int, float, float]]) -> Iterator[str]:
+def gridded(
+    names: Sequence[str], nodes: Sequence[int], settings: Sequence[tuple[int, float, float]]
+) -> Iterator[str]:
     """Rows of the second table: n for two rods; n, tolL [m] and tolM [N m] for three."""
     for name in names:
         a, given, _ = CASES[name]
-        s, known = state(a, **given), len(solutions(
-            a, modes=1, most_load=20.0, **given))
+        s, known = state(a, **given), len(solutions(a, modes=1, most_load=20.0, **given))
         if a is not PAIR:
             yield from (of_three(name, s, setting, known) for setting in settings)
             continue
@@ -142,12 +153,23 @@ def of_three(name: str, s: RodState, setting: tuple[int, float, float], known: i
     return row(name, setting, grid, known, seconds, printed)
 
 
-def row(name: str, setting: tuple[object, ...], grid: Grid, known: int, seconds: float,
-        printed: tuple[int, int] | None = None) -> str:
-    theirs = ("| |" if printed is None else f"{printed[0]}, {printed[1]} | "
-              f"{1e3 * printed[1] / grid.nodes:.0f} |")
-    return (f"| {name} | {' | '.join(map(str, setting))} | {grid.nodes:,} | {grid.starts:,} | "
-            f"{grid.found} | {known} | {seconds:.1f} | {1e6 * seconds / grid.nodes:.1f} | {theirs}")
+def row(
+    name: str,
+    setting: tuple[object, ...],
+    grid: Grid,
+    known: int,
+    seconds: float,
+    printed: tuple[int, int] | None = None,
+) -> str:
+    theirs = (
+        "| |"
+        if printed is None
+        else f"{printed[0]}, {printed[1]} | {1e3 * printed[1] / grid.nodes:.0f} |"
+    )
+    return (
+        f"| {name} | {' | '.join(map(str, setting))} | {grid.nodes:,} | {grid.starts:,} | "
+        f"{grid.found} | {known} | {seconds:.1f} | {1e6 * seconds / grid.nodes:.1f} | {theirs}"
+    )
 
 
 TAIL = """
@@ -168,12 +190,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = parser.parse_args(argv)
     names = ("2RFR, Table 7", "3PFR, annex") if given.quick else tuple(CASES)
     caps = (20.0,) if given.quick else CAPS
-    table = AGAINST.rstrip("\n").format(heads=" | ".join(f"to {cap:g}" for cap in caps),
-                                        lines="---|" * len(caps))
+    table = AGAINST.rstrip("\n").format(
+        heads=" | ".join(f"to {cap:g}" for cap in caps), lines="---|" * len(caps)
+    )
     most = 1 if given.quick else 3
     grids = gridded(names, *(((3,), ((3, 0.5, 1.0),)) if given.quick else (NODES, tuple(PRINTED))))
-    text = "\n".join([HEAD.rstrip("\n"), *searched(names, most), table,
-                      *against(names, most, caps), GRIDS.rstrip("\n"), *grids, TAIL])
+    text = "\n".join(
+        [
+            HEAD.rstrip("\n"),
+            *searched(names, most),
+            table,
+            *against(names, most, caps),
+            GRIDS.rstrip("\n"),
+            *grids,
+            TAIL,
+        ]
+    )
     if given.output:
         given.output.write_text(text)
     print(text)

@@ -63,8 +63,10 @@ def main(argv: Sequence[str] | None = None) -> None:
                 whole.append(curves.seconds)
                 steps = curves.steps
             ratio = min(whole) / min(alone)
-            print(f"{name:<18}{solver:<16}{steps:>8}{min(alone):>10.4f}{min(whole):>10.4f}"
-                  f"{ratio:>8.3f}")
+            print(
+                f"{name:<18}{solver:<16}{steps:>8}{min(alone):>10.4f}{min(whole):>10.4f}"
+                f"{ratio:>8.3f}"
+            )
 
 
 if __name__ == "__main__":

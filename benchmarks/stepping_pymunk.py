@@ -1,6 +1,6 @@
 """What recording costs: a recorded run against the bare loop (drive, step) of its space.
 
-    python -m benchmarks.stepping_pymunk [samples] [--quick]
+python -m benchmarks.stepping_pymunk [samples] [--quick]
 """
 
 import time
@@ -45,8 +45,10 @@ def main(argv: Sequence[str] | None = None) -> None:
                     aim(drives, target)
                     step(dt)
             times.append(time.perf_counter() - began)
-    print(f"{len(targets)} steps, {per} a sample: bare {min(bare):.4f} s, "
-          f"recorded {min(recorded):.4f} s, ratio {min(recorded) / min(bare):.3f}")
+    print(
+        f"{len(targets)} steps, {per} a sample: bare {min(bare):.4f} s, "
+        f"recorded {min(recorded):.4f} s, ratio {min(recorded) / min(bare):.3f}"
+    )
 
 
 if __name__ == "__main__":

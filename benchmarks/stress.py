@@ -27,8 +27,18 @@ from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.stress import kept, stress, write_boundaries
 from proofmass.wording import number
 
-CASES = ("fourbar", "slider_crank", "double_rocker", "change_point", "fivebar", "pendulum",
-         "fourbar_released", "balancer_sine", "rod_cantilever", "rod_snap")
+CASES = (
+    "fourbar",
+    "slider_crank",
+    "double_rocker",
+    "change_point",
+    "fivebar",
+    "pendulum",
+    "fourbar_released",
+    "balancer_sine",
+    "rod_cantilever",
+    "rod_snap",
+)
 HEAD = """# Where it breaks
 
 `python -m benchmarks.stress` made this; `proofmass stress` and `proofmass stress CASE` do the same
@@ -110,11 +120,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         store = Store(folder / "runs")
         with pool() as workers:
             known = stress([kept(one, store) for one in islice(probes(), most)], workers)
-            cases = {name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))),
-                                    store)
-                     for name in (("pendulum",) if given.quick else CASES)}
-            turned = stress([one for sought, _ in cases.values() for one in sought[:most]],
-                            workers)
+            cases = {
+                name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
+                for name in (("pendulum",) if given.quick else CASES)
+            }
+            turned = stress([one for sought, _ in cases.values() for one in sought[:most]], workers)
         write_boundaries([*known, *turned], folder / "stress.csv")
         with rc_context(RC):
             save(stress_sheet(known), docs / "stress")
@@ -127,20 +137,27 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def kinds() -> str:
     """What the kinds of limits are, as a list."""
-    return "\n".join(fill(f"- *{kind}*: {kind.sentence}.", 99, subsequent_indent="  ")
-                     for kind in BoundaryKind)
+    return "\n".join(
+        fill(f"- *{kind}*: {kind.sentence}.", 99, subsequent_indent="  ") for kind in BoundaryKind
+    )
 
 
 def beside(known: Sequence[Boundary]) -> Iterator[str]:
     """The table of what theory knows."""
     furthest = max(known, key=lambda one: abs(one.ratio - 1) if one.ratio == one.ratio else 9e9)
-    yield KNOWN.format(near=sum(abs(one.ratio - 1) <= NEAR for one in known), all=len(known),
-                       within=NEAR, furthest=number(furthest.ratio, 4))
+    yield KNOWN.format(
+        near=sum(abs(one.ratio - 1) <= NEAR for one in known),
+        all=len(known),
+        within=NEAR,
+        furthest=number(furthest.ratio, 4),
+    )
     yield "| model | solver | knob | measured | kind | theory | ratio | law |"
     yield "|---|---|---|---|---|---|---|---|"
     for one in known:
-        yield (f"| {one.what} | {one.setting} | {one.knob} | {reached(one)} | {one.limit} | "
-               f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |")
+        yield (
+            f"| {one.what} | {one.setting} | {one.knob} | {reached(one)} | {one.limit} | "
+            f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |"
+        )
 
 
 def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Iterator[str]:
@@ -150,8 +167,10 @@ def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Ite
     yield "|---|---|---|---|---|---|"
     for one in found:
         theory = number(one.theory) if one.theory == one.theory else ""
-        yield (f"| {one.knob} | {number(one.start)} | {one.engine}, {one.setting} | "
-               f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |")
+        yield (
+            f"| {one.knob} | {number(one.start)} | {one.engine}, {one.setting} | "
+            f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |"
+        )
     yield f"\nNot turned: {'; '.join(skipped)}."
 
 

@@ -30,8 +30,9 @@ def slider_crank(poses: int) -> Linkage:
     """Crank 1, coupler 2, guide along x; its last component is the slider."""
     base, near, far = Ground(0.0, 0.0), Ground(2.0, 0.0), Ground(3.0, 0.0)
     crank = Crank(anchor=base, radius=1.0, angular_velocity=2.0 * np.pi / poses)
-    slider = RRPDyad(revolute_anchor=crank.output, line_anchor1=near, line_anchor2=far,
-                     distance=2.0)
+    slider = RRPDyad(
+        revolute_anchor=crank.output, line_anchor1=near, line_anchor2=far, distance=2.0
+    )
     return turning(Linkage([base, near, far, crank, slider]), crank)
 
 
@@ -51,16 +52,27 @@ def rows(mechanism: str, build: Callable[[int], Linkage], few: int, many: int) -
     slow, fast = build(few), build(many)
     return [
         Row(mechanism, "pylinkage step", "p", few, lambda: list(slow.step(few))),
-        Row(mechanism, "pylinkage step_with_derivatives", "p v a", few,
-            lambda: list(slow.step_with_derivatives(few))),
+        Row(
+            mechanism,
+            "pylinkage step_with_derivatives",
+            "p v a",
+            few,
+            lambda: list(slow.step_with_derivatives(few)),
+        ),
         Row(mechanism, "pylinkage step_fast, numba", "p", many, lambda: fast.step_fast(many)),
-        Row(mechanism, "pylinkage step_fast_with_kinematics", "p v a", many,
-            lambda: fast.step_fast_with_kinematics(many)),
+        Row(
+            mechanism,
+            "pylinkage step_fast_with_kinematics",
+            "p v a",
+            many,
+            lambda: fast.step_fast_with_kinematics(many),
+        ),
     ]
 
 
-def difference(build: Callable[[int], Linkage], truth: Callable[[Array], Array], many: int
-               ) -> float:
+def difference(
+    build: Callable[[int], Linkage], truth: Callable[[Array], Array], many: int
+) -> float:
     """Largest error of position, velocity and acceleration of a turn; truth gives (3, n, 2)."""
     found = np.array(build(many).step_fast_with_kinematics(many))[:, :, -1]
     return float(np.abs(found - truth(angles(many))).max())

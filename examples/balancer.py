@@ -32,10 +32,14 @@ def main(sidecar: Path) -> None:
         degrees = np.radians(np.arange(1, 91))  # where the source of the model compares
         off = np.interp(degrees, angle, moment) - weight * np.sin(degrees)
         rms = np.sqrt(np.mean(off**2))
-        print(f"{engine:8}0 to {np.degrees(angle[-1]):.0f} degrees: rms of moment - m g r sin "
-              f"{rms / weight:.4f} m g r")
-        print(f"{'':8}work {work:.3f} J, energy of the springs {energy[-1] - energy[0]:.3f} J, "
-              f"energy of the weight {weight * (1 - np.cos(angle[-1])):.3f} J")
+        print(
+            f"{engine:8}0 to {np.degrees(angle[-1]):.0f} degrees: rms of moment - m g r sin "
+            f"{rms / weight:.4f} m g r"
+        )
+        print(
+            f"{'':8}work {work:.3f} J, energy of the springs {energy[-1] - energy[0]:.3f} J, "
+            f"energy of the weight {weight * (1 - np.cos(angle[-1])):.3f} J"
+        )
 
 
 if __name__ == "__main__":

@@ -28,8 +28,10 @@ def main(sidecar: Path) -> int:
             print(f"{run:9}{solver:16}is shown, not checked: no tolerance covers it")
             continue
         worst = max(checked, key=lambda c: c.error_max / c.allowed)
-        print(f"{run:9}{solver:16}{worst.outcome}: {worst.channel} is off by {worst.error_max:.1e} "
-              f"{worst.unit}, allowed {worst.allowed:.1e}")
+        print(
+            f"{run:9}{solver:16}{worst.outcome}: {worst.channel} is off by {worst.error_max:.1e} "
+            f"{worst.unit}, allowed {worst.allowed:.1e}"
+        )
         for name, change in worst.would_notice.items():
             if change.relative and name in ("crank", "coupler", "rocker"):
                 print(f"{'':25}a {name} longer by {change.size:.0e} of its length would be noticed")

@@ -22,19 +22,36 @@ GRAVITY, LENGTH = 9.81, 1.0  # m/s2, m: of the model
 def main(folder: Path) -> None:
     """Choose, run, and read the curves of the program."""
     program, curves = folder / "run.py", folder / "curves.csv"
-    command = [sys.executable, "-m", "proofmass", "choose", MODELS / "linkages" / "pendulum.toml",
-               "--error", str(ERROR), "--solver", "mujoco", "--budget", "20",
-               "--store", folder / "trade", "-o", program]
+    command = [
+        sys.executable,
+        "-m",
+        "proofmass",
+        "choose",
+        MODELS / "linkages" / "pendulum.toml",
+        "--error",
+        str(ERROR),
+        "--solver",
+        "mujoco",
+        "--budget",
+        "20",
+        "--store",
+        folder / "trade",
+        "-o",
+        program,
+    ]
     subprocess.run([str(part) for part in command], check=True, capture_output=True)
     print(program.read_text(encoding="utf-8").split('"""')[1].split("\n\n")[1])
 
     # -I: an interpreter that sees no environment and no folder, so no proofmass is needed
-    subprocess.run([sys.executable, "-I", str(program), str(curves)], check=True,
-                   capture_output=True)
+    subprocess.run(
+        [sys.executable, "-I", str(program), str(curves)], check=True, capture_output=True
+    )
     table = np.genfromtxt(curves, delimiter=",", names=True)
-    energy = 0.5 * (LENGTH * table["rate"])**2 - GRAVITY * LENGTH * np.cos(table["angle"])
-    print(f"{table.size} samples; the energy changes by at most "
-          f"{np.ptp(energy) / (GRAVITY * LENGTH):.1e} of m g L")
+    energy = 0.5 * (LENGTH * table["rate"]) ** 2 - GRAVITY * LENGTH * np.cos(table["angle"])
+    print(
+        f"{table.size} samples; the energy changes by at most "
+        f"{np.ptp(energy) / (GRAVITY * LENGTH):.1e} of m g L"
+    )
 
 
 if __name__ == "__main__":

@@ -31,10 +31,17 @@ def main(folder: Path) -> None:
     curves = solve(case, "sweep", "mujoco")  # in a process of its own
     (crank,), _, _ = curves.drive  # value, rate and acceleration of the drives as they really moved
     table = np.column_stack([curves.x, *curves.channels.values()])
-    np.savetxt(folder / "fourbar.csv", table, delimiter=",", comments="",
-               header=",".join(["crank", *curves.channels]))
-    print(f"{table.shape[0]} samples of {len(curves.channels)} channels, crank 0 to "
-          f"{crank[-1]:.4f} rad, loops open by at most {curves.gap:.0e} m")
+    np.savetxt(
+        folder / "fourbar.csv",
+        table,
+        delimiter=",",
+        comments="",
+        header=",".join(["crank", *curves.channels]),
+    )
+    print(
+        f"{table.shape[0]} samples of {len(curves.channels)} channels, crank 0 to "
+        f"{crank[-1]:.4f} rad, loops open by at most {curves.gap:.0e} m"
+    )
 
     lengths = [case.parameters[name] for name in ("crank", "coupler", "rocker", "ground")]
     a, b, c, d = map(float, lengths)

@@ -39,7 +39,7 @@ def record(file: Path, offset: float) -> None:
     lines = ["t [s],crank [deg],crank rate [deg/s],crank acceleration [deg/s^2],slider [mm]"]
     for time in np.linspace(0.0, 3.0, 181):
         turn = math.radians(120 * time)
-        slider = 1000 * (math.cos(turn) + math.sqrt(4 - math.sin(turn)**2)) + offset
+        slider = 1000 * (math.cos(turn) + math.sqrt(4 - math.sin(turn) ** 2)) + offset
         lines.append(f"{time:.6f},{120 * time:.6f},120,0,{slider:.2f}")
     file.write_text("\n".join(lines), encoding="utf-8")
 

@@ -34,8 +34,10 @@ def main() -> None:
             print(f"{engine:8}{segments:4} segments: tip at {height:.5f} m")
         coarse, middle, fine = heights
         order = math.log2(abs((coarse - middle) / (middle - fine)))
-        print(f"{'':8}order {order:.2f}; limit {fine + (fine - middle) / 3:.5f} m, printed "
-              f"{PRINTED} m")
+        print(
+            f"{'':8}order {order:.2f}; limit {fine + (fine - middle) / 3:.5f} m, printed "
+            f"{PRINTED} m"
+        )
 
 
 if __name__ == "__main__":

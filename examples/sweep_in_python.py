@@ -25,21 +25,27 @@ def main() -> None:
     drive = case.drive[0].model_copy(update={"start": 0.5, "to": 0.5 + 2 * math.pi / 3})
     run = case.run["sweep"].model_copy(update={"n": SAMPLES})
     case = case.model_copy(update={"drive": (drive,), "run": {"sweep": run}})
-    a, b, c, gravity = (float(case.parameters[name])
-                        for name in ("crank", "coupler", "rocker", "gravity"))
+    a, b, c, gravity = (
+        float(case.parameters[name]) for name in ("crank", "coupler", "rocker", "gravity")
+    )
     m = [float(case.parameters[f"{name}_mass"]) for name in ("crank", "coupler", "rocker")]
 
     for engine in ("mujoco", "pymunk"):
         curves = solve(case, "sweep", engine)
         crank, channels = curves.x, curves.channels
         coupler, rocker = channels["coupler.angle"], channels["rocker"]
-        heights = (a / 2 * np.sin(crank), a * np.sin(crank) + b / 2 * np.sin(coupler),
-                   c / 2 * np.sin(rocker))  # of the centres of three uniform bars
+        heights = (
+            a / 2 * np.sin(crank),
+            a * np.sin(crank) + b / 2 * np.sin(coupler),
+            c / 2 * np.sin(rocker),
+        )  # of the centres of three uniform bars
         energy = gravity * sum(mass * height for mass, height in zip(m, heights, strict=True))
         moment = channels["holding_moment"]
         work = simpson(moment, crank)
-        print(f"{engine:8}moment {moment[0]:.3f} to {moment[-1]:.3f} N m, work {work:.5f} J, "
-              f"energy {energy[-1] - energy[0]:.5f} J")
+        print(
+            f"{engine:8}moment {moment[0]:.3f} to {moment[-1]:.3f} N m, work {work:.5f} J, "
+            f"energy {energy[-1] - energy[0]:.5f} J"
+        )
 
 
 def simpson(y: np.ndarray, x: np.ndarray) -> float:

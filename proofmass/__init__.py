@@ -18,13 +18,30 @@ if TYPE_CHECKING:
 
     __version__: str
 
-PUBLIC = {"Case": "case", "load_case": "sidecar", "check": "check", "Comparison": "compare",
-          "compare": "compare", "InputError": "errors", "evaluate": "reference",
-          "Curves": "sim.protocol", "solve": "solve"}
+PUBLIC = {
+    "Case": "case",
+    "load_case": "sidecar",
+    "check": "check",
+    "Comparison": "compare",
+    "compare": "compare",
+    "InputError": "errors",
+    "evaluate": "reference",
+    "Curves": "sim.protocol",
+    "solve": "solve",
+}
 """Modules by the names that they give to the package; they are imported when a name is used."""
 
-__all__ = ["Case", "Comparison", "Curves", "InputError", "check", "compare", "evaluate",
-           "load_case", "solve"]
+__all__ = [
+    "Case",
+    "Comparison",
+    "Curves",
+    "InputError",
+    "check",
+    "compare",
+    "evaluate",
+    "load_case",
+    "solve",
+]
 
 
 class Package(ModuleType):

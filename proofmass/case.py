@@ -59,8 +59,10 @@ class DriveTable(Strict):
     def _named(cls, law: Any) -> Any:
         columns = isinstance(law, list | tuple) and [type(c) for c in law] == [str] * 3
         if law is not None and not isinstance(law, str) and not columns:
-            raise ValueError(f"{law!r} is neither the name of a function of the reference's module "
-                             f"nor three columns of a recorded curve: [value, rate, acceleration]")
+            raise ValueError(
+                f"{law!r} is neither the name of a function of the reference's module "
+                f"nor three columns of a recorded curve: [value, rate, acceleration]"
+            )
         return law
 
     @property
@@ -176,9 +178,11 @@ class Tolerance(Strict):
 
     def covers(self, run: str, solver: str, name: str, unit: str) -> bool:
         """Whether this tolerance speaks of that channel of that solver in that run."""
-        return (self.is_for(run, solver)
-                and ("*" in self.unit or unit in self.unit)
-                and any(fnmatchcase(name, c) for c in self.channels))
+        return (
+            self.is_for(run, solver)
+            and ("*" in self.unit or unit in self.unit)
+            and any(fnmatchcase(name, c) for c in self.channels)
+        )
 
     def allowed(self, scale: float) -> float:
         """The largest error allowed on a curve of that range or size, in the curve's unit."""
@@ -264,7 +268,9 @@ class RodTable(Strict):
     stiffness: float = Field(gt=0)
     segments: Segments = Field(20, ge=2)
     ends: tuple[Literal["clamped", "pinned"], Literal["clamped", "pinned", "free"]] = (
-        "clamped", "pinned")
+        "clamped",
+        "pinned",
+    )
     scheme: Literal["half", "double", "naive"] = "half"
     mass: float | None = Field(None, gt=0)
     turn: float = 0.0
@@ -279,8 +285,10 @@ class RodTable(Strict):
     @model_validator(mode="after")
     def _held(self) -> "RodTable":
         if (self.to is None) != (self.ends[1] == "free"):
-            raise ValueError(f"its far end is {self.ends[1]}: " + (
-                "give to = the site that holds it" if self.to is None else "leave out to"))
+            raise ValueError(
+                f"its far end is {self.ends[1]}: "
+                + ("give to = the site that holds it" if self.to is None else "leave out to")
+            )
         if self.ends[1] == "clamped" and self.scheme != "half":
             raise ValueError(f"scheme {self.scheme!r} has no clamp at the far end; use half")
         if self.ends == ("pinned", "free"):
@@ -289,8 +297,18 @@ class RodTable(Strict):
 
     def built(self, name: str) -> Rod:
         """What a simulator is asked to build."""
-        return Rod(name, self.start, self.to, self.length, self.stiffness, self.segments,
-                   self.ends, self.scheme, self.mass, self.turn)
+        return Rod(
+            name,
+            self.start,
+            self.to,
+            self.length,
+            self.stiffness,
+            self.segments,
+            self.ends,
+            self.scheme,
+            self.mass,
+            self.turn,
+        )
 
 
 class Refine(Strict):
@@ -421,14 +439,18 @@ class Case(Strict):
             if drive.joint in [d.joint for d in drives[:k]]:
                 raise ValueError(f"joint {drive.joint!r} is driven twice")
             if k and drive.to is not None and drives[0].to is None:
-                raise ValueError(f"joint {drive.joint!r} has from and to, but the first drive has "
-                                 f"none to be in proportion with; leave them out or give a law")
+                raise ValueError(
+                    f"joint {drive.joint!r} has from and to, but the first drive has "
+                    f"none to be in proportion with; leave them out or give a law"
+                )
             alone = k and drive.to is None and drive.law is None
             if alone and drives[0].to is not None:
                 raise ValueError(f"joint {drive.joint!r} needs from and to")
             if alone and not isinstance(drives[0].law, str):
-                raise ValueError(f"joint {drive.joint!r} needs law = [value, rate, acceleration], "
-                                 f"three columns of its own")
+                raise ValueError(
+                    f"joint {drive.joint!r} needs law = [value, rate, acceleration], "
+                    f"three columns of its own"
+                )
         return drives
 
     @model_validator(mode="after")
@@ -438,12 +460,20 @@ class Case(Strict):
         if "rest" in self.run:
             self._restful()
         if self.recorded and not (self.file.parent / self.reference).is_file():
-            raise ValueError(f"reference: no such recorded curve: there is no file "
-                             f"{self.reference!r} beside the sidecar")
+            raise ValueError(
+                f"reference: no such recorded curve: there is no file "
+                f"{self.reference!r} beside the sidecar"
+            )
         for kind, run in self.run.items():
             if (run.n is None) != self.recorded:
-                raise ValueError(f"run.{kind}.n " + ("is given by the recorded curve; leave it out"
-                                                     if self.recorded else "is missing: samples"))
+                raise ValueError(
+                    f"run.{kind}.n "
+                    + (
+                        "is given by the recorded curve; leave it out"
+                        if self.recorded
+                        else "is missing: samples"
+                    )
+                )
             if kind == "duration" and not (self.drive or run.until or self.recorded):
                 raise ValueError(f"run.{kind}.until is missing: the last time [s]")
             for solver in run.solvers:
@@ -468,8 +498,9 @@ class Case(Strict):
         there = self.channels_of(self.refine.run)
         for pattern in self.refine.channels:
             if not any(fnmatchcase(name, pattern) for name in there):
-                raise ValueError(f"refine.channels: {pattern!r} matches nothing; "
-                                 f"{suggest(pattern, there)}")
+                raise ValueError(
+                    f"refine.channels: {pattern!r} matches nothing; {suggest(pattern, there)}"
+                )
         return self
 
     @model_validator(mode="after")
@@ -477,13 +508,16 @@ class Case(Strict):
         solvers = [solver for run in self.run.values() for solver in run.solvers]
         for name in self.settings:
             if name not in solvers:
-                raise ValueError(f'settings."{name}": no run has this solver; '
-                                 f"{suggest(name, solvers)}")
+                raise ValueError(
+                    f'settings."{name}": no run has this solver; {suggest(name, solvers)}'
+                )
         for name, channel in self.channels.items():
             self._has_run(f"channels.{name}.only", channel.only)
         if self.unchecked and (self.tolerance or self.refine):
-            raise ValueError("unchecked = true says that nothing is checked: leave it out, or the "
-                             "tolerances and refine")
+            raise ValueError(
+                "unchecked = true says that nothing is checked: leave it out, or the "
+                "tolerances and refine"
+            )
         for k, tolerance in enumerate(self.tolerance):
             self._has_run(f"tolerance.{k}.run", tolerance.run)
             self._match(f"tolerance.{k}", tolerance)
@@ -496,8 +530,10 @@ class Case(Strict):
         for kind in (k for k in runs if k in self.run):
             if all(self.channels[n].only in (None, kind) for n in names):
                 return kind
-        raise ValueError(f"view {view.title!r}: no run.{view.run or '*'} records its channels "
-                         f"{', '.join(names) or '(it names none)'}")
+        raise ValueError(
+            f"view {view.title!r}: no run.{view.run or '*'} records its channels "
+            f"{', '.join(names) or '(it names none)'}"
+        )
 
     def _restful(self) -> None:
         shortest = min((rod.length for rod in self.rod.values()), default=None)
@@ -511,30 +547,40 @@ class Case(Strict):
             raise ValueError(f"{key}: there is no run.{kind}; there are: {', '.join(self.run)}")
 
     def _match(self, place: str, tolerance: Tolerance) -> None:
-        """Raise ValueError for a pattern that matches no name, and if all together cover nothing.
-        """
-        there = {"solver": [s for run in self.run.values() for s in run.solvers],
-                 "unit": [channel.unit for channel in self.channels.values()],
-                 "channels": list(self.channels)}
+        """Raise ValueError for a pattern that matches no name, or if all together cover nothing."""
+        there = {
+            "solver": [s for run in self.run.values() for s in run.solvers],
+            "unit": [channel.unit for channel in self.channels.values()],
+            "channels": list(self.channels),
+        }
         for key, names in there.items():
             for pattern in getattr(tolerance, key):
                 literal = key == "unit" and pattern != "*"
-                if not any(name == pattern if literal else fnmatchcase(name, pattern)
-                           for name in names):
-                    raise ValueError(f"{place}.{key}: {pattern!r} matches nothing; "
-                                     f"{suggest(pattern, names)}")
-        if not any(tolerance.covers(kind, solver, name, channel.unit)
-                   for kind, run in self.run.items() for solver in run.solvers
-                   for name, channel in self.channels_of(kind).items()):
-            raise ValueError(f"{place}: it covers nothing: no channel of its run and its solvers "
-                             f"has both one of its names and one of its units")
+                if not any(
+                    name == pattern if literal else fnmatchcase(name, pattern) for name in names
+                ):
+                    raise ValueError(
+                        f"{place}.{key}: {pattern!r} matches nothing; {suggest(pattern, names)}"
+                    )
+        if not any(
+            tolerance.covers(kind, solver, name, channel.unit)
+            for kind, run in self.run.items()
+            for solver in run.solvers
+            for name, channel in self.channels_of(kind).items()
+        ):
+            raise ValueError(
+                f"{place}: it covers nothing: no channel of its run and its solvers "
+                f"has both one of its names and one of its units"
+            )
 
     def _overlap(self, kind: Kind, solver: str) -> None:
         for name, channel in self.channels.items():
             hits = [t for t in self.tolerance if t.covers(kind, solver, name, channel.unit)]
             if len(hits) > 1:
-                raise ValueError(f"{len(hits)} tolerances cover channel {name!r} of {solver} in "
-                                 f"{kind}; exactly one may")
+                raise ValueError(
+                    f"{len(hits)} tolerances cover channel {name!r} of {solver} in "
+                    f"{kind}; exactly one may"
+                )
 
     def channels_of(self, kind: str) -> dict[str, Channel]:
         """The channels that a run records."""
@@ -544,5 +590,3 @@ class Case(Strict):
         """The tolerance of a channel, or None: it is then shown but not checked."""
         unit = self.channels[name].unit
         return next((t for t in self.tolerance if t.covers(kind, solver, name, unit)), None)
-
-

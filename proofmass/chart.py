@@ -51,19 +51,29 @@ def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
     """
     there = drawers(case)
     if table.draw not in there:
-        raise InputError(case.file, place(case, table, "draw"), f"{case.reference} has no chart "
-                         f"{table.draw!r}; there are: {', '.join(there) or 'none'}")
+        raise InputError(
+            case.file,
+            place(case, table, "draw"),
+            f"{case.reference} has no chart "
+            f"{table.draw!r}; there are: {', '.join(there) or 'none'}",
+        )
     signature = inspect.signature(there[table.draw])
     takes = {name: p for name, p in signature.parameters.items() if p.kind in NAMED}
     for name in table.parameters:
         if name not in takes:
-            raise InputError(case.file, place(case, table, f"parameters.{name}"),
-                             f"{table.draw}() has no such parameter; known: {', '.join(takes)}")
+            raise InputError(
+                case.file,
+                place(case, table, f"parameters.{name}"),
+                f"{table.draw}() has no such parameter; known: {', '.join(takes)}",
+            )
     given = {n: v for n, v in {**case.parameters, **table.parameters}.items() if n in takes}
     lacking = [n for n, p in takes.items() if p.default is p.empty and n not in given]
     if lacking:
-        raise InputError(case.file, place(case, table, "parameters"), f"{table.draw}() also needs "
-                         f"{', '.join(lacking)}")
+        raise InputError(
+            case.file,
+            place(case, table, "parameters"),
+            f"{table.draw}() also needs {', '.join(lacking)}",
+        )
     return partial(there[table.draw], **given)
 
 
@@ -72,8 +82,11 @@ def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
     truth = module_of(case)
     if isinstance(truth, Recorded):
         return {}
-    return {name: f for name, f in inspect.getmembers(truth, inspect.isfunction)
-            if inspect.signature(f).return_annotation is Chart}
+    return {
+        name: f
+        for name, f in inspect.getmembers(truth, inspect.isfunction)
+        if inspect.signature(f).return_annotation is Chart
+    }
 
 
 def place(case: Case, table: ChartTable, key: str) -> str:

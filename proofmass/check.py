@@ -56,8 +56,7 @@ class Result:
         """Cases that ran and of which nothing was checked, though the sidecar does not say so."""
         ran = {c.case for c in self.comparisons}
         checked = {c.case for c in self.comparisons if c.outcome not in OPEN}
-        return [case for case in self.cases
-                if case.name in ran - checked and not case.unchecked]
+        return [case for case in self.cases if case.name in ran - checked and not case.unchecked]
 
 
 def find(paths: Iterable[Path]) -> Iterator[Path]:
@@ -89,11 +88,17 @@ def search_folder(folder: Path) -> Iterator[Path]:
     nothing = True
     for place, folders, files in os.walk(folder, onerror=unreadable.append):
         there = [Path(place) / name for name in sorted(files + folders)]
-        folders[:] = sorted(name for name in folders
-                            if not name.startswith(".") and not name.endswith((".toml", ".xml")))
+        folders[:] = sorted(
+            name
+            for name in folders
+            if not name.startswith(".") and not name.endswith((".toml", ".xml"))
+        )
         found = [file for file in there if file.suffix == ".toml"]
-        found += [file for file in there
-                  if file.suffix == ".xml" and not file.with_suffix(".toml").exists()]
+        found += [
+            file
+            for file in there
+            if file.suffix == ".xml" and not file.with_suffix(".toml").exists()
+        ]
         nothing = nothing and not found
         yield from found
     for error in unreadable:
@@ -115,8 +120,11 @@ def family_of(file: Path, paths: Iterable[Path]) -> str:
     folder = file.parent
     given = [path for path in paths if folder.is_relative_to(path)]
     nearest = max(given, key=lambda path: len(path.parts), default=folder)
-    return (folder.relative_to(nearest).as_posix() if folder != nearest
-            else Path(os.path.abspath(folder)).name)
+    return (
+        folder.relative_to(nearest).as_posix()
+        if folder != nearest
+        else Path(os.path.abspath(folder)).name
+    )
 
 
 def require_different_names(cases: Iterable[Case]) -> None:
@@ -157,8 +165,12 @@ def load(path: Path, strict: bool = False) -> Case:
     """
     case = read(path)
     try:
-        isolated(validate, case, timeout=max(run.timeout for run in case.run.values()),
-                 memory=max(run.memory for run in case.run.values()))
+        isolated(
+            validate,
+            case,
+            timeout=max(run.timeout for run in case.run.values()),
+            memory=max(run.memory for run in case.run.values()),
+        )
     except InputError:
         raise
     except Exception as error:  # the runs meet it as well, and say what it is
@@ -167,8 +179,9 @@ def load(path: Path, strict: bool = False) -> Case:
     return case
 
 
-def run_one(case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
-            ) -> tuple[list[Comparison], Curves | None]:
+def run_one(
+    case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
+) -> tuple[list[Comparison], Curves | None]:
     """Run and compare one solver; a run that is lost gives comparisons that say so.
 
     The model is compiled and the reference evaluated in the run's own process, within its limits.
@@ -176,23 +189,29 @@ def run_one(case: Case, kind: Kind, solver: str, hold: Callable[..., list[Compar
     """
     limits = case.run[kind]
     try:
-        return isolated(measured, case, kind, solver, hold, timeout=limits.timeout,
-                        memory=limits.memory)
+        return isolated(
+            measured, case, kind, solver, hold, timeout=limits.timeout, memory=limits.memory
+        )
     except Unsupported as error:
-        raise InputError(case.file, f"run.{kind}.solvers", f"{solver} cannot run {case.model}: "
-                         f"{error}; leave it out") from None
+        raise InputError(
+            case.file,
+            f"run.{kind}.solvers",
+            f"{solver} cannot run {case.model}: {error}; leave it out",
+        ) from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
         if isinstance(error, (TimedOut, OutOfMemory)):
             key = "timeout" if isinstance(error, TimedOut) else "memory"
             message += f"; {key} in [run.{kind}] allows more"
-    return [Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome,
-                       message=message)
-            for name, channel in case.channels_of(kind).items()], None
+    return [
+        Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome, message=message)
+        for name, channel in case.channels_of(kind).items()
+    ], None
 
 
-def measured(case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]]
-             ) -> tuple[list[Comparison], Curves]:
+def measured(
+    case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]]
+) -> tuple[list[Comparison], Curves]:
     """Do what `run_one` does, in this process; what nobody meant to raise is a crash."""
     try:
         mobility(case)
@@ -210,8 +229,12 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
     """The error of a sweep that ended early, at a limit position for one; its curves are kept."""
     if curves is None or not curves.stopped:
         return None
-    return InputError(case.file, "drive", f"the {solver} {kind} ends at sample {curves.x.size} of "
-                      f"{grid(case, kind).size}, which are kept: {curves.stopped}")
+    return InputError(
+        case.file,
+        "drive",
+        f"the {solver} {kind} ends at sample {curves.x.size} of "
+        f"{grid(case, kind).size}, which are kept: {curves.stopped}",
+    )
 
 
 def step_unchecked(model: Path) -> list[Comparison]:
@@ -225,12 +248,16 @@ def step_unchecked(model: Path) -> list[Comparison]:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
-    return [Comparison(model.stem, NATIVE, "duration", "", "", outcome=outcome, message=message,
-                       **cost)]
+    return [
+        Comparison(model.stem, NATIVE, "duration", "", "", outcome=outcome, message=message, **cost)
+    ]
 
 
-def check(paths: Iterable[Path | str] = ("models",), jobs: int | None = None,
-          progress: Callable[[str, int, int], None] = lambda *_: None) -> Result:
+def check(
+    paths: Iterable[Path | str] = ("models",),
+    jobs: int | None = None,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
+) -> Result:
     """Run every case below `paths` and hold it against its reference.
 
     Parameters
@@ -280,8 +307,13 @@ def planned(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask
     return tasks
 
 
-def done(tasks: list[CheckTask], result: Result, pool: Executor, jobs: int,
-         progress: Callable[[str, int, int], None]) -> dict[int, Ran]:
+def done(
+    tasks: list[CheckTask],
+    result: Result,
+    pool: Executor,
+    jobs: int,
+    progress: Callable[[str, int, int], None],
+) -> dict[int, Ran]:
     """What came of the tasks, by their numbers; those at fault are left out, and said in errors.
 
     A worker that is free goes on with a task of the case it had last: it has its model compiled,
@@ -294,8 +326,11 @@ def done(tasks: list[CheckTask], result: Result, pool: Executor, jobs: int,
     running, last = dict[Future[Ran], int](), list[Path]()
     while waiting or running:
         while waiting and len(running) < jobs:
-            k = take_task(waiting, last.pop() if last else None,
-                          {file_of(tasks[other]) for other in running.values()})
+            k = take_task(
+                waiting,
+                last.pop() if last else None,
+                {file_of(tasks[other]) for other in running.values()},
+            )
             running[pool.submit(one_task, tasks[k])] = k
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             k = running.pop(future)
@@ -306,9 +341,13 @@ def done(tasks: list[CheckTask], result: Result, pool: Executor, jobs: int,
                 if str(error) not in map(str, result.errors):
                     result.errors.append(error)
             except Exception as error:  # nothing may cost the other tasks their results
-                result.errors.append(InputError(
-                    file_of(tasks[k]), "", f"{label(tasks[k])} failed: "
-                    f"{type(error).__name__}: {error}"))
+                result.errors.append(
+                    InputError(
+                        file_of(tasks[k]),
+                        "",
+                        f"{label(tasks[k])} failed: {type(error).__name__}: {error}",
+                    )
+                )
             count = len(tasks) - len(running) - sum(map(len, waiting.values()))
             progress(label(tasks[k]), count, len(tasks))
     return outcomes

@@ -20,14 +20,20 @@ if TYPE_CHECKING:
     from proofmass.check import Result
     from proofmass.strict import Kind
 
-app = typer.Typer(help="Hold multibody simulators against mathematics.",
-                  no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(
+    help="Hold multibody simulators against mathematics.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
 design = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
 app.add_typer(design, name="design")
-Paths = Annotated[list[Path] | None, typer.Argument(
-    help="Sidecars, models or folders.", show_default="models/")]
-Longest = Annotated[float, typer.Option(help="Wall time after which a run is given up.",
-                                        metavar="SECONDS")]
+Paths = Annotated[
+    list[Path] | None, typer.Argument(help="Sidecars, models or folders.", show_default="models/")
+]
+Longest = Annotated[
+    float, typer.Option(help="Wall time after which a run is given up.", metavar="SECONDS")
+]
 Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
 Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
 
@@ -62,8 +68,9 @@ def show(result: "Result", every_channel: bool = False) -> None:
 @app.command("check")
 def check_command(
     paths: Paths = None,
-    json: Annotated[bool, typer.Option("--json", help="One object: comparisons, "
-                                       "errors, exit code.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="One object: comparisons, errors, exit code.")
+    ] = False,
     jobs: Jobs = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Every channel.")] = False,
 ) -> None:
@@ -85,11 +92,16 @@ def check_command(
 @app.command("report")
 def report_command(
     paths: Paths = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")]
-    = Path("reports"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")] = Path(
+        "reports"
+    ),
     jobs: Jobs = None,
-    study: Annotated[list[Path] | None, typer.Option(help="Folder of proofmass trade, stress or "
-                     "diet: its pages become part of the report.")] = None,
+    study: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Folder of proofmass trade, stress or diet: its pages become part of the report."
+        ),
+    ] = None,
 ) -> None:
     """Check every case and write HTML pages with overlay plots.
 
@@ -141,33 +153,70 @@ def design_command() -> None:
 
 @design.command("balancer")
 def balancer_command(
-    target: Annotated[str, typer.Option(help="Wanted moment: sine, "
-                      "progressive, progressive-degressive, degressive-progressive, laevo or "
-                      "sine180.")] = "sine",
-    table: Annotated[Path | None, typer.Option(help="Wanted moment over m g r as a CSV file, with "
-                     "the columns 'angle \\[deg]' and 'moment [1]', instead.")] = None,
+    target: Annotated[
+        str,
+        typer.Option(
+            help="Wanted moment: sine, "
+            "progressive, progressive-degressive, degressive-progressive, laevo or "
+            "sine180."
+        ),
+    ] = "sine",
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            help="Wanted moment over m g r as a CSV file, with "
+            "the columns 'angle \\[deg]' and 'moment [1]', instead."
+        ),
+    ] = None,
     segments: Annotated[int, typer.Option(help="3 or 4.")] = 3,
-    springs: Annotated[str, typer.Option(help="linear, nonlinear (one k and A for all joints) or "
-                       "each (a k and A of its own for each joint).")] = "linear",
+    springs: Annotated[
+        str,
+        typer.Option(
+            help="linear, nonlinear (one k and A for all joints) or "
+            "each (a k and A of its own for each joint)."
+        ),
+    ] = "linear",
     preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
     free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
     contact: Annotated[bool, typer.Option("--contact", help="Joint 2 meets a stop.")] = False,
     relaxed: Annotated[bool, typer.Option("--relaxed", help="Lengths from 0.1 to 0.9.")] = False,
-    elbow_down: Annotated[bool, typer.Option("--elbow-down", help="Of the last two segments at "
-                          "rest.")] = False,
-    bound: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH, instead of the usual "
-                     "bounds of a parameter; several times.")] = None,
-    power: Annotated[float, typer.Option(min=1, max=2, help="Of the error in the aim: 2 for the "
-                     "least error, 1 for the best work reduction.")] = 2.0,
+    elbow_down: Annotated[
+        bool, typer.Option("--elbow-down", help="Of the last two segments at rest.")
+    ] = False,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME=LOW:HIGH, instead of the usual bounds of a parameter; several times."
+        ),
+    ] = None,
+    power: Annotated[
+        float,
+        typer.Option(
+            min=1,
+            max=2,
+            help="Of the error in the aim: 2 for the least error, 1 for the best work reduction.",
+        ),
+    ] = 2.0,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same design.")] = 1,
     effort: Annotated[float, typer.Option(min=0.05, max=20, help="Times as many starts.")] = 1.0,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder.")] = Path("design"),
-    pareto: Annotated[bool, typer.Option("--pareto", help="Trade error for evenly shared energy "
-                      "as well.")] = False,
-    catalogue: Annotated[Path | None, typer.Option(help="CSV file 'spring,stiffness [N m/rad]' to "
-                         "choose the springs from.", show_default="907, 903, 908")] = None,
-    beside: Annotated[list[Path] | None, typer.Option(help="Sidecar of a balancer to draw beside "
-                      "it, such as models/balancers/balancer_sine.toml; several times.")] = None,
+    pareto: Annotated[
+        bool, typer.Option("--pareto", help="Trade error for evenly shared energy as well.")
+    ] = False,
+    catalogue: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file 'spring,stiffness [N m/rad]' to choose the springs from.",
+            show_default="907, 903, 908",
+        ),
+    ] = None,
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Sidecar of a balancer to draw beside "
+            "it, such as models/balancers/balancer_sine.toml; several times."
+        ),
+    ] = None,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
 
@@ -177,22 +226,45 @@ def balancer_command(
     """
     from proofmass.design.command import design_balancer
 
-    design_balancer(target, table, segments, springs, preload, free_angle, contact, relaxed,
-                    elbow_down, bound, power, seed, effort, output, pareto, catalogue, beside)
+    design_balancer(
+        target,
+        table,
+        segments,
+        springs,
+        preload,
+        free_angle,
+        contact,
+        relaxed,
+        elbow_down,
+        bound,
+        power,
+        seed,
+        effort,
+        output,
+        pareto,
+        catalogue,
+        beside,
+    )
 
 
 @app.command("trade")
 def trade_command(
     paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and finished "
-                      "runs.")] = Path("trade"),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for tables and finished runs.")
+    ] = Path("trade"),
     jobs: Jobs = None,
     dask: Dask = None,
     longest: Longest = LONGEST,
-    run: Annotated[Runs | None, typer.Option(help="Which run of the cases.", show_default="the "
-                   "first of these that a case has")] = None,
-    error: Annotated[Errors, typer.Option(help="Which errors the table shows; the files have all.")]
-    = Errors.position,
+    run: Annotated[
+        Runs | None,
+        typer.Option(
+            help="Which run of the cases.", show_default="the first of these that a case has"
+        ),
+    ] = None,
+    error: Annotated[
+        Errors, typer.Option(help="Which errors the table shows; the files have all.")
+    ] = Errors.position,
 ) -> None:
     """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
 
@@ -201,28 +273,57 @@ def trade_command(
     """
     from proofmass.studies.trade.trade_command import run_trade
 
-    run_trade(paths, output, jobs, dask, longest, cast("Kind | None", run and run.value),
-              error.value)
+    run_trade(
+        paths, output, jobs, dask, longest, cast("Kind | None", run and run.value), error.value
+    )
 
 
 @app.command("diet")
 def diet_command(
-    model: Annotated[Path, typer.Argument(help="MJCF file; sidecars beside it say what it is "
-                     "for.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The slim model; the table "
-                      "stands beside it.", show_default="diet/MODEL.xml")] = None,
-    seconds: Annotated[float, typer.Option(min=1e-3, help="To follow a model without a sidecar, "
-                       "from its key.")] = 5.0,
-    watch: Annotated[list[str] | None, typer.Option("--watch", help="A joint, body, site or sensor "
-                     "that matters; what does not act on it goes. Can be given again. Without it "
-                     "all that is measured, or moves, is watched.")] = None,
-    error: Annotated[float | None, typer.Option("--error", min=0.0, help="How far other options of "
-                     "the engine may take a channel from the fine solution, as a share of its "
-                     "range. Without a sidecar; a tenth more than now if not given.")] = None,
-    keep_options: Annotated[bool, typer.Option("--keep-options", help="The engine's options stay "
-                            "as they are; nothing goes but what changes no run.")] = False,
-    blind: Annotated[bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")]
-    = False,
+    model: Annotated[
+        Path, typer.Argument(help="MJCF file; sidecars beside it say what it is for.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The slim model; the table stands beside it.",
+            show_default="diet/MODEL.xml",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=1e-3, help="To follow a model without a sidecar, from its key.")
+    ] = 5.0,
+    watch: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--watch",
+            help="A joint, body, site or sensor "
+            "that matters; what does not act on it goes. Can be given again. Without it "
+            "all that is measured, or moves, is watched.",
+        ),
+    ] = None,
+    error: Annotated[
+        float | None,
+        typer.Option(
+            "--error",
+            min=0.0,
+            help="How far other options of "
+            "the engine may take a channel from the fine solution, as a share of its "
+            "range. Without a sidecar; a tenth more than now if not given.",
+        ),
+    ] = None,
+    keep_options: Annotated[
+        bool,
+        typer.Option(
+            "--keep-options",
+            help="The engine's options stay as they are; nothing goes but what changes no run.",
+        ),
+    ] = False,
+    blind: Annotated[
+        bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")
+    ] = False,
     jobs: Jobs = None,
     dask: Dask = None,
 ) -> None:
@@ -242,26 +343,43 @@ def diet_command(
 @app.command("choose")
 def choose_command(
     path: Annotated[Path, typer.Argument(help="A sidecar.", metavar="CASE")],
-    error: Annotated[float, typer.Option(help="Largest error, as a share of the range of the "
-                                         "reference.")],
+    error: Annotated[
+        float, typer.Option(help="Largest error, as a share of the range of the reference.")
+    ],
     of: Annotated[Errors, typer.Option(help="Of what.")] = Errors.position,
-    solver: Annotated[str, typer.Option(help="The only engine to choose from.",
-                                          show_default="any")] = "",
-    run: Annotated[Runs | None, typer.Option(help="Which run of the case.", show_default="the "
-                   "first of these that it has")] = None,
-    drive: Annotated[str, typer.Option(help="How the program moves its drives, a word of the "
-                                       "engine's such as servo; docs/studies.md has them.",
-                                       show_default="the first of these, which is ideal")] = "",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="A Python program that runs "
-                      "the motion with that setting, without proofmass.",
-                      show_default="lines to paste are printed")] = None,
-    store: Annotated[Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks "
-                                        "is run.")] = Path("trade"),
+    solver: Annotated[
+        str, typer.Option(help="The only engine to choose from.", show_default="any")
+    ] = "",
+    run: Annotated[
+        Runs | None,
+        typer.Option(help="Which run of the case.", show_default="the first of these that it has"),
+    ] = None,
+    drive: Annotated[
+        str,
+        typer.Option(
+            help="How the program moves its drives, a word of the "
+            "engine's such as servo; docs/studies.md has them.",
+            show_default="the first of these, which is ideal",
+        ),
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="A Python program that runs the motion with that setting, without proofmass.",
+            show_default="lines to paste are printed",
+        ),
+    ] = None,
+    store: Annotated[
+        Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks is run.")
+    ] = Path("trade"),
     jobs: Jobs = None,
     dask: Dask = None,
     longest: Longest = LONGEST,
-    budget: Annotated[float, typer.Option(help="Wall time [s] of the whole search.",
-                                          metavar="SECONDS")] = BUDGET,
+    budget: Annotated[
+        float, typer.Option(help="Wall time [s] of the whole search.", metavar="SECONDS")
+    ] = BUDGET,
 ) -> None:
     """Find the cheapest setting whose error is as small as is asked for.
 
@@ -272,16 +390,34 @@ def choose_command(
     """
     from proofmass.studies.trade.choose_command import run_choose
 
-    run_choose(path, error, of.value, solver, cast("Kind | None", run and run.value), drive, output,
-               store, jobs, dask, longest, budget)
+    run_choose(
+        path,
+        error,
+        of.value,
+        solver,
+        cast("Kind | None", run and run.value),
+        drive,
+        output,
+        store,
+        jobs,
+        dask,
+        longest,
+        budget,
+    )
 
 
 @app.command("stress")
 def stress_command(
-    paths: Annotated[list[Path] | None, typer.Argument(help="Sidecars or folders.",
-                     show_default="small models whose limits theory knows")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the table, the page "
-                      "and finished runs.")] = Path("stress"),
+    paths: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Sidecars or folders.", show_default="small models whose limits theory knows"
+        ),
+    ] = None,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for the table, the page and finished runs."),
+    ] = Path("stress"),
     jobs: Jobs = None,
     dask: Dask = None,
     only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
@@ -311,7 +447,7 @@ def show_command(
     from proofmass.terminal import not_checked
 
     with answering("nothing is kept"):
-        file, = find([path]) if path.is_file() else [path]
+        (file,) = find([path]) if path.is_file() else [path]
         if file.suffix != ".toml":
             raise not_one_case(path)
         case = read(file)

@@ -14,8 +14,10 @@ from proofmass.errors import InputError
 errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
 
-Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Runs side by side.",
-                                          show_default="processors")]
+Jobs = Annotated[
+    int | None,
+    typer.Option("--jobs", "-j", min=1, help="Runs side by side.", show_default="processors"),
+]
 Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
 
 
@@ -36,8 +38,9 @@ def answering(kept: str) -> Iterator[None]:
 
 def not_one_case(path: Path) -> InputError:
     """The error of a path that is not the sidecar of a single case."""
-    return InputError(path, "", "give the sidecar of one case, such as "
-                      "models/linkages/fourbar.toml")
+    return InputError(
+        path, "", "give the sidecar of one case, such as models/linkages/fourbar.toml"
+    )
 
 
 def in_words(error: BaseException) -> str:
@@ -55,14 +58,19 @@ def interrupted(error: BaseException | None) -> bool:
 
 
 @contextmanager
-def counting(total: int | None = None, letters: int | None = None
-             ) -> Iterator[Callable[[str, int, int], None]]:
+def counting(
+    total: int | None = None, letters: int | None = None
+) -> Iterator[Callable[[str, int, int], None]]:
     """A bar on standard error: call it as ``progress(label, done, total)``.
 
     Labels are cut to so many letters.
     """
-    columns = (TextColumn("{task.description:<40}", markup=False), BarColumn(),
-               MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:<40}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=errors, transient=True) as bar:
         line = bar.add_task("starting", total=total)
 

@@ -24,8 +24,10 @@ from proofmass.strict import Kind
 from proofmass.units import powers, si_unit
 
 NAN = float("nan")
-UNCHECKED = ("nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
-             "a solver delivers, or say unchecked = true")
+UNCHECKED = (
+    "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
+    "a solver delivers, or say unchecked = true"
+)
 START = 0.1  # share of a duration in which errors of the start are expected to decay
 CONSTANT = 1e-3  # a curve whose range is less of its size does not move, up to what drives do
 ZERO = 1e-12  # of the mechanism's size: what a reference computes instead of a zero
@@ -119,8 +121,9 @@ def reference_for(case: Case, curves: Curves) -> Curves:
     return evaluate(case, curves.x, curves.drive)
 
 
-def compare(case: Case, run: Kind, solver: str, curves: Curves, detectable: bool = True
-            ) -> list[Comparison]:
+def compare(
+    case: Case, run: Kind, solver: str, curves: Curves, detectable: bool = True
+) -> list[Comparison]:
     """Hold a solver's curves against the reference.
 
     Parameters
@@ -151,38 +154,71 @@ def compare(case: Case, run: Kind, solver: str, curves: Curves, detectable: bool
     check_branch(case, curves, truth)
     check_views(case, run, curves)
     check_charts(case)
-    changes = {} if not detectable else detectable_changes(reference, {
-        name: tolerance.allowed(scale_of(case, run, name, curves, truth.channels[name]) / factor)
-        * factor
-        for name, channel in case.channels_of(run).items() if name in curves.channels
-        and (tolerance := case.tolerance_for(run, solver, name)) and (factor := channel.factor)})
+    changes = (
+        {}
+        if not detectable
+        else detectable_changes(
+            reference,
+            {
+                name: tolerance.allowed(
+                    scale_of(case, run, name, curves, truth.channels[name]) / factor
+                )
+                * factor
+                for name, channel in case.channels_of(run).items()
+                if name in curves.channels
+                and (tolerance := case.tolerance_for(run, solver, name))
+                and (factor := channel.factor)
+            },
+        )
+    )
     return [
         one(case, run, solver, name, curves, truth.channels[name], changes.get(name, {}))
         for name in case.channels_of(run)
     ]
 
 
-def one(case: Case, run: str, solver: str, name: str, curves: Curves, truth: Array,
-        would_notice: dict[str, DetectableChange]) -> Comparison:
+def one(
+    case: Case,
+    run: str,
+    solver: str,
+    name: str,
+    curves: Curves,
+    truth: Array,
+    would_notice: dict[str, DetectableChange],
+) -> Comparison:
     """Compare one channel; its curves are in SI units, the comparison in the channel's."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
     scale = scale_of(case, run, name, curves, truth) / factor
     allowed = tolerance.allowed(scale) if tolerance else NAN
     place: dict[str, Any] = {
-        "case": case.name, "solver": solver, "run": run, "channel": name, "unit": unit,
-        "allowed": allowed, "seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
+        "case": case.name,
+        "solver": solver,
+        "run": run,
+        "channel": name,
+        "unit": unit,
+        "allowed": allowed,
+        "seconds": curves.seconds,
+        "steps": curves.steps,
+        "gap": curves.gap,
+    }
     if name not in curves.channels:
-        return Comparison(**place, outcome=Outcome.UNSUPPORTED,
-                          message=curves.missing.get(name, ""))
+        return Comparison(
+            **place, outcome=Outcome.UNSUPPORTED, message=curves.missing.get(name, "")
+        )
     error = np.abs(curves.channels[name] - truth) / factor
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     rms = float(np.sqrt(np.mean(error**2)))
     found: dict[str, Any] = {
-        "error_max": float(error[worst]), "at": float(curves.x[worst]), "error_rms": rms,
+        "error_max": float(error[worst]),
+        "at": float(curves.x[worst]),
+        "error_rms": rms,
         "nrmse": rms / scale if scale else NAN,
         "error_later": float(error[curves.x >= start_until(curves)].max())
-        if run == "duration" else NAN, "would_notice": would_notice}
+        if run == "duration"
+        else NAN,
+        "would_notice": would_notice,
+    }
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
     return Comparison(**place, **found, outcome=outcome, message=message)
@@ -208,8 +244,9 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> f
     model = compiled(case)
     extent = size(model, case.start)
     own = 1.0
-    for base, power in zip((extent, mass(model), time_of(case, run, curves, extent)),
-                           powers(unit)[:3], strict=True):
+    for base, power in zip(
+        (extent, mass(model), time_of(case, run, curves, extent)), powers(unit)[:3], strict=True
+    ):
         own *= (base**power if base else 0.0) if power else 1.0
     magnitude = float(np.abs(truth).max())
     if unit in ("m", "rad") or not magnitude > ZERO * own:
@@ -224,8 +261,10 @@ def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
     if curves.drive is None or not extent:
         return 0.0
     units = joints(compiled(case))
-    rates = [float(np.abs(rate).max()) / (extent if units[drive.joint] == "m" else 1.0)
-             for drive, rate in zip(case.drive, curves.drive[1], strict=True)]
+    rates = [
+        float(np.abs(rate).max()) / (extent if units[drive.joint] == "m" else 1.0)
+        for drive, rate in zip(case.drive, curves.drive[1], strict=True)
+    ]
     return 1.0 / max(rates) if max(rates) else 0.0
 
 
@@ -244,13 +283,16 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome,
     if error <= allowed:
         return Outcome.AGREES, why
     if not allowed:
-        return Outcome.DIFFERS, ("the reference is zero and the mechanism has no size of this "
-                                 "quantity, so of_range allows nothing: give the tolerance as abs")
+        return Outcome.DIFFERS, (
+            "the reference is zero and the mechanism has no size of this "
+            "quantity, so of_range allows nothing: give the tolerance as abs"
+        )
     quantity, factor = si_unit(unit or "1")
     turns = error * factor / (2 * np.pi)
     if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
-        return Outcome.DIFFERS, (f"off by {round(turns)} whole turn(s): count the start pose's "
-                                 f"angle anew")
+        return Outcome.DIFFERS, (
+            f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
+        )
     return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"
 
 
@@ -260,12 +302,16 @@ def changeable(case: Case) -> dict[str, float]:
     if isinstance(truth, Recorded):
         return {}
     known = inspect.signature(truth.solve).parameters
-    return {key: value for key, value in case.parameters.items() if not isinstance(value, str)
-            and (key not in known or known[key].annotation is not int)}
+    return {
+        key: value
+        for key, value in case.parameters.items()
+        if not isinstance(value, str) and (key not in known or known[key].annotation is not int)
+    }
 
 
-def detectable_changes(reference: "RunReference", allowed: dict[str, float]
-                       ) -> dict[str, dict[str, DetectableChange]]:
+def detectable_changes(
+    reference: "RunReference", allowed: dict[str, float]
+) -> dict[str, dict[str, DetectableChange]]:
     """For each channel and parameter, the smallest change that a tolerance would catch.
 
     Parameters
@@ -286,7 +332,8 @@ def detectable_changes(reference: "RunReference", allowed: dict[str, float]
         shares, asked = small_shares(moved, allowed)
         for name, share in (shares | large_shares(moved, asked)).items():
             found[name][key] = DetectableChange(
-                share if value else reference.step(key, share), value != 0)
+                share if value else reference.step(key, share), value != 0
+            )
     return found
 
 
@@ -347,8 +394,9 @@ def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
     return last_used[key]
 
 
-def small_shares(moved: DifferencesAt, allowed: dict[str, float]
-                 ) -> tuple[dict[str, float], dict[str, float]]:
+def small_shares(
+    moved: DifferencesAt, allowed: dict[str, float]
+) -> tuple[dict[str, float], dict[str, float]]:
     """The smallest share of a parameter that each channel would notice, by its slope.
 
     The second result is the part of `allowed` to which large changes have to answer: channels where
@@ -395,14 +443,18 @@ def slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
         parts = {n: ((up[0][n] - down[0][n]) / 2, (up[0][n] + down[0][n]) / 2) for n in up[0]}
     elif near := up or down:
         far = moved(2 * SMALL if up else -2 * SMALL)
-        parts = {n: ((4 * y - far[0][n]) / 2, (far[0][n] - 2 * y) / 2) if far else (y, y)
-                 for n, y in near[0].items()}
+        parts = {
+            n: ((4 * y - far[0][n]) / 2, (far[0][n] - 2 * y) / 2) if far else (y, y)
+            for n, y in near[0].items()
+        }
     else:
         return {}
     found = {}
     for name, (slope, bend) in parts.items():
-        size, smooth = float(np.abs(slope).max()), bool(
-            np.abs(bend).max() <= SMOOTH * np.abs(slope).max())
+        size, smooth = (
+            float(np.abs(slope).max()),
+            bool(np.abs(bend).max() <= SMOOTH * np.abs(slope).max()),
+        )
         found[name] = (size, True) if smooth else (worst([*up, *down], name), False)
     return found
 
@@ -425,14 +477,25 @@ def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
         except InputError:  # a mode that is not there at these poses
             continue
         if misfit(case, curves, other) < 0.01:
-            raise InputError(case.file, "start", f"key {case.start!r} assembles the model in mode "
-                             f"{mode:+d}, parameters.mode says "
-                             f"{float(case.parameters['mode']):+.0f}; change one of the two")
+            raise InputError(
+                case.file,
+                "start",
+                f"key {case.start!r} assembles the model in mode "
+                f"{mode:+d}, parameters.mode says "
+                f"{float(case.parameters['mode']):+.0f}; change one of the two",
+            )
 
 
 def misfit(case: Case, curves: Curves, truth: Curves) -> float:
     """Largest difference of a position channel at the first sample, over the curve's range."""
-    names = [n for n, c in case.channels.items()
-             if c.si_unit in ("m", "rad") and n in curves.channels]
-    return max((abs(float(curves.channels[n][0] - truth.channels[n][0]))
-                / (float(np.ptp(truth.channels[n])) or 1.0) for n in names), default=0.0)
+    names = [
+        n for n, c in case.channels.items() if c.si_unit in ("m", "rad") and n in curves.channels
+    ]
+    return max(
+        (
+            abs(float(curves.channels[n][0] - truth.channels[n][0]))
+            / (float(np.ptp(truth.channels[n])) or 1.0)
+            for n in names
+        ),
+        default=0.0,
+    )

@@ -60,8 +60,11 @@ class InProportion:
 
     def __call__(self, x: Array) -> State:
         value, rate, acceleration = self.leader(x)
-        return (self.start + self.ratio * (value - self.origin), self.ratio * rate,
-                self.ratio * acceleration)
+        return (
+            self.start + self.ratio * (value - self.origin),
+            self.ratio * rate,
+            self.ratio * acceleration,
+        )
 
 
 @dataclass(frozen=True)
@@ -121,9 +124,11 @@ def check_driven(run: Run, curves: Curves) -> None:
     way = float(np.ptp(led, axis=1).max(initial=0.0)) or 1.0  # all of them are held: rad or m
     if not (off <= LAG * way).all():
         drive, sample = np.unravel_index(np.argmax(np.nan_to_num(off, nan=np.inf)), off.shape)
-        raise Diverged(f"joint {run.drives[drive].joint!r} is at "
-                       f"{curves.drive[0][drive, sample]:.4g} where its drive leads it to "
-                       f"{led[drive, sample]:.4g}, at x = {curves.x[sample]:.4g}")
+        raise Diverged(
+            f"joint {run.drives[drive].joint!r} is at "
+            f"{curves.drive[0][drive, sample]:.4g} where its drive leads it to "
+            f"{led[drive, sample]:.4g}, at x = {curves.x[sample]:.4g}"
+        )
 
 
 def motion_source(laws: Sequence[object], x: Array) -> str:
@@ -158,8 +163,10 @@ def motion_source(laws: Sequence[object], x: Array) -> str:
         return FORMULA.format(*parts, one=ONE if any("* one" in part for part in parts) else "")
     times = table_times(laws, x)
     rows = np.array([np.broadcast_arrays(*law(times)) for law in laws])  # type: ignore[operator]
-    return TABLE.format(times=lines_of(times), rows=",\n".join(
-        f"    [{', '.join(lines_of(part) for part in drive)}]" for drive in rows))
+    return TABLE.format(
+        times=lines_of(times),
+        rows=",\n".join(f"    [{', '.join(lines_of(part) for part in drive)}]" for drive in rows),
+    )
 
 
 ONE = "    one = np.ones_like(t)\n"
@@ -201,12 +208,18 @@ def formula(law: object) -> tuple[str, str, str] | None:
         return f"{law.start!r} + {law.rate!r} * t", f"{law.rate!r} * one", "0.0 * one"
     if isinstance(law, Swing):
         half, w = 0.5 * (law.to - law.start), 2 * math.pi / law.period
-        return (f"{law.start!r} + {half!r} * (1 - np.cos({w!r} * t))",
-                f"{half * w!r} * np.sin({w!r} * t)", f"{half * w**2!r} * np.cos({w!r} * t)")
+        return (
+            f"{law.start!r} + {half!r} * (1 - np.cos({w!r} * t))",
+            f"{half * w!r} * np.sin({w!r} * t)",
+            f"{half * w**2!r} * np.cos({w!r} * t)",
+        )
     if isinstance(law, InProportion) and (leader := formula(law.leader)):
         value, rate, acceleration = leader
-        return (f"{law.start!r} + {law.ratio!r} * ({value} - {law.origin!r})",
-                f"{law.ratio!r} * ({rate})", f"{law.ratio!r} * ({acceleration})")
+        return (
+            f"{law.start!r} + {law.ratio!r} * ({value} - {law.origin!r})",
+            f"{law.ratio!r} * ({rate})",
+            f"{law.ratio!r} * ({acceleration})",
+        )
     return None
 
 
@@ -234,5 +247,5 @@ def table_times(laws: Sequence[object], x: Array) -> Array:
 def lines_of(values: Array) -> str:
     """Numbers with all their digits, four in a line."""
     numbers = [repr(float(value)) for value in values]
-    rows = [", ".join(numbers[k:k + 4]) for k in range(0, len(numbers), 4)]
+    rows = [", ".join(numbers[k : k + 4]) for k in range(0, len(numbers), 4)]
     return "[\n    " + ",\n    ".join(rows) + "]"

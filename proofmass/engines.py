@@ -70,9 +70,13 @@ def engine_of(name: str) -> Engine:
     try:
         engine = entry.load()
     except Exception as error:
-        raise NoEngine(f"simulator {name!r}, of {distribution(entry)}: {entry.value} cannot be "
-                       f"loaded: {type(error).__name__}: {error}") from error
+        raise NoEngine(
+            f"simulator {name!r}, of {distribution(entry)}: {entry.value} cannot be "
+            f"loaded: {type(error).__name__}: {error}"
+        ) from error
     if not isinstance(engine, Engine):
-        raise NoEngine(f"simulator {name!r}, of {distribution(entry)}: {entry.value} is no object "
-                       f"of a class of proofmass.sim.protocol.Engine")
+        raise NoEngine(
+            f"simulator {name!r}, of {distribution(entry)}: {entry.value} is no object "
+            f"of a class of proofmass.sim.protocol.Engine"
+        )
     return engine

@@ -24,8 +24,9 @@ def read_bytes(file: Path) -> bytes:
     try:
         mode = file.stat().st_mode
         if not stat.S_ISREG(mode):
-            raise InputError(file, "", f"{'a folder' if stat.S_ISDIR(mode) else 'a device or pipe'}"
-                             f", not a file")
+            raise InputError(
+                file, "", f"{'a folder' if stat.S_ISDIR(mode) else 'a device or pipe'}, not a file"
+            )
         return file.read_bytes()
     except FileNotFoundError:
         raise InputError(file, "", "no such file") from None
@@ -48,8 +49,11 @@ def read_text(file: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
-        raise InputError(file, f"line {line}", f"the byte 0x{data[error.start]:02x} is not UTF-8; "
-                         f"save the file as UTF-8") from None
+        raise InputError(
+            file,
+            f"line {line}",
+            f"the byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8",
+        ) from None
 
 
 def write_whole(file: Path, what: str | bytes) -> None:

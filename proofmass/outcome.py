@@ -49,6 +49,11 @@ GOOD = (Outcome.AGREES, *OPEN)
 LOST = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
 """Outcomes of runs that gave no curves."""
 FAILURES: dict[type[Exception], Outcome] = {
-    Unsupported: Outcome.UNSUPPORTED, Diverged: Outcome.DIVERGED, NotSolved: Outcome.DIVERGED,
-    Crashed: Outcome.CRASHED, TimedOut: Outcome.TIMED_OUT, OutOfMemory: Outcome.OUT_OF_MEMORY}
+    Unsupported: Outcome.UNSUPPORTED,
+    Diverged: Outcome.DIVERGED,
+    NotSolved: Outcome.DIVERGED,
+    Crashed: Outcome.CRASHED,
+    TimedOut: Outcome.TIMED_OUT,
+    OutOfMemory: Outcome.OUT_OF_MEMORY,
+}
 """Outcomes by the exceptions that say them."""

@@ -26,7 +26,8 @@ loaded = cache(load)
 def is_sidecar(path: Path) -> bool:
     """A TOML file beside an MJCF file, or one that names a reference."""
     return path.suffix == ".toml" and (
-        path.with_suffix(".xml").is_file() or "\nreference" in path.read_text(errors="replace"))
+        path.with_suffix(".xml").is_file() or "\nreference" in path.read_text(errors="replace")
+    )
 
 
 def pytest_collect_file(file_path: Path, parent: Any) -> "SidecarFile | None":
@@ -73,9 +74,13 @@ class SolverItem(pytest.Item):
                 comparisons += task.study.add(task.segments, one_task(task))[1]
         wrong = [c for c in comparisons if c.outcome not in GOOD]
         if wrong:
-            raise Disagreement("\n".join(
-                f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} {c.unit} "
-                f"at {c.at:.6g}, allowed {c.allowed:.3g}" for c in wrong))
+            raise Disagreement(
+                "\n".join(
+                    f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
+                    f"{c.unit} at {c.at:.6g}, allowed {c.allowed:.3g}"
+                    for c in wrong
+                )
+            )
         if not (self.case.tolerance or self.case.refine or self.case.unchecked):
             raise Disagreement(UNCHECKED)
         if not any(c.outcome == Outcome.AGREES for c in comparisons):

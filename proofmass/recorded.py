@@ -46,9 +46,11 @@ def read_recorded(file: Path) -> Recorded:
     text = decoded(read_bytes(file))
     mark = separator(text)
     try:
-        lines = [(k, row) for k, row in enumerate(csv.reader(io.StringIO(text, newline=""),
-                                                             delimiter=mark), 1)
-                 if row and not row[0].lstrip().startswith("#")]
+        lines = [
+            (k, row)
+            for k, row in enumerate(csv.reader(io.StringIO(text, newline=""), delimiter=mark), 1)
+            if row and not row[0].lstrip().startswith("#")
+        ]
     except csv.Error as error:
         raise InputError(file, "", f"not CSV: {error}") from None
     if mark != ",":
@@ -60,8 +62,11 @@ def read_recorded(file: Path) -> Recorded:
     fall = np.flatnonzero(np.diff(table[:, 0]) <= 0)
     if fall.size:
         k = lines[fall[0] + 2][0]
-        raise InputError(file, f"line {k}", f"{names[0]} does not rise "
-                         f"({table[fall[0], 0]:.6g} then {table[fall[0] + 1, 0]:.6g})")
+        raise InputError(
+            file,
+            f"line {k}",
+            f"{names[0]} does not rise ({table[fall[0], 0]:.6g} then {table[fall[0] + 1, 0]:.6g})",
+        )
     columns = dict(zip(names, table.T, strict=True))
     return Recorded(table[:, 0], columns, dict(zip(names, units, strict=True)))
 
@@ -101,8 +106,12 @@ def with_points(file: Path, lines: list[tuple[int, list[str]]]) -> list[tuple[in
     """
     signs = {sign: k for k, row in lines for cell in row for sign in ",." if sign in cell}
     if len(signs) == 2:
-        raise InputError(file, f"line {max(signs.values())}", "numbers with commas and with points "
-                         "in one file; write the decimals in one way, and do not group digits")
+        raise InputError(
+            file,
+            f"line {max(signs.values())}",
+            "numbers with commas and with points "
+            "in one file; write the decimals in one way, and do not group digits",
+        )
     return [(k, [cell.replace(",", ".") for cell in row]) for k, row in lines]
 
 

@@ -32,9 +32,13 @@ def module_of(case: Case) -> ModuleType | Recorded:
         return read_once(file, file.stat().st_mtime_ns if file.is_file() else None)
     if case.reference in REFERENCES:
         return importlib.import_module(REFERENCES[case.reference])
-    raise InputError(case.file, "reference", f"no closed form {case.reference!r}; "
-                     f"{suggest(case.reference, sorted(REFERENCES))}; or name a recorded curve "
-                     f"NAME.csv")
+    raise InputError(
+        case.file,
+        "reference",
+        f"no closed form {case.reference!r}; "
+        f"{suggest(case.reference, sorted(REFERENCES))}; or name a recorded curve "
+        f"NAME.csv",
+    )
 
 
 def grid(case: Case, kind: Kind) -> Array:
@@ -72,15 +76,20 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
         k_of_teller = case.drive.index(teller)
         function = getattr(truth, str(teller.law), None)
         if function is None:
-            raise InputError(case.file, case.drive_key(k_of_teller, "law"), f"reference "
-                             f"{case.reference} has no function {teller.law!r}")
+            raise InputError(
+                case.file,
+                case.drive_key(k_of_teller, "law"),
+                f"reference {case.reference} has no function {teller.law!r}",
+            )
         takes = list(inspect.signature(function).parameters.values())[1:]
         names = [p.name for p in takes]
         for name in teller.parameters:
             if name not in names and not any(p.kind is p.VAR_KEYWORD for p in takes):
-                raise InputError(case.file, case.drive_key(k_of_teller, f"parameters.{name}"),
-                                 f"{teller.law}() has no such parameter; "
-                                 f"{suggest(name, names, 'known')}")
+                raise InputError(
+                    case.file,
+                    case.drive_key(k_of_teller, f"parameters.{name}"),
+                    f"{teller.law}() has no such parameter; {suggest(name, names, 'known')}",
+                )
         return FunctionLaw(function, dict(teller.parameters), k if shared else None)
     if k:
         ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
@@ -116,8 +125,13 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     return Curves(x, channels(case, x, known))
 
 
-def quantities(case: Case, x: Array, state: State | None, parameters: dict[str, float | str],
-               key: str = "parameters") -> dict[str, Array]:
+def quantities(
+    case: Case,
+    x: Array,
+    state: State | None,
+    parameters: dict[str, float | str],
+    key: str = "parameters",
+) -> dict[str, Array]:
     """All that the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
 
     `x` and `state` are those of `evaluate`.
@@ -141,29 +155,48 @@ def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
         if isinstance(truth, Recorded):
             column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
         elif channel.equals not in known:
-            raise InputError(case.file, f"channels.{name}.equals", f"no quantity "
-                             f"{channel.equals!r}; {suggest(channel.equals, known)}")
+            raise InputError(
+                case.file,
+                f"channels.{name}.equals",
+                f"no quantity {channel.equals!r}; {suggest(channel.equals, known)}",
+            )
         value = np.broadcast_to(known[channel.equals], np.shape(x))
         wanted[name] = channel.scale * value + channel.shift * channel.factor
     return wanted
 
 
-def call(case: Case, truth: ModuleType, x: Array, state: State | None,
-         parameters: dict[str, float | str], key: str = "parameters") -> dict[str, Array]:
+def call(
+    case: Case,
+    truth: ModuleType,
+    x: Array,
+    state: State | None,
+    parameters: dict[str, float | str],
+    key: str = "parameters",
+) -> dict[str, Array]:
     """``solve`` of a closed form, with its complaints turned into errors of the sidecar at `key`.
 
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
     """
-    known = [p.name for p in inspect.signature(truth.solve).parameters.values()
-             if p.kind is p.KEYWORD_ONLY]
-    own = {"model": lambda: compiled(case), "start": lambda: case.start,
-           "joints": lambda: tuple(d.joint for d in case.drive)}
+    known = [
+        p.name
+        for p in inspect.signature(truth.solve).parameters.values()
+        if p.kind is p.KEYWORD_ONLY
+    ]
+    own = {
+        "model": lambda: compiled(case),
+        "start": lambda: case.start,
+        "joints": lambda: tuple(d.joint for d in case.drive),
+    }
     there = [k for k in known if k not in own]
     for name in parameters:
         if name not in there:
-            raise InputError(case.file, f"{key}.{name}", f"reference {case.reference} has no "
-                             f"such parameter; {suggest(name, there, 'known')}")
+            raise InputError(
+                case.file,
+                f"{key}.{name}",
+                f"reference {case.reference} has no "
+                f"such parameter; {suggest(name, there, 'known')}",
+            )
     if state is None:
         args: tuple = (x,)
     else:
@@ -171,8 +204,9 @@ def call(case: Case, truth: ModuleType, x: Array, state: State | None,
     try:
         return truth.solve(*args, **parameters, **{k: own[k]() for k in own if k in known})
     except NotCovered as error:
-        raise InputError(case.model_path, "", f"the reference {case.reference!r} does not cover "
-                         f"it: {error}") from None
+        raise InputError(
+            case.model_path, "", f"the reference {case.reference!r} does not cover it: {error}"
+        ) from None
     except (TypeError, ValueError) as error:
         key = key if parameters else "drive" if case.drive else "model"
         raise InputError(case.file, key, str(error)) from None
@@ -196,24 +230,33 @@ def compiled(case: Case) -> MjModel:
         rod, key, why = error.args
         raise InputError(case.file, f"rod.{rod}.{key}", why) from None
     except BadModel as error:
-        raise InputError(case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
-                         ) from None
+        raise InputError(
+            case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
+        ) from None
 
 
-def identity(case: Case) -> tuple[str, int]:
-    """What tells a case from others whose reference has other curves."""
+def identity(case: Case) -> tuple[str | int, ...]:
+    """What tells a case from others whose reference has other curves: its keys, and its files."""
     asked = case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump_json()
-    return asked, case.model_path.stat().st_mtime_ns
+    files = [case.model_path, *([case.file.parent / case.reference] if case.recorded else [])]
+    return asked, *(file.stat().st_mtime_ns for file in files)
 
 
 def column(case: Case, truth: Recorded, key: str, name: str, unit: str | None = None) -> Array:
     """A column of the recorded curve, its unit checked."""
     if name not in truth.columns:
-        raise InputError(case.file, key, f"no column {name!r} in {case.reference}; "
-                         f"{suggest(name, truth.columns)}")
+        raise InputError(
+            case.file,
+            key,
+            f"no column {name!r} in {case.reference}; {suggest(name, truth.columns)}",
+        )
     if unit is not None and not same_quantity(truth.units[name], unit):
-        raise InputError(case.file, key, f"column {name!r} of {case.reference} is in "
-                         f"{truth.units[name]} (SI), the channel in {unit}")
+        raise InputError(
+            case.file,
+            key,
+            f"column {name!r} of {case.reference} is in "
+            f"{truth.units[name]} (SI), the channel in {unit}",
+        )
     return truth.columns[name]
 
 

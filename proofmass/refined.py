@@ -73,12 +73,23 @@ class RefinementStudy:
             return []
         truth = reference_for(self.case, max(kept.items())[1][1]).channels
         factors = {name: channel.factor for name, channel in self.case.channels.items()}
-        return [RefinedRow(self.case.name, self.solver, n, c.channel, c.unit, c.error_max,
-                    float(curves.channels[c.channel][-1] - truth[c.channel][-1])
-                    / factors[c.channel],
-                    float(curves.x[-1]), c.seconds, c.steps)
-                for n, (found, curves) in kept.items() for c in found
-                if c.channel in curves.channels]
+        return [
+            RefinedRow(
+                self.case.name,
+                self.solver,
+                n,
+                c.channel,
+                c.unit,
+                c.error_max,
+                float(curves.channels[c.channel][-1] - truth[c.channel][-1]) / factors[c.channel],
+                float(curves.x[-1]),
+                c.seconds,
+                c.steps,
+            )
+            for n, (found, curves) in kept.items()
+            for c in found
+            if c.channel in curves.channels
+        ]
 
 
 def judged(study: RefinementStudy) -> tuple[list[RefinedRow], list[Comparison]]:
@@ -104,8 +115,9 @@ def refinements(case: Case) -> Iterator[Finer]:
         for solver in run.solvers:
             study = RefinementStudy(case, refine, solver)
             for n in refine.segments:
-                rods = {name: rod.model_copy(update={"segments": n})
-                        for name, rod in case.rod.items()}
+                rods = {
+                    name: rod.model_copy(update={"segments": n}) for name, rod in case.rod.items()
+                }
                 finer = case.model_copy(update={"rod": rods, "run": {refine.run: run}})
                 yield Finer(finer, refine.run, solver, n, study)
 
@@ -113,14 +125,17 @@ def refinements(case: Case) -> Iterator[Finer]:
 def errors(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison]:
     """`compare` for one run among many: only channels that are refined, and only their errors."""
     truth = reference_for(case, curves).channels
-    return [one(case, run, solver, name, curves, truth[name], {})
-            for name in case.channels_of(run) if case.refine and case.refine.covers(name)]
+    return [
+        one(case, run, solver, name, curves, truth[name], {})
+        for name in case.channels_of(run)
+        if case.refine and case.refine.covers(name)
+    ]
 
 
 def order(coarse: RefinedRow, fine: RefinedRow, wall: float = 0.0) -> float:
     """The order that two numbers of segments show; NaN where an error is at the wall.
 
-    >>> one, two = (Row("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
+    >>> one, two = (RefinedRow("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
     >>> order(one, two), order(one, two, wall=0.3)
     (2.0, nan)
     """
@@ -132,7 +147,7 @@ def order(coarse: RefinedRow, fine: RefinedRow, wall: float = 0.0) -> float:
 def limit(coarse: RefinedRow, fine: RefinedRow, order: float) -> float:
     """How far the limit that two numbers of segments point to is off at the last sample.
 
-    >>> one, two = (Row("", "", n, "x", "m", 0.0, 4 / n**2 + 16 / n**4, 1.0, 0.0, 0)
+    >>> one, two = (RefinedRow("", "", n, "x", "m", 0.0, 4 / n**2 + 16 / n**4, 1.0, 0.0, 0)
     ...             for n in (2, 4))
     >>> limit(one, two, order=2.0)
     -0.25
@@ -147,13 +162,24 @@ def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
     For each channel its order, off by so much at the finer number of segments of the worst pair;
     and, if the sidecar bounds it, its limit, off by so much at the last sample.
     """
-    cost: dict[str, Any] = {"case": study.case.name, "solver": study.solver, "run": "refine",
-                            "seconds": sum(f[0].seconds for f, _ in study.runs.values()),
-                            "steps": sum(f[0].steps for f, _ in study.runs.values())}
+    cost: dict[str, Any] = {
+        "case": study.case.name,
+        "solver": study.solver,
+        "run": "refine",
+        "seconds": sum(f[0].seconds for f, _ in study.runs.values()),
+        "steps": sum(f[0].steps for f, _ in study.runs.values()),
+    }
     for n, (found, curves) in study.runs.items():
         if curves is None:
-            return [Comparison(**cost, channel="order", unit="", outcome=found[0].outcome,
-                               message=f"with {n} segments: {found[0].message}")]
+            return [
+                Comparison(
+                    **cost,
+                    channel="order",
+                    unit="",
+                    outcome=found[0].outcome,
+                    message=f"with {n} segments: {found[0].message}",
+                )
+            ]
     verdicts = []
     for channel in dict.fromkeys(row.channel for row in rows):
         own = [row for row in rows if row.channel == channel]
@@ -167,8 +193,11 @@ def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
     """Whether the errors of a channel fall as they should, wherever they are not at the wall."""
     place = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
     wall = f"errors up to {refine.wall:g} {rows[0].unit} are left to rounding"
-    pairs = [pair for pair in pairwise(rows)
-             if not np.minimum(pair[0].error, pair[1].error) <= refine.wall]
+    pairs = [
+        pair
+        for pair in pairwise(rows)
+        if not np.minimum(pair[0].error, pair[1].error) <= refine.wall
+    ]
     if not pairs:
         return Comparison(**place, message=f"no order shows: {wall}")
     orders = [order(*pair) for pair in pairs]
@@ -180,8 +209,14 @@ def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
         message += f", order {orders[worst]:.3g} from {coarse.segments} to {fine.segments} segments"
     elif len(pairs) < len(rows) - 1:
         message += f"; {wall}"
-    return Comparison(**place, error_max=float(off[worst]), at=fine.segments,
-                      allowed=refine.within, outcome=outcome, message=message)
+    return Comparison(
+        **place,
+        error_max=float(off[worst]),
+        at=fine.segments,
+        allowed=refine.within,
+        outcome=outcome,
+        message=message,
+    )
 
 
 def of_limit(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
@@ -190,5 +225,13 @@ def of_limit(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
     allowed = float(refine.richardson or 0.0) / si_unit(fine.unit)[1]
     error = abs(limit(coarse, fine, refine.order))
     outcome, message = verdict(error, allowed, fine.unit, refine.why)
-    return Comparison(**cost, channel=f"limit of {fine.channel}", unit=fine.unit, error_max=error,
-                      at=fine.x, allowed=allowed, outcome=outcome, message=message)
+    return Comparison(
+        **cost,
+        channel=f"limit of {fine.channel}",
+        unit=fine.unit,
+        error_max=error,
+        at=fine.x,
+        allowed=allowed,
+        outcome=outcome,
+        message=message,
+    )

@@ -55,16 +55,24 @@ def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> S
     for key, names in named(view).items():
         for name in names:
             if name not in there:
-                raise InputError(case.file, place(case, view, key), f"nothing is called {name!r}; "
-                                 f"{suggest(name, there, 'channels, driven joints, quantities')}")
+                raise InputError(
+                    case.file,
+                    place(case, view, key),
+                    f"nothing is called {name!r}; "
+                    f"{suggest(name, there, 'channels, driven joints, quantities')}",
+                )
             values[name], units[name] = there[name], unit(case, view, key, name)
     return Seen(values, units, marks(case, view))
 
 
 def named(view: View) -> dict[str, tuple[str, ...]]:
     """The names that a view uses, key by key."""
-    return {"x": (view.x,), "y": view.y, "stack": view.stack,
-            "dashed": (view.dashed,) if view.dashed is not None else ()}
+    return {
+        "x": (view.x,),
+        "y": view.y,
+        "stack": view.stack,
+        "dashed": (view.dashed,) if view.dashed is not None else (),
+    }
 
 
 def place(case: Case, view: View, key: str) -> str:
@@ -89,8 +97,12 @@ def unit(case: Case, view: View, key: str, name: str) -> str:
     if told is None and key == "dashed":
         return unit(case, view, "y", view.y[0])
     if told is None:
-        raise InputError(case.file, place(case, view, given), f"missing: no channel equals {name!r}"
-                         f", so its unit must be told, such as {given} = \"N m\"")
+        raise InputError(
+            case.file,
+            place(case, view, given),
+            f"missing: no channel equals {name!r}"
+            f', so its unit must be told, such as {given} = "N m"',
+        )
     return told
 
 
@@ -101,11 +113,16 @@ def marks(case: Case, view: View) -> dict[str, float]:
     key = place(case, view, "marks")
     tell = getattr(module_of(case), view.marks, None)
     if not callable(tell):
-        raise InputError(case.file, key, f"reference {case.reference} has no function "
-                         f"{view.marks!r}")
+        raise InputError(
+            case.file, key, f"reference {case.reference} has no function {view.marks!r}"
+        )
     if case.leader is None or view.x != case.leader.joint:
-        raise InputError(case.file, key, f"{view.marks}() tells places of the first drive, so x "
-                         f"must be that joint, not {view.x!r}")
+        raise InputError(
+            case.file,
+            key,
+            f"{view.marks}() tells places of the first drive, so x "
+            f"must be that joint, not {view.x!r}",
+        )
     try:
         return {word: float(x) for word, x in tell(**case.parameters).items()}
     except (TypeError, ValueError) as error:
@@ -121,5 +138,8 @@ def check_views(case: Case, run: str, curves: Curves) -> None:
             both = {found.units[n] for n in (*view.y, *view.stack, view.dashed) if n}
             if len(both) > 1 and (view.stack or view.dashed):
                 key = "stack" if view.stack else "dashed"
-                raise InputError(case.file, place(case, view, key), f"one axis, but units "
-                                 f"{', '.join(sorted(both))}")
+                raise InputError(
+                    case.file,
+                    place(case, view, key),
+                    f"one axis, but units {', '.join(sorted(both))}",
+                )

@@ -79,10 +79,18 @@ def fill_runs(table: TomlTable) -> TomlTable:
     own = {} if recorded else {"n": SAMPLES}
     there = list(own_engines())
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
-    defaults: TomlTable = {"sweep": {**own, "solvers": there},
-                       "duration": {**own, "solvers": timed}, "rest": {"solvers": there}}
-    return {**table, "run": {kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict)
-                             else run for kind, run in runs.items()}}
+    defaults: TomlTable = {
+        "sweep": {**own, "solvers": there},
+        "duration": {**own, "solvers": timed},
+        "rest": {"solvers": there},
+    }
+    return {
+        **table,
+        "run": {
+            kind: {**defaults.get(kind, {}), **run} if isinstance(run, dict) else run
+            for kind, run in runs.items()
+        },
+    }
 
 
 def fill_channels(table: TomlTable, file: Path) -> TomlTable:
@@ -98,10 +106,19 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
     if others is None and all("equals" in c and "unit" in c for c in listed.values()):
         return table
     if others:
-        raise InputError(file, f'channels."{OTHERS}"', "it stands for all sensors that are not "
-                         f'listed and has no keys of its own; write "{OTHERS}" = {{}}')
-    bare = Case(**{**{key: value for key, value in table.items() if key not in ABOUT_CHANNELS},
-                   "channels": {OTHERS: {"equals": 0.0, "unit": "1"}}, "file": file})
+        raise InputError(
+            file,
+            f'channels."{OTHERS}"',
+            "it stands for all sensors that are not "
+            f'listed and has no keys of its own; write "{OTHERS}" = {{}}',
+        )
+    bare = Case(
+        **{
+            **{key: value for key, value in table.items() if key not in ABOUT_CHANNELS},
+            "channels": {OTHERS: {"equals": 0.0, "unit": "1"}},
+            "file": file,
+        }
+    )
     bare.require_model()
     model, known = compiled(bare), quantities_of(bare)
     found: TomlTable = {}
@@ -113,24 +130,35 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
             raise InputError(file, f"channels.{name}.unit", "missing; the model leaves it open")
         equals = channel.get("equals", match_quantity(name, si_or_none(unit), known))
         if equals is None:
-            raise InputError(file, f"channels.{name}.equals", f"missing; no quantity of "
-                             f"{bare.reference} has the name of the sensor; {suggest(name, known)}")
+            raise InputError(
+                file,
+                f"channels.{name}.equals",
+                f"missing; no quantity of "
+                f"{bare.reference} has the name of the sensor; {suggest(name, known)}",
+            )
         found[name] = {**channel, "equals": equals, "unit": unit}
     unmatched = list[str]()
     sensors = channel_names(model, bare.start) if others is not None else {}
     named = {name.partition(".")[0] for name in found}
     for sensor in (one for one in sensors if one not in named):
         only = {"only": "sweep"} if measures_actuator(model, sensor) else {}
-        there = {name: {"equals": equals, "unit": unit, **only} for name in sensors[sensor]
-                 if (unit := delivered_unit(bare, model, name))
-                 and (equals := match_quantity(name, unit, known))}
+        there = {
+            name: {"equals": equals, "unit": unit, **only}
+            for name in sensors[sensor]
+            if (unit := delivered_unit(bare, model, name))
+            and (equals := match_quantity(name, unit, known))
+        }
         if not there or (only and "sweep" not in bare.run):
             unmatched.append(sensor)
         else:
             found |= there
     if not found:
-        raise InputError(file, "channels", f"no sensor of {bare.model} has the name of a quantity "
-                         f"of {bare.reference}; {suggest('', known)}")
+        raise InputError(
+            file,
+            "channels",
+            f"no sensor of {bare.model} has the name of a quantity "
+            f"of {bare.reference}; {suggest('', known)}",
+        )
     return {**table, "channels": found, "unmatched": unmatched}
 
 
@@ -196,15 +224,26 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
             for part, units in parts_of(case, kind).items():
                 if limit := accuracy_of(engine).get(part):
                     used.add((engine, part))
-                    added.append(Tolerance(run=kind, solver=(engine,), unit=units, abs=None,
-                                           of_range=getattr(level, part) or limit.of_range,
-                                           why=limit.why))
+                    added.append(
+                        Tolerance(
+                            run=kind,
+                            solver=(engine,),
+                            unit=units,
+                            abs=None,
+                            of_range=getattr(level, part) or limit.of_range,
+                            why=limit.why,
+                        )
+                    )
     for engine, level in levels.items():
         for part in level.model_fields_set:
             if (engine, part) not in used:
-                raise InputError(case.file, f"accuracy.{engine}.{part}", "it is used by no run: it "
-                                 "goes with a drive, a closed form or the planar reference, no "
-                                 "rods, and no [[tolerance]] for the same run and engine")
+                raise InputError(
+                    case.file,
+                    f"accuracy.{engine}.{part}",
+                    "it is used by no run: it "
+                    "goes with a drive, a closed form or the planar reference, no "
+                    "rods, and no [[tolerance]] for the same run and engine",
+                )
     return added
 
 
@@ -221,9 +260,14 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     there = [channel.unit for channel in case.channels_of(kind).values()]
     if kind != "duration":
         return {"sweep": ("*",)} if kind == "sweep" and there else {}
-    units = {part: tuple(unit for unit in dict.fromkeys([*si, *there])
-                         if unit in there and si_unit(unit)[0] in si)
-             for part, si in KINDS.items()}
+    units = {
+        part: tuple(
+            unit
+            for unit in dict.fromkeys([*si, *there])
+            if unit in there and si_unit(unit)[0] in si
+        )
+        for part, si in KINDS.items()
+    }
     return {part: of_part for part, of_part in units.items() if of_part}
 
 
@@ -243,8 +287,9 @@ def as_toml(case: Case, every: bool = True) -> str:
     every : bool
         Whether keys stand there that change nothing, too, such as ``scale = 1.0``.
     """
-    table = case.model_dump(by_alias=True, exclude_none=True, exclude_defaults=not every,
-                            exclude={"file", "unmatched"})
+    table = case.model_dump(
+        by_alias=True, exclude_none=True, exclude_defaults=not every, exclude={"file", "unmatched"}
+    )
     if case.unmatched:
         table["channels"]["*"] = {}  # which finds that nothing else matches
     plain = {key: value for key, value in table.items() if not is_table(key, value)}
@@ -266,8 +311,9 @@ def format_tables(key: str, value: Any) -> Iterator[str]:
         several = len(value) > 1 or key != "drive"
         for one in value:
             if key == "tolerance":
-                one = {k: v[0] if isinstance(v, tuple) and len(v) == 1 else v
-                       for k, v in one.items()}
+                one = {
+                    k: v[0] if isinstance(v, tuple) and len(v) == 1 else v for k, v in one.items()
+                }
             yield "\n".join([f"[[{key}]]" if several else f"[{key}]", *format_lines(one)])
     elif not value:
         return

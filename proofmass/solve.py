@@ -33,14 +33,18 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     """
     engine, _, variant = solver.partition(":")
     if engine not in engine_names():
-        raise InputError(case.file, f"run.{kind}.solvers", f"no simulator {engine!r}; "
-                         f"{suggest(engine, engine_names())}")
+        raise InputError(
+            case.file,
+            f"run.{kind}.solvers",
+            f"no simulator {engine!r}; {suggest(engine, engine_names())}",
+        )
     settings = dict(case.settings.get(solver, {}))
     if variant == "default":
         settings["defaults"] = True
     elif variant and not settings:
-        raise InputError(case.file, f"run.{kind}.solvers", f'{solver!r} needs a table '
-                         f'[settings."{solver}"]')
+        raise InputError(
+            case.file, f"run.{kind}.solvers", f'{solver!r} needs a table [settings."{solver}"]'
+        )
     if settings:
         try:
             engine_of(engine).check_settings(settings)
@@ -71,8 +75,9 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever a function that the sidecar names may raise
-        raise InputError(case.file, "drive.parameters", f"the law of a drive cannot be evaluated: "
-                         f"{error}") from None
+        raise InputError(
+            case.file, "drive.parameters", f"the law of a drive cannot be evaluated: {error}"
+        ) from None
     return run
 
 
@@ -94,17 +99,25 @@ def check_drives(case: Case, run: Run) -> None:
         values, unit = motion[0], units[drive.joint]
         largest = [float(np.abs(part).max()) for part in motion]
         if not (np.isfinite(largest).all() and largest[1] < FASTEST):
-            raise InputError(case.file, case.drive_key(k), f"joint {drive.joint!r} is driven to "
-                             f"{largest[0]:.6g} {unit} at up to {largest[1]:.6g} {unit}/s and "
-                             f"{largest[2]:.6g} {unit}/s^2; all must be finite, and the rate less "
-                             f"than {FASTEST:g}")
+            raise InputError(
+                case.file,
+                case.drive_key(k),
+                f"joint {drive.joint!r} is driven to "
+                f"{largest[0]:.6g} {unit} at up to {largest[1]:.6g} {unit}/s and "
+                f"{largest[2]:.6g} {unit}/s^2; all must be finite, and the rate less "
+                f"than {FASTEST:g}",
+            )
         low, high = model.joint(drive.joint).range
         beyond = np.maximum(low - values, values - high)
         if model.jnt_limited[model.joint(drive.joint).id] and beyond.max() > ROUNDING:
-            raise InputError(case.file, case.drive_key(k), f"joint {drive.joint!r} is driven to "
-                             f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
-                             f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "
-                             f"give the joint a wider range")
+            raise InputError(
+                case.file,
+                case.drive_key(k),
+                f"joint {drive.joint!r} is driven to "
+                f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
+                f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "
+                f"give the joint a wider range",
+            )
 
 
 def solve(case: Case, kind: Kind, solver: str) -> Curves:
@@ -147,8 +160,9 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
     try:
         curves = simulate(solver.partition(":")[0], case.model_path, run)
     except BadModel as error:
-        raise InputError(case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
-                         ) from None
+        raise InputError(
+            case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
+        ) from None
     check_driven(run, curves)
     return curves
 

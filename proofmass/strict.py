@@ -12,8 +12,9 @@ Kind = Literal["sweep", "duration", "rest"]
 class Strict(BaseModel):
     """A table of the sidecar: unknown keys are errors that list the known ones."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True,
-                              allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -17,21 +17,47 @@ from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
 from proofmass.outcome import Outcome
 
-KEYS = ("case", "solver", "run", "channel", "unit", "error_max", "at", "error_rms", "nrmse",
-        "allowed", "would_notice", "outcome", "message", "seconds", "steps")
+KEYS = (
+    "case",
+    "solver",
+    "run",
+    "channel",
+    "unit",
+    "error_max",
+    "at",
+    "error_rms",
+    "nrmse",
+    "allowed",
+    "would_notice",
+    "outcome",
+    "message",
+    "seconds",
+    "steps",
+)
 LOOK: dict[str, tuple[str, str]] = {
-    Outcome.AGREES: ("✓", "green"), Outcome.UNCHECKED: ("·", "dim"),
-    Outcome.UNSUPPORTED: ("–", "dim")}
+    Outcome.AGREES: ("✓", "green"),
+    Outcome.UNCHECKED: ("·", "dim"),
+    Outcome.UNSUPPORTED: ("–", "dim"),
+}
 FAILED = ("✗", "bold red")
 
 
 def as_json(result: Result) -> str:
     """One object: comparisons, errors of the input, the exit code; what is not a number is null."""
     rows = [{key: asdict(c)[key] for key in KEYS} for c in result.comparisons]
-    return json.dumps(finite({
-        "comparisons": rows,
-        "errors": [{"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors],
-        "exit_code": result.exit_code}), indent=1, allow_nan=False)
+    return json.dumps(
+        finite(
+            {
+                "comparisons": rows,
+                "errors": [
+                    {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
+                ],
+                "exit_code": result.exit_code,
+            }
+        ),
+        indent=1,
+        allow_nan=False,
+    )
 
 
 def finite(value: Any) -> Any:
@@ -71,9 +97,11 @@ def mark(outcome: str) -> Text:
 
 def worst(group: list[Comparison]) -> Comparison:
     """The comparison that speaks for a solver: a failure first, else the one nearest its limit."""
+
     def rank(c: Comparison) -> tuple[bool, float]:
         ratio = c.error_max / c.allowed if c.allowed > 0 else c.nrmse
         return c.outcome not in LOOK, ratio if math.isfinite(ratio) else -1.0
+
     return max(group, key=rank)
 
 
@@ -90,15 +118,26 @@ def summary(result: Result, every_channel: bool = False, width: int = 240) -> It
     for name in numbers[:kept]:
         table.add_column(name, justify="right", no_wrap=True)
     last = ""
-    for (case, run, solver), rows in groupby(result.comparisons,
-                                             lambda c: (c.case, c.run, c.solver)):
+    for (case, run, solver), rows in groupby(
+        result.comparisons, lambda c: (c.case, c.run, c.solver)
+    ):
         group = list(rows)
         for c in group if every_channel else [worst(group)]:
-            figures = [f"{number(c.error_max)} {c.unit}".strip(), number(c.allowed),
-                       number(c.of_range), f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
-                       str(c.steps or "–")]
-            table.add_row(case if case != last else "", run, solver,
-                          outcomes(group, c, every_channel), c.channel, *figures[:kept])
+            figures = [
+                f"{number(c.error_max)} {c.unit}".strip(),
+                number(c.allowed),
+                number(c.of_range),
+                f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
+                str(c.steps or "–"),
+            ]
+            table.add_row(
+                case if case != last else "",
+                run,
+                solver,
+                outcomes(group, c, every_channel),
+                c.channel,
+                *figures[:kept],
+            )
             last = case
     if table.row_count:
         yield table
@@ -115,46 +154,76 @@ def failures(result: Result) -> Iterator[Text]:
     """A line for each run that failed, by its worst channel, and for each case in which nothing was
     checked; sensors that no quantity is found for; and the counts of all outcomes.
     """
-    for (case, run, solver), rows in groupby(result.comparisons,
-                                             lambda c: (c.case, c.run, c.solver)):
+    for (case, run, solver), rows in groupby(
+        result.comparisons, lambda c: (c.case, c.run, c.solver)
+    ):
         group = list(rows)
         bad = [c for c in group if c.outcome not in LOOK]
         if not bad:
             continue
         c = worst(bad)
-        text = c.message if c.outcome != Outcome.DIFFERS else (
-            f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
-            f"{number(c.error_max)} {c.unit} at {c.at:.6g}")
+        text = (
+            c.message
+            if c.outcome != Outcome.DIFFERS
+            else (
+                f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
+                f"{number(c.error_max)} {c.unit} at {c.at:.6g}"
+            )
+        )
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
     for case in result.cases:
         if case.unmatched:
             yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
-    counts = {o: sum(c.outcome == o for c in result.comparisons)
-              for o in dict.fromkeys(c.outcome for c in result.comparisons)}
+    counts = {
+        o: sum(c.outcome == o for c in result.comparisons)
+        for o in dict.fromkeys(c.outcome for c in result.comparisons)
+    }
     words = [f"{n} {o}" for o, n in counts.items()]
     if result.unchecked:
         words.append(f"{len(result.unchecked)} case(s) without any check")
-    yield Text(", ".join(words) or "nothing to check",
-               style="bold" if result.exit_code == 0 else "bold red")
+    yield Text(
+        ", ".join(words) or "nothing to check",
+        style="bold" if result.exit_code == 0 else "bold red",
+    )
 
 
 def not_checked(case: Case) -> str:
     """What is said of the sensors that a case does not check."""
-    return (f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
-            f"has their names, and the sidecar does not list them")
+    return (
+        f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
+        f"has their names, and the sidecar does not list them"
+    )
 
 
 def case_table(cases: list[Case], lone: list[Path], paths: list[Path]) -> Table:
     """What `proofmass list` shows: cases by their folders below the given paths."""
-    table = Table("folder", "case", "model", "reference", "runs", "channels", "title", box=None,
-                  header_style="bold", pad_edge=False)
+    table = Table(
+        "folder",
+        "case",
+        "model",
+        "reference",
+        "runs",
+        "channels",
+        "title",
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+    )
     for case in cases:
         runs = "; ".join(f"{kind}: {', '.join(run.solvers)}" for kind, run in case.run.items())
-        table.add_row(family_of(case.file, paths), case.name, case.model, case.reference, runs,
-                      str(len(case.channels)), case.title)
+        table.add_row(
+            family_of(case.file, paths),
+            case.name,
+            case.model,
+            case.reference,
+            runs,
+            str(len(case.channels)),
+            case.title,
+        )
     for model in lone:
-        table.add_row(family_of(model, paths), model.stem, model.name, "–",
-                      "unchecked: no sidecar", "", "")
+        table.add_row(
+            family_of(model, paths), model.stem, model.name, "–", "unchecked: no sidecar", "", ""
+        )
     return table

@@ -14,11 +14,24 @@ if TYPE_CHECKING:
     from pint import Unit, UnitRegistry
 
 PLAIN = {  # with the powers of length, mass, time and angle in them
-    "1": (0, 0, 0, 0), "m": (1, 0, 0, 0), "kg": (0, 1, 0, 0), "s": (0, 0, 1, 0),
-    "rad": (0, 0, 0, 1), "m/s": (1, 0, -1, 0), "rad/s": (0, 0, -1, 1), "m/s^2": (1, 0, -2, 0),
-    "rad/s^2": (0, 0, -2, 1), "N": (1, 1, -2, 0), "N m": (2, 1, -2, 0), "J": (2, 1, -2, 0)}
-KINDS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"),
-         "acceleration": ("rad/s^2", "m/s^2")}
+    "1": (0, 0, 0, 0),
+    "m": (1, 0, 0, 0),
+    "kg": (0, 1, 0, 0),
+    "s": (0, 0, 1, 0),
+    "rad": (0, 0, 0, 1),
+    "m/s": (1, 0, -1, 0),
+    "rad/s": (0, 0, -1, 1),
+    "m/s^2": (1, 0, -2, 0),
+    "rad/s^2": (0, 0, -2, 1),
+    "N": (1, 1, -2, 0),
+    "N m": (2, 1, -2, 0),
+    "J": (2, 1, -2, 0),
+}
+KINDS = {
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s^2", "m/s^2"),
+}
 """Kinds of motion, by their SI units."""
 WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")  # SI words that stay as they are written
 EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
@@ -70,8 +83,9 @@ def powers(unit: str) -> tuple[float, float, float, float]:
     if unit in PLAIN:
         return PLAIN[unit]
     base = dict(registry().Quantity(1, parsed(unit)).to_base_units().unit_items())
-    length, mass, time, angle = (float(str(base.get(word, 0))) for word in
-                                 ("meter", "kilogram", "second", "radian"))
+    length, mass, time, angle = (
+        float(str(base.get(word, 0))) for word in ("meter", "kilogram", "second", "radian")
+    )
     return length, mass, time, angle
 
 
@@ -105,4 +119,5 @@ def si_word(word: str) -> str:
     """The SI unit of the quantity that a word of a unit measures."""
     there = next((si for si in WORDS if same_quantity(word, si)), None)
     return there or f"{registry().get_base_units(parsed(word))[1]:~C}".replace("**", "^").replace(
-        "*", " ")
+        "*", " "
+    )

@@ -43,17 +43,27 @@ def validate(case: Case) -> None:
 def check_model(case: Case, model: MjModel) -> None:
     """Hold what the sidecar names, and its units, against the compiled model."""
     if model.nkey and case.start not in keys(model):
-        raise InputError(case.file, "start", f"{case.model} has no key {case.start!r}; "
-                         f"{suggest(case.start, keys(model))}")
+        raise InputError(
+            case.file,
+            "start",
+            f"{case.model} has no key {case.start!r}; {suggest(case.start, keys(model))}",
+        )
     for k, drive in enumerate(case.drive):
         if drive.joint not in joints(model):
-            raise InputError(case.file, case.drive_key(k, "joint"), f"{case.model} has no joint "
-                             f"{drive.joint!r}; {suggest(drive.joint, joints(model))}")
+            raise InputError(
+                case.file,
+                case.drive_key(k, "joint"),
+                f"{case.model} has no joint {drive.joint!r}; {suggest(drive.joint, joints(model))}",
+            )
     for name, channel in case.channels.items():
         delivered = delivered_unit(case, model, name)
         if delivered is not None and not same_quantity(channel.unit, delivered):
-            raise InputError(case.file, f"channels.{name}.unit", f"{channel.unit!r} measures "
-                             f"another quantity than the sensor, which delivers {delivered}")
+            raise InputError(
+                case.file,
+                f"channels.{name}.unit",
+                f"{channel.unit!r} measures "
+                f"another quantity than the sensor, which delivers {delivered}",
+            )
 
 
 def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
@@ -68,8 +78,11 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
         return channel_unit(model, name, case.rods)
     except KeyError as error:
         there = [*sensors(model), *case.rod]
-        raise InputError(case.file, f"channels.{name}", f"{case.model} has no sensor "
-                         f"{error.args[0]!r}; {suggest(error.args[0], there)}") from None
+        raise InputError(
+            case.file,
+            f"channels.{name}",
+            f"{case.model} has no sensor {error.args[0]!r}; {suggest(error.args[0], there)}",
+        ) from None
     except BadModel as error:
         raise InputError(case.file, f"channels.{name}", str(error)) from None
 

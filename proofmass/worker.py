@@ -32,8 +32,16 @@ try:
 except ImportError:  # Windows, where memory has no limit
     resource = None  # type: ignore[assignment]
 
-ALONE = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
-                       "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
+ALONE = dict.fromkeys(
+    (
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "BLIS_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+    ),
+    "1",
+)
 """Whatever the environment says: the last digits of what BLAS solves depend on the number of its
 threads, and threads of runs side by side would wait for each other."""
 
@@ -66,10 +74,19 @@ class Worker:
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the worker
         path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-W", "ignore", "-c",
-             "from proofmass.worker import main; main()"], stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, stderr=self.errors,
-            env={**os.environ, **ALONE, "PYTHONPATH": path})
+            [
+                sys.executable,
+                "-P",
+                "-W",
+                "ignore",
+                "-c",
+                "from proofmass.worker import main; main()",
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self.errors,
+            env={**os.environ, **ALONE, "PYTHONPATH": path},
+        )
 
     def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""
@@ -124,8 +141,8 @@ stopped = threading.Event()
 
 @contextmanager
 def stopping() -> Iterator[None]:
-    """Ctrl-C meanwhile interrupts the calls of all threads, those that are still to come as well.
-    """
+    """Ctrl-C meanwhile interrupts the calls of all threads, also those still to come."""
+
     def stop(*_: object) -> None:
         stopped.set()
         for worker in list(busy):
@@ -260,8 +277,10 @@ def limit_data(memory: float) -> None:
     if resource is not None:
         most = resource.getrlimit(resource.RLIMIT_DATA)[1]
         wanted = int(min(memory * GIB, sys.maxsize))
-        resource.setrlimit(resource.RLIMIT_DATA,
-                           (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))
+        resource.setrlimit(
+            resource.RLIMIT_DATA,
+            (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most),
+        )
 
 
 def alarm(seconds: float) -> None:

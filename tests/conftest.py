@@ -59,8 +59,12 @@ def stand(tmp_path: Path, models: Path) -> Callable[..., Stand]:
     """``stand(name, engine, kind, **knobs)``: a case in one engine and run, with a store."""
 
     def of(name: str, engine: str = "mujoco", kind: str = "duration", **knobs: object) -> Stand:
-        return Stand(load_case(models / f"{name}.toml"), kind, Setting(engine, knobs),
-                     Store(tmp_path / "runs"))
+        return Stand(
+            load_case(models / f"{name}.toml"),
+            kind,
+            Setting(engine, knobs),
+            Store(tmp_path / "runs"),
+        )
 
     return of
 
@@ -81,8 +85,7 @@ def edit(models: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def keep_solver(models: Path) -> Callable[[str, str], Path]:
-    """``keep_solver(name, solver)`` leaves a sidecar one solver, and the tolerances that cover it.
-    """
+    """``keep_solver(name, solver)`` leaves a sidecar one solver and the tolerances for it."""
 
     def keep(name: str, solver: str) -> Path:
         head, *tolerances = (models / name).read_text().split("[[tolerance]]")
@@ -98,8 +101,9 @@ def keep_solver(models: Path) -> Callable[[str, str], Path]:
 def address() -> Iterator[str]:
     """Of the scheduler of a Dask cluster: two workers, each a process, in a folder of their own."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
-                                  dashboard_address=":0") as cluster:  # any port that is free
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
+    ) as cluster:  # any port that is free
         yield cluster.scheduler_address
 
 

@@ -11,7 +11,7 @@ MODELS = Path(__file__).parent.parent / "models"
 
 def shipped(name: str) -> Path:
     """The file of that name below `models/`."""
-    file, = MODELS.rglob(name)
+    (file,) = MODELS.rglob(name)
     return file
 
 
@@ -28,4 +28,4 @@ def written_out(file: Path) -> str:
         return text
     head = re.split(r"(?m)^\[(?:run|channels)\]", re.sub(r"(?m)^accuracy\..*\n", "", text))[0]
     filled = as_toml(load_case(file), every=False)
-    return f"{head.rstrip()}\n\n{filled[filled.index('[run.'):]}"
+    return f"{head.rstrip()}\n\n{filled[filled.index('[run.') :]}"

@@ -14,132 +14,318 @@ from proofmass.solve import plan, run_here, solve
 
 SIDECARS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),
-    "unknown key": ("fourbar.toml", r"\[drive\]", "[drive]\nspeed = 2",
-                    ["drive", "'speed'", "joint, from, to, rate"]),
+    "unknown key": (
+        "fourbar.toml",
+        r"\[drive\]",
+        "[drive]\nspeed = 2",
+        ["drive", "'speed'", "joint, from, to, rate"],
+    ),
     "unknown table": ("fourbar.toml", r"\[drive\]", "[drvie]\n[drive]", ["'drvie'", "channels"]),
-    "no reason": ("fourbar.toml", r'why = "loops', 'because = "loops',
-                  ["tolerance.0", "'because'", "why"]),
+    "no reason": (
+        "fourbar.toml",
+        r'why = "loops',
+        'because = "loops',
+        ["tolerance.0", "'because'", "why"],
+    ),
     "empty reason": ("pendulum.toml", r'why = ".*"', 'why = " "', ["tolerance.0", "reason"]),
     "reason left out": ("pendulum.toml", r"why = .*", "", ["tolerance.0.why", "missing"]),
-    "no such reference": ("fourbar.toml", r'reference = "fourbar"', 'reference = "fourbra"',
-                          ["reference", "'fourbra'", "there are: ", "fourbar, ", "planar, "]),
-    "no such curve": ("hacksaw_recorded.toml", r'"hacksaw_recorded.csv"', '"inventor.csv"',
-                      ["hacksaw_recorded.toml: reference", "'inventor.csv'",
-                       "no such recorded curve"]),
-    "no such curve, and n": ("hacksaw_recorded.toml", r'(?s)"hacksaw_recorded.csv"(.*?)sweep\]',
-                             r'"inventor.csv"\1sweep]\nn = 5',
-                             ["reference", "no such recorded curve"]),
-    "no such quantity": ("fourbar.toml", r'"rocker_angle"', '"rocker"',
-                         ["channels.rocker.equals", "'rocker'", "rocker_angle"]),
-    "no such parameter": ("fourbar.toml", r"coupler = 2.0", "copler = 2.0",
-                          ["parameters.copler", "coupler"]),
-    "negative length": ("fourbar.toml", r"coupler = 2.0", "coupler = -2.0",
-                        ["parameters", "coupler"]),
-    "lengths that cannot close": ("fourbar.toml", r"coupler = 2.0", "coupler = 0.1",
-                                  ["parameters"]),
-    "no such model": ("fourbar.toml", r"reference =", 'model = "forbar.xml"\nreference =',
-                      ["model", "forbar.xml"]),
-    "no such solver": ("fourbar.toml", r'"mujoco:default"', '"bullet"',
-                       ["'bullet'", "mujoco, pymunk"]),
-    "variant without settings": ("fourbar.toml", r'"mujoco:default"', '"mujoco:slow"',
-                                 ['settings."mujoco:slow"']),
-    "unknown setting": ("hacksaw.toml", r"timestep = 1e-4", "step = 1e-4",
-                        ["'step'", "timestep"]),
-    "two tolerances": ("fourbar.toml", r'solver = "mujoco"\nof_range = 1e-12',
-                       'solver = "mujoco"\nof_range = 1e-12\nwhy = "a"\n[[tolerance]]\n'
-                       'of_range = 1', ["2 tolerances", "exactly one"]),
+    "no such reference": (
+        "fourbar.toml",
+        r'reference = "fourbar"',
+        'reference = "fourbra"',
+        ["reference", "'fourbra'", "there are: ", "fourbar, ", "planar, "],
+    ),
+    "no such curve": (
+        "hacksaw_recorded.toml",
+        r'"hacksaw_recorded.csv"',
+        '"inventor.csv"',
+        ["hacksaw_recorded.toml: reference", "'inventor.csv'", "no such recorded curve"],
+    ),
+    "no such curve, and n": (
+        "hacksaw_recorded.toml",
+        r'(?s)"hacksaw_recorded.csv"(.*?)sweep\]',
+        r'"inventor.csv"\1sweep]\nn = 5',
+        ["reference", "no such recorded curve"],
+    ),
+    "no such quantity": (
+        "fourbar.toml",
+        r'"rocker_angle"',
+        '"rocker"',
+        ["channels.rocker.equals", "'rocker'", "rocker_angle"],
+    ),
+    "no such parameter": (
+        "fourbar.toml",
+        r"coupler = 2.0",
+        "copler = 2.0",
+        ["parameters.copler", "coupler"],
+    ),
+    "negative length": (
+        "fourbar.toml",
+        r"coupler = 2.0",
+        "coupler = -2.0",
+        ["parameters", "coupler"],
+    ),
+    "lengths that cannot close": (
+        "fourbar.toml",
+        r"coupler = 2.0",
+        "coupler = 0.1",
+        ["parameters"],
+    ),
+    "no such model": (
+        "fourbar.toml",
+        r"reference =",
+        'model = "forbar.xml"\nreference =',
+        ["model", "forbar.xml"],
+    ),
+    "no such solver": (
+        "fourbar.toml",
+        r'"mujoco:default"',
+        '"bullet"',
+        ["'bullet'", "mujoco, pymunk"],
+    ),
+    "variant without settings": (
+        "fourbar.toml",
+        r'"mujoco:default"',
+        '"mujoco:slow"',
+        ['settings."mujoco:slow"'],
+    ),
+    "unknown setting": ("hacksaw.toml", r"timestep = 1e-4", "step = 1e-4", ["'step'", "timestep"]),
+    "two tolerances": (
+        "fourbar.toml",
+        r'solver = "mujoco"\nof_range = 1e-12',
+        'solver = "mujoco"\nof_range = 1e-12\nwhy = "a"\n[[tolerance]]\nof_range = 1',
+        ["2 tolerances", "exactly one"],
+    ),
     "wrong branch": ("fourbar.toml", r"mode = 1 ", "mode = -1 ", ["start", "mode +1", "-1"]),
     "NaN": ("fourbar.toml", r"crank = 1.0", "crank = nan", ["parameters.crank", "finite"]),
 }
 MODELS = {
     "not XML": ("fourbar.xml", r"</worldbody>", "</wordlbody>", ["fourbar.xml", "XML"]),
-    "no such sensor": ("fourbar.xml", r'jointpos name="rocker"', 'jointpos name="rokcer"',
-                       ["fourbar.xml", "'rocker'", "rokcer"]),
-    "no such joint": ("fourbar.toml", r'joint = "crank"', 'joint = "cranck"',
-                      ["fourbar.xml", "'cranck'", "crank, coupler, rocker"]),
-    "no such key": ("fourbar_crossed.toml", r'start = "crossed"', 'start = "corssed"',
-                    ["'corssed'", "start, crossed"]),
-    "not assembled": ("fourbar.xml", r'qpos="0  1.3502630', 'qpos="0  2.3502630',
-                      ["fourbar.xml", "'start'", "'pin'", "open by"]),
-    "not planar": ("fourbar.xml", r'<joint name="rocker"/>',
-                   '<joint name="rocker" axis="0 0.1 1"/>',
-                   ["fourbar.toml", "run.duration.solvers", "pymunk", "'rocker' leaves the plane"]),
-    "a freedom too many": ("fourbar.xml", r'<site name="rocker_end" pos="2.5 0 0"/>',
-                           '<site name="rocker_end" pos="2.5 0 0"/><body name="bob"><joint '
-                           'name="bob"/><inertial pos="0 1 0" mass="1" diaginertia="1 1 1"/>'
-                           '</body>', ["run.sweep.solvers", "mujoco", "1 degree(s) of freedom"]),
-    "NaN in the model": ("fourbar.xml", r'pos="0.5 0 0" mass="1"', 'pos="nan 0 0" mass="1"',
-                         ["fourbar.xml"]),
+    "no such sensor": (
+        "fourbar.xml",
+        r'jointpos name="rocker"',
+        'jointpos name="rokcer"',
+        ["fourbar.xml", "'rocker'", "rokcer"],
+    ),
+    "no such joint": (
+        "fourbar.toml",
+        r'joint = "crank"',
+        'joint = "cranck"',
+        ["fourbar.xml", "'cranck'", "crank, coupler, rocker"],
+    ),
+    "no such key": (
+        "fourbar_crossed.toml",
+        r'start = "crossed"',
+        'start = "corssed"',
+        ["'corssed'", "start, crossed"],
+    ),
+    "not assembled": (
+        "fourbar.xml",
+        r'qpos="0  1.3502630',
+        'qpos="0  2.3502630',
+        ["fourbar.xml", "'start'", "'pin'", "open by"],
+    ),
+    "not planar": (
+        "fourbar.xml",
+        r'<joint name="rocker"/>',
+        '<joint name="rocker" axis="0 0.1 1"/>',
+        ["fourbar.toml", "run.duration.solvers", "pymunk", "'rocker' leaves the plane"],
+    ),
+    "a freedom too many": (
+        "fourbar.xml",
+        r'<site name="rocker_end" pos="2.5 0 0"/>',
+        '<site name="rocker_end" pos="2.5 0 0"/><body name="bob"><joint '
+        'name="bob"/><inertial pos="0 1 0" mass="1" diaginertia="1 1 1"/>'
+        "</body>",
+        ["run.sweep.solvers", "mujoco", "1 degree(s) of freedom"],
+    ),
+    "NaN in the model": (
+        "fourbar.xml",
+        r'pos="0.5 0 0" mass="1"',
+        'pos="nan 0 0" mass="1"',
+        ["fourbar.xml"],
+    ),
 }
 DRIVES = {
-    "a follower with a rate": ("fivebar.toml", r'joint = "right".*', 'joint = "right"\nrate = 2',
-                               ["drive", "rate belongs to the first drive"]),
-    "a follower without an end": ("fivebar.toml", r'(joint = "right".*\n.*\n)to = .*', r"\1",
-                                  ["drive", "'right' needs from and to"]),
-    "driven twice": ("fivebar.toml", r'joint = "right"', 'joint = "left"',
-                     ["drive", "'left' is driven twice"]),
-    "a place that is no number": ("fivebar.toml", r'(joint = "right".*)\nfrom = 0.0',
-                                  r"\1\nfrom = nan", ["drive.1.from", "finite"]),
-    "columns for one of two": ("hacksaw_recorded.toml", r"\[drive\](\n.*\n.*)",
-                               '[[drive]]\\1\n[[drive]]\njoint = "theta1"',
-                               ["drive", "'theta1' needs law = [value, rate, acceleration]"]),
-    "no such law": ("fivebar_circle.toml", r'law = "circle"', 'law = "cirlce"',
-                    ["drive.0.law", "reference fivebar has no function 'cirlce'"]),
-    "a swing with a rate": ("triple_rocker.toml", r"period = 8.0", "period = 8.0\nrate = 1.0",
-                            ["drive", "rate goes with from and to alone"]),
-    "a drive too few": ("inverted_slider_crank_held.toml",
-                        r'\[\[drive\]\]\njoint = "bar"[^\[]*', "",
-                        ["run.sweep.solvers", "mujoco", "1 degree(s) of freedom"]),
-    "one column": ("hacksaw_recorded.toml", r'law = .*', 'law = ["omega2"]',
-                   ["drive.0.law", "['omega2']", "name of a function", "three columns"]),
-    "no such parameter of a law": ("fivebar_circle.toml", "left_crank = 4.0 +# m", "lft_crank = 4",
-                                   ["fivebar_circle.toml: drive.parameters", "lft_crank"]),
-    "a law's parameter left out": ("fivebar_circle.toml", r"radius = 1.5.*", "",
-                                   ["drive.parameters", "'radius'"]),
-    "a law that cannot be": ("fivebar_circle.toml", "radius = 1.5", "radius = 99.0",
-                             ["drive.parameters"]),
-    "no such parameter of the motor": ("hacksaw.toml", r"^parameters = \{",
-                                       "parameters = { sped = 1.0, ",
-                                       ["drive.parameters.sped", "known: "]),
-    "zero length": ("slider_crank.toml", r"coupler = 2.0", "coupler = 0.0",
-                    ["parameters", "coupler must be a positive"]),
-    "a coupler too short": ("slider_crank.toml", r"coupler = 2.0", "coupler = 0.5",
-                            ["parameters", "angle"]),
-    "five bars that miss": ("fivebar.toml", r"left_coupler = 3.5", "left_coupler = 0.5",
-                            ["parameters", "miss by", "m"]),
+    "a follower with a rate": (
+        "fivebar.toml",
+        r'joint = "right".*',
+        'joint = "right"\nrate = 2',
+        ["drive", "rate belongs to the first drive"],
+    ),
+    "a follower without an end": (
+        "fivebar.toml",
+        r'(joint = "right".*\n.*\n)to = .*',
+        r"\1",
+        ["drive", "'right' needs from and to"],
+    ),
+    "driven twice": (
+        "fivebar.toml",
+        r'joint = "right"',
+        'joint = "left"',
+        ["drive", "'left' is driven twice"],
+    ),
+    "a place that is no number": (
+        "fivebar.toml",
+        r'(joint = "right".*)\nfrom = 0.0',
+        r"\1\nfrom = nan",
+        ["drive.1.from", "finite"],
+    ),
+    "columns for one of two": (
+        "hacksaw_recorded.toml",
+        r"\[drive\](\n.*\n.*)",
+        '[[drive]]\\1\n[[drive]]\njoint = "theta1"',
+        ["drive", "'theta1' needs law = [value, rate, acceleration]"],
+    ),
+    "no such law": (
+        "fivebar_circle.toml",
+        r'law = "circle"',
+        'law = "cirlce"',
+        ["drive.0.law", "reference fivebar has no function 'cirlce'"],
+    ),
+    "a swing with a rate": (
+        "triple_rocker.toml",
+        r"period = 8.0",
+        "period = 8.0\nrate = 1.0",
+        ["drive", "rate goes with from and to alone"],
+    ),
+    "a drive too few": (
+        "inverted_slider_crank_held.toml",
+        r'\[\[drive\]\]\njoint = "bar"[^\[]*',
+        "",
+        ["run.sweep.solvers", "mujoco", "1 degree(s) of freedom"],
+    ),
+    "one column": (
+        "hacksaw_recorded.toml",
+        r"law = .*",
+        'law = ["omega2"]',
+        ["drive.0.law", "['omega2']", "name of a function", "three columns"],
+    ),
+    "no such parameter of a law": (
+        "fivebar_circle.toml",
+        "left_crank = 4.0 +# m",
+        "lft_crank = 4",
+        ["fivebar_circle.toml: drive.parameters", "lft_crank"],
+    ),
+    "a law's parameter left out": (
+        "fivebar_circle.toml",
+        r"radius = 1.5.*",
+        "",
+        ["drive.parameters", "'radius'"],
+    ),
+    "a law that cannot be": (
+        "fivebar_circle.toml",
+        "radius = 1.5",
+        "radius = 99.0",
+        ["drive.parameters"],
+    ),
+    "no such parameter of the motor": (
+        "hacksaw.toml",
+        r"^parameters = \{",
+        "parameters = { sped = 1.0, ",
+        ["drive.parameters.sped", "known: "],
+    ),
+    "zero length": (
+        "slider_crank.toml",
+        r"coupler = 2.0",
+        "coupler = 0.0",
+        ["parameters", "coupler must be a positive"],
+    ),
+    "a coupler too short": (
+        "slider_crank.toml",
+        r"coupler = 2.0",
+        "coupler = 0.5",
+        ["parameters", "angle"],
+    ),
+    "five bars that miss": (
+        "fivebar.toml",
+        r"left_coupler = 3.5",
+        "left_coupler = 0.5",
+        ["parameters", "miss by", "m"],
+    ),
 }
 RANGES = {
-    "a crank": ("fourbar", "crank", "-0.01 0.01", ["drive: joint 'crank'", "6.28319 rad",
-                                                   "fourbar.xml", "-0.01 to 0.01 rad"]),
-    "a swing": ("triple_rocker", "crank", "-1.5 2", ["drive: joint 'crank'", "to -2 rad",
-                                                     "-1.5 to 2 rad"]),
+    "a crank": (
+        "fourbar",
+        "crank",
+        "-0.01 0.01",
+        ["drive: joint 'crank'", "6.28319 rad", "fourbar.xml", "-0.01 to 0.01 rad"],
+    ),
+    "a swing": (
+        "triple_rocker",
+        "crank",
+        "-1.5 2",
+        ["drive: joint 'crank'", "to -2 rad", "-1.5 to 2 rad"],
+    ),
     "a slider": ("threeprr", "slider_2", "0 1", ["drive.1: joint 'slider_2'", "1.1 m", "0 to 1 m"]),
-    "a balancer": ("balancer_sine", "pendulum", "-0.01 0.01",
-                   ["drive: joint 'pendulum'", "1.5708 rad", "-0.01 to 0.01 rad"]),
+    "a balancer": (
+        "balancer_sine",
+        "pendulum",
+        "-0.01 0.01",
+        ["drive: joint 'pendulum'", "1.5708 rad", "-0.01 to 0.01 rad"],
+    ),
     "a law": ("hacksaw", "crank", "-1 18", ["drive: joint 'crank'", "-1 to 18 rad"]),
-    "a rest": ("rfr2_natural", "motor1", "5 6", ["drive.0: joint 'motor1'", "0.698132 rad",
-                                                 "5 to 6 rad"]),
-    "a settled rod": ("rod_snap", "motor", "-1 2", ["drive: joint 'motor'", "-1.39626 rad",
-                                                    "-1 to 2 rad"]),
+    "a rest": (
+        "rfr2_natural",
+        "motor1",
+        "5 6",
+        ["drive.0: joint 'motor1'", "0.698132 rad", "5 to 6 rad"],
+    ),
+    "a settled rod": (
+        "rod_snap",
+        "motor",
+        "-1 2",
+        ["drive: joint 'motor'", "-1.39626 rad", "-1 to 2 rad"],
+    ),
 }
 MEASURELESS = {
-    "a gear of 0": ("fourbar.xml", '(<motor name="motor" joint="crank")', r'\1 gear="0 1 0 0 0 0"',
-                    ["fourbar.toml: channels.holding_moment: the gear of actuator 'motor' is 0",
-                     "give another"]),
-    "n of 23 digits": ("fourbar.toml", r"n = \d+", f"n = {10**22}",
-                       ["fourbar.toml: run.sweep.n: ", "less than or equal to 100000000"]),
-    "segments of 23 digits": ("rod_cantilever.toml", r"segments = 40$", f"segments = {10**22}",
-                              ["rod_cantilever.toml: rod.rod.segments: ", "equal to 100000"]),
-    "refined into 23 digits": ("rod_cantilever.toml", r"segments = \[10,", f"segments = [{10**22},",
-                               ["rod_cantilever.toml: refine.segments.0: ", "equal to 100000"]),
-    "a rate of 1e308": ("fourbar.toml", r"rate = 1.0  ", "rate = 1e308",
-                        ["fourbar.toml: drive: joint 'crank'", "1e+308 rad/s", "less than 1e+150"]),
-    "a time step of 0": ("fourbar.xml", 'timestep="1e-3"', 'timestep="0"',
-                         ["fourbar.xml: <option>: timestep 0 is not positive"]),
-    "a height field": ("fourbar.xml", "<worldbody>", '<asset><hfield name="h" nrow="1000000" '
-                       'ncol="1000000" size="1 1 1 1"/></asset><worldbody><geom type="hfield" '
-                       'hfield="h"/>', ["fourbar.xml: MuJoCo cannot compile it",
-                                        '"Caught an unknown exception!"', "height field"]),
+    "a gear of 0": (
+        "fourbar.xml",
+        '(<motor name="motor" joint="crank")',
+        r'\1 gear="0 1 0 0 0 0"',
+        [
+            "fourbar.toml: channels.holding_moment: the gear of actuator 'motor' is 0",
+            "give another",
+        ],
+    ),
+    "n of 23 digits": (
+        "fourbar.toml",
+        r"n = \d+",
+        f"n = {10**22}",
+        ["fourbar.toml: run.sweep.n: ", "less than or equal to 100000000"],
+    ),
+    "segments of 23 digits": (
+        "rod_cantilever.toml",
+        r"segments = 40$",
+        f"segments = {10**22}",
+        ["rod_cantilever.toml: rod.rod.segments: ", "equal to 100000"],
+    ),
+    "refined into 23 digits": (
+        "rod_cantilever.toml",
+        r"segments = \[10,",
+        f"segments = [{10**22},",
+        ["rod_cantilever.toml: refine.segments.0: ", "equal to 100000"],
+    ),
+    "a rate of 1e308": (
+        "fourbar.toml",
+        r"rate = 1.0  ",
+        "rate = 1e308",
+        ["fourbar.toml: drive: joint 'crank'", "1e+308 rad/s", "less than 1e+150"],
+    ),
+    "a time step of 0": (
+        "fourbar.xml",
+        'timestep="1e-3"',
+        'timestep="0"',
+        ["fourbar.xml: <option>: timestep 0 is not positive"],
+    ),
+    "a height field": (
+        "fourbar.xml",
+        "<worldbody>",
+        '<asset><hfield name="h" nrow="1000000" '
+        'ncol="1000000" size="1 1 1 1"/></asset><worldbody><geom type="hfield" '
+        'hfield="h"/>',
+        ["fourbar.xml: MuJoCo cannot compile it", '"Caught an unknown exception!"', "height field"],
+    ),
 }
 CURVES = {
     "x falls": (r"\n0\.0077[^,]*", "\n0.0001", ["line", "t does not rise"]),
@@ -161,8 +347,9 @@ def messages(models: Path, name: str) -> list[str]:
     sidecar.write_text(re.sub(r"(?m)^n = \d{3}\b", "n = 37", sidecar.read_text()))
     good = models / "pendulum.toml"
     if case != "pendulum":
-        good.write_text(good.read_text().replace("until = 10.0", "until = 0.5")
-                        .replace("n = 1001", "n = 51"))
+        good.write_text(
+            good.read_text().replace("until = 10.0", "until = 0.5").replace("n = 1001", "n = 51")
+        )
     result = check([models / f"{case}.toml", good])
     if case != "pendulum":
         assert {c.outcome for c in result.comparisons if c.case == "pendulum"} >= {"agrees"}
@@ -210,8 +397,9 @@ def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
         plan(load_case(models / "triple_rocker.toml"), "duration", "mujoco")
 
 
-@pytest.mark.parametrize("joint", [
-    'range="0 6.283185307179586"', 'range="-0.01 0.01" limited="false"'])
+@pytest.mark.parametrize(
+    "joint", ['range="0 6.283185307179586"', 'range="-0.01 0.01" limited="false"']
+)
 def test_a_drive_may_end_where_its_joint_does(joint, models, edit):
     edit("fourbar.xml", '<joint name="crank"', f'<joint name="crank" {joint}')
     case = load_case(models / "fourbar.toml")
@@ -237,9 +425,13 @@ def test_a_number_that_is_out_of_all_measure_is_named_before_any_run(wrong, mode
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
-@pytest.mark.parametrize(("name", "old", "new", "words"), [
-    ("pendulum.toml", "until = 10.0", "until = 1e23", "1e+23 s from sample to sample are "),
-    ("pendulum.xml", 'timestep="1e-3"', 'timestep="1e-320"', " are inf time steps of ")])
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        ("pendulum.toml", "until = 10.0", "until = 1e23", "1e+23 s from sample to sample are "),
+        ("pendulum.xml", 'timestep="1e-3"', 'timestep="1e-320"', " are inf time steps of "),
+    ],
+)
 def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver, models, edit):
     edit(name, old, new)
     edit("pendulum.toml", r"n = \d+", "n = 2")
@@ -249,9 +441,13 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
     assert "give a longer step or a shorter run" in str(caught.value)
 
 
-@pytest.mark.parametrize(("old", "new"), [
-    ('mass="1" ', 'mass="1.2e308" '),  # of a body that is built with twice the mass
-    ('<joint name="pivot"', '<joint name="pivot" armature="-2"')])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('mass="1" ', 'mass="1.2e308" '),  # of a body that is built with twice the mass
+        ('<joint name="pivot"', '<joint name="pivot" armature="-2"'),
+    ],
+)
 def test_a_body_at_which_chipmunk_would_abort_is_named(old, new, models, edit):
     edit("pendulum.xml", old, new)
     with pytest.raises(InputError, match=r"pendulum\.xml: body 'bob': mass .* must be positive"):
@@ -298,8 +494,9 @@ def test_a_pose_that_cannot_be_assembled_is_named(models, edit):
     edit("fourbar.xml", r'name="coupler" pos="1 0 0"', 'name="coupler" pos="1.6 0 0"')
     edit("fourbar.xml", r'qpos="0  1.35026.* 2.2459.*"', 'qpos="0 1.6226 2.2160"')
     found = messages(models, "fourbar.xml")
-    assert any("cannot be assembled at crank = 2." in line and "open by" in line
-               for line in found), found
+    assert any(
+        "cannot be assembled at crank = 2." in line and "open by" in line for line in found
+    ), found
 
 
 def test_command_line_exits_2_without_a_traceback(models, edit):
@@ -317,8 +514,11 @@ def test_a_missing_path_is_named():
 
 
 def test_what_the_planar_reference_does_not_cover_is_an_error_of_the_model(models, edit):
-    edit("watt.xml", "</mujoco>", '<tendon><fixed name="rope"><joint joint="crank" coef="1"/>'
-         "</fixed></tendon></mujoco>")
+    edit(
+        "watt.xml",
+        "</mujoco>",
+        '<tendon><fixed name="rope"><joint joint="crank" coef="1"/></fixed></tendon></mujoco>',
+    )
     [error] = check([models / "watt.toml"]).errors
     assert error.file == models / "watt.xml"
     assert error.wrong == "the reference 'planar' does not cover it: it has a tendon"

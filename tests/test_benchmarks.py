@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-TEXTS = {file.stem: file.read_text(encoding="utf-8")
-         for file in sorted((ROOT / "benchmarks").glob("*.py")) if file.stem != "__init__"}
+TEXTS = {
+    file.stem: file.read_text(encoding="utf-8")
+    for file in sorted((ROOT / "benchmarks").glob("*.py"))
+    if file.stem != "__init__"
+}
 
 
 def docs():
@@ -21,18 +24,28 @@ LONG = "accuracy", "choose", "design_balancer", "diet", "rod_settling", "rod_sol
 """Which take many seconds even then."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG
-                                  else name for name in TEXTS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in TEXTS]
+)
 def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path):
     if 'if __name__ == "__main__":' not in TEXTS[name]:  # what a benchmark is made of
         others = [text for other, text in TEXTS.items() if other != name]
-        assert any(name in line.replace(",", " ").replace(".", " ").split() for text in others
-                   for line in text.splitlines() if "import" in line), f"nothing imports {name}"
+        assert any(
+            name in line.replace(",", " ").replace(".", " ").split()
+            for text in others
+            for line in text.splitlines()
+            if "import" in line
+        ), f"nothing imports {name}"
         return
     before = docs()
-    done = subprocess.run([sys.executable, "-m", f"benchmarks.{name}", "--quick"], cwd=tmp_path,
-                          env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True,
-                          text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-m", f"benchmarks.{name}", "--quick"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     assert docs() == before
     assert {file.name for file in tmp_path.iterdir()} <= {"MUJOCO_LOG.TXT"}  # its own, of warnings

@@ -10,33 +10,91 @@ from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 
-@pytest.mark.parametrize(("name", "old", "new", "key", "wrong"), [
-    ("pendulum", "title = .*", "", "title", "missing; it is required"),
-    ("pendulum", "n = 1001", "n = 1", "run.duration.n",
-     "Input should be greater than or equal to 2"),
-    ("pendulum", "title = ", "title = = ", "", "not TOML: .*"),
-    ("pendulum", "title = ", "deep = " + "[" * 9999 + "\ntitle = ", "",
-     "its tables or arrays are nested too deeply"),
-    ("pendulum", "title = ", 'model = "none.xml"\ntitle = ', "model",
-     "no file 'none.xml' beside the sidecar"),
-    ("pendulum", r'solver = "mujoco"', 'solver = "mujco"', "",
-     "tolerance.0.solver: 'mujco' matches nothing; did you mean 'mujoco'.*"),
-    ("fourbar", r'unit = \["rad", "m"\]', 'unit = ["rad", "r*"]', "",
-     r"tolerance.1.unit: 'r\*' matches nothing; .*"),  # a unit is no pattern
-    ("pendulum", r'solver = "mujoco"', 'solver = "mujoco"\nchannels = ["rat*", "x*"]', "",
-     r"tolerance.0.channels: 'x\*' matches nothing; .*"),
-    ("pendulum", r'solver = "mujoco"', 'solver = "mujoco"\nchannels = "rate"\nunit = "rad"', "",
-     "tolerance.0: it covers nothing: no channel of its run and its solvers has both one of its "
-     "names and one of its units"),
-    ("pendulum", r'solver = "pymunk"', 'solver = "*"\n', "",
-     "2 tolerances cover channel 'angle' of mujoco in duration; exactly one may"),
-    ("pendulum", r'solver = "mujoco"', 'solver = "mujoco"\nrun = "sweep"', "",
-     "tolerance.0.run: there is no run.sweep; there are: duration"),
-    ("rod_cantilever", r"\[run.rest\]", "[run.rest]\nuntil = 99.0", "",
-     r"run.rest.until goes beyond the shortest rod, \S+ m"),
-    ("rod_cantilever", r"(?s)\[rod\.rod\].*?\n\n", "", "",
-     r"run.rest needs a \[rod.NAME\]: it is sampled along its length"),
-])
+@pytest.mark.parametrize(
+    ("name", "old", "new", "key", "wrong"),
+    [
+        ("pendulum", "title = .*", "", "title", "missing; it is required"),
+        (
+            "pendulum",
+            "n = 1001",
+            "n = 1",
+            "run.duration.n",
+            "Input should be greater than or equal to 2",
+        ),
+        ("pendulum", "title = ", "title = = ", "", "not TOML: .*"),
+        (
+            "pendulum",
+            "title = ",
+            "deep = " + "[" * 9999 + "\ntitle = ",
+            "",
+            "its tables or arrays are nested too deeply",
+        ),
+        (
+            "pendulum",
+            "title = ",
+            'model = "none.xml"\ntitle = ',
+            "model",
+            "no file 'none.xml' beside the sidecar",
+        ),
+        (
+            "pendulum",
+            r'solver = "mujoco"',
+            'solver = "mujco"',
+            "",
+            "tolerance.0.solver: 'mujco' matches nothing; did you mean 'mujoco'.*",
+        ),
+        (
+            "fourbar",
+            r'unit = \["rad", "m"\]',
+            'unit = ["rad", "r*"]',
+            "",
+            r"tolerance.1.unit: 'r\*' matches nothing; .*",
+        ),  # a unit is no pattern
+        (
+            "pendulum",
+            r'solver = "mujoco"',
+            'solver = "mujoco"\nchannels = ["rat*", "x*"]',
+            "",
+            r"tolerance.0.channels: 'x\*' matches nothing; .*",
+        ),
+        (
+            "pendulum",
+            r'solver = "mujoco"',
+            'solver = "mujoco"\nchannels = "rate"\nunit = "rad"',
+            "",
+            "tolerance.0: it covers nothing: no channel of its run and its solvers has both one of "
+            "its names and one of its units",
+        ),
+        (
+            "pendulum",
+            r'solver = "pymunk"',
+            'solver = "*"\n',
+            "",
+            "2 tolerances cover channel 'angle' of mujoco in duration; exactly one may",
+        ),
+        (
+            "pendulum",
+            r'solver = "mujoco"',
+            'solver = "mujoco"\nrun = "sweep"',
+            "",
+            "tolerance.0.run: there is no run.sweep; there are: duration",
+        ),
+        (
+            "rod_cantilever",
+            r"\[run.rest\]",
+            "[run.rest]\nuntil = 99.0",
+            "",
+            r"run.rest.until goes beyond the shortest rod, \S+ m",
+        ),
+        (
+            "rod_cantilever",
+            r"(?s)\[rod\.rod\].*?\n\n",
+            "",
+            "",
+            r"run.rest needs a \[rod.NAME\]: it is sampled along its length",
+        ),
+    ],
+)
 def test_a_fault_is_said_at_its_key(name, old, new, key, wrong, models, edit):
     file = edit(f"{name}.toml", old, new, count=1)
     with pytest.raises(InputError) as error:
@@ -70,8 +128,10 @@ def test_a_key_of_a_drive_has_a_number_where_there_are_several():
 
 def test_a_view_shows_the_first_run_that_has_its_channels():
     case = load_case(shipped("fourbar.toml"))
-    channels = {**case.channels, "rocker": case.channels["rocker"].model_copy(
-        update={"only": "duration"})}
+    channels = {
+        **case.channels,
+        "rocker": case.channels["rocker"].model_copy(update={"only": "duration"}),
+    }
     case = case.model_copy(update={"channels": channels})
 
     def shown(**view):
@@ -81,12 +141,17 @@ def test_a_view_shows_the_first_run_that_has_its_channels():
     assert shown(x="crank", y="rocker") == "duration"
     assert shown(x="crank", y="holding_moment") == "sweep"
     assert shown(x="crank", y="pin.x", run="duration") == "duration"
-    for view, words in (({"x": "rocker", "y": "holding_moment"},
-                         "no run.* records its channels rocker, holding_moment"),
-                        ({"x": "crank", "y": "pin.x", "run": "rest"},
-                         "no run.rest records its channels pin.x"),
-                        ({"x": "crank", "y": "other", "run": "rest"},
-                         "no run.rest records its channels (it names none)")):
+    for view, words in (
+        (
+            {"x": "rocker", "y": "holding_moment"},
+            "no run.* records its channels rocker, holding_moment",
+        ),
+        ({"x": "crank", "y": "pin.x", "run": "rest"}, "no run.rest records its channels pin.x"),
+        (
+            {"x": "crank", "y": "other", "run": "rest"},
+            "no run.rest records its channels (it names none)",
+        ),
+    ):
         with pytest.raises(ValueError, match="view 'one': ") as error:
             shown(**view)
         assert str(error.value) == f"view 'one': {words}"

@@ -89,33 +89,42 @@ def test_what_is_found_below_a_path(models, tmp_path):
         assert list(find([tmp_path / name])) == [tmp_path / name / name]
     names = [path.name for path in find([models])]
     toml = sorted(path.name for path in models.glob("*.toml"))
-    assert names[:len(toml)] == toml
+    assert names[: len(toml)] == toml
     models_alone = {path.stem for path in models.glob("*.xml")} - {Path(n).stem for n in toml}
     assert "pendulum" in models_alone
-    assert {Path(name).stem for name in names[len(toml):]} == models_alone
+    assert {Path(name).stem for name in names[len(toml) :]} == models_alone
     pair = [models / "fourbar.toml", models / "pendulum.xml"]
     assert list(find(pair)) == pair
     assert list(find([models / "fourbar.xml"])) == pair[:1]
-    for path, words in ((tmp_path / "no", "no such file or folder"),
-                        (empty, "no sidecar (.toml) and no model (.xml) in this folder"),
-                        (models / "notes.txt",
-                         "neither a sidecar (.toml), a model (.xml) nor a folder")):
+    for path, words in (
+        (tmp_path / "no", "no such file or folder"),
+        (empty, "no sidecar (.toml) and no model (.xml) in this folder"),
+        (models / "notes.txt", "neither a sidecar (.toml), a model (.xml) nor a folder"),
+    ):
         assert wrong(lambda p: list(find([p])), path) == ("", words)
 
 
 def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short, workers, edit):
-    edit("pendulum.toml", r"\[channels\]",
-         "[run.sweep]\nn = 3\nsolvers = ['mujoco']\ntimeout = 9.0\nmemory = 2.0\n[channels]")
-    edit("pendulum.toml", r"\[run.duration\]",
-         "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.duration]")
+    edit(
+        "pendulum.toml",
+        r"\[channels\]",
+        "[run.sweep]\nn = 3\nsolvers = ['mujoco']\ntimeout = 9.0\nmemory = 2.0\n[channels]",
+    )
+    edit(
+        "pendulum.toml",
+        r"\[run.duration\]",
+        "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.duration]",
+    )
     workers.fails["validate"] = OSError()  # the runs meet it as well
     assert load(short).name == "pendulum"
     assert workers == [("load_case", LOADING, None), ("validate", 9.0, 3.0)]
     workers.fails["validate"] = InputError(short, "channels", "bad")
     assert wrong(load, short) == ("channels", "bad")
-    for error, words in ((InputError(short, "key", "bad"), ("key", "bad")),
-                         (OSError("gone"), ("", "cannot be read: gone")),
-                         (OSError(), ("", "cannot be read: OSError"))):
+    for error, words in (
+        (InputError(short, "key", "bad"), ("key", "bad")),
+        (OSError("gone"), ("", "cannot be read: gone")),
+        (OSError(), ("", "cannot be read: OSError")),
+    ):
         workers.fails["load_case"] = error
         assert wrong(load, short) == words
 
@@ -131,7 +140,13 @@ def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
     (tmp_path / "a" / "folder.xml").mkdir()
     (tmp_path / "a" / "folder.xml" / "not_searched.toml").write_text("")
     assert [file.relative_to(tmp_path).as_posix() for file in find([tmp_path])] == [
-        "b.toml", "a/loop.toml", "a/c.xml", "a/folder.xml", "a/x/d.toml", "a/x/pipe.toml"]
+        "b.toml",
+        "a/loop.toml",
+        "a/c.xml",
+        "a/folder.xml",
+        "a/x/d.toml",
+        "a/x/pipe.toml",
+    ]
     for name, words in (("a/loop.toml", "Too many levels"), ("a/x/pipe.toml", "a device or pipe")):
         assert words in wrong(read, tmp_path / name)[1]
 
@@ -177,8 +192,7 @@ def test_two_cases_of_one_name_are_an_error_that_names_both_files(models, tmp_pa
     assert [str(error) for error in result.errors] == [words]
     assert {c.outcome for c in result.comparisons} == {"agrees", "unchecked"}
     for command in ("list", "trade"):
-        answer = CliRunner().invoke(app, [command, str(models / "pendulum.toml"),
-                                          str(twin.parent)])
+        answer = CliRunner().invoke(app, [command, str(models / "pendulum.toml"), str(twin.parent)])
         assert answer.exit_code == 2
         assert words in answer.output.replace("\n", "")
 
@@ -191,10 +205,14 @@ def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path):
     for name in ("a", "b"):
         (tmp_path / "robots" / name).mkdir(parents=True)
         (tmp_path / "robots" / name / "scene.xml").write_bytes(
-            (models / "pendulum.xml").read_bytes())
+            (models / "pendulum.xml").read_bytes()
+        )
     (tmp_path / "robots" / "arm.xml").write_bytes((models / "pendulum.xml").read_bytes())
     assert [c.case for c in check([tmp_path / "robots"]).comparisons] == [
-        "arm", "a/scene", "b/scene"]
+        "arm",
+        "a/scene",
+        "b/scene",
+    ]
 
 
 def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
@@ -219,26 +237,46 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
 @pytest.mark.parametrize("kind", FAILURES)
 def test_a_run_that_is_lost_has_a_verdict_for_each_of_its_channels(kind, short, workers):
     case = load(short)
-    of_one = {name: case.channels[name].model_copy(update={"only": kind_of})
-              for name, kind_of in (("rate", "sweep"), ("angle", "duration"))}
+    of_one = {
+        name: case.channels[name].model_copy(update={"only": kind_of})
+        for name, kind_of in (("rate", "sweep"), ("angle", "duration"))
+    }
     case = case.model_copy(update={"channels": {**case.channels, **of_one}})
     workers.fails["measured"] = kind("why")
     if kind is Unsupported:
         assert wrong(run_one, case, "duration", "mujoco") == (
-            "run.duration.solvers", "mujoco cannot run pendulum.xml: why; leave it out")
+            "run.duration.solvers",
+            "mujoco cannot run pendulum.xml: why; leave it out",
+        )
         return
     found, curves = run_one(case, "duration", "mujoco")
     assert curves is None
-    more = {"timed out": "; timeout in [run.duration] allows more",
-            "out of memory": "; memory in [run.duration] allows more"}.get(FAILURES[kind], "")
-    assert found == [Comparison("pendulum", "mujoco", "duration", name, unit,
-                                outcome=FAILURES[kind], message="why" + more)
-                     for name, unit in (("angle", "rad"), ("acceleration", "rad/s^2"),
-                                        ("kinetic", "J"), ("potential", "J"))]
+    more = {
+        "timed out": "; timeout in [run.duration] allows more",
+        "out of memory": "; memory in [run.duration] allows more",
+    }.get(FAILURES[kind], "")
+    assert found == [
+        Comparison(
+            "pendulum",
+            "mujoco",
+            "duration",
+            name,
+            unit,
+            outcome=FAILURES[kind],
+            message="why" + more,
+        )
+        for name, unit in (
+            ("angle", "rad"),
+            ("acceleration", "rad/s^2"),
+            ("kinetic", "J"),
+            ("potential", "J"),
+        )
+    ]
 
 
-@pytest.mark.parametrize("error", [InputError(Path("a"), "", ""), MemoryError(),
-                                   *(kind("") for kind in FAILURES)])
+@pytest.mark.parametrize(
+    "error", [InputError(Path("a"), "", ""), MemoryError(), *(kind("") for kind in FAILURES)]
+)
 def test_what_a_run_means_to_raise_is_no_crash(error, short, monkeypatch):
     def fail(*_):
         raise error
@@ -265,22 +303,30 @@ def test_a_sweep_that_ends_early_says_where(short):
     assert stopped(case, "duration", "mujoco", whole) is None
     error = stopped(case, "duration", "mujoco", part)
     assert (error.file, error.key, error.wrong) == (
-        short, "drive", "the mujoco duration ends at sample 4 of 11, which are kept: a limit")
+        short,
+        "drive",
+        "the mujoco duration ends at sample 4 of 11, which are kept: a limit",
+    )
 
 
 def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
     model = short.with_suffix(".xml")
-    found, = step_unchecked(model)
+    (found,) = step_unchecked(model)
     assert workers[-1] == ("simulate", 60.0, None)
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
-        "pendulum", "mujoco", "duration", "", "")
+        "pendulum",
+        "mujoco",
+        "duration",
+        "",
+        "",
+    )
     assert (found.outcome, found.message) == ("unchecked", "no sidecar; it loads and steps")
     assert found.steps == 100  # a tenth of a second at 1 ms, in one stride
     assert found.seconds > 0
     assert found.gap == 0.0
     for kind, outcome in FAILURES.items():
         workers.fails["simulate"] = kind("why")
-        found, = step_unchecked(model)
+        (found,) = step_unchecked(model)
         assert (found.outcome, found.message) == (outcome, "why")
     workers.fails["simulate"] = BadModel("pendulum.xml: broken")
     assert wrong(step_unchecked, model) == ("", "broken")
@@ -296,15 +342,23 @@ def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path
     bad = twin / "bad.toml"
     bad.write_text("title = 1")
     told = []
-    found = check([short, tmp_path / "none", twin / "pendulum.toml", short, bad, lone], jobs=1,
-                  progress=lambda *words: told.append(words))
+    found = check(
+        [short, tmp_path / "none", twin / "pendulum.toml", short, bad, lone],
+        jobs=1,
+        progress=lambda *words: told.append(words),
+    )
     assert [c.name for c in found.cases] == ["pendulum"]
     assert [(c.case, c.channel) for c in found.comparisons] == [
-        *(("pendulum", name) for name in found.cases[0].channels), ("fourbar", "")]
-    curves, = found.curves.items()
+        *(("pendulum", name) for name in found.cases[0].channels),
+        ("fourbar", ""),
+    ]
+    (curves,) = found.curves.items()
     assert (curves[0], curves[1].x.size) == (("pendulum", "duration", "mujoco"), 11)
     assert [(e.file, e.key) for e in found.errors] == [
-        (tmp_path / "none", ""), (twin / "pendulum.toml", ""), (bad, "title")]
+        (tmp_path / "none", ""),
+        (twin / "pendulum.toml", ""),
+        (bad, "title"),
+    ]
     assert found.errors[1].wrong == f"its name is taken by {short}; results go by name"
     assert told == [("pendulum duration mujoco", 1, 2), ("fourbar.xml", 2, 2)]
     assert found.exit_code == 2
@@ -316,7 +370,7 @@ def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatc
     lone.with_suffix(".toml").unlink()
     workers.fails["simulate"] = OSError("no more files")
     found = check([lone, short])
-    error, = found.errors
+    (error,) = found.errors
     assert (error.file, error.key) == (lone, "")
     assert error.wrong == "fourbar.xml failed: OSError: no more files"
     assert {c.case for c in found.comparisons} == {"pendulum"}
@@ -334,9 +388,12 @@ def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(CHECK, "find", closed)
-    error, = check([tmp_path]).errors
+    (error,) = check([tmp_path]).errors
     assert (error.file, error.key, error.wrong) == (
-        tmp_path, "", "cannot be read: Permission denied")
+        tmp_path,
+        "",
+        "cannot be read: Permission denied",
+    )
 
 
 def test_an_interrupt_ends_what_waits(short, monkeypatch):
@@ -345,9 +402,11 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
 
     ended = []
     monkeypatch.setattr(CHECK, "done", interrupt)
-    monkeypatch.setattr(CHECK.ThreadPoolExecutor, "shutdown",
-                        lambda self, wait=True, *, cancel_futures=False:
-                        ended.append((wait, cancel_futures)))
+    monkeypatch.setattr(
+        CHECK.ThreadPoolExecutor,
+        "shutdown",
+        lambda self, wait=True, *, cancel_futures=False: ended.append((wait, cancel_futures)),
+    )
     with pytest.raises(KeyboardInterrupt):
         check([short])
     assert (False, True) in ended
@@ -385,4 +444,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
     assert result.comparisons == ["order of run 0", "order of run 3"]
     assert result.curves == {}
     assert [(e.key, e.wrong.partition(" ")[0]) for e in result.errors] == [
-        ("refine", "lost"), ("refine.channels", "bad"), ("drive", "the")]
+        ("refine", "lost"),
+        ("refine.channels", "bad"),
+        ("drive", "the"),
+    ]

@@ -37,8 +37,13 @@ def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
     found = json.loads(answer.stdout)
     assert answer.exit_code == found["exit_code"] == 2
     assert {row["case"] for row in found["comparisons"]} == {"pendulum"}
-    assert found["errors"] == [{"file": str(models / "fourbar.toml"), "key": "parameters.crank",
-                                "wrong": "Input should be a finite number"}]
+    assert found["errors"] == [
+        {
+            "file": str(models / "fourbar.toml"),
+            "key": "parameters.crank",
+            "wrong": "Input should be a finite number",
+        }
+    ]
 
 
 def test_exit_1_where_something_differs(models, edit):
@@ -92,16 +97,21 @@ def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
 
 def test_sidecars_are_pytest_items(models, pytester):
     result = pytester.runpytest_subprocess(
-        models / "pendulum.toml", f"{models / 'slider_crank.toml'}::mujoco", "-v",
-        "-p", "no:cacheprovider")
+        models / "pendulum.toml",
+        f"{models / 'slider_crank.toml'}::mujoco",
+        "-v",
+        "-p",
+        "no:cacheprovider",
+    )
     result.assert_outcomes(passed=3, skipped=2)
     result.stdout.fnmatch_lines(["*slider_crank.toml::mujoco PASSED*"])
 
 
 def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
-    result = pytester.runpytest_inprocess(f"{models / 'pendulum.toml'}::mujoco",
-                                           "-p", "no:cacheprovider")
+    result = pytester.runpytest_inprocess(
+        f"{models / 'pendulum.toml'}::mujoco", "-p", "no:cacheprovider"
+    )
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*duration angle: differs*allowed*"])
     assert "Traceback" not in result.stdout.str()
@@ -158,7 +168,8 @@ def test_a_case_that_says_so_and_has_tolerances_is_bad_input(models, edit):
 
 def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester):
     edit("pendulum.toml", CUT_OFF, "")
-    result = pytester.runpytest_inprocess(f"{models / 'pendulum.toml'}::mujoco",
-                                           "-p", "no:cacheprovider")
+    result = pytester.runpytest_inprocess(
+        f"{models / 'pendulum.toml'}::mujoco", "-p", "no:cacheprovider"
+    )
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*nothing of this case was checked*unchecked = true*"])

@@ -58,23 +58,32 @@ PENDULUM = load_case(shipped("pendulum.toml"))
 
 def in_unit(case, channel: str, **changed):
     """The case with a channel in another unit, or of one run only."""
-    return case.model_copy(update={"channels": {
-        **case.channels, channel: case.channels[channel].model_copy(update=changed)}})
+    return case.model_copy(
+        update={
+            "channels": {
+                **case.channels,
+                channel: case.channels[channel].model_copy(update=changed),
+            }
+        }
+    )
 
 
 def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
     x = np.linspace(0, 1, 5)
     truth = np.array([0.0, 1, 2, 3, 4])
     curves = Curves(x, {"angle": truth + np.array([0, 0, -2e-11, 1e-11, 0])})
-    rad, deg = (one(case, "duration", "mujoco", "angle", curves, truth, {})
-                for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg")))
+    rad, deg = (
+        one(case, "duration", "mujoco", "angle", curves, truth, {})
+        for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg"))
+    )
     assert (deg.unit, deg.outcome) == ("deg", "agrees")
     for name in ("error_max", "error_rms", "error_later", "allowed"):
         assert getattr(deg, name) == pytest.approx(np.rad2deg(getattr(rad, name)), rel=1e-4, abs=0)
     assert (deg.nrmse, deg.of_range) == pytest.approx((rad.nrmse, rad.of_range), rel=1e-4, abs=0)
     off = Curves(x, {"angle": truth + 2 * np.pi})
-    assert one(in_unit(PENDULUM, "angle", unit="deg"), "duration", "mujoco", "angle", off, truth,
-               {}).message.startswith("off by 1 whole turn")
+    assert one(
+        in_unit(PENDULUM, "angle", unit="deg"), "duration", "mujoco", "angle", off, truth, {}
+    ).message.startswith("off by 1 whole turn")
 
 
 def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
@@ -96,14 +105,16 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     assert c.of_range_later == pytest.approx(c.of_range / 1.1, rel=1e-4, abs=0)
     rod = load_case(shipped("rod_cantilever.toml"))
     name = next(iter(rod.channels))
-    assert np.isnan(one(rod, "rest", "mujoco", name, Curves(x, {name: truth}), truth, {}
-                        ).error_later)
+    assert np.isnan(
+        one(rod, "rest", "mujoco", name, Curves(x, {name: truth}), truth, {}).error_later
+    )
 
 
 def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
     x = np.linspace(0, 1, 3)
-    lost = Curves(x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"},
-                  seconds=2.0)
+    lost = Curves(
+        x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"}, seconds=2.0
+    )
     c = one(PENDULUM, "duration", "mujoco", "angle", lost, x, {})
     assert (c.outcome, c.at) == ("differs", 0.5)
     assert np.isnan(c.error_max)
@@ -116,20 +127,34 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
     assert c.message == "no tolerance covers this channel of this solver"
 
 
-@pytest.mark.parametrize(("error", "allowed", "unit", "outcome", "message"), [
-    (0.5, 0.5, "m", "agrees", "why"),
-    (np.nan, 1.0, "m", "differs", "not a number somewhere on the curve"),
-    (np.inf, np.inf, "m", "differs", "not a number somewhere on the curve"),
-    (3.0, 2.0, "", "differs", "1.5 x the allowed error"),
-    (1e-17, 0.0, "N m", "differs", "the reference is zero and the mechanism has no size of this "
-     "quantity, so of_range allows nothing: give the tolerance as abs"),
-    (2 * np.pi, 0.1, "rad", "differs",
-     "off by 1 whole turn(s): count the start pose's angle anew"),
-    (720.0, 0.1, "deg", "differs", "off by 2 whole turn(s): count the start pose's angle anew"),
-    (2 * np.pi * 1.002, 0.1, "rad", "differs", "63 x the allowed error"),
-    (2 * np.pi, 0.1, "m", "differs", "62.8 x the allowed error"),
-    (1e-3, 1e-4, "rad", "differs", "10 x the allowed error"),  # no turn is near as well
-])
+@pytest.mark.parametrize(
+    ("error", "allowed", "unit", "outcome", "message"),
+    [
+        (0.5, 0.5, "m", "agrees", "why"),
+        (np.nan, 1.0, "m", "differs", "not a number somewhere on the curve"),
+        (np.inf, np.inf, "m", "differs", "not a number somewhere on the curve"),
+        (3.0, 2.0, "", "differs", "1.5 x the allowed error"),
+        (
+            1e-17,
+            0.0,
+            "N m",
+            "differs",
+            "the reference is zero and the mechanism has no size of this "
+            "quantity, so of_range allows nothing: give the tolerance as abs",
+        ),
+        (
+            2 * np.pi,
+            0.1,
+            "rad",
+            "differs",
+            "off by 1 whole turn(s): count the start pose's angle anew",
+        ),
+        (720.0, 0.1, "deg", "differs", "off by 2 whole turn(s): count the start pose's angle anew"),
+        (2 * np.pi * 1.002, 0.1, "rad", "differs", "63 x the allowed error"),
+        (2 * np.pi, 0.1, "m", "differs", "62.8 x the allowed error"),
+        (1e-3, 1e-4, "rad", "differs", "10 x the allowed error"),  # no turn is near as well
+    ],
+)
 def test_a_verdict_says_why(error, allowed, unit, outcome, message):
     assert verdict(error, allowed, unit, "why") == (outcome, message)
 
@@ -143,8 +168,13 @@ def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
     near, far, beyond = compared(9.0, 10.0), compared(1e3, 1e6), compared(3.0, 1.0, "differs")
     lost = compared(float("nan"), float("nan"), "diverged")
     unchecked = [compared(9.0, float("nan"), "unchecked", nrmse=n) for n in (0.1, 30.0, 0.2)]
-    for group, speaker in (([near, far], near), ([near, beyond, far], beyond), ([near, lost], lost),
-                           (unchecked, unchecked[1]), ([*unchecked, beyond], beyond)):
+    for group, speaker in (
+        ([near, far], near),
+        ([near, beyond, far], beyond),
+        ([near, lost], lost),
+        (unchecked, unchecked[1]),
+        ([*unchecked, beyond], beyond),
+    ):
         assert worst(group) is speaker
         assert worst(group[::-1]) is speaker
 
@@ -189,9 +219,13 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
 def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
     def of(**curves):
         x = np.zeros(2)
-        return misfit(load_case(shipped("fourbar.toml")),
-                      *(Curves(x, {name: np.array(values[k]) for name, values in curves.items()})
-                        for k in (0, 1)))
+        return misfit(
+            load_case(shipped("fourbar.toml")),
+            *(
+                Curves(x, {name: np.array(values[k]) for name, values in curves.items()})
+                for k in (0, 1)
+            ),
+        )
 
     assert of(rocker=([1.0, 9.0], [1.5, 3.5])) == 0.25
     assert of(rocker=([1.0, 9.0], [1.5, 3.5]), coupler_rate=([5.0, 5.0], [0.0, 1.0])) == 0.25
@@ -208,12 +242,22 @@ def test_tolerance_selects_by_run_solver_unit_and_channel():
     assert not t.covers("sweep", "mujoco", "slider", "m")
 
 
-@pytest.mark.parametrize(("unit", "si", "factor"), [
-    ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180), ("deg/s^2", "rad/s^2", np.pi / 180),
-    ("mm/s²", "m/s^2", 1e-3), ("in", "m", 0.0254), ("rev/min", "rad/s", 2 * np.pi / 60),
-    ("N mm", "N m", 1e-3), ("m/s", "m/s", 1.0), ("kg mm^2", "kg m^2", 1e-6),
-    ("l", "m^3", 1e-3), ("mV", "kg m^2/A/s^3", 1e-3),
-])
+@pytest.mark.parametrize(
+    ("unit", "si", "factor"),
+    [
+        ("mm", "m", 1e-3),
+        ("deg", "rad", np.pi / 180),
+        ("deg/s^2", "rad/s^2", np.pi / 180),
+        ("mm/s²", "m/s^2", 1e-3),
+        ("in", "m", 0.0254),
+        ("rev/min", "rad/s", 2 * np.pi / 60),
+        ("N mm", "N m", 1e-3),
+        ("m/s", "m/s", 1.0),
+        ("kg mm^2", "kg m^2", 1e-6),
+        ("l", "m^3", 1e-3),
+        ("mV", "kg m^2/A/s^3", 1e-3),
+    ],
+)
 def test_units_come_to_si(unit, si, factor):
     assert si_unit(unit)[0] == si
     assert si_unit(unit)[1] == pytest.approx(factor, rel=1e-15)
@@ -280,8 +324,12 @@ def test_errors_come_back_as_themselves():
 
 def test_workers_that_wait_end_with_who_asked():
     call = "import os; from proofmass.worker import isolated; isolated(os.getpid, timeout=60)"
-    ended = subprocess.run([sys.executable, "-X", "dev", "-W", "error", "-c", call],
-                           capture_output=True, text=True, check=True)
+    ended = subprocess.run(
+        [sys.executable, "-X", "dev", "-W", "error", "-c", call],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert ended.stderr == ""  # Python tells of processes and files that are left open
 
 
@@ -289,8 +337,9 @@ def test_workers_that_wait_end_with_who_asked():
 def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
     file = tmp_path / "pid"
     call = f"isolated(os.system, 'echo $PPID > {file}; sleep 60', timeout=4.0)"
-    asking = subprocess.Popen([sys.executable, "-c",
-                               f"import os; from proofmass.worker import isolated; {call}"])
+    asking = subprocess.Popen(
+        [sys.executable, "-c", f"import os; from proofmass.worker import isolated; {call}"]
+    )
     while not (file.exists() and file.read_text().strip()) and asking.poll() is None:
         time.sleep(0.05)
     asking.kill()
@@ -405,8 +454,12 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
     def of(name: str, *rates: list[float], run: str = "sweep", extent: float = 3.0) -> float:
         x = np.array([2.0, 6.0])
         drive = (np.zeros((len(rates), 2)), np.array(rates), np.zeros((len(rates), 2)))
-        return time_of(load_case(shipped(f"{name}.toml")), run,
-                       Curves(x, {}, drive=drive if rates else None), extent)
+        return time_of(
+            load_case(shipped(f"{name}.toml")),
+            run,
+            Curves(x, {}, drive=drive if rates else None),
+            extent,
+        )
 
     assert of("fourbar", [1.0, -4.0]) == 0.25
     assert of("threeprr", [1.0, 2.0], [0.0, -6.0], [1.0, 1.0]) == 0.5  # sliders: 6 m/s through 3 m
@@ -424,12 +477,15 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
     assert "give the tolerance as abs" in message
 
 
-@pytest.mark.parametrize(("name", "kind", "key", "rel"), [
-    ("hacksaw", "duration", "coupler", 1e-3),
-    ("fourbar", "duration", "ground", 1e-3),
-    ("fivebar", "duration", "left_x", 1e-3),  # 0: an absolute change
-    ("rod_cantilever", "rest", "length", 0.1),  # at its end; the curvature over 2.6 % of it
-])
+@pytest.mark.parametrize(
+    ("name", "kind", "key", "rel"),
+    [
+        ("hacksaw", "duration", "coupler", 1e-3),
+        ("fourbar", "duration", "ground", 1e-3),
+        ("fivebar", "duration", "left_x", 1e-3),  # 0: an absolute change
+        ("rod_cantilever", "rest", "length", 0.1),  # at its end; the curvature over 2.6 % of it
+    ],
+)
 def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
     """With the parameter off by its would-notice the error of that channel is the limit."""
     case = load_case(shipped(f"{name}.toml"))
@@ -485,5 +541,7 @@ def test_a_recorded_curve_is_not_asked_at_the_drives_state():
     truth = evaluate(case, x, None).channels
     assert all(np.array_equal(found[name], truth[name]) for name in truth)
     closed = load_case(shipped("hacksaw.toml"))
-    assert not np.array_equal(reference_for(closed, Curves(x, {}, drive=off)).channels["r1"],
-                              reference_for(closed, Curves(x, {}, drive=state)).channels["r1"])
+    assert not np.array_equal(
+        reference_for(closed, Curves(x, {}, drive=off)).channels["r1"],
+        reference_for(closed, Curves(x, {}, drive=state)).channels["r1"],
+    )

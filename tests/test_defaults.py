@@ -37,8 +37,11 @@ to = 6.0
 @pytest.fixture(autouse=True)
 def here(monkeypatch):
     """Sidecars are read in this process, not in a worker."""
-    monkeypatch.setattr(sys.modules["proofmass.check"], "isolated",
-                        lambda function, *args, **limits: function(*args))
+    monkeypatch.setattr(
+        sys.modules["proofmass.check"],
+        "isolated",
+        lambda function, *args, **limits: function(*args),
+    )
 
 
 def short(folder: Path, more: str = "", tables: str = "") -> Case:
@@ -76,7 +79,11 @@ def test_the_four_bar_is_short_and_shown_whole():
     assert answer.exit_code == 0
     table = tomllib.loads(answer.stdout)
     assert table["channels"]["pin_velocity.x"] == {
-        "equals": "pin_vx", "unit": "m/s", "scale": 1.0, "shift": 0.0}
+        "equals": "pin_vx",
+        "unit": "m/s",
+        "scale": 1.0,
+        "shift": 0.0,
+    }
     assert table["channels"]["holding_moment"]["only"] == "sweep"
     assert table["run"]["sweep"]["timeout"] == 120.0
     assert len(table["tolerance"]) == 8
@@ -88,13 +95,17 @@ def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
     case = short(tmp_path)
     assert {kind: (run.n, run.solvers) for kind, run in case.run.items()} == {
         "sweep": (361, ("mujoco", "pymunk")),
-        "duration": (361, ("mujoco", "mujoco:default", "pymunk", "pymunk:default"))}
+        "duration": (361, ("mujoco", "mujoco:default", "pymunk", "pymunk:default")),
+    }
     assert case.channels["rocker"].equals == "rocker_angle"
     assert case.channels["coupler_rate.z"].unit == "rad/s"
-    allowed = {(kind, solver, name): tolerance and (tolerance.of_range, tolerance.why)
-               for kind, run in case.run.items() for solver in run.solvers
-               for name in case.channels_of(kind)
-               for tolerance in [case.tolerance_for(kind, solver, name)]}
+    allowed = {
+        (kind, solver, name): tolerance and (tolerance.of_range, tolerance.why)
+        for kind, run in case.run.items()
+        for solver in run.solvers
+        for name in case.channels_of(kind)
+        for tolerance in [case.tolerance_for(kind, solver, name)]
+    }
     for engine, own in (("mujoco", MUJOCO), ("pymunk", PYMUNK)):
         assert allowed["sweep", engine, "holding_moment"] == own["sweep"]
         assert allowed["duration", engine, "pin.x"] == own["position"]
@@ -105,23 +116,33 @@ def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
 
 def test_an_accuracy_replaces_the_engine_s_share_and_keeps_its_reason(tmp_path):
     case = short(tmp_path, "accuracy.pymunk = { velocity = 7e-7, sweep = 3e-11 }")
-    velocity, sweep, position = (case.tolerance_for(*place) for place in (
-        ("duration", "pymunk", "rocker_rate"), ("sweep", "pymunk", "rocker"),
-        ("duration", "pymunk", "rocker")))
+    velocity, sweep, position = (
+        case.tolerance_for(*place)
+        for place in (
+            ("duration", "pymunk", "rocker_rate"),
+            ("sweep", "pymunk", "rocker"),
+            ("duration", "pymunk", "rocker"),
+        )
+    )
     assert (velocity.of_range, velocity.why) == (7e-7, PYMUNK["velocity"].why)
     assert (sweep.of_range, position.of_range) == (3e-11, PYMUNK["position"].of_range)
     assert case.tolerance_for("duration", "mujoco", "rocker_rate").of_range == (
-        MUJOCO["velocity"].of_range)
+        MUJOCO["velocity"].of_range
+    )
 
 
 def test_a_tolerance_of_its_own_stands_alone_for_its_run_and_engine(tmp_path):
-    case = short(tmp_path, tables='[[tolerance]]\nrun = "sweep"\nsolver = "pymunk"\n'
-                 'channels = "pin.x"\nabs = 1.0\nwhy = "w"\n')
+    case = short(
+        tmp_path,
+        tables='[[tolerance]]\nrun = "sweep"\nsolver = "pymunk"\n'
+        'channels = "pin.x"\nabs = 1.0\nwhy = "w"\n',
+    )
     assert case.tolerance_for("sweep", "pymunk", "pin.x").abs == 1.0
     assert case.tolerance_for("sweep", "pymunk", "pin.y") is None
     assert case.tolerance_for("sweep", "mujoco", "pin.y").of_range == MUJOCO["sweep"].of_range
     assert case.tolerance_for("duration", "pymunk", "pin.y").of_range == (
-        PYMUNK["position"].of_range)
+        PYMUNK["position"].of_range
+    )
 
 
 def test_listed_channels_are_all_unless_the_others_are_asked_for(tmp_path):
@@ -160,28 +181,63 @@ def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
     assert "Not checked: sensors askew, tilt.</strong>" in page.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("more", "tables", "words"), [
-    ("accuracy.mujocco = { sweep = 1e-9 }", "", "accuracy.mujocco.sweep: it is used by no run"),
-    ("accuracy.mujoco = { speed = 1e-9 }", "", "accuracy.mujoco: unknown key 'speed'"),
-    ("accuracy.mujoco = { sweep = -1.0 }", "", "accuracy.mujoco.sweep: Input should be greater"),
-    ("accuracy.mujoco = { sweep = 1e-9 }", '[[tolerance]]\nof_range = 1.0\nwhy = "w"',
-     "accuracy.mujoco.sweep: it is used by no run"),
-    ("", '[channels]\n"*" = { unit = "m" }', 'channels."*": it stands for all sensors'),
-    ("", "[channels]\nrokcer = {}", "channels.rokcer: short.xml has no sensor 'rokcer'"),
-    ("", '[channels]\n"point.z" = {}', "channels.point.z.equals: missing; no quantity of fourbar"),
-    ("", "[channels]\nrocker = 5", "channels.rocker"),
-    ('model = "none.xml"', "", "model: no file 'none.xml'"),
-])
+@pytest.mark.parametrize(
+    ("more", "tables", "words"),
+    [
+        ("accuracy.mujocco = { sweep = 1e-9 }", "", "accuracy.mujocco.sweep: it is used by no run"),
+        ("accuracy.mujoco = { speed = 1e-9 }", "", "accuracy.mujoco: unknown key 'speed'"),
+        (
+            "accuracy.mujoco = { sweep = -1.0 }",
+            "",
+            "accuracy.mujoco.sweep: Input should be greater",
+        ),
+        (
+            "accuracy.mujoco = { sweep = 1e-9 }",
+            '[[tolerance]]\nof_range = 1.0\nwhy = "w"',
+            "accuracy.mujoco.sweep: it is used by no run",
+        ),
+        ("", '[channels]\n"*" = { unit = "m" }', 'channels."*": it stands for all sensors'),
+        ("", "[channels]\nrokcer = {}", "channels.rokcer: short.xml has no sensor 'rokcer'"),
+        (
+            "",
+            '[channels]\n"point.z" = {}',
+            "channels.point.z.equals: missing; no quantity of fourbar",
+        ),
+        ("", "[channels]\nrocker = 5", "channels.rocker"),
+        ('model = "none.xml"', "", "model: no file 'none.xml'"),
+    ],
+)
 def test_a_fault_in_what_is_filled_in_is_said_at_its_key(more, tables, words, tmp_path):
     assert f"short.toml: {words}" in wrong(tmp_path, more, tables)
 
 
-@pytest.mark.parametrize(("channel", "unit", "quantity"), [
-    ("tip.x", "m", "tip.x"), ("pin.y", "m", "pin_y"), ("coupler.angle", "rad", "coupler_angle"),
-    ("pin_velocity.x", "m/s", "pin_vx"), ("pin_acceleration.y", "m/s^2", "pin_ay"),
-    ("coupler_rate.z", "rad/s", "coupler_rate"), ("slider_velocity.z", "m/s", None),
-    ("rocker", "rad", "rocker_angle"), ("slide", "m", "slide"), ("crank", "m", None)])
+@pytest.mark.parametrize(
+    ("channel", "unit", "quantity"),
+    [
+        ("tip.x", "m", "tip.x"),
+        ("pin.y", "m", "pin_y"),
+        ("coupler.angle", "rad", "coupler_angle"),
+        ("pin_velocity.x", "m/s", "pin_vx"),
+        ("pin_acceleration.y", "m/s^2", "pin_ay"),
+        ("coupler_rate.z", "rad/s", "coupler_rate"),
+        ("slider_velocity.z", "m/s", None),
+        ("rocker", "rad", "rocker_angle"),
+        ("slide", "m", "slide"),
+        ("crank", "m", None),
+    ],
+)
 def test_a_channel_has_the_quantity_of_its_name(channel, unit, quantity):
-    known = ["tip.x", "tip_x", "pin_y", "pin_vx", "pin_ay", "coupler_angle", "coupler_rate",
-             "rocker_angle", "slide", "slider_velocity", "crank_angle"]
+    known = [
+        "tip.x",
+        "tip_x",
+        "pin_y",
+        "pin_vx",
+        "pin_ay",
+        "coupler_angle",
+        "coupler_rate",
+        "rocker_angle",
+        "slide",
+        "slider_velocity",
+        "crank_angle",
+    ]
     assert match_quantity(channel, unit, known) == quantity

@@ -31,8 +31,15 @@ from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from tests.shipped import models_like, shipped
 
-QUICK = ("fivebar", "rod_cantilever", "rod_buckled", "balancer_progressive_locked",
-         "slider_crank", "change_point", "pendulum")
+QUICK = (
+    "fivebar",
+    "rod_cantilever",
+    "rod_buckled",
+    "balancer_progressive_locked",
+    "slider_crank",
+    "change_point",
+    "pendulum",
+)
 """A parameter that is 0, lengths that can only grow, a stiffness that can only grow, one that
 rounding alone seems to show, loads that no channel in time depends on, a change that changes the
 class."""
@@ -48,8 +55,10 @@ def exact(case: Case, kind) -> Curves:
 
 def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
     """The verdicts on curves against any reference, without what they would notice."""
-    return [one(case, kind, solver, name, curves, truth.channels[name], {})
-            for name in case.channels_of(kind)]
+    return [
+        one(case, kind, solver, name, curves, truth.channels[name], {})
+        for name in case.channels_of(kind)
+    ]
 
 
 def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -> set[str] | None:
@@ -74,8 +83,10 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
     largest = max(map(abs, parameters.values()), default=0.0)
 
     def differ(key: str, by: float) -> list[set[str]]:
-        sides = (differing(case, kind, solver, curves, **{key: parameters[key] + sign * by})
-                 for sign in (1, -1))
+        sides = (
+            differing(case, kind, solver, curves, **{key: parameters[key] + sign * by})
+            for sign in (1, -1)
+        )
         return [side for side in sides if side is not None]
 
     never, unknown = unnoticed(case, found), not_known(case, found)
@@ -90,9 +101,10 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
             assert not differ(key, 0.1 * scale), (key, "could be known")
             assert not differ(key, 1e-6 * scale), (key, "could be known")
             continue
-        noticing = sorted((c for c in found if key in c.would_notice
-                           and not np.isnan(c.would_notice[key].size)),
-                          key=lambda c: c.would_notice[key].size)
+        noticing = sorted(
+            (c for c in found if key in c.would_notice and not np.isnan(c.would_notice[key].size)),
+            key=lambda c: c.would_notice[key].size,
+        )
         for c in noticing if all_channels else [noticing[0], *noticing[1:][-1:]]:
             change = c.would_notice[key]
             assert change.relative == (value != 0)
@@ -113,9 +125,13 @@ def every_run(name: str, all_channels: bool) -> None:
     for kind, run in case.run.items():
         curves, seen = exact(case, kind), set()
         for solver in run.solvers:  # two with the same tolerances say the same
-            tolerances = str([case.tolerance_for(kind, solver, n) and
-                              case.tolerance_for(kind, solver, n).allowed(1.0)
-                              for n in case.channels_of(kind)])
+            tolerances = str(
+                [
+                    case.tolerance_for(kind, solver, n)
+                    and case.tolerance_for(kind, solver, n).allowed(1.0)
+                    for n in case.channels_of(kind)
+                ]
+            )
             if tolerances not in seen:
                 holds(case, kind, solver, curves, all_channels)
             seen.add(tolerances)
@@ -160,6 +176,7 @@ def test_a_slope_promises_nothing_beyond_ten_per_cent():
 
 def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
     """From one step alone: of first order, and by more than it may if it is more than that."""
+
     def asked(high: float, most: float):
         return small_shares(of(lambda share: 3.0 * share, 0.0, high), {"y": most})
 
@@ -181,9 +198,15 @@ def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, l
 
 def test_channels_are_judged_one_by_one():
     """One that rounding hides, one that a slope tells, one that does not depend on it at all."""
+
     def moved(share: float):
-        return [{"hidden": np.array([1e-15 * (share > 0)]), "told": np.array([share]),
-                 "none": np.array([0.0])}]
+        return [
+            {
+                "hidden": np.array([1e-15 * (share > 0)]),
+                "told": np.array([share]),
+                "none": np.array([0.0]),
+            }
+        ]
 
     found, asked = small_shares(moved, {"hidden": 1e-12, "told": 1e-3, "none": 1e-3})
     assert found == {"told": pytest.approx(1e-3)}
@@ -201,21 +224,30 @@ def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
     assert large_shares(of(lambda share: 1e-15), {"y": 1e-12}) == {}
 
 
-@pytest.mark.parametrize(("curve", "low", "high", "found"), [
-    (lambda share: 0.0, -1.0, 1.0, {}),  # not even 10 %
-    (lambda share: abs(share) > 0.005, -1.0, 1.0, {"y": 0.01}),  # a stop that is met
-    (lambda share: abs(share) > 0.005, 0.0, 1.0, {"y": 0.01}),
-    (lambda share: 0.0, -0.01, 0.01, {"y": np.nan}),  # 10 % cannot be evaluated
-    (lambda share: 1.0, -0.01, 0.01, {"y": 1e-5}),
-    (lambda share: 0.0, 1.0, 0.0, {"y": np.nan}),  # nothing can
-    (lambda share: np.nan, -1.0, 1.0, {"y": np.nan}),
-])
+@pytest.mark.parametrize(
+    ("curve", "low", "high", "found"),
+    [
+        (lambda share: 0.0, -1.0, 1.0, {}),  # not even 10 %
+        (lambda share: abs(share) > 0.005, -1.0, 1.0, {"y": 0.01}),  # a stop that is met
+        (lambda share: abs(share) > 0.005, 0.0, 1.0, {"y": 0.01}),
+        (lambda share: 0.0, -0.01, 0.01, {"y": np.nan}),  # 10 % cannot be evaluated
+        (lambda share: 1.0, -0.01, 0.01, {"y": 1e-5}),
+        (lambda share: 0.0, 1.0, 0.0, {"y": np.nan}),  # nothing can
+        (lambda share: np.nan, -1.0, 1.0, {"y": np.nan}),
+    ],
+)
 def test_large_changes(curve, low, high, found):
     assert large_shares(of(curve, low, high), {"y": 0.5}) == pytest.approx(found, nan_ok=True)
 
 
-@pytest.mark.parametrize(("name", "key", "begin"), [
-    ("rod_cantilever", "length", ""), ("rod_buckled", "length", ""), ("fivebar", "left_x", "0 ± ")])
+@pytest.mark.parametrize(
+    ("name", "key", "begin"),
+    [
+        ("rod_cantilever", "length", ""),
+        ("rod_buckled", "length", ""),
+        ("fivebar", "left_x", "0 ± "),
+    ],
+)
 def test_the_page_says_what_is_noticed(name, key, begin):
     case = load_case(shipped(f"{name}.toml"))
     kind = next(iter(case.run))
@@ -238,7 +270,15 @@ def test_the_page_says_what_is_not_known():
 
 def test_whole_numbers_and_words_are_neither():
     assert set(changeable(load_case(shipped("rfr3.toml")))) == {
-        "side", "radius", "theta1", "theta2", "theta3", "length", "stiffness", "force_y"}
+        "side",
+        "radius",
+        "theta1",
+        "theta2",
+        "theta3",
+        "length",
+        "stiffness",
+        "force_y",
+    }
     assert "target" not in changeable(load_case(shipped("balancer_sine.toml")))
 
 

@@ -39,13 +39,16 @@ def section(text: str, heading: str) -> str:
     """What stands below a heading, up to the next one."""
     head = re.search(rf"^#+ {re.escape(heading)}$", text, re.MULTILINE)
     assert head, f"no heading {heading!r}"
-    return re.split(r"^#+ ", text[head.end():], maxsplit=1, flags=re.MULTILINE)[0]
+    return re.split(r"^#+ ", text[head.end() :], maxsplit=1, flags=re.MULTILINE)[0]
 
 
 def rows(text: str) -> dict[str, list[str]]:
     """The rows of all tables by the word in backticks that they begin with."""
-    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-             for line in text.splitlines() if re.match(r"\| \**`", line)]
+    cells = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        for line in text.splitlines()
+        if re.match(r"\| \**`", line)
+    ]
     return {row[0].strip("*`"): row[1:] for row in cells}
 
 
@@ -62,20 +65,33 @@ def tables_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
     return found
 
 
-HEADINGS = {"drive": "`[drive]`", "rod": "`[rod.NAME]`", "run": "`[run.KIND]`",
-            "channels": "`[channels]`", "tolerance": "`[[tolerance]]`", "view": "`[[view]]`",
-            "chart": "`[[chart]]`", "beside": "`[beside.NAME]`", "refine": "`[refine]`"}
+HEADINGS = {
+    "drive": "`[drive]`",
+    "rod": "`[rod.NAME]`",
+    "run": "`[run.KIND]`",
+    "channels": "`[channels]`",
+    "tolerance": "`[[tolerance]]`",
+    "view": "`[[view]]`",
+    "chart": "`[[chart]]`",
+    "beside": "`[beside.NAME]`",
+    "refine": "`[refine]`",
+}
 ACCURACY = "`accuracy.ENGINE`"
-FILLED = {"run": {"solvers": "all engines", "n": 361},
-          "channels": {"equals": "by name", "unit": "SI"}}
+FILLED = {
+    "run": {"solvers": "all engines", "n": 361},
+    "channels": {"equals": "by name", "unit": "SI"},
+}
 OWN_KEYS = ("file", "unmatched")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:
     """Hold a table of keys against the class that reads it."""
     there = {key: row for key, row in rows(text).items() if len(row) == 4}
-    fields = {field.alias or name: field for name, field in model.model_fields.items()
-              if name not in OWN_KEYS}
+    fields = {
+        field.alias or name: field
+        for name, field in model.model_fields.items()
+        if name not in OWN_KEYS
+    }
     assert list(there) == list(fields)
     for key, field in fields.items():
         *_, default, meaning = there[key]
@@ -99,8 +115,11 @@ def test_every_table_of_a_sidecar_has_a_section() -> None:
 def test_top_level_keys() -> None:
     text = section(page("sidecar"), "Top level")
     assert "| `accuracy` |" in text  # of which a case keeps the tolerances that come of it
-    compare_keys(re.sub(r"^\| `accuracy` .*\n", "", text, flags=re.MULTILINE), Case,
-                 {"model": "NAME.xml", "run": "filled in", "channels": "filled in"})
+    compare_keys(
+        re.sub(r"^\| `accuracy` .*\n", "", text, flags=re.MULTILINE),
+        Case,
+        {"model": "NAME.xml", "run": "filled in", "channels": "filled in"},
+    )
 
 
 def test_keys_of_accuracy() -> None:
@@ -109,12 +128,12 @@ def test_keys_of_accuracy() -> None:
 
 @pytest.mark.parametrize("key", HEADINGS)
 def test_keys_of_a_table(key: str) -> None:
-    compare_keys(section(page("sidecar"), HEADINGS[key]), tables_of(Case)[key],
-                 FILLED.get(key, {}))
+    compare_keys(section(page("sidecar"), HEADINGS[key]), tables_of(Case)[key], FILLED.get(key, {}))
 
 
-@pytest.mark.parametrize(("engine", "model"), [("MuJoCo", MujocoSettings),
-                                               ("pymunk", PymunkSettings)])
+@pytest.mark.parametrize(
+    ("engine", "model"), [("MuJoCo", MujocoSettings), ("pymunk", PymunkSettings)]
+)
 def test_settings_of_an_engine(engine: str, model: type[BaseModel]) -> None:
     compare_keys(section(page("engines"), f"Settings of {engine}"), model, {})
 
@@ -125,8 +144,11 @@ def test_references_and_their_parameters() -> None:
     assert list(there) == list(REFERENCES)
     for name, (_, parameters) in there.items():
         solve = importlib.import_module(REFERENCES[name]).solve
-        takes = {p.name: p.default is p.empty for p in inspect.signature(solve).parameters.values()
-                 if p.kind is p.KEYWORD_ONLY and p.name not in OWN}
+        takes = {
+            p.name: p.default is p.empty
+            for p in inspect.signature(solve).parameters.values()
+            if p.kind is p.KEYWORD_ONLY and p.name not in OWN
+        }
         told = {word: bool(bold) for bold, word in re.findall(r"(\*\*)?`(\w+)`", parameters)}
         assert told == takes, name
 
@@ -135,13 +157,17 @@ def test_functions_that_a_sidecar_can_name() -> None:
     there = rows(section(page("sidecar"), "References").split("Further functions")[1])
     for name, module in REFERENCES.items():
         own = importlib.import_module(module)
-        functions = {key: function for key, function in
-                     inspect.getmembers(own, inspect.isfunction)
-                     if key in getattr(own, "__all__", dir(own))}
-        charts = [key for key, function in functions.items()
-                  if inspect.signature(function).return_annotation is Chart]
-        laws, marks, draw = (re.findall(r"`(\w+)`", cell)
-                             for cell in there.get(name, ["", "", ""]))
+        functions = {
+            key: function
+            for key, function in inspect.getmembers(own, inspect.isfunction)
+            if key in getattr(own, "__all__", dir(own))
+        }
+        charts = [
+            key
+            for key, function in functions.items()
+            if inspect.signature(function).return_annotation is Chart
+        ]
+        laws, marks, draw = (re.findall(r"`(\w+)`", cell) for cell in there.get(name, ["", "", ""]))
         assert draw == charts, name
         assert marks == [key for key in functions if key == "marks"], name
         assert set(laws) <= functions.keys(), name
@@ -153,8 +179,11 @@ def test_public_names_are_on_the_page() -> None:
 
 
 def test_the_glossary_has_25_words_in_order() -> None:
-    words = [line.split("|")[1].strip() for line in page("glossary").splitlines()
-             if line.startswith("| ")][1:]
+    words = [
+        line.split("|")[1].strip()
+        for line in page("glossary").splitlines()
+        if line.startswith("| ")
+    ][1:]
     assert words == sorted(words)
     assert len(words) == 25
 
@@ -162,7 +191,7 @@ def test_the_glossary_has_25_words_in_order() -> None:
 def test_readme_is_short_and_its_sidecar_agrees(tmp_path: Path) -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 150
-    sidecar, = re.findall(r"^```toml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    (sidecar,) = re.findall(r"^```toml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert len(sidecar.splitlines()) <= 15
     shutil.copy(ROOT / "models" / "linkages" / "fourbar.xml", tmp_path / "mine.xml")
     (tmp_path / "mine.toml").write_text(sidecar, encoding="utf-8")
@@ -183,7 +212,10 @@ def test_the_first_sidecar_of_the_page_loads(tmp_path: Path) -> None:
 
 def test_links_lead_somewhere() -> None:
     """Of README.md and of examples/; those between pages are found by ``mkdocs build --strict``."""
-    for file in (ROOT / "README.md", ROOT / "examples" / "README.md",
-                 ROOT / "examples" / "chosen" / "README.md"):
+    for file in (
+        ROOT / "README.md",
+        ROOT / "examples" / "README.md",
+        ROOT / "examples" / "chosen" / "README.md",
+    ):
         for target in re.findall(r"\]\(([^)#]+)", file.read_text(encoding="utf-8")):
             assert (file.parent / target).exists(), f"{file}: {target}"

@@ -82,8 +82,9 @@ def test_fourbar_follows_the_closed_form():
     for order, part in enumerate(("", "v", "a")):
         for axis, column in (("x", 2), ("y", 3)):
             # rounding through condition numbers up to 17; the last step is below 1e-10, squared
-            np.testing.assert_allclose(found[order, :, column], truth[f"pin_{part}{axis}"],
-                                       rtol=0, atol=1e-13)
+            np.testing.assert_allclose(
+                found[order, :, column], truth[f"pin_{part}{axis}"], rtol=0, atol=1e-13
+            )
 
 
 def test_e1_printed_accelerations_have_the_driven_one_reversed():
@@ -99,8 +100,10 @@ def test_e1_printed_accelerations_have_the_driven_one_reversed():
 
 
 def test_e2_five_bar_rates_are_printed_at_the_unsolved_guess():
-    linkage, start = scheme.fivebar(2.0, 3.5, 4.0, 1.0, 2.0, threshold=0.7), np.array(
-        DATA["five-bar"]["start"])  # 0.7: text line 6805
+    linkage, start = (
+        scheme.fivebar(2.0, 3.5, 4.0, 1.0, 2.0, threshold=0.7),
+        np.array(DATA["five-bar"]["start"]),
+    )  # 0.7: text line 6805
     v = scheme.velocity(linkage, start, DATA["five-bar"]["velocity"]["inputs"])
     np.testing.assert_allclose(v, DATA["five-bar"]["velocity"]["printed"], **PRINTED)
     a = scheme.acceleration(linkage, start, v, [1.0, 1.0])
@@ -171,11 +174,14 @@ def test_mirror_trap_and_its_remedy():
         assert np.sum(mirrored(q, angles)) == wrong
         left = (3.0 - q[:, 0]) * (q[:, 3] - q[:, 1]) + q[:, 1] * (q[:, 2] - q[:, 0]) > 0.0
         assert (np.sum(left & ~mirrored(q, angles)), np.sum(left & mirrored(q, angles))) == (
-            (9, 10) if threshold else (0, 0))  # both rows: all in one assembly mode as well
+            (9, 10) if threshold else (0, 0)
+        )  # both rows: all in one assembly mode as well
 
 
-@pytest.mark.parametrize(("threshold", "poses", "wrong"), [
-    (0.05, 50, 24), (0.05, 100, 0), (0.5**0.5, 20, 0), (0.5**0.5, 50, 0), (0.5**0.5, 200, 0)])
+@pytest.mark.parametrize(
+    ("threshold", "poses", "wrong"),
+    [(0.05, 50, 24), (0.05, 100, 0), (0.5**0.5, 20, 0), (0.5**0.5, 50, 0), (0.5**0.5, 200, 0)],
+)
 def test_step_trap_of_a_low_threshold(threshold, poses, wrong):
     """Erratum E7: at 0.05 a sweep of 50 poses jumps over the switch and stays on the mirror."""
     angles = np.linspace(0.0, 2.0 * 3.1416, poses)  # the document's pi, text line 2079

@@ -38,8 +38,9 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
         elbow_down = row["parameters"].get("mode", 1.0) < 0.0
         better, same, down = better + strict, same + (good and not strict), down + elbow_down
         up += good and not elbow_down
-    short = (f"Of {len(THESIS)} kinds of balancers {better} come out better here in every printed "
-             "number")
+    short = (
+        f"Of {len(THESIS)} kinds of balancers {better} come out better here in every printed number"
+    )
     assert short in words("README.md")
     text = words("docs/balancer.md")
     assert f"Of the thesis's {len(THESIS)} kinds of balancers [{better} come out better" in text
@@ -56,14 +57,19 @@ def test_errata_count_the_rows_whose_exact_error_is_larger():
     text = words("docs/errata.md")
     three, four = (
         np.array([exact(row)[0] / row["printed"]["rmse"] for row in rows(n).values()])
-        for n in (3, 4))  # NaN where the printed parameters have no path to 90 degrees
+        for n in (3, 4)
+    )  # NaN where the printed parameters have no path to 90 degrees
     paths = [part[np.isfinite(part)] for part in (three, four)]
     larger = [np.sort(part[part > 1.0]) - 1.0 for part in paths]
-    assert (f"of three segments, {paths[0].size} of {three.size} rows have a path, and the exact "
-            f"RMSE is larger in {larger[0].size}, by up to {100 * larger[0][-1]:.0f} %") in text
-    assert (f"of four, {paths[1].size} of {four.size} have a path, and it is larger in "
-            f"{larger[1].size}, by up to {100 * larger[1][-2]:.0f} % in {larger[1].size - 1} and "
-            f"{1 + larger[1][-1]:.1f} times the print in row 1800") in text
+    assert (
+        f"of three segments, {paths[0].size} of {three.size} rows have a path, and the exact "
+        f"RMSE is larger in {larger[0].size}, by up to {100 * larger[0][-1]:.0f} %"
+    ) in text
+    assert (
+        f"of four, {paths[1].size} of {four.size} have a path, and it is larger in "
+        f"{larger[1].size}, by up to {100 * larger[1][-2]:.0f} % in {larger[1].size - 1} and "
+        f"{1 + larger[1][-1]:.1f} times the print in row 1800"
+    ) in text
 
 
 def test_times_of_the_thesis_for_three_rods():

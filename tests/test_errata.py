@@ -153,7 +153,7 @@ def test_every_test_that_the_register_names_exists():
     named = re.findall(r"`(\w+)::(\w+)`", (ROOT / "docs" / "errata.md").read_text())
     assert len(named) > 30
     for file, function in named:
-        found, = (ROOT / "tests").rglob(f"{file}.py")
+        (found,) = (ROOT / "tests").rglob(f"{file}.py")
         tree = ast.parse(found.read_text())
         names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
         assert function in names, f"tests/{file}.py has no {function}"
@@ -162,6 +162,9 @@ def test_every_test_that_the_register_names_exists():
 def test_the_register_names_every_test_here():
     text = (ROOT / "docs" / "errata.md").read_text()
     tree = ast.parse(Path(__file__).read_text())
-    tests = [node.name for node in tree.body
-             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")][:-2]
+    tests = [
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+    ][:-2]
     assert [name for name in tests if f"`test_errata::{name}`" not in text] == []

@@ -29,8 +29,14 @@ def platform(moment=0.0):
     row = DATA["rfr3"]["printed"][1]
     motors = np.radians(DATA["rfr3"]["inputs_deg"])
     tip, force, clamp = elliptic(row["psi"], row["kr"], CORNERS, motors)
-    guess = state(three(DATA["rfr3"]["side"]), inputs=motors, load=[0.0, 0.5, moment],
-                  pose=[*xy(tip.mean()), np.angle(tip[1] - tip[0])], moment=clamp, force=xy(force))
+    guess = state(
+        three(DATA["rfr3"]["side"]),
+        inputs=motors,
+        load=[0.0, 0.5, moment],
+        pose=[*xy(tip.mean()), np.angle(tip[1] - tip[0])],
+        moment=clamp,
+        force=xy(force),
+    )
     return direct(guess)
 
 
@@ -111,7 +117,7 @@ def test_a_slide_moves_the_clamp_along_its_guide():
         step = np.zeros(s.vector.size)
         step[base + i] = h
         up, down = (closure(RodState(s.assembly, s.vector + sign * step))[0] for sign in (1, -1))
-        moved = ((up - down) / (2 * h))[3 * i + 1:3 * i + 3]
+        moved = ((up - down) / (2 * h))[3 * i + 1 : 3 * i + 3]
         assert moved == pytest.approx([np.cos(guide[i]), np.sin(guide[i])], abs=1e-9)  # rounding/h
         assert np.abs(moved - [np.cos(angle[i]), np.sin(angle[i])]).max() > 0.1
 
@@ -119,6 +125,9 @@ def test_a_slide_moves_the_clamp_along_its_guide():
 def test_the_register_names_every_test_here():
     text = (ROOT / "docs" / "errata.md").read_text()
     tree = ast.parse(Path(__file__).read_text())
-    tests = [node.name for node in tree.body
-             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")][:-1]
+    tests = [
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+    ][:-1]
     assert [name for name in tests if f"`test_errata_rods::{name}`" not in text] == []

@@ -21,8 +21,13 @@ NUMBER = r"(-?[\d.]+(?:e[+-]?\d+)?)"
 
 def printed(name: str, folder: Path, *args: str) -> str:
     """Standard output of a script."""
-    done = subprocess.run([sys.executable, str(EXAMPLES / f"{name}.py"), *args], cwd=folder,
-                          text=True, capture_output=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / f"{name}.py"), *args],
+        cwd=folder,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     if not args:
         assert not list(folder.iterdir())
@@ -70,7 +75,7 @@ def test_compare_two_engines(tmp_path: Path) -> None:
     """pymunk is of second order; MuJoCo's error is that of its loop, whatever the step."""
     text = printed("compare_two_engines", tmp_path)
     orders = numbers(r"pymunk +\S+ +\S+ +N +\S+", text)
-    assert [order for order, in orders] == pytest.approx([2.0] * 2, abs=0.1)
+    assert [order for (order,) in orders] == pytest.approx([2.0] * 2, abs=0.1)
     _, coarse, fine = numbers(r"mujoco +\S+ +N +\S+ +\S+", text)
     assert fine == pytest.approx(coarse, rel=0.5)  # a quarter if it were of second order
 
@@ -107,7 +112,7 @@ def test_balancer(tmp_path: Path) -> None:
     """The thesis prints an error of 0.0835; work is the energy that the springs give."""
     text = printed("balancer", tmp_path)
     errors = numbers(r"m g r sin N m g r", text)
-    assert [error for error, in errors] == pytest.approx([0.0835] * 2, abs=2e-4)
+    assert [error for (error,) in errors] == pytest.approx([0.0835] * 2, abs=2e-4)
     for work, energy in numbers(r"work N J, energy of the springs N J", text):
         assert work == pytest.approx(energy, abs=1.1e-3)  # three decimals, trapezoids
 

@@ -14,8 +14,13 @@ import pytest
 from examples.chosen import truths
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "chosen"
-COMMANDS = dict(re.findall(r"^proofmass choose (.*) -o examples/chosen/(\w+)\.py$",
-                           (EXAMPLES / "README.md").read_text(encoding="utf-8"), re.MULTILINE))
+COMMANDS = dict(
+    re.findall(
+        r"^proofmass choose (.*) -o examples/chosen/(\w+)\.py$",
+        (EXAMPLES / "README.md").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
+)
 COMMANDS = {name: asked for asked, name in COMMANDS.items()}
 HEAD = re.compile(r'^"""(\w+), duration: (\w+) within (\S+) of its range\.$', re.MULTILINE)
 PRINTED = re.compile(r"as a program that runs by itself.*?: (\S+) off in")
@@ -24,8 +29,7 @@ OTHERS = 1.2  # another version of an engine may take its sums in another order
 
 
 def head(name: str) -> tuple[str, str, float, float]:
-    """Case, kind of error, what was asked for and what was printed, from a program's first lines.
-    """
+    """Case, kind of error, error asked for and printed, from a program's first lines."""
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").split('"""')[1]
     case, of, asked = HEAD.findall(f'"""{text}')[0]
     printed = PRINTED.search(" ".join(text.split()))
@@ -36,8 +40,13 @@ def head(name: str) -> tuple[str, str, float, float]:
 def run(text: str, folder: Path) -> subprocess.CompletedProcess:
     """Run a program in an interpreter that sees neither this folder nor the environment."""
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return subprocess.run([sys.executable, "-I", "run.py", "out.csv"], cwd=folder, text=True,
-                          capture_output=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-I", "run.py", "out.csv"],
+        cwd=folder,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
 
 
 def test_every_program_has_its_command() -> None:
@@ -74,7 +83,8 @@ def test_a_program_that_is_wrong_is_noticed(name: str, tmp_path: Path) -> None:
     case, of, asked, _ = head(name)
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
     changed = text.replace('gravity="0 -9.81 0"', 'gravity="0 -9.71 0"').replace(
-        "space.gravity = (0.0, -9.81)", "space.gravity = (0.0, -9.71)")
+        "space.gravity = (0.0, -9.81)", "space.gravity = (0.0, -9.71)"
+    )
     assert changed != text
     assert run(changed, tmp_path).returncode == 0
     assert truths.errors(case, str(tmp_path / "out.csv"))[of] > asked
@@ -92,8 +102,13 @@ def test_true_rates_are_derivatives(case: str) -> None:
         rate = derivative_of(name, curves)
         if rate is None:
             continue
-        by = sum(w * (curve[3 + k:len(t) - 3 + k] - curve[3 - k:len(t) - 3 - k])
-                 for k, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))) / h
+        by = (
+            sum(
+                w * (curve[3 + k : len(t) - 3 + k] - curve[3 - k : len(t) - 3 - k])
+                for k, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
+            )
+            / h
+        )
         assert by == pytest.approx(rate[3:-3], abs=2e-8 * max(1.0, abs(rate).max())), name
         pairs += 1
     assert pairs >= 2
@@ -106,8 +121,13 @@ def derivative_of(name: str, curves: truths.Curves) -> np.ndarray | None:
     name, dot, part = name.partition(".")
     if part == "angle":
         return curves[f"{name}_rate.z"]
-    for here, then in (("_velocity", "_acceleration"), ("_rate", "_acceleration"),
-                       ("rate", "acceleration"), ("", "_velocity"), ("", "_rate")):
+    for here, then in (
+        ("_velocity", "_acceleration"),
+        ("_rate", "_acceleration"),
+        ("rate", "acceleration"),
+        ("", "_velocity"),
+        ("", "_rate"),
+    ):
         if name.endswith(here) and "acceleration" not in name and (here or "rate" not in name):
             found = curves.get(f"{name.removesuffix(here)}{then}{dot}{part}")
             if found is not None and (here or "velocity" not in name):
@@ -123,14 +143,22 @@ def test_true_energies_are_kept() -> None:
     y = truths.double_pendulum(t)
     p, u = y["shoulder"], y["shoulder_rate"]
     q, v = p + y["elbow"], u + y["elbow_rate"]
-    energy = (0.8**2 * u**2 / 6 - truths.G * 0.4 * np.cos(p) + 0.7 * (
-        (0.8 * u)**2 + (0.3 * v)**2 + 2 * 0.8 * 0.3 * u * v * np.cos(p - q)) / 2
-        + 0.7 * 0.6**2 * v**2 / 24 - 0.7 * truths.G * (0.8 * np.cos(p) + 0.3 * np.cos(q)))
+    energy = (
+        0.8**2 * u**2 / 6
+        - truths.G * 0.4 * np.cos(p)
+        + 0.7 * ((0.8 * u) ** 2 + (0.3 * v) ** 2 + 2 * 0.8 * 0.3 * u * v * np.cos(p - q)) / 2
+        + 0.7 * 0.6**2 * v**2 / 24
+        - 0.7 * truths.G * (0.8 * np.cos(p) + 0.3 * np.cos(q))
+    )
     assert energy == pytest.approx(energy[0], abs=1e-10)
 
 
 def test_a_wrong_name_of_a_truth_is_told() -> None:
-    done = subprocess.run([sys.executable, str(EXAMPLES / "truths.py"), "fourbars", "x.csv"],
-                          text=True, capture_output=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / "truths.py"), "fourbars", "x.csv"],
+        text=True,
+        capture_output=True,
+        check=False,
+    )
     assert done.returncode == 1
     assert "one of fourbar, slider_crank" in done.stderr

@@ -25,19 +25,25 @@ def at(element: str, name: str, index: int = 0, sign: float = 1) -> Place:
 
 
 FOUR_BAR = {
-    "crank": [at(BODY, "coupler")], "coupler": [at(SITE, "coupler_end")],
-    "rocker": [at(SITE, "rocker_end")], "ground": [at(BODY, "rocker")],
+    "crank": [at(BODY, "coupler")],
+    "coupler": [at(SITE, "coupler_end")],
+    "rocker": [at(SITE, "rocker_end")],
+    "ground": [at(BODY, "rocker")],
 }
 SLIDER_CRANK = {"crank": [at(BODY, "coupler")], "coupler": [at(SITE, "coupler_end")]}
 FIVE_BAR = {
-    "left_crank": [at(BODY, "left_coupler")], "left_coupler": [at(SITE, "left_tip")],
-    "right_coupler": [at(SITE, "right_tip")], "right_crank": [at(BODY, "right_coupler")],
-    "right_x": [at(BODY, "right_crank")], "left_x": [at(BODY, "left_crank")],
+    "left_crank": [at(BODY, "left_coupler")],
+    "left_coupler": [at(SITE, "left_tip")],
+    "right_coupler": [at(SITE, "right_tip")],
+    "right_crank": [at(BODY, "right_coupler")],
+    "right_x": [at(BODY, "right_crank")],
+    "left_x": [at(BODY, "left_crank")],
 }
 PARALLEL_ROBOT = {
     "side": [at(SITE, "p2"), at(SITE, "p3", 0, 0.5), at(SITE, "p3", 1, 0.75**0.5)],
     "leg": [at(BODY, "platform"), at(SITE, "leg_2_end"), at(SITE, "leg_3_end")],
-    "guide2_x": [at(BODY, "slider_2")], "guide3_x": [at(BODY, "slider_3")],
+    "guide2_x": [at(BODY, "slider_2")],
+    "guide3_x": [at(BODY, "slider_3")],
     "guide3_y": [at(BODY, "slider_3", 1)],
 }
 
@@ -55,39 +61,55 @@ def chain(name: str) -> dict[str, list[Place]]:
 
 
 LENGTHS = {
-    "fourbar": FOUR_BAR | {"point_along": [at(SITE, "point")],
-                           "point_across": [at(SITE, "point", 1)]},
-    "double_crank": FOUR_BAR, "double_rocker": FOUR_BAR, "triple_rocker": FOUR_BAR,
+    "fourbar": FOUR_BAR
+    | {"point_along": [at(SITE, "point")], "point_across": [at(SITE, "point", 1)]},
+    "double_crank": FOUR_BAR,
+    "double_rocker": FOUR_BAR,
+    "triple_rocker": FOUR_BAR,
     "change_point": FOUR_BAR,
     "hacksaw": {
-        "crank": [at(SITE, "crank_end")], "coupler": [at(SITE, "coupler_end", 0, -1)],
+        "crank": [at(SITE, "crank_end")],
+        "coupler": [at(SITE, "coupler_end", 0, -1)],
         "offset": [at(BODY, "slider", 1)],
     },
     "slider_crank": SLIDER_CRANK | {"guide_x": [at(BODY, "slider")]},
     "slider_crank_offset": SLIDER_CRANK | {"guide_y": [at(BODY, "slider", 1)]},
-    "slider_crank_inclined": SLIDER_CRANK | {
-        "guide_x": [at(BODY, "slider")], "guide_y": [at(BODY, "slider", 1)],
-        "guide_angle": [(BODY.format("slider"), "euler", 2, 1)]},
+    "slider_crank_inclined": SLIDER_CRANK
+    | {
+        "guide_x": [at(BODY, "slider")],
+        "guide_y": [at(BODY, "slider", 1)],
+        "guide_angle": [(BODY.format("slider"), "euler", 2, 1)],
+    },
     "inverted_slider_crank": {
-        "crank": [at(BODY, "rod")], "bar": [at(SITE, "bar_tip")], "rod": [at(SITE, "rod_end")],
-        "ground_x": [at(BODY, "bar")]},
+        "crank": [at(BODY, "rod")],
+        "bar": [at(SITE, "bar_tip")],
+        "rod": [at(SITE, "rod_end")],
+        "ground_x": [at(BODY, "bar")],
+    },
     "inverted_slider_crank_classic": {
-        "crank": [at(BODY, "rod")], "rod": [at(SITE, "rod_end")], "pivot_x": [at(SITE, "pivot")],
-        "pivot_y": [at(SITE, "pivot", 1)]},
+        "crank": [at(BODY, "rod")],
+        "rod": [at(SITE, "rod_end")],
+        "pivot_x": [at(SITE, "pivot")],
+        "pivot_y": [at(SITE, "pivot", 1)],
+    },
     "fivebar": FIVE_BAR,
     "fivebar_regular": FIVE_BAR,
-    "fivebar_circle": FIVE_BAR | {
-        "left_coupler": [at(SITE, "left_tip"), at(BODY, "payload")]},
-    "threeprr": PARALLEL_ROBOT, "threeprr_circle": PARALLEL_ROBOT,
+    "fivebar_circle": FIVE_BAR | {"left_coupler": [at(SITE, "left_tip"), at(BODY, "payload")]},
+    "threeprr": PARALLEL_ROBOT,
+    "threeprr_circle": PARALLEL_ROBOT,
     "pendulum": {"length": [(".//inertial", "pos", 1, -1), (".//body", "pos", 1, 1)]},
     # the other balancers are of the same template, which `test_balancer_template` holds
     "balancer_sine_free_preload": chain("balancer_sine_free_preload"),
     "balancer4_sine": chain("balancer4_sine"),
 }
 OTHERS = {  # sidecars that share a model
-    "fourbar_crossed": "fourbar", "hacksaw_recorded": "hacksaw", "hacksaw_cutting": "hacksaw",
-    "double_crank_crossed": "double_crank", "slider_crank_mirrored": "slider_crank",
-    "inverted_slider_crank_held": "inverted_slider_crank", "fivebar_down": "fivebar",
+    "fourbar_crossed": "fourbar",
+    "hacksaw_recorded": "hacksaw",
+    "hacksaw_cutting": "hacksaw",
+    "double_crank_crossed": "double_crank",
+    "slider_crank_mirrored": "slider_crank",
+    "inverted_slider_crank_held": "inverted_slider_crank",
+    "fivebar_down": "fivebar",
     "threeprr_second": "threeprr",
 }
 CASES = [(case, key) for case in (*LENGTHS, *OTHERS) for key in LENGTHS[OTHERS.get(case, case)]]
@@ -156,8 +178,10 @@ def runs(quick: bool) -> list[tuple[str, str, str, str]]:
         case = loaded(shipped(f"{name}.toml"))
         for kind, run in case.run.items():
             for solver in ("mujoco", "pymunk"):
-                fast = (kind, solver) == ("sweep", "mujoco") or ((name, key) in QUICK and (
-                    (kind, solver) != ("duration", "pymunk") or "sweep" not in case.run))
+                fast = (kind, solver) == ("sweep", "mujoco") or (
+                    (name, key) in QUICK
+                    and ((kind, solver) != ("duration", "pymunk") or "sweep" not in case.run)
+                )
                 fast = fast and (name, solver, kind) not in LONG
                 if solver in run.solvers and fast == quick:
                     found.append((name, key, solver, kind))
@@ -176,8 +200,10 @@ def test_every_wrong_length_differs_in_every_run(name, key, solver, kind, models
 
 
 PLANAR = {  # the reference reads the model itself: the engine gets a wrong one
-    "peaucellier": at(BODY, "lower_out"), "watt": at(SITE, "second_end"),
-    "stephenson": at(SITE, "link_end"), "chebyshev_lambda": at(SITE, "tip"),
+    "peaucellier": at(BODY, "lower_out"),
+    "watt": at(SITE, "second_end"),
+    "stephenson": at(SITE, "link_end"),
+    "chebyshev_lambda": at(SITE, "tip"),
     "fourbar_released": at(SITE, "rocker_end"),
 }
 
@@ -201,7 +227,10 @@ def test_a_law_is_broken_by_a_wrong_length_in_the_model(models):
     lengthen(case.model_path, [at(SITE, "tip")], 1e-6)
     found = compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
     assert {c.channel for c in found if c.outcome == "differs"} == {
-        "tip.x", "tip_velocity.x", "tip_acceleration.x"}
+        "tip.x",
+        "tip_velocity.x",
+        "tip_acceleration.x",
+    }
 
 
 @pytest.fixture(scope="module")
@@ -233,19 +262,25 @@ def test_a_wrong_curve_differs_in_every_channel(how, sweep):
 def test_signs_of_the_document_are_tested(sweep):
     """theta3 without its half turn, r1 not negated, Vr negated: each is seen."""
     case, curves = sweep
-    for name, change in {"theta3": curves.channels["theta3"] - np.pi,
-                         "r1": -curves.channels["r1"],
-                         "r1_rate": -curves.channels["r1_rate"]}.items():
-        found = compare(case, "sweep", "mujoco",
-                        replace(curves, channels={**curves.channels, name: change}))
+    for name, change in {
+        "theta3": curves.channels["theta3"] - np.pi,
+        "r1": -curves.channels["r1"],
+        "r1_rate": -curves.channels["r1_rate"],
+    }.items():
+        found = compare(
+            case, "sweep", "mujoco", replace(curves, channels={**curves.channels, name: change})
+        )
         assert [c.channel for c in found if c.outcome != "agrees"] == [name]
 
 
-@pytest.mark.parametrize(("old", "new"), [
-    ('gravity="0 -9.81 0"', 'gravity="0 9.81 0"'),
-    ('pos="0.5 0 0" mass="1"', 'pos="0.5 0 0" mass="1.001"'),
-    ('<joint name="rocker"/>', '<joint name="rocker" stiffness="0.01"/>'),
-])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('gravity="0 -9.81 0"', 'gravity="0 9.81 0"'),
+        ('pos="0.5 0 0" mass="1"', 'pos="0.5 0 0" mass="1.001"'),
+        ('<joint name="rocker"/>', '<joint name="rocker" stiffness="0.01"/>'),
+    ],
+)
 def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models, edit):
     edit("fourbar.xml", old, new)
     case = load_case(models / "fourbar.toml")
@@ -254,11 +289,16 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
-@pytest.mark.parametrize(("name", "old", "new"), [
-    ("slider_crank_offset", 'ctrl="0 -50"', 'ctrl="0 -50.001"'),
-    ("hacksaw_cutting", 'ctrl="0 10"', 'ctrl="0 10.001"')])
-def test_a_wrong_load_on_the_slider_turns_the_holding_moment_alone(name, old, new, solver, models,
-                                                                   edit):
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("slider_crank_offset", 'ctrl="0 -50"', 'ctrl="0 -50.001"'),
+        ("hacksaw_cutting", 'ctrl="0 10"', 'ctrl="0 10.001"'),
+    ],
+)
+def test_a_wrong_load_on_the_slider_turns_the_holding_moment_alone(
+    name, old, new, solver, models, edit
+):
     case = load_case(models / f"{name}.toml")
     edit(case.model, old, new)
     found = compare(case, "sweep", solver, solve(case, "sweep", solver))

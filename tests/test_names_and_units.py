@@ -31,65 +31,181 @@ from tests.shipped import MODELS, models_like, shipped
 FOURBAR = load_case(shipped("fourbar.toml"))
 MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
 WRONG = {
-    "solver of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujco"',
-                              ["tolerance.0.solver", "'mujco'", "did you mean 'mujoco'?"]),
-    "one of several solvers": ("fourbar", MUJOCO_SWEEP, r'\1["mujoco", "pymnuk"]\n#',
-                               ["tolerance.0.solver", "'pymnuk'", "did you mean 'pymunk'?"]),
-    "channels of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujoco"\nchannels = ["roker"]',
-                                ["tolerance.0.channels", "'roker'", "did you mean 'rocker'?"]),
-    "unit of a tolerance": ("fourbar", MUJOCO_SWEEP, r'\1"mujoco"\nunit = "radd"',
-                            ["tolerance.0.unit", "'radd'", "did you mean 'rad'?"]),
-    "run of a tolerance": ("fourbar_released", r'run = "duration"', 'run = "sweep"',
-                           ["tolerance.0.run", "no run.sweep", "there are: duration"]),
-    "nothing covered": ("fourbar", MUJOCO_SWEEP, r'\1"mujoco"\nunit = "m"\nchannels = "rocker"',
-                        ["tolerance.0", "covers nothing"]),
-    "settings": ("hacksaw", r"\[settings.pymunk\]", "[settings.pymunkk]",
-                 ['settings."pymunkk"', "did you mean 'pymunk'?"]),
-    "solver of a run": ("fourbar", r'"mujoco", "mujoco:default"', '"mujoco", "mujco:default"',
-                        ["run.duration.solvers", "'mujco'", "did you mean 'mujoco'?"]),
-    "channels of refine": ("rod_cantilever", r'"rod.angle"\] ', '"rod.angel"] ',
-                           ["refine.channels", "'rod.angel'", "did you mean 'rod.angle'?"]),
-    "only": ("fourbar_released", r'unit = "m" }', 'unit = "m", only = "sweep" }',
-             ["only", "no run.sweep"]),
-    "x of a view": ("balancer_sine", r'x = "pendulum"', 'x = "pendelum"',
-                    ["view.0.x", "'pendelum'", "did you mean 'pendulum'?"]),
-    "y of a view": ("balancer_sine", r'y = "holding_moment"', 'y = "holding_momnet"',
-                    ["view.0.y", "did you mean 'holding_moment'?"]),
-    "dashed of a view": ("balancer_sine", r'dashed = "target"', 'dashed = "traget"',
-                         ["view.0.dashed", "did you mean 'target'?"]),
-    "stack of a view": ("balancer_sine", r'stack = \["energy1"', 'stack = ["enregy1"',
-                        ["view.1.stack", "did you mean 'energy1'?"]),
-    "equals": ("fourbar", '"rocker_angle"', '"rocker_angel"',
-               ["channels.rocker.equals", "did you mean 'rocker_angle'?"]),
-    "sensor": ("fourbar", r"rocker = \{", "rokcer = {",
-               ["fourbar.toml: channels.rokcer", "fourbar.xml", "did you mean 'rocker'?"]),
+    "solver of a tolerance": (
+        "fourbar",
+        MUJOCO_SWEEP,
+        r'\1"mujco"',
+        ["tolerance.0.solver", "'mujco'", "did you mean 'mujoco'?"],
+    ),
+    "one of several solvers": (
+        "fourbar",
+        MUJOCO_SWEEP,
+        r'\1["mujoco", "pymnuk"]\n#',
+        ["tolerance.0.solver", "'pymnuk'", "did you mean 'pymunk'?"],
+    ),
+    "channels of a tolerance": (
+        "fourbar",
+        MUJOCO_SWEEP,
+        r'\1"mujoco"\nchannels = ["roker"]',
+        ["tolerance.0.channels", "'roker'", "did you mean 'rocker'?"],
+    ),
+    "unit of a tolerance": (
+        "fourbar",
+        MUJOCO_SWEEP,
+        r'\1"mujoco"\nunit = "radd"',
+        ["tolerance.0.unit", "'radd'", "did you mean 'rad'?"],
+    ),
+    "run of a tolerance": (
+        "fourbar_released",
+        r'run = "duration"',
+        'run = "sweep"',
+        ["tolerance.0.run", "no run.sweep", "there are: duration"],
+    ),
+    "nothing covered": (
+        "fourbar",
+        MUJOCO_SWEEP,
+        r'\1"mujoco"\nunit = "m"\nchannels = "rocker"',
+        ["tolerance.0", "covers nothing"],
+    ),
+    "settings": (
+        "hacksaw",
+        r"\[settings.pymunk\]",
+        "[settings.pymunkk]",
+        ['settings."pymunkk"', "did you mean 'pymunk'?"],
+    ),
+    "solver of a run": (
+        "fourbar",
+        r'"mujoco", "mujoco:default"',
+        '"mujoco", "mujco:default"',
+        ["run.duration.solvers", "'mujco'", "did you mean 'mujoco'?"],
+    ),
+    "channels of refine": (
+        "rod_cantilever",
+        r'"rod.angle"\] ',
+        '"rod.angel"] ',
+        ["refine.channels", "'rod.angel'", "did you mean 'rod.angle'?"],
+    ),
+    "only": (
+        "fourbar_released",
+        r'unit = "m" }',
+        'unit = "m", only = "sweep" }',
+        ["only", "no run.sweep"],
+    ),
+    "x of a view": (
+        "balancer_sine",
+        r'x = "pendulum"',
+        'x = "pendelum"',
+        ["view.0.x", "'pendelum'", "did you mean 'pendulum'?"],
+    ),
+    "y of a view": (
+        "balancer_sine",
+        r'y = "holding_moment"',
+        'y = "holding_momnet"',
+        ["view.0.y", "did you mean 'holding_moment'?"],
+    ),
+    "dashed of a view": (
+        "balancer_sine",
+        r'dashed = "target"',
+        'dashed = "traget"',
+        ["view.0.dashed", "did you mean 'target'?"],
+    ),
+    "stack of a view": (
+        "balancer_sine",
+        r'stack = \["energy1"',
+        'stack = ["enregy1"',
+        ["view.1.stack", "did you mean 'energy1'?"],
+    ),
+    "equals": (
+        "fourbar",
+        '"rocker_angle"',
+        '"rocker_angel"',
+        ["channels.rocker.equals", "did you mean 'rocker_angle'?"],
+    ),
+    "sensor": (
+        "fourbar",
+        r"rocker = \{",
+        "rokcer = {",
+        ["fourbar.toml: channels.rokcer", "fourbar.xml", "did you mean 'rocker'?"],
+    ),
     "part of a sensor": ("fourbar", '"pin.x"', '"pin.u"', ["channels.pin.u", "pin.x, .y or .z"]),
-    "part of a rod": ("rod_cantilever", '"rod.moment" =', '"rod.momnet" =',
-                      ["channels.rod.momnet", ".moment"]),
-    "joint": ("fourbar", 'joint = "crank"', 'joint = "cranc"',
-              ["drive.joint", "did you mean 'crank'?"]),
-    "key": ("fourbar_crossed", 'start = "crossed"', 'start = "crosed"',
-            ["start", "did you mean 'crossed'?"]),
-    "reference": ("fourbar", 'reference = "fourbar"', 'reference = "forbar"',
-                  ["reference", "did you mean 'fourbar'?"]),
-    "parameter": ("fourbar", "coupler = 2.0", "copler = 2.0",
-                  ["parameters.copler", "did you mean 'coupler'?"]),
-    "key of a table": ("fourbar", r"\[drive\]", "[drive]\nrat = 1.0",
-                       ["unknown key 'rat'", "did you mean 'rate'?"]),
-    "no unit at all": ("fourbar", r'(rocker_angle", unit = )"rad"', r'\1"banana"',
-                       ["channels.rocker.unit", "unknown unit 'banana'", "mm, deg"]),
-    "mass of an angle": ("fourbar", r'(rocker_angle", unit = )"rad"', r'\1"kg"',
-                         ["channels.rocker.unit", "'kg'", "delivers rad"]),
-    "frequency of a rate": ("fourbar", r'(rocker_rate", unit = )"rad/s"', r'\1"Hz"',
-                            ["channels.rocker_rate.unit", "'Hz'", "delivers rad/s"]),
-    "rate of an acceleration": ("fourbar", r'(point_ax", unit = )"m/s\^2"', r'\1"m/s"',
-                                ["channels.point_acceleration.x.unit", "delivers m/s^2"]),
-    "force of a hinge": ("fourbar", 'unit = "N m"', 'unit = "N"',
-                         ["channels.holding_moment.unit", "delivers N m"]),
-    "moment of a rod": ("rod_cantilever", r'(?s)"N m" \}(.*)"N m"\]', r'"N" }\1"N"]',
-                        ["channels.rod.moment.unit", "delivers N m"]),
-    "unit of a view": ("balancer_sine", 'unit = "J"\\n$', 'unit = "banana"\n',
-                       ["view.1.unit", "unknown unit 'banana'"]),
+    "part of a rod": (
+        "rod_cantilever",
+        '"rod.moment" =',
+        '"rod.momnet" =',
+        ["channels.rod.momnet", ".moment"],
+    ),
+    "joint": (
+        "fourbar",
+        'joint = "crank"',
+        'joint = "cranc"',
+        ["drive.joint", "did you mean 'crank'?"],
+    ),
+    "key": (
+        "fourbar_crossed",
+        'start = "crossed"',
+        'start = "crosed"',
+        ["start", "did you mean 'crossed'?"],
+    ),
+    "reference": (
+        "fourbar",
+        'reference = "fourbar"',
+        'reference = "forbar"',
+        ["reference", "did you mean 'fourbar'?"],
+    ),
+    "parameter": (
+        "fourbar",
+        "coupler = 2.0",
+        "copler = 2.0",
+        ["parameters.copler", "did you mean 'coupler'?"],
+    ),
+    "key of a table": (
+        "fourbar",
+        r"\[drive\]",
+        "[drive]\nrat = 1.0",
+        ["unknown key 'rat'", "did you mean 'rate'?"],
+    ),
+    "no unit at all": (
+        "fourbar",
+        r'(rocker_angle", unit = )"rad"',
+        r'\1"banana"',
+        ["channels.rocker.unit", "unknown unit 'banana'", "mm, deg"],
+    ),
+    "mass of an angle": (
+        "fourbar",
+        r'(rocker_angle", unit = )"rad"',
+        r'\1"kg"',
+        ["channels.rocker.unit", "'kg'", "delivers rad"],
+    ),
+    "frequency of a rate": (
+        "fourbar",
+        r'(rocker_rate", unit = )"rad/s"',
+        r'\1"Hz"',
+        ["channels.rocker_rate.unit", "'Hz'", "delivers rad/s"],
+    ),
+    "rate of an acceleration": (
+        "fourbar",
+        r'(point_ax", unit = )"m/s\^2"',
+        r'\1"m/s"',
+        ["channels.point_acceleration.x.unit", "delivers m/s^2"],
+    ),
+    "force of a hinge": (
+        "fourbar",
+        'unit = "N m"',
+        'unit = "N"',
+        ["channels.holding_moment.unit", "delivers N m"],
+    ),
+    "moment of a rod": (
+        "rod_cantilever",
+        r'(?s)"N m" \}(.*)"N m"\]',
+        r'"N" }\1"N"]',
+        ["channels.rod.moment.unit", "delivers N m"],
+    ),
+    "unit of a view": (
+        "balancer_sine",
+        'unit = "J"\\n$',
+        'unit = "banana"\n',
+        ["view.1.unit", "unknown unit 'banana'"],
+    ),
 }
 
 
@@ -97,20 +213,26 @@ WRONG = {
 def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit, monkeypatch):
     name, old, new, words = WRONG[wrong]
     edit(f"{name}.toml", old, new, count=1)
-    monkeypatch.setattr(sys.modules["proofmass.check"], "one_task",
-                        lambda *_: pytest.fail("a run was started"))
+    monkeypatch.setattr(
+        sys.modules["proofmass.check"], "one_task", lambda *_: pytest.fail("a run was started")
+    )
     result = check([models / f"{name}.toml"])
     assert result.exit_code == 2
     (error,) = map(str, result.errors)  # once
     assert all(word in error for word in [f"{name}.toml", *words]), error
 
 
-@given(key=st.sampled_from(["solver", "unit", "channels"]),
-       pattern=st.text(st.sampled_from("abcdmojunkrp.*?[]:/ "), min_size=1, max_size=8))
+@given(
+    key=st.sampled_from(["solver", "unit", "channels"]),
+    pattern=st.text(st.sampled_from("abcdmojunkrp.*?[]:/ "), min_size=1, max_size=8),
+)
 def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
     case = FOURBAR
-    names = {"solver": [s for run in case.run.values() for s in run.solvers],
-             "unit": [c.unit for c in case.channels.values()], "channels": [*case.channels]}[key]
+    names = {
+        "solver": [s for run in case.run.values() for s in run.solvers],
+        "unit": [c.unit for c in case.channels.values()],
+        "channels": [*case.channels],
+    }[key]
     tolerance = {"abs": 1.0, "why": "x", key: pattern}
     table = case.model_dump(by_alias=True) | {"tolerance": [tolerance]}
     matches = any(fnmatchcase(name, pattern) for name in names)
@@ -124,9 +246,33 @@ def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
 
 
 @settings(deadline=None)  # the first unit loads the library
-@given(st.sampled_from(["mm", "km", "um", "in", "ft", "deg", "rev", "mrad", "arcmin", "ms", "min",
-                        "kN", "mJ", "g", "lbf", "N mm", "deg/s^2", "rev/min", "mm/s", "kg mm^2"]),
-       st.floats(1e-6, 1e6))
+@given(
+    st.sampled_from(
+        [
+            "mm",
+            "km",
+            "um",
+            "in",
+            "ft",
+            "deg",
+            "rev",
+            "mrad",
+            "arcmin",
+            "ms",
+            "min",
+            "kN",
+            "mJ",
+            "g",
+            "lbf",
+            "N mm",
+            "deg/s^2",
+            "rev/min",
+            "mm/s",
+            "kg mm^2",
+        ]
+    ),
+    st.floats(1e-6, 1e6),
+)
 def test_units_there_and_back(unit, value):
     si, factor = si_unit(unit)
     assert same_quantity(unit, si)
@@ -155,9 +301,11 @@ def test_own_cases_are_valid(case):
 
 def test_si_units_do_not_import_pint():
     """Its import takes longer than that of the rest."""
-    line = ("import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
-            "validate; validate(load_case('models/linkages/hacksaw_recorded.toml')); "
-            "sys.exit('pint' in sys.modules)")
+    line = (
+        "import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
+        "validate; validate(load_case('models/linkages/hacksaw_recorded.toml')); "
+        "sys.exit('pint' in sys.modules)"
+    )
     subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)
 
 
@@ -167,11 +315,14 @@ def in_degrees(models: Path, edit) -> Path:
     edit("fourbar.toml", r'(rocker_rate", unit = )"rad/s"', r'\1"rev/min"')
     edit("fourbar.toml", r'(pin_x", unit = )"m"', r'\1"mm"')
     text = (models / "fourbar.toml").read_text()
-    (models / "fourbar.toml").write_text(text.partition("[[tolerance]]")[0] + """
+    (models / "fourbar.toml").write_text(
+        text.partition("[[tolerance]]")[0]
+        + """
 [[tolerance]]
 abs = 1e-3
 why = "in the channel's unit"
-""")
+"""
+    )
     return models / "fourbar.toml"
 
 
@@ -179,8 +330,11 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
     before = {c.channel: c for c in of_sweep(load_case(shipped("fourbar.toml")), 0.01)}
     case = load_case(in_degrees(models, edit))
     after = {c.channel: c for c in of_sweep(case, 0.01)}
-    for name, unit, factor in (("rocker", "deg", 180 / np.pi), ("pin.x", "mm", 1e3),
-                               ("rocker_rate", "rev/min", 30 / np.pi)):
+    for name, unit, factor in (
+        ("rocker", "deg", 180 / np.pi),
+        ("pin.x", "mm", 1e3),
+        ("rocker_rate", "rev/min", 30 / np.pi),
+    ):
         c, known = after[name], before[name]
         assert c.unit == unit
         assert c.error_max == pytest.approx(known.error_max * factor, rel=1e-9)
@@ -189,11 +343,13 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
         # the slope of the closed form by the change of 1, in SI as well as in the channel's unit
         for p, notice in known.would_notice.items():
             assert c.would_notice[p].size == pytest.approx(
-                notice.size * 1e-3 / factor / known.allowed, rel=1e-6)
+                notice.size * 1e-3 / factor / known.allowed, rel=1e-6
+            )
     x = np.linspace(0, 2 * np.pi, 37)
     truth = evaluate(case, x, plan(case, "sweep", "mujoco").motion(x)).channels
-    plain = evaluate(load_case(shipped("fourbar.toml")), x,
-                     plan(case, "sweep", "mujoco").motion(x)).channels
+    plain = evaluate(
+        load_case(shipped("fourbar.toml")), x, plan(case, "sweep", "mujoco").motion(x)
+    ).channels
     assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # shift, in deg
 
 
@@ -229,8 +385,11 @@ def test_a_whole_turn_is_told_in_degrees(models, edit):
     case = load_case(models / "fourbar.toml")
     curves = curves_of(case, "sweep", 0.0)
     turned = dict(curves.channels, rocker=curves.channels["rocker"] + 2 * np.pi)
-    (c,) = (c for c in compare(case, "sweep", "mujoco", replace(curves, channels=turned))
-            if c.channel == "rocker")
+    (c,) = (
+        c
+        for c in compare(case, "sweep", "mujoco", replace(curves, channels=turned))
+        if c.channel == "rocker"
+    )
     assert "1 whole turn(s)" in c.message
 
 
@@ -239,8 +398,9 @@ def test_a_recorded_curve_in_another_unit_than_the_channel(models, edit):
     edit("hacksaw_recorded.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
     case = load_case(models / "hacksaw_recorded.toml")
     validate(case)
-    assert {c.outcome for c in compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
-            } == {"agrees"}
+    assert {
+        c.outcome for c in compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
+    } == {"agrees"}
     edit("hacksaw_recorded.toml", r'("theta3", unit = )"rad"', r'\1"mm"')
     edit("hacksaw_recorded.toml", '"rad", "m", "deg"', '"m", "deg", "mm"')
     with pytest.raises(InputError, match=r"theta3.*another quantity"):

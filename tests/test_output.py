@@ -54,8 +54,11 @@ def test_a_diet_does_not_replace_the_model(models, tmp_path, monkeypatch, spelle
     before = model.read_bytes()
     link = tmp_path / "link.xml"
     link.symlink_to(model)
-    output = {"same": model, "another spelling": Path("models/../models/pendulum.xml"),
-              "link": link}[spelled]
+    output = {
+        "same": model,
+        "another spelling": Path("models/../models/pendulum.xml"),
+        "link": link,
+    }[spelled]
     answer = run("diet", model, "-o", output)
     assert answer.exit_code == 2
     assert "--output: is the model itself" in answer.output.replace("\n", "")
@@ -71,8 +74,12 @@ def test_a_diet_does_not_replace_another_table(models, tmp_path):
 def test_what_is_no_file_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     os.symlink(tmp_path / "loop", tmp_path / "loop")
-    wrong = {"pipe": "a device or pipe, not a file", ".": "a folder, not a file",
-             "loop": "cannot be read: Too many levels of symbolic links", "none": "no such file"}
+    wrong = {
+        "pipe": "a device or pipe, not a file",
+        ".": "a folder, not a file",
+        "loop": "cannot be read: Too many levels of symbolic links",
+        "none": "no such file",
+    }
     for name, why in wrong.items():
         with pytest.raises(InputError, match=why):
             read_bytes(tmp_path / name)
@@ -87,8 +94,10 @@ def test_a_sidecar_has_utf_8_with_or_without_a_mark(tmp_path):
         read_text(file)
 
 
-@pytest.mark.parametrize(("encoding", "mark", "comma"), [
-    ("latin-1", ",", "."), ("cp1252", ";", ","), ("utf-8-sig", ";", "."), ("utf-16", "\t", ",")])
+@pytest.mark.parametrize(
+    ("encoding", "mark", "comma"),
+    [("latin-1", ",", "."), ("cp1252", ";", ","), ("utf-8-sig", ";", "."), ("utf-16", "\t", ",")],
+)
 def test_recorded_curves_are_read_as_spreadsheets_write_them(tmp_path, encoding, mark, comma):
     rows = [["t [s]", "angle [°]"], ["0.5", "90"], ["1.5", "-4.5e1"]]
     text = "\r\n".join(mark.join(row) for row in rows)
@@ -115,9 +124,13 @@ def test_a_sidecar_that_is_none_costs_itself_only(models, kind):
         if file.stem != "pendulum":
             file.unlink()
     bad = models / "x.toml"
-    make = {"folder": bad.mkdir, "pipe": lambda: os.mkfifo(bad),
-            "loop": lambda: bad.symlink_to(bad), "empty": bad.touch,
-            "bytes": lambda: bad.write_bytes(b"title = '\xb0'")}
+    make = {
+        "folder": bad.mkdir,
+        "pipe": lambda: os.mkfifo(bad),
+        "loop": lambda: bad.symlink_to(bad),
+        "empty": bad.touch,
+        "bytes": lambda: bad.write_bytes(b"title = '\xb0'"),
+    }
     make[kind]()
     answer = run("check", models)
     assert answer.exit_code == 2

@@ -45,7 +45,9 @@ def verdicts(file: Path) -> dict[str, list[Comparison]]:
     return found
 
 
-def studied(off: Callable[[int, Array], Array], **asked: object) -> tuple[RefinementStudy, list[Comparison]]:
+def studied(
+    off: Callable[[int, Array], Array], **asked: object
+) -> tuple[RefinementStudy, list[Comparison]]:
     """A study of what nobody ran: the reference's own curves, off by so much at arc lengths."""
     case = load_case(shipped(FILE))
     assert case.refine is not None
@@ -55,11 +57,16 @@ def studied(off: Callable[[int, Array], Array], **asked: object) -> tuple[Refine
         if task.solver == "mujoco":
             s = grid(task.case, "rest")
             truth = evaluate(task.case, s, None).channels
-            curves = Curves(s, {name: y + off(task.segments, s) for name, y in truth.items()},
-                            seconds=0.1, steps=1)
+            curves = Curves(
+                s,
+                {name: y + off(task.segments, s) for name, y in truth.items()},
+                seconds=0.1,
+                steps=1,
+            )
             study = task.study
-            found = study.add(task.segments, (errors(task.case, "rest", "mujoco", curves),
-                                              curves))[1]
+            found = study.add(task.segments, (errors(task.case, "rest", "mujoco", curves), curves))[
+                1
+            ]
     return study, found
 
 
@@ -74,8 +81,13 @@ def test_both_engines_show_the_order_and_the_limit(few):
     result = check([few], progress=lambda label, *_: labels.append(label))
     rows = [c for c in result.comparisons if c.run == "refine"]
     assert {(c.solver, c.outcome) for c in rows} == {(name, "agrees") for name in ENGINES}
-    assert {c.channel for c in rows} == {"order of rod.x", "order of rod.y", "order of rod.angle",
-                                         "limit of rod.x", "limit of rod.y"}
+    assert {c.channel for c in rows} == {
+        "order of rod.x",
+        "order of rod.y",
+        "order of rod.angle",
+        "limit of rod.x",
+        "limit of rod.y",
+    }
     assert result.exit_code == 0
     assert "rod_cantilever rest pymunk, 20 segments" in labels
     assert len(labels) == 2 + 2 * len(SEGMENTS)
@@ -98,8 +110,10 @@ def test_a_naive_clamp_is_of_first_order(alone, edit):
         assert "x the allowed error, order 1." in c.message or "order 0." in c.message
 
 
-@pytest.mark.parametrize(("old", "new"), [("stiffness = 1.0 +#", "stiffness = 1.02 #"),
-                                          ("force_y = 10.0", "force_y = 10.5")])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("stiffness = 1.0 +#", "stiffness = 1.02 #"), ("force_y = 10.0", "force_y = 10.5")],
+)
 def test_a_wrong_reference_is_never_reached(old, new, alone, edit):
     """The errors level off at what the reference is off by."""
     edit(FILE, old, new)
@@ -111,8 +125,9 @@ def test_a_wrong_reference_is_never_reached(old, new, alone, edit):
 def test_directions_of_a_circle_show_no_order(edit):
     """They are exact, and that is said; places are those of a polygon."""
     edit("rod_into_circle.toml", '"mujoco", "pymunk"', '"mujoco"')
-    found = verdicts(edit("rod_into_circle.toml", r"segments = \[10, 20, 40\]",
-                          "segments = [4, 8]"))
+    found = verdicts(
+        edit("rod_into_circle.toml", r"segments = \[10, 20, 40\]", "segments = [4, 8]")
+    )
     assert [c.channel for c in found["agrees"]] == ["order of rod.x", "order of rod.y"]
     (exact,) = found["unchecked"]
     assert exact.channel == "order of rod.angle"
@@ -134,13 +149,15 @@ def test_each_pair_counts():
 
 def test_a_higher_order_than_asked_for_differs():
     """An order is a statement on both sides."""
-    assert all(c.outcome == "differs" for c in studied(power(3.0))[1]
-               if c.channel.startswith("order"))
+    assert all(
+        c.outcome == "differs" for c in studied(power(3.0))[1] if c.channel.startswith("order")
+    )
 
 
 @pytest.mark.parametrize("bad", [10, 80])
 def test_a_nan_differs(bad):
     """In any of the runs, be the others at the wall."""
+
     def off(n: int, s: Array) -> Array:
         return np.where(s == s[-1], np.nan, 0.0) if n == bad else 0 * s
 
@@ -148,13 +165,17 @@ def test_a_nan_differs(bad):
     orders = [c for c in found if c.channel.startswith("order")]
     assert [c.outcome for c in orders] == ["differs"] * 3
     assert "not a number" in orders[0].message
-    limits = [c.outcome for c in studied(off, between=(10, 20) if bad == 10 else (40, 80))[1]
-              if c.channel.startswith("limit")]
+    limits = [
+        c.outcome
+        for c in studied(off, between=(10, 20) if bad == 10 else (40, 80))[1]
+        if c.channel.startswith("limit")
+    ]
     assert limits == ["differs"] * 2
 
 
 def test_errors_at_the_wall_do_not_count():
     """Rounding of 1e-10 below an order of 2 that is seen from 10 to 20 only."""
+
     def off(n: int, s: Array) -> Array:
         return np.maximum(power(2.0, 1e-6)(n, s), 3e-10 * s)
 
@@ -169,6 +190,7 @@ def test_errors_at_the_wall_do_not_count():
 @pytest.mark.parametrize(("between", "fine"), [((20, 40), 40), (None, 80)])
 def test_the_limit_lacks_the_next_order(between, fine):
     """Of a h^2 + b h^4 it leaves -b h1^2 h2^2, with h1 = 2 h2."""
+
     def off(n: int, s: Array) -> Array:
         return s * (0.1 * n**-2.0 + 5.0 * n**-4.0)
 
@@ -184,13 +206,15 @@ def test_the_limit_lacks_the_next_order(between, fine):
 def test_a_lost_run_loses_the_study():
     """Which number of segments, and why."""
     study, _ = studied(power(2.0))
-    lost = Comparison("rod_cantilever", "mujoco", "rest", "rod.x", "m", outcome="diverged",
-                      message="not at rest")
+    lost = Comparison(
+        "rod_cantilever", "mujoco", "rest", "rod.x", "m", outcome="diverged", message="not at rest"
+    )
     again = RefinementStudy(study.case, study.refine, "mujoco")
     for n, found in study.runs.items():
         verdict = again.add(n, ([lost], None) if n == 40 else found)[1]
     assert [(c.outcome, c.run, c.message) for c in verdict] == [
-        ("diverged", "refine", "with 40 segments: not at rest")]
+        ("diverged", "refine", "with 40 segments: not at rest")
+    ]
 
 
 BAD = {
@@ -200,8 +224,11 @@ BAD = {
     "strangers": ("between = .*", "between = [10, 40]", "neighbours in segments"),
     "no bound": ("richardson = .*", "", "richardson = what the limit may be off by"),
     "no reason": ('why = "half.*', 'why = " "', "needs its reason"),
-    "no channel": (r'"rod.\[xy\]", "rod.angle"', '"rod.phi"',
-                   "'rod.phi' matches nothing; did you mean 'rod.y'? there are: rod.x"),
+    "no channel": (
+        r'"rod.\[xy\]", "rod.angle"',
+        '"rod.phi"',
+        "'rod.phi' matches nothing; did you mean 'rod.y'? there are: rod.x",
+    ),
     "no run": ("order = 2.0", 'order = 2.0\nrun = "sweep"', "refine.run: there is no run.sweep"),
     "no order": ("order = 2.0\n", "", "refine.order: missing"),
 }
@@ -218,8 +245,12 @@ def test_bad_tables_are_named(old, new, words, edit):
 
 def test_only_rods_are_refined(edit):
     """A linkage has no segments."""
-    file = edit("fourbar.toml", r"\[channels\]", '[refine]\nsegments = [2, 4]\nrun = "sweep"\n'
-                                                 'order = 2.0\nwithin = 0.1\nwhy = "x"\n[channels]')
+    file = edit(
+        "fourbar.toml",
+        r"\[channels\]",
+        '[refine]\nsegments = [2, 4]\nrun = "sweep"\n'
+        'order = 2.0\nwithin = 0.1\nwhy = "x"\n[channels]',
+    )
     assert "needs a [rod.NAME]" in str(check([file]).errors[0])
 
 
@@ -247,7 +278,7 @@ def test_the_page_shows_it(p, tmp_path):
     """Figure, orders and verdicts; a wrong order turns the headline."""
     page = report_of(tmp_path, power(p))
     assert (tmp_path / "figures" / "rod_cantilever-refine.png").is_file()
-    table = page[page.index("Refinement: the same"):]
+    table = page[page.index("Refinement: the same") :]
     assert table.count(f"<td>{p:g}</td>") >= 9  # pairs of three channels
     assert ("✗ order" in table) == (p != 2.0)
     assert ("MuJoCo differs in its order of convergence" in page) == (p != 2.0)

@@ -59,14 +59,21 @@ print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.truth["muj
 def printed(threads: int, *command: str, folder: Path = ROOT) -> str:
     """Standard output of a command of Python, with BLAS told to take so many threads."""
     environment = {**os.environ, **dict.fromkeys(NAMES, str(threads)), "PYTHONPATH": str(folder)}
-    done = subprocess.run([sys.executable, *command], cwd=folder, env=environment,
-                          capture_output=True, text=True, timeout=600)
+    done = subprocess.run(
+        [sys.executable, *command],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     assert done.stdout, done.stderr
     return done.stdout
 
 
-ON_TWO = pytest.mark.skipif((os.cpu_count() or 1) < 2,
-                            reason="BLAS takes one thread on one processor")
+ON_TWO = pytest.mark.skipif(
+    (os.cpu_count() or 1) < 2, reason="BLAS takes one thread on one processor"
+)
 
 
 EVALUATED = """
@@ -112,7 +119,8 @@ def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of
     (tmp_path / "fourbar.xml").write_bytes(shipped("fourbar.xml").read_bytes())
     (tmp_path / "sitecustomize.py").write_text(
         f"import sys; sys.path.append({str(ROOT)!r}); sys.path.append({str(tmp_path)!r}); "
-        "from proofmass.analytic import REFERENCES; REFERENCES['solved'] = 'solved'")
+        "from proofmass.analytic import REFERENCES; REFERENCES['solved'] = 'solved'"
+    )
     one, two = (printed(threads, "-c", GATHERED, folder=tmp_path) for threads in (1, 2))
     assert one == two
 
@@ -122,13 +130,15 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
 
     Rods of 50 segments have 100 coordinates in MuJoCo; those of 20 have 120 in pymunk.
     """
-    pair, swing = (shipped(f"{name}.toml").read_text()
-                   for name in ("rfr2_natural", "pendulum"))
+    pair, swing = (shipped(f"{name}.toml").read_text() for name in ("rfr2_natural", "pendulum"))
     both = 'solvers = ["mujoco", "pymunk"]'
-    texts = {"coarse": pair.replace(both, 'solvers = ["pymunk"]'),
-             "fine": pair.replace(both, 'solvers = ["mujoco"]')
-             .replace("segments = 20", "segments = 50"),
-             "swing": swing.replace("until = 10.0", "until = 1.0")}
+    texts = {
+        "coarse": pair.replace(both, 'solvers = ["pymunk"]'),
+        "fine": pair.replace(both, 'solvers = ["mujoco"]').replace(
+            "segments = 20", "segments = 50"
+        ),
+        "swing": swing.replace("until = 10.0", "until = 1.0"),
+    }
     for name, text in texts.items():
         assert text not in (pair, swing)
         model = "pendulum" if name == "swing" else "rfr2_natural"
@@ -137,10 +147,18 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
     models = [str(tmp_path / f"{name}.toml") for name in texts]
     found = []
     for threads, jobs, order in ((1, 1, 1), (2, 2, -1)):
-        rows = json.loads(printed(threads, "-m", "proofmass", "check", "--json", "--jobs",
-                                  str(jobs), *models[::order]))["comparisons"]
-        found.append({(row["case"], row["run"], row["solver"], row["channel"]):
-                      {name: value for name, value in row.items() if name != "seconds"}
-                      for row in rows})
+        rows = json.loads(
+            printed(
+                threads, "-m", "proofmass", "check", "--json", "--jobs", str(jobs), *models[::order]
+            )
+        )["comparisons"]
+        found.append(
+            {
+                (row["case"], row["run"], row["solver"], row["channel"]): {
+                    name: value for name, value in row.items() if name != "seconds"
+                }
+                for row in rows
+            }
+        )
     assert {case for case, *_ in found[0]} == {"coarse", "fine", "swing"}
     assert found[1] == found[0]

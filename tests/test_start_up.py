@@ -10,14 +10,19 @@ SLOW = {"numpy", "scipy", "mujoco", "pymunk", "pydantic", "pint", "matplotlib"}
 
 def loaded_by(code: str) -> set[str]:
     """Top-level packages that a new interpreter has loaded after some lines of code."""
-    done = subprocess.run([sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"],
-                          capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return {name.partition(".")[0] for name in done.stdout.splitlines()[-1].split()}
 
 
 def test_help_loads_no_engine_and_no_numerics() -> None:
-    loaded = loaded_by("from proofmass.cli import app\n"
-                       "try: app(['--help'])\nexcept SystemExit: pass")
+    loaded = loaded_by(
+        "from proofmass.cli import app\ntry: app(['--help'])\nexcept SystemExit: pass"
+    )
     assert "typer" in loaded
     assert not SLOW & loaded
 

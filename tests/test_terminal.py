@@ -16,59 +16,99 @@ from proofmass.terminal import as_json, case_table, console, failures, mark, num
 from tests.shipped import MODELS, shipped
 
 
-def of(case: str = "one", solver: str = "mujoco", channel: str = "y", outcome: str = "agrees",
-       **more) -> Comparison:
+def of(
+    case: str = "one", solver: str = "mujoco", channel: str = "y", outcome: str = "agrees", **more
+) -> Comparison:
     return Comparison(case, solver, "sweep", channel, "m", outcome=outcome, **more)
 
 
 NEAR = of(error_max=9e-3, allowed=1e-2, error_rms=1e-3, nrmse=2e-3, seconds=1.234, steps=70, at=0.5)
 FAR = of(channel="x", error_max=1e-3, allowed=1e-2, seconds=1.234, steps=70)
-BEYOND = of("two", channel="x", outcome="differs", error_max=2e-2, allowed=1e-2, at=1234567.0,
-            message="2 x the allowed error")
-WORSE = of("two", channel="y", outcome="differs", error_max=3e-2, allowed=1e-2, at=1234567.0,
-           message="3 x the allowed error")
+BEYOND = of(
+    "two",
+    channel="x",
+    outcome="differs",
+    error_max=2e-2,
+    allowed=1e-2,
+    at=1234567.0,
+    message="2 x the allowed error",
+)
+WORSE = of(
+    "two",
+    channel="y",
+    outcome="differs",
+    error_max=3e-2,
+    allowed=1e-2,
+    at=1234567.0,
+    message="3 x the allowed error",
+)
 LOST = of("two", "pymunk", outcome="diverged", message="the loops are open")
 RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), LOST])
 
 
 def cells(*args, **how) -> list[list[str]]:
     """Header and rows of the table, without colours."""
-    table, = summary(*args, **how)
+    (table,) = summary(*args, **how)
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-HEAD = ["case", "run", "solver", "outcome", "channel", "worst error", "allowed", "of range", "s",
-        "steps"]
+HEAD = [
+    "case",
+    "run",
+    "solver",
+    "outcome",
+    "channel",
+    "worst error",
+    "allowed",
+    "of range",
+    "s",
+    "steps",
+]
 
 
 def test_a_solver_has_a_row_with_its_worst_channel():
     assert cells(RESULT) == [
         HEAD,
-        ["one", "sweep", "mujoco", "✓ agrees 2/2", "y", "9.00e-03 m", "1.00e-02", "1.80e-02",
-         "1.23", "70"],
+        [
+            "one",
+            "sweep",
+            "mujoco",
+            "✓ agrees 2/2",
+            "y",
+            "9.00e-03 m",
+            "1.00e-02",
+            "1.80e-02",
+            "1.23",
+            "70",
+        ],
         ["two", "sweep", "mujoco", "✗ differs 2/3", "y", "3.00e-02 m", "1.00e-02", "–", "–", "–"],
-        ["", "sweep", "pymunk", "✗ diverged", "y", "– m", "–", "–", "–", "–"]]
+        ["", "sweep", "pymunk", "✗ diverged", "y", "– m", "–", "–", "–", "–"],
+    ]
 
 
 def test_each_channel_has_a_row_where_all_are_asked_for():
     rows = cells(RESULT, every_channel=True)
     assert [row[0] for row in rows[1:]] == ["one", "", "two", "", "", ""]
     assert [row[3:5] for row in rows[1:]] == [
-        ["✓ agrees", "x"], ["✓ agrees", "y"], ["✗ differs", "x"], ["✗ differs", "y"],
-        ["✓ agrees", "z"], ["✗ diverged", "y"]]
+        ["✓ agrees", "x"],
+        ["✓ agrees", "y"],
+        ["✗ differs", "x"],
+        ["✗ differs", "y"],
+        ["✓ agrees", "z"],
+        ["✗ diverged", "y"],
+    ]
 
 
 def test_a_narrow_screen_has_fewer_columns():
     assert cells(RESULT, width=140)[0] == HEAD
     assert cells(RESULT, width=139)[0] == HEAD[:7]
     assert list(summary(Result())) == []
-    table, = summary(RESULT)
+    (table,) = summary(RESULT)
     assert [c.header for c in table.columns if not c.no_wrap] == ["case", "channel"]
     assert [c.justify for c in table.columns] == ["left"] * 5 + ["right"] * 5
     assert all(c.overflow == "fold" for c in table.columns[:5])
     assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
-
 
 
 def test_what_failed_has_a_line_and_all_outcomes_are_counted():
@@ -77,26 +117,41 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
         "✗ two sweep mujoco differs: 2 of 3 channels, y by 3 x the allowed error: 3.00e-02 m at "
         "1.23457e+06",
         "✗ two sweep pymunk diverged: the loops are open",
-        "3 agrees, 2 differs, 1 diverged"]
+        "3 agrees, 2 differs, 1 diverged",
+    ]
     assert list(failures(RESULT))[-1].style == "bold red"
     assert [str(span.style) for line in failures(RESULT) for span in line.spans] == ["red"] * 2
-    good, = failures(Result(comparisons=[NEAR]))
+    (good,) = failures(Result(comparisons=[NEAR]))
     assert (good.plain, good.style) == ("1 agrees", "bold")
     assert [line.plain for line in failures(Result())] == ["nothing to check"]
 
 
 def test_a_case_without_a_check_has_a_line():
     case = load_case(shipped("pendulum.toml"))
-    lines = list(failures(Result(
-        [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")])))
+    lines = list(
+        failures(
+            Result(
+                [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")]
+            )
+        )
+    )
     assert [str(span.style) for span in lines[0].spans] == ["red"]
-    assert [line.plain for line in lines] == [f"✗ pendulum unchecked: {UNCHECKED}",
-                     "1 unchecked, 1 unsupported, 1 case(s) without any check"]
+    assert [line.plain for line in lines] == [
+        f"✗ pendulum unchecked: {UNCHECKED}",
+        "1 unchecked, 1 unsupported, 1 case(s) without any check",
+    ]
 
 
-@pytest.mark.parametrize(("outcome", "sign", "style"), [
-    ("agrees", "✓", "green"), ("unchecked", "·", "dim"), ("unsupported", "–", "dim"),
-    ("differs", "✗", "bold red"), ("crashed", "✗", "bold red")])
+@pytest.mark.parametrize(
+    ("outcome", "sign", "style"),
+    [
+        ("agrees", "✓", "green"),
+        ("unchecked", "·", "dim"),
+        ("unsupported", "–", "dim"),
+        ("differs", "✗", "bold red"),
+        ("crashed", "✗", "bold red"),
+    ],
+)
 def test_an_outcome_has_a_sign(outcome, sign, style):
     assert (mark(outcome).plain, mark(outcome).style) == (f"{sign} {outcome}", style)
 
@@ -120,18 +175,29 @@ def test_the_channel_nearest_its_limit_speaks():
 def test_json_has_null_for_what_is_no_number():
     notice = {"length": DetectableChange(nan), "width": DetectableChange(0.5, relative=False)}
     error = InputError(Path("a.toml"), "key", "why")
-    found = json.loads(as_json(Result(comparisons=[of(would_notice=notice, at=inf, seconds=2.0)],
-                                      errors=[error])))
+    found = json.loads(
+        as_json(Result(comparisons=[of(would_notice=notice, at=inf, seconds=2.0)], errors=[error]))
+    )
     assert list(found) == ["comparisons", "errors", "exit_code"]
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
     assert found["exit_code"] == 2
-    row, = found["comparisons"]
+    (row,) = found["comparisons"]
     assert tuple(row) == terminal.KEYS
-    assert (row["case"], row["solver"], row["run"], row["channel"], row["unit"], row["outcome"],
-            row["at"], row["error_max"], row["seconds"]) == (
-        "one", "mujoco", "sweep", "y", "m", "agrees", None, None, 2.0)
-    assert row["would_notice"] == {"length": {"size": None, "relative": True},
-                                   "width": {"size": 0.5, "relative": False}}
+    assert (
+        row["case"],
+        row["solver"],
+        row["run"],
+        row["channel"],
+        row["unit"],
+        row["outcome"],
+        row["at"],
+        row["error_max"],
+        row["seconds"],
+    ) == ("one", "mujoco", "sweep", "y", "m", "agrees", None, None, 2.0)
+    assert row["would_notice"] == {
+        "length": {"size": None, "relative": True},
+        "width": {"size": 0.5, "relative": False},
+    }
     assert as_json(Result()).splitlines()[1] == ' "comparisons": [],'
 
 
@@ -140,8 +206,9 @@ def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatc
     assert shown.width == 240
     shown.print("a [bold] b :smile: 1.5")
     assert capsys.readouterr().out == "a [bold] b :smile: 1.5\n"
-    monkeypatch.setattr(terminal, "Console", lambda **how: Console(**{
-        "force_terminal": True, "width": 70, **how}))
+    monkeypatch.setattr(
+        terminal, "Console", lambda **how: Console(**{"force_terminal": True, "width": 70, **how})
+    )
     screen = console()
     assert screen.width == 70
     screen.print("a [bold] b :smile: 1.5")
@@ -155,7 +222,14 @@ def test_cases_are_listed_with_their_runs():
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     assert [list(row) for row in zip(*columns, strict=True)] == [
         ["folder", "case", "model", "reference", "runs", "channels", "title"],
-        ["linkages", "fourbar", "fourbar.xml", "fourbar",
-         "sweep: mujoco, pymunk; duration: mujoco, mujoco:default, pymunk, pymunk:default", "17",
-         case.title],
-        ["lone", "humanoid", "humanoid.xml", "–", "unchecked: no sidecar", "", ""]]
+        [
+            "linkages",
+            "fourbar",
+            "fourbar.xml",
+            "fourbar",
+            "sweep: mujoco, pymunk; duration: mujoco, mujoco:default, pymunk, pymunk:default",
+            "17",
+            case.title,
+        ],
+        ["lone", "humanoid", "humanoid.xml", "–", "unchecked: no sidecar", "", ""],
+    ]

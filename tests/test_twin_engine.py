@@ -28,7 +28,7 @@ from proofmass.wording import spoken
 from proofmass.worker import dismiss
 from tests.shipped import shipped
 
-MODULE = '''
+MODULE = """
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -56,7 +56,7 @@ class Bare(Engine):
 
 
 TWIN, WRONG, BARE = Twin(), Wrong(), Bare()
-'''
+"""
 POINTS = """[proofmass.engines]
 twin = twin_engine:TWIN
 wrong = twin_engine:WRONG
@@ -142,7 +142,7 @@ def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_p
 
 
 def test_an_unknown_engine_is_answered_with_those_there_are(site: Path, tmp_path: Path) -> None:
-    error, = check([written(tmp_path, "twim")]).errors
+    (error,) = check([written(tmp_path, "twim")]).errors
     assert error.key == "run.duration.solvers"
     assert error.wrong.startswith("no simulator 'twim'; did you mean 'twin'? there are: mujoco, ")
 
@@ -154,7 +154,10 @@ def test_what_is_no_engine_is_refused(site: Path) -> None:
 
 def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
     assert (spoken("twin:default"), spoken("bare"), spoken("adams")) == (
-        "Twin default", "Bare", "adams")
+        "Twin default",
+        "Bare",
+        "adams",
+    )
     chosen = looks([*engine_names(), "adams"])
     assert len({look.colour + str(look.dash) for look in chosen.values()}) == len(chosen)
     assert versions("twin")["twin-engine"] == "1.0"
@@ -170,13 +173,17 @@ def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
 
 
 def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
-        site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(axes, "WORK", 1.6e3)
     run("trade", written(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
     rows = read_table(tmp_path / "trade" / "trade.csv")
     assert {(row.engine, row.outcome) for row in rows} == {("bare", "ran")}
-    verdict = next(v for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
-                   if (v.line, v.kind) == ("Bare", "position"))
+    verdict = next(
+        v
+        for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
+        if (v.line, v.kind) == ("Bare", "position")
+    )
     assert verdict.reached.startswith("order 2")  # as pymunk's
     assert verdict.expected != verdict.expected  # theory promises none
     page = (tmp_path / "trade" / "index.html").read_text(encoding="utf-8")
@@ -186,16 +193,27 @@ def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
 @pytest.mark.slow
 def test_trade_knows_the_orders_of_the_twin(site: Path, tmp_path: Path) -> None:
     run("trade", written(tmp_path, "twin"), "-o", tmp_path / "trade")
-    found = {v.line: v for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
-             if v.kind == "position"}
+    found = {
+        v.line: v
+        for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
+        if v.kind == "position"
+    }
     assert found["Twin, no bias"].expected == 2.0
     assert found["Twin, no bias"].observed == pytest.approx(2.0, abs=0.2)
     assert found["Twin, defaults"].expected == 1.0
 
 
 def test_choose_finds_a_setting_of_an_engine_without_programs(site: Path, tmp_path: Path) -> None:
-    text = run("choose", written(tmp_path, "bare"), "--error", 1e-2, "--store", tmp_path / "store",
-               "--jobs", 1)
+    text = run(
+        "choose",
+        written(tmp_path, "bare"),
+        "--error",
+        1e-2,
+        "--store",
+        tmp_path / "store",
+        "--jobs",
+        1,
+    )
     assert "Bare has no programs" in " ".join(text.split())
     assert "# settings of the sidecar: timestep = " in text
 
@@ -203,22 +221,39 @@ def test_choose_finds_a_setting_of_an_engine_without_programs(site: Path, tmp_pa
 @pytest.mark.slow
 def test_choose_writes_a_program_of_the_twin(site: Path, tmp_path: Path) -> None:
     program = tmp_path / "run.py"
-    run("choose", written(tmp_path, "twin"), "--error", 1e-3, "--store", tmp_path / "store", "-o",
-        program)
+    run(
+        "choose",
+        written(tmp_path, "twin"),
+        "--error",
+        1e-3,
+        "--store",
+        tmp_path / "store",
+        "-o",
+        program,
+    )
     assert "Made by proofmass choose with pymunk" in " ".join(program.read_text().split())
 
 
 def test_stress_finds_where_the_twin_breaks(site: Path, tmp_path: Path) -> None:
-    run("stress", written(tmp_path, "twin"), "-o", tmp_path / "stress", "--only", "gravity",
-        "--jobs", 1)
-    found, = read_boundaries(tmp_path / "stress" / "stress.csv")
+    run(
+        "stress",
+        written(tmp_path, "twin"),
+        "-o",
+        tmp_path / "stress",
+        "--only",
+        "gravity",
+        "--jobs",
+        1,
+    )
+    (found,) = read_boundaries(tmp_path / "stress" / "stress.csv")
     assert (found.engine, found.knob) == ("twin", "gravity")
     assert found.holds > found.start == 1.0  # it ran, and no error of ours ended it at once
     assert "Twin" in (tmp_path / "stress" / "index.html").read_text(encoding="utf-8")
 
 
-def test_stress_has_the_test_problems_of_the_twin(site: Path, monkeypatch: pytest.MonkeyPatch
-                                                  ) -> None:
+def test_stress_has_the_test_problems_of_the_twin(
+    site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def asked(engine: str) -> list[tuple[str, str, str, float]]:
         monkeypatch.setattr(problems, "engine_names", lambda: [engine])
         found = list(problems.probes())
@@ -233,7 +268,11 @@ def test_pytest_runs_the_twin(site: Path, tmp_path: Path) -> None:
     file = written(tmp_path, "twin", "wrong")
     found = subprocess.run(
         [sys.executable, "-m", "pytest", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", file],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True,
-        check=False)
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert "1 failed, 1 passed" in found.stdout
     assert "::wrong" in found.stdout

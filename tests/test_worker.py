@@ -18,8 +18,10 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, dismiss, isolated
 
-LARGE = '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>' \
-        '<geom size="1"/></body></replicate></worldbody></mujoco>'
+LARGE = (
+    '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>'
+    '<geom size="1"/></body></replicate></worldbody></mujoco>'
+)
 
 
 class Peculiar(Exception):
@@ -88,10 +90,14 @@ def test_an_exception_is_sent_without_where_it_was_raised():
 def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
     """After such a model MuJoCo 4.0.0 hangs as soon as it warns of another."""
     large, warns = tmp_path / "large.xml", tmp_path / "warns.xml"
-    large.write_text('<mujoco><asset><hfield name="h" nrow="1000000" ncol="1000000" size="1 1 1 1"'
-                     '/></asset><worldbody><geom type="hfield" hfield="h"/></worldbody></mujoco>')
-    warns.write_text('<mujoco><worldbody><body pos="nan 0 0"><joint/><geom size="1"/></body>'
-                     '</worldbody></mujoco>')
+    large.write_text(
+        '<mujoco><asset><hfield name="h" nrow="1000000" ncol="1000000" size="1 1 1 1"'
+        '/></asset><worldbody><geom type="hfield" hfield="h"/></worldbody></mujoco>'
+    )
+    warns.write_text(
+        '<mujoco><worldbody><body pos="nan 0 0"><joint/><geom size="1"/></body>'
+        "</worldbody></mujoco>"
+    )
     dismiss()  # so that there is one process
     process = isolated(os.getpid, timeout=20)
     for file, why in ((large, "cannot compile"), (warns, "not a number")):
@@ -109,8 +115,9 @@ def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
 def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a module of the user')")
     call = "from proofmass.worker import isolated; print(isolated(abs, -3, timeout=60))"
-    found = subprocess.run([sys.executable, "-P", "-c", call], cwd=tmp_path, text=True,
-                           capture_output=True, check=True)
+    found = subprocess.run(
+        [sys.executable, "-P", "-c", call], cwd=tmp_path, text=True, capture_output=True, check=True
+    )
     assert found.stdout == "3\n"
 
 
@@ -174,11 +181,16 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
     assert result.exit_code == 2
 
 
-@pytest.mark.parametrize("deep", [  # the reader of TOML takes a minute for the second one
-    pytest.param("x = " + "[" * 100_000, id="arrays"),
-    pytest.param("a" + ".a" * 50_000 + " = 1", id="tables")])
-def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(models, deep, monkeypatch,
-                                                                 pendulum):
+@pytest.mark.parametrize(
+    "deep",
+    [  # the reader of TOML takes a minute for the second one
+        pytest.param("x = " + "[" * 100_000, id="arrays"),
+        pytest.param("a" + ".a" * 50_000 + " = 1", id="tables"),
+    ],
+)
+def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(
+    models, deep, monkeypatch, pendulum
+):
     monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING", 5.0)
     (models / "deep.toml").write_text(deep)
     result = check([models / "deep.toml", pendulum])
@@ -199,8 +211,11 @@ def misread() -> None:
 
 def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
     edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
-    asking = subprocess.Popen([sys.executable, "-m", "proofmass", "check", models / "fourbar.toml"],
-                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    asking = subprocess.Popen(
+        [sys.executable, "-m", "proofmass", "check", models / "fourbar.toml"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     threads, late = Path(f"/proc/{asking.pid}/task"), time.monotonic() + 20.0
     while not any(file.read_text() for file in threads.glob("*/children")):
         if time.monotonic() > late:  # also where there is no /proc

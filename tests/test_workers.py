@@ -48,8 +48,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return files
 
 
-def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(models, edit, keep_solver,
-                                                                       here, tmp_path):
+def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(
+    models, edit, keep_solver, here, tmp_path
+):
     """Of a case with a drive and with views."""
     edit("balancer_sine.toml", r"n = \d+", "n = 9")
     result = check([keep_solver("balancer_sine.toml", "mujoco")])
@@ -64,8 +65,11 @@ def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(models, e
 def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path):
     """With a drive, a view, and another set of parameters beside its own."""
     case = load_case(models / "balancer_sine.toml")
-    rows = [Comparison(case.name, solver, "sweep", name, channel.unit, outcome="timed out")
-            for solver in ("mujoco", "pymunk") for name, channel in case.channels.items()]
+    rows = [
+        Comparison(case.name, solver, "sweep", name, channel.unit, outcome="timed out")
+        for solver in ("mujoco", "pymunk")
+        for name, channel in case.channels.items()
+    ]
     page = write_report(Result(cases=[case], comparisons=rows), tmp_path)
     assert "timed out" in page.with_name("balancer_sine.html").read_text("utf-8")
     assert not here
@@ -119,8 +123,10 @@ def test_a_diet_evaluates_its_references_in_workers(models, edit, here):
 def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, edit, here):
     edit("watt.xml", "<worldbody>", LARGE)
     edit("watt.toml", r"(?m)^(\[run\.\w+\])$", r"\1\ntimeout = 1.0")
-    for study in (lambda: named([models / "watt.toml"]),
-                  lambda: scene.scene_of(models / "watt.xml", 1.0)):
+    for study in (
+        lambda: named([models / "watt.toml"]),
+        lambda: scene.scene_of(models / "watt.xml", 1.0),
+    ):
         with pytest.raises(InputError, match="its model or its reference: no answer in 1 s"):
             study()
     assert not here

@@ -1,5 +1,4 @@
-"""The verdicts on a case, without what its channels would notice, which takes longer than the runs.
-"""
+"""The verdicts on a case, without detectable changes, which take longer than the runs."""
 
 from pathlib import Path
 

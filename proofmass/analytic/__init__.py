@@ -10,14 +10,32 @@ Closed forms are formulas only, so what is left is rounding, and need no more th
 """
 
 REFERENCES = {
-    **{name: f"proofmass.analytic.linkages.{name}" for name in (
-        "fivebar", "fourbar", "hacksaw", "inverted_slider_crank", "pendulum", "slider_crank",
-        "swinging_block", "threeprr")},
+    **{
+        name: f"proofmass.analytic.linkages.{name}"
+        for name in (
+            "fivebar",
+            "fourbar",
+            "hacksaw",
+            "inverted_slider_crank",
+            "pendulum",
+            "slider_crank",
+            "swinging_block",
+            "threeprr",
+        )
+    },
     "planar": "proofmass.analytic.planar",
     "balancer": "proofmass.analytic.balancer",
     "rod": "proofmass.analytic.rods",
-    **{name: f"proofmass.analytic.rods.{name}" for name in (
-        "rod_pair", "rod_pair_driven", "rod_pinned", "rod_platform", "rod_platform_driven",
-        "rod_snap")},
+    **{
+        name: f"proofmass.analytic.rods.{name}"
+        for name in (
+            "rod_pair",
+            "rod_pair_driven",
+            "rod_pinned",
+            "rod_platform",
+            "rod_platform_driven",
+            "rod_snap",
+        )
+    },
 }
 """Modules by the name that a sidecar gives as its ``reference``."""

@@ -38,8 +38,9 @@ class ChartLine:
 
     def __post_init__(self) -> None:
         if np.ndim(self.x) != 1 or np.shape(self.x) != np.shape(self.y):
-            raise ValueError(f"a line needs x (n,) and y (n,), got {np.shape(self.x)} and "
-                             f"{np.shape(self.y)}")
+            raise ValueError(
+                f"a line needs x (n,) and y (n,), got {np.shape(self.x)} and {np.shape(self.y)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,10 @@ class Field:
 
     def __post_init__(self) -> None:
         if np.shape(self.values) != np.shape(self.x) + np.shape(self.y):
-            raise ValueError(f"a field needs values (m, n) at x (m,) and y (n,), got "
-                             f"{np.shape(self.values)} at {np.shape(self.x)}, {np.shape(self.y)}")
+            raise ValueError(
+                f"a field needs values (m, n) at x (m,) and y (n,), got "
+                f"{np.shape(self.values)} at {np.shape(self.x)}, {np.shape(self.y)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -98,10 +101,10 @@ class Chart:
     Examples
     --------
     >>> load = np.linspace(0.0, 2.0, 5)
-    >>> panel = Panel((Line(load**2, load),))
+    >>> panel = Panel((ChartLine(load**2, load),))
     >>> len(Chart(("deflection", "m"), ("load", "N"), (panel,), "It hardens.").lines)
     1
-    >>> Line(load, load[1:])
+    >>> ChartLine(load, load[1:])
     Traceback (most recent call last):
     ValueError: a line needs x (n,) and y (n,), got (5,) and (4,)
     """

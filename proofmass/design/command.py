@@ -23,9 +23,22 @@ from proofmass.sidecar import load_case
 
 
 def design_balancer(
-    target: str, table: Path | None, segments: int, springs: str, preload: bool, free_angle: bool,
-    contact: bool, relaxed: bool, elbow_down: bool, bound: list[str] | None, power: float,
-    seed: int, effort: float, output: Path, pareto: bool, catalogue: Path | None,
+    target: str,
+    table: Path | None,
+    segments: int,
+    springs: str,
+    preload: bool,
+    free_angle: bool,
+    contact: bool,
+    relaxed: bool,
+    elbow_down: bool,
+    bound: list[str] | None,
+    power: float,
+    seed: int,
+    effort: float,
+    output: Path,
+    pareto: bool,
+    catalogue: Path | None,
     beside: list[Path] | None,
 ) -> None:
     """What ``proofmass design balancer`` does; `proofmass.cli` says what it is given."""
@@ -33,8 +46,17 @@ def design_balancer(
         wanted = read_target(table) if table else named(target)
         others = read_balancers(beside or [])
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
-        variant = Variant(wanted.name, segments, springs, preload, free_angle, contact, relaxed,
-                          -1 if elbow_down else 1, narrowed(bound or []))
+        variant = Variant(
+            wanted.name,
+            segments,
+            springs,
+            preload,
+            free_angle,
+            contact,
+            relaxed,
+            -1 if elbow_down else 1,
+            narrowed(bound or []),
+        )
         task = Synthesis(variant, wanted, power=power)
         output.mkdir(parents=True, exist_ok=True)
         found = searched(task, times(effort, seed), output / "search.npz")
@@ -49,8 +71,10 @@ def design_balancer(
 def named(name: str) -> Target:
     """A target of the thesis."""
     if name not in TARGETS:
-        raise ValueError(f"--target {name}: no such target; there are {', '.join(TARGETS)}, or "
-                         f"--table FILE for one of your own")
+        raise ValueError(
+            f"--target {name}: no such target; there are {', '.join(TARGETS)}, or "
+            f"--table FILE for one of your own"
+        )
     return TARGETS[name]
 
 
@@ -58,12 +82,19 @@ def read_target(file: Path) -> Target:
     """A table of wanted moments: angles that rise from 1 degree at most to 90 at least."""
     data = read_recorded(file)
     if [*data.units.values()] != ["rad", "1"]:
-        raise InputError(file, "line 1", "the columns must be 'angle [deg]' and 'moment [1]', the "
-                         "wanted moment over m g r")
+        raise InputError(
+            file,
+            "line 1",
+            "the columns must be 'angle [deg]' and 'moment [1]', the wanted moment over m g r",
+        )
     angle, moment = data.columns.values()
     if angle[0] > np.pi / 180 or angle[-1] < np.pi / 2 * (1 - 1e-12):
-        raise InputError(file, "", f"the angles must cover 1 to 90 degrees, they go from "
-                         f"{np.degrees(angle[0]):g} to {np.degrees(angle[-1]):g}")
+        raise InputError(
+            file,
+            "",
+            f"the angles must cover 1 to 90 degrees, they go from "
+            f"{np.degrees(angle[0]):g} to {np.degrees(angle[-1]):g}",
+        )
     if not np.trapezoid(moment, angle) > 0:
         raise InputError(file, "", "the wanted moment must do positive work")
     return tabulated(angle, moment, file.stem)
@@ -74,8 +105,11 @@ def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
     cases = [load_case(file) for file in files]
     for case in cases:
         if case.reference != "balancer":
-            raise InputError(case.file, "reference", f"{case.reference!r} is no balancer; beside a "
-                             "design stands reference = 'balancer'")
+            raise InputError(
+                case.file,
+                "reference",
+                f"{case.reference!r} is no balancer; beside a design stands reference = 'balancer'",
+            )
     return {case.title: case.parameters for case in cases}
 
 
@@ -88,21 +122,27 @@ def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
         try:
             given[name] = float(low), float(high)
         except ValueError:
-            raise ValueError(f"--bound {text}: write it as NAME=LOW:HIGH, such as "
-                             f"length1=0.2:0.4") from None
+            raise ValueError(
+                f"--bound {text}: write it as NAME=LOW:HIGH, such as length1=0.2:0.4"
+            ) from None
     return given
 
 
 def times(effort: float, seed: int) -> Effort:
     """The usual search with so many times as many descents."""
-    return Effort(tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats),
-                  seed)
+    return Effort(
+        tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats), seed
+    )
 
 
 def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
     """The designs found (B, d), best first, with a progress bar on standard error."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[best]}"),
-               TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[best]}"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=errors, transient=True) as bar:
         line = bar.add_task("searching", total=effort.steps, best="")
 
@@ -116,14 +156,18 @@ def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
 
 def tell(record: dict[str, Any]) -> None:
     """The design on standard output."""
-    print(f"rmse {record['rmse']:.6f}, work reduction {record['work_reduction']:.3f} %, spread of "
-          f"energy {record['spread']:.3f}")
+    print(
+        f"rmse {record['rmse']:.6f}, work reduction {record['work_reduction']:.3f} %, spread of "
+        f"energy {record['spread']:.3f}"
+    )
     for name, value in record["parameters"].items():
         print(f"  {name:<12}{value: .6f}")
     if chosen := record.get("selection"):
         joints = " | ".join(" + ".join(pair) or "none" for pair in chosen["springs"])
-        print(f"springs {joints} for m g r = {chosen['moment']:.5f} N m: rmse "
-              f"{chosen['rmse']:.6f}, work reduction {chosen['work_reduction']:.3f} %")
+        print(
+            f"springs {joints} for m g r = {chosen['moment']:.5f} N m: rmse "
+            f"{chosen['rmse']:.6f}, work reduction {chosen['work_reduction']:.3f} %"
+        )
 
 
 def trade(task: Synthesis, found: Array, folder: Path) -> None:
@@ -141,11 +185,15 @@ def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: 
     from proofmass.report import headline, write_report  # matplotlib is slow to load
 
     sidecar = write_case(
-        folder, f"balancer_{record['target']}", parameters=record["parameters"],
+        folder,
+        f"balancer_{record['target']}",
+        parameters=record["parameters"],
         title=f"Balancer found for the target {record['target']}",
         source=f"proofmass design balancer, seed {record['seed']}: work reduction "
-               f"{record['work_reduction']:.3f} %, rmse {record['rmse']:.6f}",
-        target=record["target"] if record["target"] in TARGETS else None, beside=others)
+        f"{record['work_reduction']:.3f} %, rmse {record['rmse']:.6f}",
+        target=record["target"] if record["target"] in TARGETS else None,
+        beside=others,
+    )
     result = check([sidecar])
     for error in result.errors:
         errors.print(f"error: {error}", style="bold red", markup=False)

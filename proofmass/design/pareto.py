@@ -36,9 +36,13 @@ class Front:
     work_reduction: Array
 
 
-def front(task: Synthesis, start: Array, folder: Path | None = None,
-          weights: Sequence[float] = WEIGHTS,
-          progress: Callable[[int, int, float], None] = lambda *_: None) -> Front:
+def front(
+    task: Synthesis,
+    start: Array,
+    folder: Path | None = None,
+    weights: Sequence[float] = WEIGHTS,
+    progress: Callable[[int, int, float], None] = lambda *_: None,
+) -> Front:
     """Pareto front of (f1, f2): searches with one weight after the other, up and down again.
 
     Each begins where the last one ended, and in some random places.
@@ -64,8 +68,12 @@ def front(task: Synthesis, start: Array, folder: Path | None = None,
     found = [start]
     sweep = [*weights, *reversed(weights)]
     for k, weight in enumerate(sweep):
-        search = SavedSearch(replace(task, weight=weight), replace(SHORT, seed=k),
-                        folder / f"pareto{k}.npz" if folder else None, start)
+        search = SavedSearch(
+            replace(task, weight=weight),
+            replace(SHORT, seed=k),
+            folder / f"pareto{k}.npz" if folder else None,
+            start,
+        )
         search.run()
         start = search.found
         found.append(start)
@@ -73,8 +81,9 @@ def front(task: Synthesis, start: Array, folder: Path | None = None,
     vectors = np.concatenate(found)
     figures = task.figures(vectors)
     kept = nondominated(np.stack([figures.rmse, figures.spread], axis=-1))
-    return Front(vectors[kept], figures.rmse[kept], figures.spread[kept],
-                 figures.work_reduction[kept])
+    return Front(
+        vectors[kept], figures.rmse[kept], figures.spread[kept], figures.work_reduction[kept]
+    )
 
 
 def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:
@@ -83,14 +92,20 @@ def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:
     rows = np.column_stack([found.rmse, found.spread, found.work_reduction, found.vectors]).tolist()
     with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as stream:
         csv.writer(stream).writerows([header, *rows])
-    stem.with_suffix(".json").write_text(json.dumps(
-        [dict(zip(header, row, strict=True)) for row in rows], indent=1), encoding="utf-8")
+    stem.with_suffix(".json").write_text(
+        json.dumps([dict(zip(header, row, strict=True)) for row in rows], indent=1),
+        encoding="utf-8",
+    )
     with rc_context(RC):
         figure = Figure((4.5, 3.2), layout="constrained")
         axes = figure.subplots()
         axes.step(found.rmse, found.spread, "o-", where="post", color="#0072B2")
-        axes.set(xlabel="f1: root mean square error / m g r", xscale="log",
-                 ylabel="f2: spread of energy / m g r", title="Pareto front")
+        axes.set(
+            xlabel="f1: root mean square error / m g r",
+            xscale="log",
+            ylabel="f2: spread of energy / m g r",
+            title="Pareto front",
+        )
         for ending in ("svg", "png"):
             figure.savefig(stem.with_suffix(f".{ending}"), dpi=150)
     return [stem.with_suffix(ending) for ending in (".csv", ".json", ".svg", ".png")]

@@ -63,8 +63,9 @@ def norms(terms: Terms, places: Array) -> Array:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-def descend(places: Array, values: Array, damping: Array,
-            terms: Terms) -> tuple[Array, Array, Array]:
+def descend(
+    places: Array, values: Array, damping: Array, terms: Terms
+) -> tuple[Array, Array, Array]:
     """One step from every place (B, d) that is not stuck, never up.
 
     Parameters
@@ -214,8 +215,13 @@ class SavedSearch:
         None of the random designs is possible.
     """
 
-    def __init__(self, problem: SearchProblem, effort: Effort | None = None, file: Path | None = None,
-                 start: Array | None = None):
+    def __init__(
+        self,
+        problem: SearchProblem,
+        effort: Effort | None = None,
+        file: Path | None = None,
+        start: Array | None = None,
+    ):
         self.problem, self.effort, self.file, self.given = problem, effort or Effort(), file, start
         self.ends = list(accumulate(steps for _, steps in self.effort.heats))
         given = None if start is None else start.tolist()
@@ -237,8 +243,9 @@ class SavedSearch:
     def done(self) -> bool:
         """Whether all steps were made, or all descents of the last heat are stuck."""
         last = len(self.effort.heats) - 1
-        return self.heat > last or (self.heat == last and self.stuck and self.state.step not in
-                                    self.ends)
+        return self.heat > last or (
+            self.heat == last and self.stuck and self.state.step not in self.ends
+        )
 
     @property
     def stuck(self) -> bool:
@@ -319,11 +326,19 @@ class SavedSearch:
         assert self.file
         try:
             with np.load(self.file) as data:
-                key, state = str(data["key"]), SearchState(int(data["step"]), *(
-                    data[name] for name in ("places", "values", "damping")))
+                key, state = (
+                    str(data["key"]),
+                    SearchState(
+                        int(data["step"]), *(data[name] for name in ("places", "values", "damping"))
+                    ),
+                )
         except (OSError, ValueError, KeyError, BadZipFile) as error:
             raise InputError(self.file, "", f"not the state of a search: {error}") from None
         if key != self.key:
-            raise InputError(self.file, "", "the state of another search, with another target, "
-                             "bounds, effort or seed; remove it, or choose another folder")
+            raise InputError(
+                self.file,
+                "",
+                "the state of another search, with another target, "
+                "bounds, effort or seed; remove it, or choose another folder",
+            )
         return state

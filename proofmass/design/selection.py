@@ -78,10 +78,11 @@ def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGU
     """
     wanted = np.asarray(stiffness, float)
     if not wanted[1] > 0:
-        raise ValueError(f"ratios need a spring in joint 2, whose stiffness is {wanted[1]:g}; keep "
-                         f"it from zero by a bound")
-    pairs = [(), *((name,) for name in catalogue),
-             *combinations_with_replacement(catalogue, 2)]
+        raise ValueError(
+            f"ratios need a spring in joint 2, whose stiffness is {wanted[1]:g}; keep "
+            f"it from zero by a bound"
+        )
+    pairs = [(), *((name,) for name in catalogue), *combinations_with_replacement(catalogue, 2)]
     sums = np.array([sum(catalogue[name] for name in pair) for pair in pairs])
     order = np.argsort(sums, kind="stable")
     sums, second = sums[order], sums[order][1:]
@@ -91,9 +92,13 @@ def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGU
     errors = np.linalg.norm((sums[nearer] - ideal) / second[:, None], axis=-1)
     chosen = nearer[errors.argmin()]
     found = sums[chosen]
-    return Selection(tuple(pairs[order[k]] for k in chosen), tuple(found.tolist()),
-                     tuple((found / found[1]).tolist()), float(errors.min()),
-                     float(found @ wanted / (wanted @ wanted)))
+    return Selection(
+        tuple(pairs[order[k]] for k in chosen),
+        tuple(found.tolist()),
+        tuple((found / found[1]).tolist()),
+        float(errors.min()),
+        float(found @ wanted / (wanted @ wanted)),
+    )
 
 
 def read_catalogue(file: Path) -> dict[str, float]:
@@ -106,8 +111,10 @@ def read_catalogue(file: Path) -> dict[str, float]:
     """
     if not file.is_file():
         raise InputError(file, "", "no such catalogue of springs")
-    lines = [[cell.strip() for cell in line.split(",")]
-             for line in file.read_text(encoding="utf-8-sig").splitlines()]
+    lines = [
+        [cell.strip() for cell in line.split(",")]
+        for line in file.read_text(encoding="utf-8-sig").splitlines()
+    ]
     if not lines or tuple(lines[0]) != HEADER:
         raise InputError(file, "line 1", f"the header must be '{','.join(HEADER)}'")
     found: dict[str, float] = {}
@@ -116,8 +123,12 @@ def read_catalogue(file: Path) -> dict[str, float]:
             continue
         name, value = row[0], numbers(file, number, row[1:], HEADER[1:])[0]
         if not (0 < value < math.inf and name and name not in found):
-            raise InputError(file, f"line {number}", "a spring needs a name of its own and a "
-                             f"positive stiffness, got {name!r}, {value:g}")
+            raise InputError(
+                file,
+                f"line {number}",
+                "a spring needs a name of its own and a "
+                f"positive stiffness, got {name!r}, {value:g}",
+            )
         found[name] = value
     if not found:
         raise InputError(file, "", "no springs")
@@ -127,9 +138,17 @@ def read_catalogue(file: Path) -> dict[str, float]:
 def described(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[str, Any]:
     """The first of the designs (B, d), best first, and the springs for one of them."""
     variant = task.variant
-    record = {"target": variant.target, "segments": variant.segments, "springs": variant.springs,
-              "preload": variant.preload, "option": variant.option, "figure": variant.figure,
-              "bounds": variant.bounds, "points": task.angles.size, **worth(task, vectors[0])}
+    record = {
+        "target": variant.target,
+        "segments": variant.segments,
+        "springs": variant.springs,
+        "preload": variant.preload,
+        "option": variant.option,
+        "figure": variant.figure,
+        "bounds": variant.bounds,
+        "points": task.angles.size,
+        **worth(task, vectors[0]),
+    }
     if variant.springs == "linear" and (chosen := built(task, vectors, stock)):
         record["selection"] = chosen
     return record
@@ -138,9 +157,12 @@ def described(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> di
 def worth(task: Synthesis, vector: Array) -> dict[str, Any]:
     """Figures and parameters of a design (d,)."""
     figures = task.figures(vector[None])
-    return {"rmse": float(figures.rmse[0]), "work_reduction": float(figures.work_reduction[0]),
-            "spread": float(figures.spread[0]), "parameters":
-            {k: float(v[0]) for k, v in task.variant.parameters(vector[None]).items()}}
+    return {
+        "rmse": float(figures.rmse[0]),
+        "work_reduction": float(figures.work_reduction[0]),
+        "spread": float(figures.spread[0]),
+        "parameters": {k: float(v[0]) for k, v in task.variant.parameters(vector[None]).items()},
+    }
 
 
 def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[str, Any]:
@@ -149,8 +171,9 @@ def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[s
     Near the best design lie others that are nearly as good with other ratios of their stiffnesses:
     each of them is tried.  Empty where joint 2 has no spring to compare with, or none can be built.
     """
-    places = [list(task.variant.usual).index(f"stiffness{i + 1}")
-              for i in range(task.variant.segments)]
+    places = [
+        list(task.variant.usual).index(f"stiffness{i + 1}") for i in range(task.variant.segments)
+    ]
     tried = [(vector, select(vector[places], stock)) for vector in vectors if vector[places[1]] > 0]
     if not tried:
         return {}
@@ -160,8 +183,14 @@ def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[s
         return {}
     best = int(np.nanargmin(errors))
     chosen = tried[best][1]
-    return {"springs": chosen.springs, "stiffness": chosen.stiffness, "ratios": chosen.ratios,
-            "error": chosen.error, "moment": chosen.scale, **worth(task, with_them[best])}
+    return {
+        "springs": chosen.springs,
+        "stiffness": chosen.stiffness,
+        "ratios": chosen.ratios,
+        "error": chosen.error,
+        "moment": chosen.scale,
+        **worth(task, with_them[best]),
+    }
 
 
 def fitted(vector: Array, chosen: Selection, places: list[int]) -> Array:

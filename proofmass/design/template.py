@@ -85,10 +85,18 @@ class Segment:
         return -np.pi / 2 - 2 * np.pi * round((self.angle - np.pi / 2) / (2 * np.pi))
 
 
-def write_case(folder: Path | str, name: str, *, title: str, source: str,
-               parameters: Mapping[str, float], target: str | None = None,
-               target_moment: float = 1.0, solvers: Sequence[str] = SOLVERS,
-               beside: Mapping[str, Mapping[str, float]] = MappingProxyType({})) -> Path:
+def write_case(
+    folder: Path | str,
+    name: str,
+    *,
+    title: str,
+    source: str,
+    parameters: Mapping[str, float],
+    target: str | None = None,
+    target_moment: float = 1.0,
+    solvers: Sequence[str] = SOLVERS,
+    beside: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> Path:
     """Write ``NAME.xml`` and ``NAME.toml`` of a balancer.
 
     ::
@@ -137,11 +145,21 @@ def write_case(folder: Path | str, name: str, *, title: str, source: str,
     """
     design = balancer(**parameters)
     chain = segments(design, parameters)
-    words = {"name": name, "title": title, "source": source, "segments": chain,
-             "parameters": dict(parameters), "target": target, "target_moment": target_moment,
-             "solvers": list(solvers), "beside": beside, "pendulum": float(design.pendulum[0]),
-             "mass": float(design.weight[0]) / GRAVITY, "gravity": GRAVITY,
-             "energy": not any(s.load for s in chain)}
+    words = {
+        "name": name,
+        "title": title,
+        "source": source,
+        "segments": chain,
+        "parameters": dict(parameters),
+        "target": target,
+        "target_moment": target_moment,
+        "solvers": list(solvers),
+        "beside": beside,
+        "pendulum": float(design.pendulum[0]),
+        "mass": float(design.weight[0]) / GRAVITY,
+        "gravity": GRAVITY,
+        "energy": not any(s.load for s in chain),
+    }
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
@@ -158,18 +176,27 @@ def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]
     """
     found: list[Segment] = []
     for i in range(design.segments):
-        preload, k, a = float(design.preload[0, i]), *(
-            float(parameters.get(f"{name}{i + 1}", 0.0)) for name in ("stiffness", "quadratic"))
+        preload, k, a = (
+            float(design.preload[0, i]),
+            *(float(parameters.get(f"{name}{i + 1}", 0.0)) for name in ("stiffness", "quadratic")),
+        )
         wound = float(preloaded(np.array(k), np.array(a), np.array(preload))[1])
         steady = np.isinf(wound)
         low, high = float(design.low[0, i]), float(design.high[0, i])
-        found.append(Segment(
-            i + 1, found[-1].end if found else (0.0, 0.0), float(design.rest[0, i]),
-            float(design.length[0, i]),
-            LIGHT * float(design.pendulum[0]) * 2.0 ** max(design.segments - 2 - i, 0),
-            i < design.segments - 1, (k, a) if a else (k,) if k else (),
-            0.0 if steady else wound, preload if steady else 0.0,
-            () if np.isinf([low, high]).all() else (max(low, -OPEN), min(high, OPEN))))
+        found.append(
+            Segment(
+                i + 1,
+                found[-1].end if found else (0.0, 0.0),
+                float(design.rest[0, i]),
+                float(design.length[0, i]),
+                LIGHT * float(design.pendulum[0]) * 2.0 ** max(design.segments - 2 - i, 0),
+                i < design.segments - 1,
+                (k, a) if a else (k,) if k else (),
+                0.0 if steady else wound,
+                preload if steady else 0.0,
+                () if np.isinf([low, high]).all() else (max(low, -OPEN), min(high, OPEN)),
+            )
+        )
     return found
 
 
@@ -180,8 +207,13 @@ def digits(numbers: Iterable[float]) -> str:
 
 def environment() -> Environment:
     """The templates; an unknown name in them is an error."""
-    found = Environment(loader=PackageLoader("proofmass.design"), undefined=StrictUndefined,
-                        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    found = Environment(
+        loader=PackageLoader("proofmass.design"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
     found.filters["digits"] = digits
     found.filters["toml"] = partial(json.dumps, ensure_ascii=False)
     return found

@@ -20,8 +20,13 @@ from proofmass.report.style import MUTED, SOLID, Dash, Look
 from proofmass.report.views import CASING, INK
 from proofmass.wording import pretty
 
-DASHES: list[Dash] = [(0, (4, 2)), (0, (1.2, 1.2)), (0, (8, 1.5, 1.2, 1.5)), (0, (2.5, 2.5)),
-                      (0, (9, 2))]
+DASHES: list[Dash] = [
+    (0, (4, 2)),
+    (0, (1.2, 1.2)),
+    (0, (8, 1.5, 1.2, 1.5)),
+    (0, (2.5, 2.5)),
+    (0, (9, 2)),
+]
 MARKERS = "os^Dvp*"
 PLAIN = Look(INK, (0, (5, 3)), "o")  # of what has no label
 MOST = 500  # points of a line, about
@@ -31,10 +36,13 @@ def tones(chart: Chart) -> dict[str, Look]:
     """A look for every label of a chart, none of them a solver's; points are black."""
     points = dict.fromkeys(line.label for line in chart.lines if line.label and line.points)
     lines = dict.fromkeys(line.label for line in chart.lines if line.label and not line.points)
-    black = {label: Look(INK, SOLID, MARKERS[k % len(MARKERS)], k)
-             for k, label in enumerate(points)}
-    return black | {label: Look(MUTED[k % len(MUTED)], DASHES[k % len(DASHES)],
-                                MARKERS[k % len(MARKERS)], k) for k, label in enumerate(lines)}
+    black = {
+        label: Look(INK, SOLID, MARKERS[k % len(MARKERS)], k) for k, label in enumerate(points)
+    }
+    return black | {
+        label: Look(MUTED[k % len(MUTED)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)], k)
+        for k, label in enumerate(lines)
+    }
 
 
 def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = False) -> None:
@@ -44,8 +52,13 @@ def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = 
         ax.plot(x, y, **dressed(line, look))
         return
     step = max(len(x) // 5, 1)  # markers, apart from those of other labels
-    ax.plot(x, y, **dressed(line, look), path_effects=CASING if cased else None,
-            markevery=((1 + look.number) % 4 * step // 4, step))
+    ax.plot(
+        x,
+        y,
+        **dressed(line, look),
+        path_effects=CASING if cased else None,
+        markevery=((1 + look.number) % 4 * step // 4, step),
+    )
 
 
 def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
@@ -55,21 +68,29 @@ def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
     """
     shared: dict[str, Any] = {"color": look.colour, "zorder": 3 + line.stable + 2 * line.points}
     if line.points:
-        return shared | {"linestyle": "", "marker": look.marker, "markersize": 4.6,
-                         "markerfacecolor": look.colour if line.stable else "white"}
+        return shared | {
+            "linestyle": "",
+            "marker": look.marker,
+            "markersize": 4.6,
+            "markerfacecolor": look.colour if line.stable else "white",
+        }
     if not line.stable:
         return shared | {"linewidth": 0.9, "linestyle": look.dash}
     bold = shared | {"linewidth": 2.0, "linestyle": "-", "solid_capstyle": "round"}
     if look is PLAIN:
         return bold
-    return bold | {"marker": look.marker, "markersize": 4.0, "markerfacecolor": "white",
-                   "markeredgewidth": 0.9}
+    return bold | {
+        "marker": look.marker,
+        "markersize": 4.0,
+        "markerfacecolor": "white",
+        "markeredgewidth": 0.9,
+    }
 
 
 def thinned(line: ChartLine) -> Array:
     """At most about `MOST` of a line's points (n, 2), the ends of its pieces among them.
 
-    >>> line = Line(np.append(np.arange(3000.0), np.nan), np.ones(3001))
+    >>> line = ChartLine(np.append(np.arange(3000.0), np.nan), np.ones(3001))
     >>> thinned(line).shape
     (501, 2)
     """
@@ -79,8 +100,9 @@ def thinned(line: ChartLine) -> Array:
         return points
     edges = np.flatnonzero(np.diff(np.isnan(points[:, 0]))) + 1
     share = MOST / len(points)
-    return np.concatenate([every(piece, max(2, math.ceil(share * len(piece))))
-                           for piece in np.split(points, edges)])
+    return np.concatenate(
+        [every(piece, max(2, math.ceil(share * len(piece)))) for piece in np.split(points, edges)]
+    )
 
 
 ZERO: dict[str, Any] = {"color": INK, "linewidth": 1.8}
@@ -89,8 +111,9 @@ WITHIN = 0.96  # share of the values that the colours tell apart: they run into 
 
 def contours(chart: Chart, field: Field) -> Array:
     """Round levels for all fields of that label in a chart, so that one colour is one value."""
-    same = [panel.field for panel in chart.panels
-            if panel.field and panel.field.label == field.label]
+    same = [
+        panel.field for panel in chart.panels if panel.field and panel.field.label == field.label
+    ]
     values = np.concatenate([one.values.ravel() for one in same]) * readable(field.unit)[1]
     values = values[np.isfinite(values)]
     values = values if values.size else np.array([-1.0, 1.0])
@@ -108,8 +131,9 @@ def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
     grid = (field.x * scale[0], field.y * scale[1], values)
     least, most = float(values.min()), float(values.max())
     beyond = ("neither", "max", "min", "both")[(most > levels[-1]) + 2 * (least < levels[0])]
-    colours = ax.contourf(*grid, levels, cmap="PuOr" if field.signed else "cividis_r",
-                          extend=beyond, zorder=0.5)
+    colours = ax.contourf(
+        *grid, levels, cmap="PuOr" if field.signed else "cividis_r", extend=beyond, zorder=0.5
+    )
     colours.set_edgecolor("face")  # else hairlines of paper between them
     met = levels[(least < levels) & (levels < most)]
     if met.size:
@@ -174,9 +198,15 @@ def chart_sheet(title: str, chart: Chart) -> Figure:
     wide, high = np.maximum(plan.size, [0.2 + 1.4 * LETTER * len(title), 0.0])
     figure = Figure(figsize=(wide, high))
     grid = figure.add_gridspec(
-        plan.down, plan.across, left=LEFT / wide, right=plan.right / wide, bottom=BELOW / high,
-        top=1 - (ABOVE + plan.head) / high, wspace=plan.gap[0] / plan.cell[0],
-        hspace=plan.gap[1] / plan.cell[1])
+        plan.down,
+        plan.across,
+        left=LEFT / wide,
+        right=plan.right / wide,
+        bottom=BELOW / high,
+        top=1 - (ABOVE + plan.head) / high,
+        wspace=plan.gap[0] / plan.cell[0],
+        hspace=plan.gap[1] / plan.cell[1],
+    )
     for k, panel in enumerate(chart.panels):
         ax = figure.add_subplot(grid[divmod(k, plan.across)])
         ax.set_title(titles[k])
@@ -184,11 +214,20 @@ def chart_sheet(title: str, chart: Chart) -> Figure:
             filled(ax, panel.field, contours(chart, panel.field), box.scale)
         for line in panel.lines:
             drawn(ax, line, looks.get(line.label, PLAIN), box.scale, cased=bool(panel.field))
-        axes(ax, chart, box, first=k % plan.across == 0,
-             lowest=k + plan.across >= len(chart.panels))
+        axes(
+            ax, chart, box, first=k % plan.across == 0, lowest=k + plan.across >= len(chart.panels)
+        )
     figure.text(0.1 / wide, 1 - 0.06 / high, title, fontsize=10, weight="bold", va="top")
-    figure.legend(handles=handles, loc="upper left", fontsize=8, handlelength=3.0, bbox_to_anchor=(
-        (plan.right + plan.bar + 0.05) / wide, 1 - (ABOVE + plan.head - 0.1) / high))
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        fontsize=8,
+        handlelength=3.0,
+        bbox_to_anchor=(
+            (plan.right + plan.bar + 0.05) / wide,
+            1 - (ABOVE + plan.head - 0.1) / high,
+        ),
+    )
     return figure
 
 
@@ -203,8 +242,9 @@ def layout(chart: Chart, box: PanelFrame, handles: list[Line2D]) -> tuple[Layout
     rows = [row for handle in handles for row in str(handle.get_label()).split("\n")]
     cell = np.array([wide, wide * (box.tall if chart.alike else USUAL)])
     key = 0.62 + LETTER * max(map(len, rows)) if rows else 0.1
-    return Layout(across, -(-count // across), cell, np.array([0.2 + bar, head + 0.14]), head, bar,
-                  key), titles
+    return Layout(
+        across, -(-count // across), cell, np.array([0.2 + bar, head + 0.14]), head, bar, key
+    ), titles
 
 
 def frame(chart: Chart) -> PanelFrame:
@@ -234,8 +274,9 @@ def axes(ax: Axes, chart: Chart, box: PanelFrame, *, first: bool, lowest: bool) 
     ax.set(xlim=(box.low[0], box.high[0]), ylim=(box.low[1], box.high[1]))
     for axis, unit, span in zip((ax.xaxis, ax.yaxis), box.units, box.high - box.low, strict=True):
         if unit == "deg":
-            axis.set_major_locator(MultipleLocator(
-                next((s for s in (5, 10, 15, 30, 45, 90) if span / s < 8.01), 180)))
+            axis.set_major_locator(
+                MultipleLocator(next((s for s in (5, 10, 15, 30, 45, 90) if span / s < 8.01), 180))
+            )
     ax.tick_params(labelbottom=lowest, labelleft=first)
     ax.set_xlabel(named(chart.x[0], box.units[0]) * lowest)
     ax.set_ylabel(named(chart.y[0], box.units[1]) * first)
@@ -258,11 +299,16 @@ def legend(chart: Chart, looks: Mapping[str, Look]) -> list[Line2D]:
         if line.label and (line.label not in entries or line.stable):
             entries[line.label] = line
     rows = [(label, dressed(line, looks[label])) for label, line in entries.items()]
-    if any(not line.stable and (not line.label or entries[line.label].stable)
-           for line in chart.lines if not line.points):
+    if any(
+        not line.stable and (not line.label or entries[line.label].stable)
+        for line in chart.lines
+        if not line.points
+    ):
         none = np.empty(0)
-        rows += [("stable", dressed(ChartLine(none, none), PLAIN)),
-                 ("unstable", dressed(ChartLine(none, none, stable=False), PLAIN))]
+        rows += [
+            ("stable", dressed(ChartLine(none, none), PLAIN)),
+            ("unstable", dressed(ChartLine(none, none, stable=False), PLAIN)),
+        ]
     signed = {panel.field.label for panel in chart.panels if panel.field and panel.field.signed}
     rows += [(f"zero of {label}", ZERO) for label in sorted(signed)]
     return [Line2D([], [], label=fill(label, 36), **look) for label, look in rows]

@@ -57,8 +57,11 @@ class Shown:
     @property
     def lost(self) -> dict[str, Comparison]:
         """Solvers that have no curves, with one of the comparisons that says why."""
-        return {c.solver: c for c in reversed(self.rows) if c.solver not in self.curves
-                and c.outcome in (*LOST, Outcome.UNSUPPORTED)}
+        return {
+            c.solver: c
+            for c in reversed(self.rows)
+            if c.solver not in self.curves and c.outcome in (*LOST, Outcome.UNSUPPORTED)
+        }
 
     @property
     def channels(self) -> list[str]:
@@ -90,9 +93,11 @@ class Shown:
 def shown(result: Result, case: Case, kind: Kind) -> Shown:
     """Collect one run of a case from the result."""
     rows = [c for c in result.comparisons if c.case == case.name and c.run == kind]
-    curves = {s: result.curves[case.name, kind, s]
-              for s in case.run[kind].solvers
-              if (case.name, kind, s) in result.curves}
+    curves = {
+        s: result.curves[case.name, kind, s]
+        for s in case.run[kind].solvers
+        if (case.name, kind, s) in result.curves
+    }
     truth = {s: reference_for(case, c) for s, c in curves.items()}
     finer, verdicts = list[RefinedRow](), list[Comparison]()
     if case.refine and case.refine.run == kind:
@@ -146,7 +151,7 @@ def grouped(case: Case, channels: list[str]) -> list[list[str]]:
     if rows and max(map(len, rows)) <= 2:  # short rows: flow, or the sheet is mostly empty
         rows = [channels]
     width = min(max(map(len, rows), default=1), 4 if len(rows) > 1 else 3)
-    return [r[k:k + width] for r in rows for k in range(0, len(r), width)]
+    return [r[k : k + width] for r in rows for k in range(0, len(r), width)]
 
 
 def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
@@ -156,16 +161,24 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     they are held.  Rates and accelerations are left out where no solver's run has any.
     """
     case, found = view.case, {}
-    if case.leader is None or not view.curves or view.kind == "rest" or (
-            case.leader.steady and len(case.drive) == 1):
+    if (
+        case.leader is None
+        or not view.curves
+        or view.kind == "rest"
+        or (case.leader.steady and len(case.drive) == 1)
+    ):
         return {}
     prescribed = zip(case.drive, laws(case, view.kind), drive_units(case), strict=True)
     for row, (drive, law, unit) in enumerate(prescribed):
-        names = (" (drive)", unit), (" rate (drive)", f"{unit}/s"), (
-            " acceleration (drive)", f"{unit}/s^2")
+        names = (
+            (" (drive)", unit),
+            (" rate (drive)", f"{unit}/s"),
+            (" acceleration (drive)", f"{unit}/s^2"),
+        )
         for k, (suffix, u) in enumerate(names[: 1 if case.leader.steady else 3]):
-            moved = {s: c.drive[k][row] for s, c in view.curves.items()
-                     if c.drive and k <= c.derivatives}
+            moved = {
+                s: c.drive[k][row] for s, c in view.curves.items() if c.drive and k <= c.derivatives
+            }
             if moved:
                 found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
     return found

@@ -44,8 +44,14 @@ class Drawings:
     charts: tuple[Charted, ...] = ()
 
 
-def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look], folder: Path,
-          slug: str) -> Drawings:
+def drawn(
+    case: Case,
+    runs: list[Shown],
+    views: list[Viewed],
+    style: dict[str, Look],
+    folder: Path,
+    slug: str,
+) -> Drawings:
     """Draw everything of a case and save it as ``folder/slug-….svg`` and ``.png``.
 
     Names are ``mechanism``, ``thumbnail``, for each run with curves ``RUN-overlay``, ``RUN-paths``,
@@ -60,8 +66,9 @@ def drawn(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, L
         raise
     except Exception as error:
         figures, note = {}, str(error)
-    charts = tuple(charted(case, table, folder / f"{slug}-chart-{k}")
-                   for k, table in enumerate(case.chart, 1))
+    charts = tuple(
+        charted(case, table, folder / f"{slug}-chart-{k}") for k, table in enumerate(case.chart, 1)
+    )
     return Drawings(figures, note, charts)
 
 
@@ -95,8 +102,15 @@ def posed(case: Case) -> Picture:
     return picture(case.model_path, plan(case, next(iter(case.run)), NATIVE))
 
 
-def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Look],
-         folder: Path, slug: str, shape: Picture | None) -> dict[str, str]:
+def draw(
+    case: Case,
+    runs: list[Shown],
+    views: list[Viewed],
+    style: dict[str, Look],
+    folder: Path,
+    slug: str,
+    shape: Picture | None,
+) -> dict[str, str]:
     """What `drawn` does in the other process."""
     found, asked, runs = {}, runs, [r for r in runs if r.curves]
     with rc_context(RC):
@@ -104,16 +118,21 @@ def draw(case: Case, runs: list[Shown], views: list[Viewed], style: dict[str, Lo
             along = tracks(runs, shape)
             stem = folder / f"{slug}-mechanism"
             found["mechanism"] = save(mechanism(case, shape, along), stem)
-            found["thumbnail"] = save(small(shape, along), stem.with_name(f"{slug}-thumbnail"),
-                                      png=False)
+            found["thumbnail"] = save(
+                small(shape, along), stem.with_name(f"{slug}-thumbnail"), png=False
+            )
         elif runs:
-            found["thumbnail"] = save(thumbnail(runs[0], style), folder / f"{slug}-thumbnail",
-                                      png=False)
+            found["thumbnail"] = save(
+                thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
+            )
         for run in runs:
             for what in sheets(run, shape):
                 name = f"{run.kind}-{what}"
-                figure = (path_sheet(run, shape, style) if shape and what == "paths" else
-                          sheet(run, style, what))
+                figure = (
+                    path_sheet(run, shape, style)
+                    if shape and what == "paths"
+                    else sheet(run, style, what)
+                )
                 found[name] = save(figure, folder / f"{slug}-{name}")
         for run in asked:
             if run.refined and (refine := run.case.refine):
@@ -130,5 +149,9 @@ def sheets(view: Shown, shape: Picture | None) -> Iterator[str]:
 
 def tracks(views: list[Shown], shape: Picture) -> dict[str, Array]:
     """Paths of the points that sensors follow, by the reference of the first run with curves."""
-    return {name: path(view.longest, name, shape)[:: max(len(view.longest.x) // 200, 1)]
-            for view in views[:1] for name in paths(view, shape) if name in shape.tracks}
+    return {
+        name: path(view.longest, name, shape)[:: max(len(view.longest.x) // 200, 1)]
+        for view in views[:1]
+        for name in paths(view, shape)
+        if name in shape.tracks
+    }

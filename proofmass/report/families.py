@@ -37,8 +37,9 @@ def families(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]
     return sorted(found, key=lambda f: (f["state"] != "bad", f["name"]))
 
 
-def grouped(pairs: list[tuple[Case, Card]], key: Callable[[Case], str]
-            ) -> dict[str, list[tuple[Case, Card]]]:
+def grouped(
+    pairs: list[tuple[Case, Card]], key: Callable[[Case], str]
+) -> dict[str, list[tuple[Case, Card]]]:
     """Cases and their cards by a key of the case."""
     found: dict[str, list[tuple[Case, Card]]] = {}
     for case, card in pairs:

@@ -33,10 +33,17 @@ def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 300) -> None:
     for way, rises in ways(x):
         part_x, part = thin(x[way], np.where(np.isfinite(y[way]), y[way], np.nan), limit)
         every = max(len(part) // 7, 1)
-        ax.plot(part_x, part, color=look.colour, linestyle=look.dash, marker=look.marker,
-                markevery=(min(look.number * every // 6 + every // 4, len(part) - 1), every),
-                markerfacecolor="white" if rises else look.colour, markeredgewidth=0.8,
-                zorder=3 + look.number / 10)
+        ax.plot(
+            part_x,
+            part,
+            color=look.colour,
+            linestyle=look.dash,
+            marker=look.marker,
+            markevery=(min(look.number * every // 6 + every // 4, len(part) - 1), every),
+            markerfacecolor="white" if rises else look.colour,
+            markeredgewidth=0.8,
+            zorder=3 + look.number / 10,
+        )
 
 
 def every(points: Array, limit: int) -> Array:
@@ -68,21 +75,41 @@ def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
             bounds[1] = max(bounds[1], min(float(y.max()), high + 0.5 * span))
     ax.set_ylim(*bounds)
     if out:
-        ax.text(0.99, 0.99, "off the scale: " + ", ".join(out), transform=ax.transAxes,
-                ha="right", va="top", fontsize=6.5, color="#8a1c1c", zorder=9, bbox=PAPER)
+        ax.text(
+            0.99,
+            0.99,
+            "off the scale: " + ", ".join(out),
+            transform=ax.transAxes,
+            ha="right",
+            va="top",
+            fontsize=6.5,
+            color="#8a1c1c",
+            zorder=9,
+            bbox=PAPER,
+        )
 
 
-def overlay(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look],
-            others: Iterable[Array] = ()) -> None:
+def overlay(
+    ax: Axes, view: Shown, channel: str, style: Mapping[str, Look], others: Iterable[Array] = ()
+) -> None:
     """A channel: the reference thick and pale, the solvers thin on top of it."""
     unit, scale = readable(view.case.channels[channel].unit)
-    lines = {s: c.channels[channel] * scale for s, c in view.curves.items()
-             if channel in c.channels}
+    lines = {
+        s: c.channels[channel] * scale for s, c in view.curves.items() if channel in c.channels
+    }
     panel(ax, view, channel, view.longest.channels[channel] * scale, lines, style, unit, others)
 
 
-def panel(ax: Axes, view: Shown, title: str, truth: Array, lines: dict[str, Array],
-          style: Mapping[str, Look], unit: str, others: Iterable[Array] = ()) -> None:
+def panel(
+    ax: Axes,
+    view: Shown,
+    title: str,
+    truth: Array,
+    lines: dict[str, Array],
+    style: Mapping[str, Look],
+    unit: str,
+    others: Iterable[Array] = (),
+) -> None:
     """A panel of an overlay with room for `others`; `truth` is on the longest x of its solvers."""
     ax.plot(*thin(view.longest.x * view.x_scale, truth, 300), **REFERENCE)
     for solver, y in lines.items():
@@ -97,8 +124,13 @@ def ends(ax: Axes, view: Shown, style: Mapping[str, Look]) -> None:
     """Where a solver stopped before the run's last sample."""
     for solver, curves in view.curves.items():
         if curves.stopped:
-            ax.axvline(float(curves.x[-1]) * view.x_scale, color=style[solver].colour,
-                       linewidth=0.9, linestyle=(0, (1, 2)), zorder=2)
+            ax.axvline(
+                float(curves.x[-1]) * view.x_scale,
+                color=style[solver].colour,
+                linewidth=0.9,
+                linestyle=(0, (1, 2)),
+                zorder=2,
+            )
 
 
 def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> None:
@@ -133,8 +165,9 @@ def decades(ax: Axes, low: float, high: float) -> None:
     ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(numticks=5))
     ax.yaxis.set_minor_locator(NullLocator())
-    ax.yaxis.set_major_formatter(FuncFormatter(
-        lambda value, _: "10" + f"{round(np.log10(value))}".translate(POWERS)))
+    ax.yaxis.set_major_formatter(
+        FuncFormatter(lambda value, _: "10" + f"{round(np.log10(value))}".translate(POWERS))
+    )
     ax.set_ylim(low, high)
 
 
@@ -156,13 +189,26 @@ def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
         colour = style[allowed[level][0]].colour if len(allowed[level]) == 1 else "#333333"
         ax.axhline(level, color=colour, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
         height = (np.log(level) - low) / (high - low)
-        free = [(height + shift, right) for shift in (0.01, -0.105) for right in (False, True)
-                if all(abs(height + shift - y) > 0.1 or right != r for y, r in taken)]
+        free = [
+            (height + shift, right)
+            for shift in (0.01, -0.105)
+            for right in (False, True)
+            if all(abs(height + shift - y) > 0.1 or right != r for y, r in taken)
+        ]
         if free:  # else the table has it
             taken.append(free[0])
-            ax.text(0.99 if free[0][1] else 0.01, free[0][0], f"{', '.join(allowed[level])} ≤ "
-                    f"{number(level)}", transform=ax.transAxes, fontsize=6.5, color=colour,
-                    ha="right" if free[0][1] else "left", va="bottom", zorder=9, bbox=PAPER)
+            ax.text(
+                0.99 if free[0][1] else 0.01,
+                free[0][0],
+                f"{', '.join(allowed[level])} ≤ {number(level)}",
+                transform=ax.transAxes,
+                fontsize=6.5,
+                color=colour,
+                ha="right" if free[0][1] else "left",
+                va="bottom",
+                zorder=9,
+                bbox=PAPER,
+            )
 
 
 def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
@@ -181,8 +227,15 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
             elif line[k] in driven:
                 truth, moved, unit = driven[line[k]]
                 unit, scale = readable(unit)
-                panel(ax, view, line[k], truth * scale,
-                      {s: y * scale for s, y in moved.items()}, style, unit)
+                panel(
+                    ax,
+                    view,
+                    line[k],
+                    truth * scale,
+                    {s: y * scale for s, y in moved.items()},
+                    style,
+                    unit,
+                )
             else:
                 (overlay if what == "overlay" else difference)(ax, view, line[k], style)
     for j in range(width):  # label the lowest panel of each column: the grid may be ragged
@@ -198,19 +251,42 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
     if view.x_unit == "deg" and abs(x[-1] - x[0]) >= 180:
         axes[0, 0].xaxis.set_major_locator(MultipleLocator(90 if abs(x[-1] - x[0]) < 721 else 180))
     legend(figure, view, style, what, height)
-    figure.subplots_adjust(left=0.68 / (3.05 * width), right=1 - 0.1 / (3.05 * width),
-                           bottom=0.42 / height, top=1 - head / height, wspace=0.3, hspace=0.38)
+    figure.subplots_adjust(
+        left=0.68 / (3.05 * width),
+        right=1 - 0.1 / (3.05 * width),
+        bottom=0.42 / height,
+        top=1 - head / height,
+        wspace=0.3,
+        hspace=0.38,
+    )
     return figure
 
 
-def legend(figure: Figure, view: Shown, style: Mapping[str, Look], what: str,
-           height: float) -> None:
+def legend(
+    figure: Figure, view: Shown, style: Mapping[str, Look], what: str, height: float
+) -> None:
     """One legend above the grid, and a note that names the solvers without curves."""
     handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
-    handles += [Line2D([], [], label=s, color=style[s].colour, linestyle=style[s].dash,
-                       marker=style[s].marker, markerfacecolor="white") for s in view.curves]
-    figure.legend(handles=handles, loc="upper left", ncols=len(handles), handlelength=3.2,
-                  bbox_to_anchor=(0.0, 1 - 0.02 / height), fontsize=8)
+    handles += [
+        Line2D(
+            [],
+            [],
+            label=s,
+            color=style[s].colour,
+            linestyle=style[s].dash,
+            marker=style[s].marker,
+            markerfacecolor="white",
+        )
+        for s in view.curves
+    ]
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=len(handles),
+        handlelength=3.2,
+        bbox_to_anchor=(0.0, 1 - 0.02 / height),
+        fontsize=8,
+    )
     if view.lost:
         note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.lost.items())
         figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color="#8a1c1c", va="top")
@@ -228,8 +304,9 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
     """Write STEM.svg and STEM.png, the latter with a palette; return the SVG's text."""
     file = BytesIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    text = compact(file.getvalue().decode().replace(
-        "'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif"))
+    text = compact(
+        file.getvalue().decode().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
+    )
     write_whole(stem.with_suffix(".svg"), text)
     if png:
         figure.dpi, canvas = DPI, FigureCanvasAgg(figure)

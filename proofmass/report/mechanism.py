@@ -98,8 +98,11 @@ def distinct(picture: Picture, count: int = 6) -> Picture:
     n = len(picture.x)
     if n > 2 and np.allclose(picture.inputs, picture.inputs[:, ::-1]) and picture.inputs.size:
         n = n // 2 + 1
-    places = np.concatenate([m.at[:n, None] for m in picture.marks]
-                            + [o[:n] for k in picture.links for o in k.outlines], axis=1)
+    places = np.concatenate(
+        [m.at[:n, None] for m in picture.marks]
+        + [o[:n] for k in picture.links for o in k.outlines],
+        axis=1,
+    )
     size = float(np.ptp(places, axis=(0, 1)).max()) or 1.0
     apart = np.abs(places[:, None] - places[None]).max(axis=(2, 3)) / size
     last = max(k for k in range(n) if not repeats(apart[: k + 1, k]))
@@ -163,8 +166,12 @@ class Scale:
 def scale_for(picture: Picture, tracks: Tracks, wide: float, high: float, pad: float) -> Scale:
     """A scale at which all poses and paths have room, with `pad` points around."""
     outlines = [o for link in picture.links for o in link.outlines]
-    everything = [*outlines, *(m.at for m in picture.marks), *tracks.values(),
-                  *(m.guide for m in picture.marks if m.guide is not None)]
+    everything = [
+        *outlines,
+        *(m.at for m in picture.marks),
+        *tracks.values(),
+        *(m.guide for m in picture.marks if m.guide is not None),
+    ]
     cloud = np.concatenate([e.reshape(-1, 2) for e in everything])
     low, high_end = np.nanmin(cloud, axis=0), np.nanmax(cloud, axis=0)
     span = np.maximum(high_end - low, 1e-3 * (high_end - low).max() or 1.0)
@@ -192,17 +199,24 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     full = max(high, 12.5 * lines)
     size = np.array([MARGIN + wide + 210, MARGIN + full])
     figure = Figure(figsize=tuple(size / 72))
-    ax = figure.add_axes((MARGIN / size[0], (size[1] - high - 6) / size[1],
-                          wide / size[0], high / size[1]))
-    ax.set(xlim=(scale.low[0], scale.high[0]), ylim=(scale.low[1], scale.high[1]),
-           xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
-           ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]")
+    ax = figure.add_axes(
+        (MARGIN / size[0], (size[1] - high - 6) / size[1], wide / size[0], high / size[1])
+    )
+    ax.set(
+        xlim=(scale.low[0], scale.high[0]),
+        ylim=(scale.low[1], scale.high[1]),
+        xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
+        ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]",
+    )
     main = clearest(picture)
     for path in tracks.values():
         ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
     poses(ax, picture, main, scale)
-    coils = [mark.at[main] + SPIRAL / scale.points for mark in picture.marks
-             if mark.kind == "hinge" and mark.name in sprung(case)]
+    coils = [
+        mark.at[main] + SPIRAL / scale.points
+        for mark in picture.marks
+        if mark.kind == "hinge" and mark.name in sprung(case)
+    ]
     for coil in coils:
         ax.plot(*coil.T, color=COIL, linewidth=1.0, zorder=7)
     names(ax, picture, main, tracks, coils, scale)
@@ -238,8 +252,13 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
         named = k == main
         colour, width = (INK, 2.2 * size) if named else (shade(picture, k), 1.3 * size)
         for outline in (o[k] for link in picture.links for o in link.outlines):
-            ax.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=width,
-                    solid_capstyle="round", zorder=6 if named else 4 + k / 100)
+            ax.plot(
+                *np.vstack([outline, outline[:1]]).T,
+                color=colour,
+                linewidth=width,
+                solid_capstyle="round",
+                zorder=6 if named else 4 + k / 100,
+            )
             if len(outline) > 2:
                 ax.fill(*outline.T, color=colour, alpha=0.12, linewidth=0, zorder=3.5)
     for mark in picture.marks:
@@ -257,9 +276,15 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
 
 def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> None:
     """The sign of a joint: filled when it is driven, with a dot when it closes a loop."""
-    ax.plot(*at, SIGNS[kind], markersize=(7.5 if kind == "slide" else 5.5) * size, color=INK,
-            markerfacecolor=INK if driven else "white", markeredgewidth=1.2 * size,
-            zorder=8 + driven)
+    ax.plot(
+        *at,
+        SIGNS[kind],
+        markersize=(7.5 if kind == "slide" else 5.5) * size,
+        color=INK,
+        markerfacecolor=INK if driven else "white",
+        markeredgewidth=1.2 * size,
+        zorder=8 + driven,
+    )
     if kind == "pin":
         ax.plot(*at, "o", markersize=1.6 * size, color=INK, zorder=9.5)
 
@@ -268,8 +293,13 @@ def support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
     """A fixed pivot: a triangle that stands on hatched ground."""
     unit = 9.5 * size / scale.points
     foot = at + unit * np.array([[-0.8, -1.3], [0.8, -1.3]])
-    ax.fill(*np.vstack([at[None], foot]).T, facecolor="white", edgecolor=SOFT,
-            linewidth=1.0 * size, zorder=5)
+    ax.fill(
+        *np.vstack([at[None], foot]).T,
+        facecolor="white",
+        edgecolor=SOFT,
+        linewidth=1.0 * size,
+        zorder=5,
+    )
     hatch(ax, foot[0] - [0.4 * unit, 0], foot[1] + [0.4 * unit, 0], scale, size)
 
 
@@ -280,8 +310,9 @@ def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> Non
     along = along / length if length else np.array([1.0, 0.0])
     reach = 12.0 * size / scale.points * ground
     one, two = ends[0] - reach * along, ends[1] + reach * along
-    ax.plot(*np.stack([one, two]).T, color=SOFT, linewidth=1.0 * size, zorder=2.5,
-            linestyle=(0, (6, 2)))
+    ax.plot(
+        *np.stack([one, two]).T, color=SOFT, linewidth=1.0 * size, zorder=2.5, linestyle=(0, (6, 2))
+    )
     if ground:
         below = np.array([along[1], -along[0]])
         if below[1] > 1e-9 or (abs(below[1]) <= 1e-9 and below[0] > 0):
@@ -315,8 +346,9 @@ def sprung(case: Case) -> set[str]:
     return {model.joint(j).name for j in np.flatnonzero((model.jnt_stiffness != 0) | curved)}
 
 
-def names(ax: Axes, picture: Picture, main: int, tracks: Tracks, coils: list[Array],
-          scale: Scale) -> None:
+def names(
+    ax: Axes, picture: Picture, main: int, tracks: Tracks, coils: list[Array], scale: Scale
+) -> None:
     """Names of joints, loops, links and paths, each once, on the clearest pose."""
     labels = joint_labels(picture, main, scale) + link_labels(picture, main, scale)
     for name, path in tracks.items():
@@ -327,10 +359,19 @@ def names(ax: Axes, picture: Picture, main: int, tracks: Tracks, coils: list[Arr
     box = np.stack([np.zeros(2), scale.on_paper(scale.high)])
     for label, middle in zip(labels, place(labels, points, weights, box), strict=True):
         x, y = middle / scale.points + scale.low
-        ax.text(x, y, label.text, ha="center", va="center", fontsize=label.size,
-                color=COLOURS[label.kind], zorder=12, linespacing=1.05,
-                style="italic" if label.kind == "link" else "normal",
-                bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6})
+        ax.text(
+            x,
+            y,
+            label.text,
+            ha="center",
+            va="center",
+            fontsize=label.size,
+            color=COLOURS[label.kind],
+            zorder=12,
+            linespacing=1.05,
+            style="italic" if label.kind == "link" else "normal",
+            bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6},
+        )
 
 
 def joint_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
@@ -351,8 +392,11 @@ def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
     """A label for each body, along its longest edge."""
     found = []
     for link in picture.links:
-        edges = [edge for o in link.outlines
-                 for edge in zip(o[main], np.roll(o[main], -1, axis=0), strict=True)]
+        edges = [
+            edge
+            for o in link.outlines
+            for edge in zip(o[main], np.roll(o[main], -1, axis=0), strict=True)
+        ]
         if edges and link.name:
             one, two = max(edges, key=lambda edge: float(np.linalg.norm(edge[1] - edge[0])))
             shares = np.array([0.5, 0.38, 0.62, 0.25, 0.75])[:, None]
@@ -360,8 +404,7 @@ def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
     return found
 
 
-def in_sight(picture: Picture, main: int, lines: list[Array],
-             scale: Scale) -> tuple[Array, Array]:
+def in_sight(picture: Picture, main: int, lines: list[Array], scale: Scale) -> tuple[Array, Array]:
     """Points (n, 2) of the paper that names should not hide, and how much each matters."""
     points, weights = [scale.on_paper(m.at[main : main + 1]) for m in picture.marks], []
     weights += [np.full(1, 8.0)] * len(points)
@@ -377,16 +420,41 @@ def in_sight(picture: Picture, main: int, lines: list[Array],
     return np.concatenate(points), np.concatenate(weights)
 
 
-def key_of_parts(figure: Figure, case: Case, picture: Picture, main: int, tracks: Tracks,
-           coiled: bool, left: float) -> None:
+def key_of_parts(
+    figure: Figure,
+    case: Case,
+    picture: Picture,
+    main: int,
+    tracks: Tracks,
+    coiled: bool,
+    left: float,
+) -> None:
     """The poses with their inputs, and what the signs mean."""
     count = len(picture.x)
-    rows: list[Any] = [Line2D([], [], color=INK if k == main else shade(picture, k),
-                   linewidth=2.2 if k == main else 1.3, label=spoken(case, picture, k)
-                   + " (named)" * (k == main and count > 1)) for k in range(count)]
+    rows: list[Any] = [
+        Line2D(
+            [],
+            [],
+            color=INK if k == main else shade(picture, k),
+            linewidth=2.2 if k == main else 1.3,
+            label=spoken(case, picture, k) + " (named)" * (k == main and count > 1),
+        )
+        for k in range(count)
+    ]
     kinds = [k for k in WORDS if any(m.kind == k for m in picture.marks)]
-    signs = [Line2D([], [], linestyle="", marker=SIGNS[k], color=INK, markerfacecolor="white",
-                    markersize=5.5, label=WORDS[k]) for k in kinds]
+    signs = [
+        Line2D(
+            [],
+            [],
+            linestyle="",
+            marker=SIGNS[k],
+            color=INK,
+            markerfacecolor="white",
+            markersize=5.5,
+            label=WORDS[k],
+        )
+        for k in kinds
+    ]
     dot = Line2D([], [], linestyle="", marker="o", color=INK, markersize=1.6)
     rows += [(line, dot) if k == "pin" else line for k, line in zip(kinds, signs, strict=True)]
     if any(m.driven for m in picture.marks):
@@ -394,19 +462,34 @@ def key_of_parts(figure: Figure, case: Case, picture: Picture, main: int, tracks
     if coiled:
         rows.append(Line2D([], [], color=COIL, linewidth=1.0, label="spiral: torsion spring"))
     rows.append(Line2D([], [], color=SOFT, linewidth=1.2, label="hatched: ground"))
-    rows += [Line2D([], [], color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)),
-                    label=f"path of {name}") for name in tracks]
+    rows += [
+        Line2D([], [], color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), label=f"path of {name}")
+        for name in tracks
+    ]
     words = [(row[0] if isinstance(row, tuple) else row).get_label() for row in rows]
-    figure.legend(rows, words, loc="upper left", bbox_to_anchor=(left, 1.0), fontsize=7.5,
-                  handlelength=2.2, labelspacing=0.45)
+    figure.legend(
+        rows,
+        words,
+        loc="upper left",
+        bbox_to_anchor=(left, 1.0),
+        fontsize=7.5,
+        handlelength=2.2,
+        labelspacing=0.45,
+    )
 
 
 def spoken(case: Case, picture: Picture, k: int) -> str:
     """The drives at pose number k; the time where they do not run steadily or are none."""
     words = []
     for drive, unit, value in zip(case.drive, drive_units(case), picture.inputs[:, k], strict=True):
-        words.append(f"{drive.joint} " + (f"{number(value)} m" if unit == "m" else
-                                          f"{np.degrees(value):.0f}°".replace("-0°", "0°")))
+        words.append(
+            f"{drive.joint} "
+            + (
+                f"{number(value)} m"
+                if unit == "m"
+                else f"{np.degrees(value):.0f}°".replace("-0°", "0°")
+            )
+        )
     if case.leader is None and "rest" in case.run:
         return "at rest"
     if case.leader is None or not case.leader.steady:
@@ -420,18 +503,25 @@ PANEL = 2.45  # [inch] side of a panel
 def paths(view: Shown, picture: Picture | None) -> list[str]:
     """Names of the points whose two places in the plane of motion are channels, in metres."""
     across, up = picture.axes if picture else ("", "")
-    return [name for name in dict.fromkeys(c.rpartition(".")[0] for c in view.channels)
-            if across and all(f"{name}.{a}" in view.channels
-                              and view.case.channels[f"{name}.{a}"].si_unit == "m"
-                              for a in (across, up))
-            and np.ptp(path(view.longest, name, picture), axis=0).max() > 1e-9]
+    return [
+        name
+        for name in dict.fromkeys(c.rpartition(".")[0] for c in view.channels)
+        if across
+        and all(
+            f"{name}.{a}" in view.channels and view.case.channels[f"{name}.{a}"].si_unit == "m"
+            for a in (across, up)
+        )
+        and np.ptp(path(view.longest, name, picture), axis=0).max() > 1e-9
+    ]
 
 
 def path(curves: Curves, name: str, picture: Picture | None) -> Array:
     """The path of a point (n, 2) [m]; NaN where the solver has none."""
     missing = np.full(curves.x.shape, np.nan)
-    return np.stack([curves.channels.get(f"{name}.{a}", missing)
-                     for a in (picture.axes if picture else "xy")], axis=1)
+    return np.stack(
+        [curves.channels.get(f"{name}.{a}", missing) for a in (picture.axes if picture else "xy")],
+        axis=1,
+    )
 
 
 def path_sheet(view: Shown, picture: Picture, style: Mapping[str, Look]) -> Figure:
@@ -443,28 +533,42 @@ def path_sheet(view: Shown, picture: Picture, style: Mapping[str, Look]) -> Figu
     size = np.array([max((PANEL + 0.75) * width, 6.5), height + head])
     figure = Figure(figsize=tuple(size))
     for k, name in enumerate(names):
-        corner = (0.65 + (PANEL + 0.75) * (k % width),
-                  0.45 + (PANEL + 0.75) * (rows - 1 - k // width))
+        corner = (
+            0.65 + (PANEL + 0.75) * (k % width),
+            0.45 + (PANEL + 0.75) * (rows - 1 - k // width),
+        )
         ax = figure.add_axes((*(corner / size), *(PANEL / size)))
         path_panel(ax, view, name, picture, style)
     legend(figure, view, style, "overlay", float(size[1]))
     return figure
 
 
-def path_panel(ax: Axes, view: Shown, name: str, picture: Picture,
-               style: Mapping[str, Look]) -> None:
+def path_panel(
+    ax: Axes, view: Shown, name: str, picture: Picture, style: Mapping[str, Look]
+) -> None:
     """One path: the reference thick and pale, the solvers thin on top of it; scales are equal."""
     truth = path(view.longest, name, picture)
     ax.plot(*every(truth, 400).T, **REFERENCE)
     for solver, curves in view.curves.items():
         found = every(path(curves, name, picture), 400)
         look, step = style[solver], max(len(found) // 9, 1)
-        ax.plot(*found.T, color=look.colour, linestyle=look.dash, marker=look.marker,
-                markevery=(min(look.number * step // 6, len(found) - 1), step),
-                markerfacecolor="white", markeredgewidth=0.8, zorder=3 + look.number / 10)
+        ax.plot(
+            *found.T,
+            color=look.colour,
+            linestyle=look.dash,
+            marker=look.marker,
+            markevery=(min(look.number * step // 6, len(found) - 1), step),
+            markerfacecolor="white",
+            markeredgewidth=0.8,
+            zorder=3 + look.number / 10,
+        )
     low, high = np.nanmin(truth, axis=0), np.nanmax(truth, axis=0)
     middle, half = 0.5 * (low + high), 0.56 * float((high - low).max())
-    ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half),
-           xlabel=f"{name}.{picture.axes[0]} [m]", ylabel=f"{name}.{picture.axes[1]} [m]")
+    ax.set(
+        xlim=(middle[0] - half, middle[0] + half),
+        ylim=(middle[1] - half, middle[1] + half),
+        xlabel=f"{name}.{picture.axes[0]} [m]",
+        ylabel=f"{name}.{picture.axes[1]} [m]",
+    )
     ax.locator_params(nbins=5)
     ax.set_title(f"{name}: its {'shape' if view.kind == 'rest' else 'path'}")

@@ -38,23 +38,28 @@ from proofmass.report.words import SYMBOLS, from_model, headline
 from proofmass.wording import number, spoken
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
-HEADINGS = {"sweep": "Sweep: the mechanism pose by pose, no time stepping",
-            "rest": "Rest: the shapes of the rods in equilibrium, along their length",
-            "duration": "Duration: the motion over time, as each engine steps it"}
+HEADINGS = {
+    "sweep": "Sweep: the mechanism pose by pose, no time stepping",
+    "rest": "Rest: the shapes of the rods in equilibrium, along their length",
+    "duration": "Duration: the motion over time, as each engine steps it",
+}
 CAPTIONS = {
     "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
     "paths": "Where measured points run, to one scale across and up: reference (thick, pale) and "
-             "solvers on top of it.",
+    "solvers on top of it.",
     "shapes": "The rods, to one scale across and up: reference (thick, pale) and solvers on top of "
-              "it.",
+    "it.",
     "difference": "Absolute difference to the reference, in the unit of the table. Dashed level "
-                  "lines: what the tolerance allows. Exact zeros run into the lower edge.",
+    "lines: what the tolerance allows. Exact zeros run into the lower edge.",
 }
 
 
-def write_report(result: Result, folder: Path | str,
-                 progress: Callable[[str, int, int], None] = lambda *_: None,
-                 studies: Sequence[ShownStudy] = ()) -> Path:
+def write_report(
+    result: Result,
+    folder: Path | str,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
+    studies: Sequence[ShownStudy] = (),
+) -> Path:
     """Write the index, a page for each case, and every figure as SVG and PNG.
 
     Parameters
@@ -78,41 +83,78 @@ def write_report(result: Result, folder: Path | str,
     style, env, facts = looks(c.solver for c in result.comparisons), environment(), about()
     cards = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        gathered = dict(zip((case.name for case in result.cases),
-                            pool.map(partial(gather, result), result.cases), strict=True))
+        gathered = dict(
+            zip(
+                (case.name for case in result.cases),
+                pool.map(partial(gather, result), result.cases),
+                strict=True,
+            )
+        )
         views = {name: runs for name, (runs, _) in gathered.items()}
         own_views = {name: own for name, (_, own) in gathered.items()}
-        futures = [pool.submit(drawn, case, views[case.name], own_views[case.name], style,
-                               folder / "figures", slug(case.name)) for case in result.cases]
+        futures = [
+            pool.submit(
+                drawn,
+                case,
+                views[case.name],
+                own_views[case.name],
+                style,
+                folder / "figures",
+                slug(case.name),
+            )
+            for case in result.cases
+        ]
         for k, (case, future) in enumerate(zip(result.cases, futures, strict=True)):
             drawings, faults = future.result(), faults_of(case, result)
             cards.append(card(case, views[case.name], drawings, faults))
             tell = partial(told, case, beyond_limits(views[case.name]))
             page = env.get_template("case.html").render(
-                case=case, card=cards[-1], style=style, about=facts, faults=faults,
+                case=case,
+                card=cards[-1],
+                style=style,
+                about=facts,
+                faults=faults,
                 parts=[part(v, drawings) for v in views[case.name]],
-                seen=[seen(case, k, v, drawings) for k, v in enumerate(own_views[case.name], 1)
-                      if f"view-{k}" in drawings.figures],
+                seen=[
+                    seen(case, k, v, drawings)
+                    for k, v in enumerate(own_views[case.name], 1)
+                    if f"view-{k}" in drawings.figures
+                ],
                 charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
                 beside=tell(tables.side_by_side, None) if case.beside else None,
-                mechanism=mechanism(case, drawings), note=drawings.note,
+                mechanism=mechanism(case, drawings),
+                note=drawings.note,
                 studied=[(s.title, link) for s in studies if (link := s.of(case))],
                 drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
-                parameters=parameters_of(case), own_numbers=from_model(case),
-                freedoms=tell(mobility, None), knowledge=tell(reference.facts, {}),
+                parameters=parameters_of(case),
+                own_numbers=from_model(case),
+                freedoms=tell(mobility, None),
+                knowledge=tell(reference.facts, {}),
                 laws=any(tables.law(case, name) for name in case.channels),
                 reasons=tables.reasons(case),
-                **{name: list_of(case, [c for v in views[case.name] for c in v.rows])
-                   for name, list_of in (("unnoticed", tables.unnoticed),
-                                         ("not_known", tables.not_known))})
+                **{
+                    name: list_of(case, [c for v in views[case.name] for c in v.rows])
+                    for name, list_of in (
+                        ("unnoticed", tables.unnoticed),
+                        ("not_known", tables.not_known),
+                    )
+                },
+            )
             write_whole(folder / cards[-1]["page"], page)
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
-    write_whole(index, env.get_template("index.html").render(
-        families=families(result.cases, cards, result.paths), style=style, about=facts,
-        studies=studies, states=Counter(c["state"] for c in cards),
-        errors=[complaint(e) for e in result.errors],
-        loose=[c for c in result.comparisons if not c.channel]))
+    write_whole(
+        index,
+        env.get_template("index.html").render(
+            families=families(result.cases, cards, result.paths),
+            style=style,
+            about=facts,
+            studies=studies,
+            states=Counter(c["state"] for c in cards),
+            errors=[complaint(e) for e in result.errors],
+            loose=[c for c in result.comparisons if not c.channel],
+        ),
+    )
     return index
 
 
@@ -121,21 +163,31 @@ def gather(result: Result, case: Case) -> tuple[list[Shown], list[Viewed]]:
 
     Where the references are not there again within the limits of all runs, the runs have no curves.
     """
-    own = replace(result, cases=[case], errors=[],
-                  comparisons=[c for c in result.comparisons if c.case == case.name],
-                  curves={key: c for key, c in result.curves.items() if key[0] == case.name},
-                  refined=[row for row in result.refined if row.case == case.name])
+    own = replace(
+        result,
+        cases=[case],
+        errors=[],
+        comparisons=[c for c in result.comparisons if c.case == case.name],
+        curves={key: c for key, c in result.curves.items() if key[0] == case.name},
+        refined=[row for row in result.refined if row.case == case.name],
+    )
     try:
-        return cast(tuple[list[Shown], list[Viewed]], isolated(
-            gathered_here, own, timeout=sum(r.timeout * len(r.solvers) for r in case.run.values()),
-            memory=max(r.memory for r in case.run.values())))
+        return cast(
+            tuple[list[Shown], list[Viewed]],
+            isolated(
+                gathered_here,
+                own,
+                timeout=sum(r.timeout * len(r.solvers) for r in case.run.values()),
+                memory=max(r.memory for r in case.run.values()),
+            ),
+        )
     except (InputError, Crashed, TimedOut, OutOfMemory):
         return gathered_here(replace(own, curves={}))
 
 
 def gathered_here(result: Result) -> tuple[list[Shown], list[Viewed]]:
     """What `gather` does, in this process and of the only case of a result."""
-    case, = result.cases
+    (case,) = result.cases
     runs = [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
     return runs, all_viewed(case, runs)
 
@@ -163,8 +215,13 @@ def parameters_of(case: Case) -> dict[str, str]:
 
 def environment() -> Environment:
     """The templates, autoescaped; an unknown name in them is an error."""
-    env = Environment(loader=PackageLoader("proofmass.report"), autoescape=True,
-                      undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    env = Environment(
+        loader=PackageLoader("proofmass.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     env.filters["number"] = number
     env.globals["symbols"] = SYMBOLS
     return env
@@ -194,16 +251,27 @@ def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) 
     rows = [c for v in views for c in (*v.rows, *v.verdicts)]
     counts = Counter(c.outcome for c in rows)
     picture = drawings.figures.get("thumbnail")
-    steps = {s: float(str(c.settings["timestep"])) for v in views if v.kind == "duration"
-             for s, c in v.curves.items() if "timestep" in c.settings}
+    steps = {
+        s: float(str(c.settings["timestep"]))
+        for v in views
+        if v.kind == "duration"
+        for s, c in v.curves.items()
+        if "timestep" in c.settings
+    }
     checked = case.unchecked or set(counts) - set(OPEN)
     bad = faults or not checked or any(counts[o] for o in (Outcome.DIFFERS, *LOST))
-    return {"name": case.name, "title": case.title, "page": f"{slug(case.name)}.html",
-            "headline": headline(case, rows, steps),
-            "state": "bad" if bad else "good" if counts[Outcome.AGREES] else "open",
-            "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]], "faults": len(faults),
-            "picture": Markup(inline(picture, f"{slug(case.name)}-thumbnail", case.name))
-            if picture else ""}
+    return {
+        "name": case.name,
+        "title": case.title,
+        "page": f"{slug(case.name)}.html",
+        "headline": headline(case, rows, steps),
+        "state": "bad" if bad else "good" if counts[Outcome.AGREES] else "open",
+        "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]],
+        "faults": len(faults),
+        "picture": Markup(inline(picture, f"{slug(case.name)}-thumbnail", case.name))
+        if picture
+        else "",
+    }
 
 
 def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
@@ -220,20 +288,30 @@ def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]
     stem = f"{slug(case.name)}-view-{k}"
     text = caption(view)
     label = f"{case.name}, {view.view.title}, over {view.over.x_name}: {text}"
-    return {"svg": Markup(inline(drawings.figures[f"view-{k}"], stem, label)), "stem": stem,
-            "caption": text}
+    return {
+        "svg": Markup(inline(drawings.figures[f"view-{k}"], stem, label)),
+        "stem": stem,
+        "caption": text,
+    }
 
 
 def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
     """Number k of a case's charts for its page, or why it is not drawn."""
     title, stem = case.chart[k - 1].title, f"{slug(case.name)}-chart-{k}"
     if (fault := chart.fault) is not None:
-        why = complaint(fault) if isinstance(fault, InputError) else (
-            f"{type(fault).__name__}: {fault}")
+        why = (
+            complaint(fault)
+            if isinstance(fault, InputError)
+            else (f"{type(fault).__name__}: {fault}")
+        )
         return {"title": title, "fault": why}
     label = f"{case.name}, {title}, {chart.axes}: {chart.caption}"
-    return {"svg": Markup(inline(chart.svg, stem, label)), "stem": stem, "fault": "",
-            "caption": chart.caption}
+    return {
+        "svg": Markup(inline(chart.svg, stem, label)),
+        "stem": stem,
+        "fault": "",
+        "caption": chart.caption,
+    }
 
 
 def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
@@ -242,21 +320,36 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
     for what in SHEETS:
         if svg := drawings.figures.get(f"{view.kind}-{what}"):
             stem = f"{slug(view.case.name)}-{view.kind}-{what}"
-            label = (f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
-                     f"{view.x_name}; numbers in the table below")
+            label = (
+                f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
+                f"{view.x_name}; numbers in the table below"
+            )
             caption = CAPTIONS["shapes" if (view.kind, what) == ("rest", "paths") else what]
-            figures.append({"svg": Markup(inline(svg, stem, label)), "caption": caption,
-                            "stem": stem})
-    return {"kind": view.kind, "figures": figures, "groups": tables.comparisons(view),
-            "extrema": tables.extrema(view) if view.curves else [], "costs": tables.costs(view),
-            "missing": tables.missing(view), "n": len(view.grid) if view.curves else 0,
-            "over": f"{view.x_name} [{view.x_unit}]",
-            "stopped": [f"{spoken(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
-                        f"{len(view.grid)} samples, which are kept (dotted line in the figures): "
-                        f"{c.stopped}" for s, c in view.curves.items() if c.stopped],
-            "lost": [f"{spoken(s)} is not drawn: {c.outcome}. {c.message}"
-                     for s, c in view.lost.items()],
-            "what": HEADINGS[view.kind], "refined": refined(view, drawings)}
+            figures.append(
+                {"svg": Markup(inline(svg, stem, label)), "caption": caption, "stem": stem}
+            )
+    return {
+        "kind": view.kind,
+        "figures": figures,
+        "groups": tables.comparisons(view),
+        "extrema": tables.extrema(view) if view.curves else [],
+        "costs": tables.costs(view),
+        "missing": tables.missing(view),
+        "n": len(view.grid) if view.curves else 0,
+        "over": f"{view.x_name} [{view.x_unit}]",
+        "stopped": [
+            f"{spoken(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
+            f"{len(view.grid)} samples, which are kept (dotted line in the figures): "
+            f"{c.stopped}"
+            for s, c in view.curves.items()
+            if c.stopped
+        ],
+        "lost": [
+            f"{spoken(s)} is not drawn: {c.outcome}. {c.message}" for s, c in view.lost.items()
+        ],
+        "what": HEADINGS[view.kind],
+        "refined": refined(view, drawings),
+    }
 
 
 def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
@@ -264,16 +357,25 @@ def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
     asked = view.case.refine
     if not view.verdicts or not asked:
         return None
-    lost = [f"{spoken(c.solver)} is not refined: {c.outcome}. {c.message}" for c in view.verdicts
-            if c.outcome in LOST]
+    lost = [
+        f"{spoken(c.solver)} is not refined: {c.outcome}. {c.message}"
+        for c in view.verdicts
+        if c.outcome in LOST
+    ]
     if "refine" not in drawings.figures:
         return {"svg": "", "lost": lost}
     stem, text = f"{slug(view.case.name)}-refine", refinements.caption(asked)
     label = f"{view.case.name}, errors over the number of segments; numbers in the table below"
-    return {"svg": Markup(inline(drawings.figures["refine"], stem, label)), "stem": stem,
-            "caption": text, "lost": lost, "segments": asked.segments,
-            "pairs": [f"{a} → {b}" for a, b in pairwise(asked.segments)],
-            "table": refinements.table(view, asked), "costs": list(refinements.costs(view))}
+    return {
+        "svg": Markup(inline(drawings.figures["refine"], stem, label)),
+        "stem": stem,
+        "caption": text,
+        "lost": lost,
+        "segments": asked.segments,
+        "pairs": [f"{a} → {b}" for a, b in pairwise(asked.segments)],
+        "table": refinements.table(view, asked),
+        "costs": list(refinements.costs(view)),
+    }
 
 
 def packages_of(engine: str) -> list[str]:
@@ -292,6 +394,9 @@ def about() -> list[tuple[str, str]]:
             found.append((name, version(name)))
         except PackageNotFoundError:
             found.append((name, "not installed"))
-    return [*found, ("python", platform.python_version()),
-            ("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"),
-            ("date", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
+    return [
+        *found,
+        ("python", platform.python_version()),
+        ("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"),
+        ("date", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"),
+    ]

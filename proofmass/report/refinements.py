@@ -36,15 +36,21 @@ def refine_sheet(view: Shown, refine: Refine, style: Mapping[str, Look]) -> Figu
         ax = figure.add_subplot(rows, width, k + 1)
         panel(ax, solvers, refine, style)
         ax.set_title(channel)
-    figure.subplots_adjust(left=0.68 / size[0], right=1 - 0.1 / size[0], bottom=0.42 / size[1],
-                           top=1 - (HEAD + 0.22) / size[1], wspace=0.68 / (WIDE - 0.68),
-                           hspace=0.68 / (HIGH - 0.68))
+    figure.subplots_adjust(
+        left=0.68 / size[0],
+        right=1 - 0.1 / size[0],
+        bottom=0.42 / size[1],
+        top=1 - (HEAD + 0.22) / size[1],
+        wspace=0.68 / (WIDE - 0.68),
+        hspace=0.68 / (HIGH - 0.68),
+    )
     legend(figure, view, refine, style, size[1])
     return figure
 
 
-def panel(ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style: Mapping[str, Look]
-          ) -> None:
+def panel(
+    ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style: Mapping[str, Look]
+) -> None:
     """Errors of a channel; of solvers on each other the first has the largest markers."""
     ax.set_xscale("log")
     drawn = list[float]()
@@ -52,8 +58,9 @@ def panel(ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style:
         drawn += lines(ax, rows, refine, style[solver], 3.2 + 2.4 * (len(solvers) - 1 - k))
     unit = next(iter(solvers.values()))[0].unit
     quantity, factor = si_unit(unit)
-    bounds = {"limit": refine.richardson / factor} if (
-        refine.richardson and quantity == "m") else {}
+    bounds = (
+        {"limit": refine.richardson / factor} if (refine.richardson and quantity == "m") else {}
+    )
     if any(value <= refine.wall for value in drawn):
         bounds["rounding"] = refine.wall
     good = [v for v in (*drawn, *bounds.values()) if np.isfinite(v)] or [1.0]
@@ -68,17 +75,35 @@ def panel(ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style:
     ax.set_ylabel(f"|difference| [{pretty(unit)}]")
 
 
-def lines(ax: Axes, rows: list[RefinedRow], refine: Refine, look: Look, large: float) -> list[float]:
+def lines(
+    ax: Axes, rows: list[RefinedRow], refine: Refine, look: Look, large: float
+) -> list[float]:
     """One solver: its errors, and its limit unless that is rounding; the values that are drawn."""
     drawn = [max(row.error, FLOOR) for row in rows]
     layer = 3 + look.number / 10
-    ax.plot([row.segments for row in rows], drawn, color=look.colour, linestyle=look.dash,
-            marker=look.marker, markerfacecolor="white", markersize=large, zorder=layer)
+    ax.plot(
+        [row.segments for row in rows],
+        drawn,
+        color=look.colour,
+        linestyle=look.dash,
+        marker=look.marker,
+        markerfacecolor="white",
+        markersize=large,
+        zorder=layer,
+    )
     for a, b in pairwise(rows):
         left = abs(limit(a, b, refine.order))
         if (a.segments, b.segments) == refine.last and left > refine.wall:
-            ax.plot(b.segments, left, color=look.colour, linestyle="", marker="D",
-                    markerfacecolor="none", markersize=large + 0.8, zorder=layer)
+            ax.plot(
+                b.segments,
+                left,
+                color=look.colour,
+                linestyle="",
+                marker="D",
+                markerfacecolor="none",
+                markersize=large + 0.8,
+                zorder=layer,
+            )
             drawn.append(left)
     return drawn
 
@@ -91,34 +116,88 @@ def triangle(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
     (a, b), p = above[-1], refine.order
     top = BELOW * a.error
     foot = top * (a.segments / b.segments) ** p
-    ax.fill([a.segments, a.segments, b.segments], [top, foot, foot], facecolor="#eeeeee",
-            edgecolor=INK, linewidth=0.8, zorder=2)
-    ax.annotate(number(p), (a.segments, np.sqrt(top * foot)), xytext=(-3, 0), fontsize=7,
-                textcoords="offset points", ha="right", va="center", color=INK)
-    ax.annotate("1", (np.sqrt(a.segments * b.segments), foot), xytext=(0, -2), fontsize=7,
-                textcoords="offset points", ha="center", va="top", color=INK)
+    ax.fill(
+        [a.segments, a.segments, b.segments],
+        [top, foot, foot],
+        facecolor="#eeeeee",
+        edgecolor=INK,
+        linewidth=0.8,
+        zorder=2,
+    )
+    ax.annotate(
+        number(p),
+        (a.segments, np.sqrt(top * foot)),
+        xytext=(-3, 0),
+        fontsize=7,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=INK,
+    )
+    ax.annotate(
+        "1",
+        (np.sqrt(a.segments * b.segments), foot),
+        xytext=(0, -2),
+        fontsize=7,
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        color=INK,
+    )
 
 
 def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
     """Dashed lines where the limit may be, and where errors are left to rounding."""
     for words, level in bounds.items():
         ax.axhline(level, color=INK, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
-        ax.annotate(f"{words} ≤ {number(level)} {unit}", (0.01, level), xytext=(0, 2), fontsize=6.5,
-                    xycoords=("axes fraction", "data"), textcoords="offset points", color=INK,
-                    bbox=PAPER)
+        ax.annotate(
+            f"{words} ≤ {number(level)} {unit}",
+            (0.01, level),
+            xytext=(0, 2),
+            fontsize=6.5,
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            color=INK,
+            bbox=PAPER,
+        )
 
 
-def legend(figure: Figure, view: Shown, refine: Refine, style: Mapping[str, Look], height: float
-           ) -> None:
+def legend(
+    figure: Figure, view: Shown, refine: Refine, style: Mapping[str, Look], height: float
+) -> None:
     """The solvers, and what an open diamond is."""
     coarse, fine = refine.last
-    handles = [Line2D([], [], label=s, color=style[s].colour, linestyle=style[s].dash,
-                      marker=style[s].marker, markerfacecolor="white")
-               for s in dict.fromkeys(row.solver for row in view.refined)]
-    handles.append(Line2D([], [], label=f"limit from {coarse} and {fine}", color=INK, marker="D",
-                          linestyle="", markerfacecolor="none"))
-    figure.legend(handles=handles, loc="upper left", ncols=len(handles), handlelength=3.2,
-                  bbox_to_anchor=(0.0, 1 - 0.02 / height), fontsize=8)
+    handles = [
+        Line2D(
+            [],
+            [],
+            label=s,
+            color=style[s].colour,
+            linestyle=style[s].dash,
+            marker=style[s].marker,
+            markerfacecolor="white",
+        )
+        for s in dict.fromkeys(row.solver for row in view.refined)
+    ]
+    handles.append(
+        Line2D(
+            [],
+            [],
+            label=f"limit from {coarse} and {fine}",
+            color=INK,
+            marker="D",
+            linestyle="",
+            markerfacecolor="none",
+        )
+    )
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=len(handles),
+        handlelength=3.2,
+        bbox_to_anchor=(0.0, 1 - 0.02 / height),
+        fontsize=8,
+    )
 
 
 @dataclass(frozen=True)
@@ -146,12 +225,21 @@ def table(view: Shown, refine: Refine) -> dict[str, list[RefinementLine]]:
     found: dict[str, list[RefinementLine]] = {}
     for channel, solvers in channels(view).items():
         for solver, rows in solvers.items():
-            own = [(c.channel.split()[0], SYMBOLS.get(c.outcome, "?"), c.outcome, c.message)
-                   for c in view.verdicts if c.solver == solver and about(c, channel)]
-            found.setdefault(channel, []).append(RefinementLine(
-                solver, pretty(rows[0].unit), tuple(own), tuple(number(row.error) for row in rows),
-                pairs(rows, lambda a, b: order(a, b, refine.wall), 4),
-                pairs(rows, lambda a, b: abs(limit(a, b, refine.order)), 3)))
+            own = [
+                (c.channel.split()[0], SYMBOLS.get(c.outcome, "?"), c.outcome, c.message)
+                for c in view.verdicts
+                if c.solver == solver and about(c, channel)
+            ]
+            found.setdefault(channel, []).append(
+                RefinementLine(
+                    solver,
+                    pretty(rows[0].unit),
+                    tuple(own),
+                    tuple(number(row.error) for row in rows),
+                    pairs(rows, lambda a, b: order(a, b, refine.wall), 4),
+                    pairs(rows, lambda a, b: abs(limit(a, b, refine.order)), 3),
+                )
+            )
     return found
 
 
@@ -160,7 +248,9 @@ def about(verdict: Comparison, channel: str) -> bool:
     return verdict.channel in ("order", f"order of {channel}", f"limit of {channel}")
 
 
-def pairs(rows: list[RefinedRow], of: Callable[[RefinedRow, RefinedRow], float], digits: int) -> tuple[str, ...]:
+def pairs(
+    rows: list[RefinedRow], of: Callable[[RefinedRow, RefinedRow], float], digits: int
+) -> tuple[str, ...]:
     """Words on each row and the one before it."""
     return tuple(number(of(a, b), digits) for a, b in pairwise(rows))
 
@@ -176,7 +266,9 @@ def caption(refine: Refine) -> str:
     coarse, fine = refine.last
     samples = ", which have the same places on the links of all" * (refine.run == "rest")
     bound = "" if refine.richardson is None else f"; it may be {number(refine.richardson)} m off"
-    return (f"Each rod in {', '.join(map(str, refine.segments))} segments: largest error over the "
-            f"samples{samples}; triangles fall with order {number(refine.order)}, from which each "
-            f"step may be {number(refine.within)} away: {refine.why}; open diamonds: the limit "
-            f"that {coarse} and {fine} segments point to (Richardson), at the last sample{bound}.")
+    return (
+        f"Each rod in {', '.join(map(str, refine.segments))} segments: largest error over the "
+        f"samples{samples}; triangles fall with order {number(refine.order)}, from which each "
+        f"step may be {number(refine.within)} away: {refine.why}; open diamonds: the limit "
+        f"that {coarse} and {fine} segments point to (Richardson), at the last sample{bound}."
+    )

@@ -41,13 +41,24 @@ PALETTE = {
     (1, "fine"): Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
 }
 """By the number of an engine of this distribution, and the variant."""
-KNOWN = {f"{name}:{variant}".rstrip(":"): look for (k, variant), look in PALETTE.items()
-         for name in own_engines()[k:k + 1]}
+KNOWN = {
+    f"{name}:{variant}".rstrip(":"): look
+    for (k, variant), look in PALETTE.items()
+    for name in own_engines()[k : k + 1]
+}
 HATCHES = "", "////", "....", "xxxx", "\\\\\\\\"
 """Of filled areas, by engine."""
-SPARE = [(c, d, m) for m, (d, c) in zip(
-    "Xp*h<>Xp*h<>", product([(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
-                            ["#CC79A7", "#444444", "#8A6D00"]), strict=True)]
+SPARE = [
+    (c, d, m)
+    for m, (d, c) in zip(
+        "Xp*h<>Xp*h<>",
+        product(
+            [(0, (2, 2)), (0, (7, 1, 1, 1)), (0, (4, 4)), (0, (1, 3))],
+            ["#CC79A7", "#444444", "#8A6D00"],
+        ),
+        strict=True,
+    )
+]
 MUTED = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")  # Tol's, for charts
 REFERENCE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
 
@@ -109,5 +120,8 @@ def hatches(engines: Iterable[str]) -> dict[str, str]:
     """
     own = own_engines()
     other = sorted(set(engines) - set(own))
-    return {name: HATCHES[k % len(HATCHES)] for k, name in enumerate([*own, *other])
-            if name in set(engines)}
+    return {
+        name: HATCHES[k % len(HATCHES)]
+        for k, name in enumerate([*own, *other])
+        if name in set(engines)
+    }

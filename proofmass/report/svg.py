@@ -4,8 +4,11 @@ import re
 from hashlib import md5
 from html import escape
 
-WASTE = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|<style type=\"text/css\">.*?</style>|"
-                   r" transform=\"rotate\(-0 [^\"]*\"|stroke-dashoffset: 0; ?|<g[^>]*/>", re.DOTALL)
+WASTE = re.compile(
+    r"<metadata>.*?</metadata>|<!--.*?-->|<style type=\"text/css\">.*?</style>|"
+    r" transform=\"rotate\(-0 [^\"]*\"|stroke-dashoffset: 0; ?|<g[^>]*/>",
+    re.DOTALL,
+)
 HEAD = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>", re.DOTALL)
 SIZE = re.compile(r'<svg [^>]*?viewBox="([^"]*)"[^>]*>')
 USED = re.compile(r'(?:href="|url\()#([\w.-]+)')
@@ -48,8 +51,9 @@ def polyline(path: str) -> str:
         if command == "M":
             words.append(f"M{tenths(x)} {tenths(y)}")
         elif (x, y) != here or drawing == "M":
-            words.append(("l" if drawing == "M" else " ") + f"{tenths(x - here[0])} "
-                         f"{tenths(y - here[1])}")
+            words.append(
+                ("l" if drawing == "M" else " ") + f"{tenths(x - here[0])} {tenths(y - here[1])}"
+            )
         here, drawing = (x, y), command
     return "".join(words).replace(" -", "-")
 
@@ -87,8 +91,11 @@ def classes(text: str) -> str:
     True
     """
     found = [style for style in STYLE.findall(text) if "url(#" not in style]
-    often = {s: "p" + md5(s.encode(), usedforsecurity=False).hexdigest()[:6]
-             for s in dict.fromkeys(found) if found.count(s) > 2}
+    often = {
+        s: "p" + md5(s.encode(), usedforsecurity=False).hexdigest()[:6]
+        for s in dict.fromkeys(found)
+        if found.count(s) > 2
+    }
     text = STYLE.sub(lambda m: f' class="{often[m[1]]}"' if m[1] in often else m[0], text)
     rules = "".join(f".{name}{{{TIGHT.sub('', style)}}}" for style, name in often.items())
     return SIZE.sub(lambda m: m[0] + f"<style>{rules}</style>" * bool(rules), text, count=1)
@@ -117,8 +124,14 @@ def inline(text: str, key: str, label: str) -> str:
     'role="img" aria-label="x"><use href="#key-b"/><path id="key-b"/></svg>'
     """
     text = HEAD.sub("", text)
-    text = SIZE.sub(lambda m: f'<svg viewBox="{m[1]}" style="max-width:{width(m[1])}px" role="img" '
-                    f'aria-label="{escape(label)}">', text, count=1)
+    text = SIZE.sub(
+        lambda m: (
+            f'<svg viewBox="{m[1]}" style="max-width:{width(m[1])}px" role="img" '
+            f'aria-label="{escape(label)}">'
+        ),
+        text,
+        count=1,
+    )
     used = set(USED.findall(text))
     text = ID.sub(lambda m: f' id="{key}-{m[1]}"' if m[1] in used else "", text)
     return USED.sub(lambda m: m[0].replace("#" + m[1], f"#{key}-{m[1]}"), text).strip()

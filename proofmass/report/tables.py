@@ -58,13 +58,33 @@ def comparisons(view: Shown) -> list[Group]:
     """
     groups = []
     for channel in view.channels:
-        rows = [TableRow(c.solver, c.outcome, SYMBOLS.get(c.outcome, "?"),
-                    c.message if c.outcome != Outcome.UNCHECKED else "",
-                    (number(c.error_max), place(view, c.at), number(c.of_range),
-                     number(c.error_rms), number(c.nrmse), number(c.allowed)), *notice(c))
-                for c in view.rows if c.channel == channel]
-        groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows),
-                            law(view.case, channel)))
+        rows = [
+            TableRow(
+                c.solver,
+                c.outcome,
+                SYMBOLS.get(c.outcome, "?"),
+                c.message if c.outcome != Outcome.UNCHECKED else "",
+                (
+                    number(c.error_max),
+                    place(view, c.at),
+                    number(c.of_range),
+                    number(c.error_rms),
+                    number(c.nrmse),
+                    number(c.allowed),
+                ),
+                *notice(c),
+            )
+            for c in view.rows
+            if c.channel == channel
+        ]
+        groups.append(
+            Group(
+                channel,
+                pretty(view.case.channels[channel].unit),
+                tuple(rows),
+                law(view.case, channel),
+            )
+        )
     return groups
 
 
@@ -81,8 +101,10 @@ def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
 
     Changes of parameters that are 0 have no share to be ordered by; they come after the others.
     """
-    found = sorted(c.would_notice.items(), key=lambda item: (
-        math.isnan(item[1].size), not item[1].relative, item[1].size))
+    found = sorted(
+        c.would_notice.items(),
+        key=lambda item: (math.isnan(item[1].size), not item[1].relative, item[1].size),
+    )
     words = tuple((name, detectable(change)) for name, change in found)
     return (" ".join(words[0]) if words else "—"), words
 
@@ -107,8 +129,11 @@ def unnoticed(case: Case, rows: list[Comparison]) -> list[str]:
 def not_known(case: Case, rows: list[Comparison]) -> list[str]:
     """Parameters of which no checked channel tells whether a change would be noticed."""
     changes = judged(rows)
-    return [p for p in changeable(case)
-            if p in changes and all(math.isnan(change.size) for change in changes[p])]
+    return [
+        p
+        for p in changeable(case)
+        if p in changes and all(math.isnan(change.size) for change in changes[p])
+    ]
 
 
 def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
@@ -131,16 +156,30 @@ def extrema(view: Shown) -> list[Group]:
         factor = view.case.channels[channel].factor
         truth, x = view.longest.channels[channel] / factor, view.longest.x
         low, high = ends(truth)
-        rows = [TableRow("reference", "", "", "", (number(truth[low], 6), place(view, x[low]),
-                                              number(truth[high], 6), place(view, x[high])))]
+        rows = [
+            TableRow(
+                "reference",
+                "",
+                "",
+                "",
+                (
+                    number(truth[low], 6),
+                    place(view, x[low]),
+                    number(truth[high], 6),
+                    place(view, x[high]),
+                ),
+            )
+        ]
         for solver, curves in view.curves.items():
             if channel not in curves.channels:
                 continue
             mine, own = (by.channels[channel] / factor for by in (curves, view.truth[solver]))
             cells: list[str] = []
             for k, q in zip(ends(mine), ends(own), strict=True):
-                cells += [signed(float(mine[k] - own[q])),
-                          shift(float(curves.x[k] - curves.x[q]) * view.x_scale, view.x_unit)]
+                cells += [
+                    signed(float(mine[k] - own[q])),
+                    shift(float(curves.x[k] - curves.x[q]) * view.x_scale, view.x_unit),
+                ]
             rows.append(TableRow(solver, "", "", "", tuple(cells)))
         groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
     return groups
@@ -148,9 +187,12 @@ def extrema(view: Shown) -> list[Group]:
 
 def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
     """Parameters as they are shown: with the unit that the reference's documentation tells."""
-    return {name: value if isinstance(value, str) else
-            f"{number(value, 6)} {pretty(unit_of(case, name))}".strip()
-            for name, value in values.items()}
+    return {
+        name: value
+        if isinstance(value, str)
+        else f"{number(value, 6)} {pretty(unit_of(case, name))}".strip()
+        for name, value in values.items()
+    }
 
 
 def unit_of(case: Case, parameter: str) -> str:
@@ -168,8 +210,10 @@ def unit_of(case: Case, parameter: str) -> str:
         names = [name for name in words.split(", ") if name.strip(".")]
         units = list(filter(is_unit, re.findall(r"\[([^]]*)\]", told)))
         if ".." in words:
-            names = [parameter if re.fullmatch(re.sub(r"\d+$", "", name) + r"\d+", parameter)
-                     else name for name in names]
+            names = [
+                parameter if re.fullmatch(re.sub(r"\d+$", "", name) + r"\d+", parameter) else name
+                for name in names
+            ]
         if parameter in names and len(set(units)) == 1:
             return units[0]
         if parameter in names and len(units) == len(names) and ".." not in words:
@@ -190,11 +234,17 @@ def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
     """The case and the parameter sets beside it: heads, then rows of facts and of parameters."""
     heads = [case.name, *case.beside]
     told = [facts(case), *(facts(case, name) for name in case.beside)]
-    given = [parameters(case, values)
-             for values in (case.parameters, *(b.parameters for b in case.beside.values()))]
-    return heads, [[[key, *(one.get(key, "—") for one in sets)]
-                    for key in dict.fromkeys(key for one in sets for key in one)]
-                   for sets in (told, given)]
+    given = [
+        parameters(case, values)
+        for values in (case.parameters, *(b.parameters for b in case.beside.values()))
+    ]
+    return heads, [
+        [
+            [key, *(one.get(key, "—") for one in sets)]
+            for key in dict.fromkeys(key for one in sets for key in one)
+        ]
+        for sets in (told, given)
+    ]
 
 
 def ends(y: np.ndarray) -> tuple[int, int]:
@@ -223,12 +273,16 @@ def costs(view: Shown) -> list[dict[str, str]]:
             continue
         c, curves = own[0], view.curves.get(solver)
         settings = curves.settings if curves else {}
-        rows.append({
-            "solver": solver, "seconds": number(c.seconds), "gap": number(c.gap),
-            "steps": str(c.steps) if c.steps else "—",
-            "settings": ", ".join(f"{k} {plain(v)}" for k, v in settings.items()) or "—",
-            "note": c.message if c.outcome in LOST else "",
-        })
+        rows.append(
+            {
+                "solver": solver,
+                "seconds": number(c.seconds),
+                "gap": number(c.gap),
+                "steps": str(c.steps) if c.steps else "—",
+                "settings": ", ".join(f"{k} {plain(v)}" for k, v in settings.items()) or "—",
+                "note": c.message if c.outcome in LOST else "",
+            }
+        )
     return rows
 
 
@@ -243,18 +297,29 @@ def plain(value: object) -> str:
 
 def missing(view: Shown) -> list[str]:
     """What solvers cannot deliver, each reason once."""
-    rows = sorted((c for c in view.rows if c.outcome == Outcome.UNSUPPORTED),
-                  key=lambda c: (c.solver, c.message))
-    return [f"{solver}, {listed(c.channel for c in own)}: {message or 'no reason given'}"
-            for (solver, message), found in groupby(rows, key=lambda c: (c.solver, c.message))
-            if (own := list(found))]
+    rows = sorted(
+        (c for c in view.rows if c.outcome == Outcome.UNSUPPORTED),
+        key=lambda c: (c.solver, c.message),
+    )
+    return [
+        f"{solver}, {listed(c.channel for c in own)}: {message or 'no reason given'}"
+        for (solver, message), found in groupby(rows, key=lambda c: (c.solver, c.message))
+        if (own := list(found))
+    ]
 
 
 def reasons(case: Case) -> list[dict[str, str]]:
     """Every tolerance, what it covers, and why it is that wide."""
-    return [{"covers": covers(t), "why": t.why,
-             "size": f"{number(t.abs)} (absolute)" if t.abs is not None else
-             f"{number(t.of_range or NAN)} of range"} for t in case.tolerance]
+    return [
+        {
+            "covers": covers(t),
+            "why": t.why,
+            "size": f"{number(t.abs)} (absolute)"
+            if t.abs is not None
+            else f"{number(t.of_range or NAN)} of range",
+        }
+        for t in case.tolerance
+    ]
 
 
 def covers(t: Tolerance) -> str:
@@ -265,5 +330,10 @@ def covers(t: Tolerance) -> str:
     """
     units = "" if t.unit == ("*",) else f" in {', '.join(map(pretty, t.unit))}"
     names = "all channels" if t.channels == ("*",) else ", ".join(t.channels)
-    return "; ".join([t.run or "every run", "every solver" if t.solver == ("*",) else
-                      ", ".join(t.solver), names + units])
+    return "; ".join(
+        [
+            t.run or "every run",
+            "every solver" if t.solver == ("*",) else ", ".join(t.solver),
+            names + units,
+        ]
+    )

@@ -77,9 +77,19 @@ def viewed(shown: Shown, view: View) -> Viewed:
             curves[solver] = replace(found, x=x)
     own = seen(case, view, longest)
     unit, scale = readable(own.units[view.x])
-    return Viewed(view, own, {name: seen(case, view, longest, name) for name in case.beside},
-                  replace(shown, curves=curves, truth=truth, x_name=spoken(case, view.x, unit),
-                          x_unit=unit, x_scale=scale))
+    return Viewed(
+        view,
+        own,
+        {name: seen(case, view, longest, name) for name in case.beside},
+        replace(
+            shown,
+            curves=curves,
+            truth=truth,
+            x_name=spoken(case, view.x, unit),
+            x_unit=unit,
+            x_scale=scale,
+        ),
+    )
 
 
 def spoken(case: Case, name: str, unit: str) -> str:
@@ -90,8 +100,12 @@ def spoken(case: Case, name: str, unit: str) -> str:
 
 def all_viewed(case: Case, shown: list[Shown]) -> list[Viewed]:
     """The case's views of runs that have curves."""
-    return [viewed(s, view) for view in case.view for s in shown
-            if s.curves and s.kind == case.run_of(view)]
+    return [
+        viewed(s, view)
+        for view in case.view
+        for s in shown
+        if s.curves and s.kind == case.run_of(view)
+    ]
 
 
 def unit_of(view: Viewed) -> str:
@@ -112,17 +126,21 @@ def spread(view: Viewed, by: Seen | None = None) -> str:
 def caption(view: Viewed) -> str:
     """What a view's figure shows, in words."""
     if view.view.stack:
-        words = [f"The reference's {listed(view.view.stack)}, stacked"
-                 + (" on the first way" if view.loop else "")
-                 + f"; their sum as a line, {spread(view)}; below, the sum less its mean"]
+        words = [
+            f"The reference's {listed(view.view.stack)}, stacked"
+            + (" on the first way" if view.loop else "")
+            + f"; their sum as a line, {spread(view)}; below, the sum less its mean"
+        ]
         words += [f"{name}: {spread(view, by)}" for name, by in view.beside.items()]
     else:
         words = ["Reference (thick, pale) and solvers on top of it"]
         words += ["markers open where x rises, filled where it falls"] * view.loop
         words += [f"dashed: {view.view.dashed}"] * (view.view.dashed is not None)
         words += [f"thin: {listed(view.beside)}"] * bool(view.beside)
-        words += ["below, the difference to the reference in the channel's unit, with what the "
-                  "tolerance allows"] * any(n in view.over.channels for n in view.view.y)
+        words += [
+            "below, the difference to the reference in the channel's unit, with what the "
+            "tolerance allows"
+        ] * any(n in view.over.channels for n in view.view.y)
     return "; ".join(words) + "."
 
 
@@ -131,8 +149,13 @@ TARGET: dict[str, Any] = {"color": INK, "linewidth": 1.3, "linestyle": (0, (5, 3
 SUM: dict[str, Any] = {"color": INK, "linewidth": 1.7, "zorder": 2.7}
 THIN: list[dict[str, Any]] = [
     {"color": colour, "linewidth": 0.9, "linestyle": dash, "zorder": 2.6}
-    for colour, dash in (("#7b4ba0", SOLID), ("#6b5600", (0, (1, 1.5))), ("#555555", (0, (8, 2))),
-                         ("#7b4ba0", (0, (3, 1, 1, 1))))]
+    for colour, dash in (
+        ("#7b4ba0", SOLID),
+        ("#6b5600", (0, (1, 1.5))),
+        ("#555555", (0, (8, 2))),
+        ("#7b4ba0", (0, (3, 1, 1, 1))),
+    )
+]
 PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")  # dark below: weighty
 NEAR = 0.035  # of a panel's width: marks nearer than this share their words
 CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # for lines on what is filled
@@ -147,15 +170,27 @@ def view_sheet(view: Viewed, style: Mapping[str, Look]) -> Figure:
     width, wide = min(len(names), 3), 4.3 if len(names) == 1 else 3.0
     rows, apart = -(-len(names) // width), np.array([0.75, 0.62])
     cell = np.array([wide, sum(heights)])
-    size = np.array([0.75 + width * wide + (width - 1) * apart[0] + KEY,
-                     0.98 + rows * cell[1] + (rows - 1) * apart[1]])
+    size = np.array(
+        [
+            0.75 + width * wide + (width - 1) * apart[0] + KEY,
+            0.98 + rows * cell[1] + (rows - 1) * apart[1],
+        ]
+    )
     figure = Figure(figsize=tuple(size))
-    grid = figure.add_gridspec(rows, width, left=0.75 / size[0], right=1 - KEY / size[0],
-                               bottom=0.43 / size[1], top=1 - 0.55 / size[1],
-                               wspace=apart[0] / cell[0], hspace=apart[1] / cell[1])
+    grid = figure.add_gridspec(
+        rows,
+        width,
+        left=0.75 / size[0],
+        right=1 - KEY / size[0],
+        bottom=0.43 / size[1],
+        top=1 - 0.55 / size[1],
+        wspace=apart[0] / cell[0],
+        hspace=apart[1] / cell[1],
+    )
     for k, name in enumerate(names):
-        parts = grid[k // width, k % width].subgridspec(len(heights), 1, height_ratios=heights,
-                                                        hspace=0.1)
+        parts = grid[k // width, k % width].subgridspec(
+            len(heights), 1, height_ratios=heights, hspace=0.1
+        )
         pair = [figure.add_subplot(parts[i]) for i in range(1 + has_below(view, name))]
         if view.view.stack:
             stack(pair[0], pair[1], view)
@@ -163,8 +198,9 @@ def view_sheet(view: Viewed, style: Mapping[str, Look]) -> Figure:
             curve(pair, view, name, style)
         across(pair, view)
         marked(pair, view, name)
-    figure.text(0.1 / size[0], 1 - 0.08 / size[1], view.view.title, fontsize=10, weight="bold",
-                va="top")
+    figure.text(
+        0.1 / size[0], 1 - 0.08 / size[1], view.view.title, fontsize=10, weight="bold", va="top"
+    )
     legend(figure, view, style, size)
     return figure
 
@@ -186,8 +222,7 @@ def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) 
         pair[1].set_ylabel(f"|diff.| [{pretty(view.own.units[name])}]")
     else:
         panel(pair[0], view.over, name, view.readable(name), {}, style, unit, [*others, *target])
-    for y, look in [*zip(others, THIN * len(others), strict=False),
-                    *((y, TARGET) for y in target)]:
+    for y, look in [*zip(others, THIN * len(others), strict=False), *((y, TARGET) for y in target)]:
         pair[0].plot(*once(view.x, y), **look)
 
 
@@ -213,11 +248,14 @@ def stack(ax: Axes, below: Axes, view: Viewed) -> None:
     for name, colour in zip(view.view.stack, PILE * len(view.view.stack), strict=False):
         part = view.readable(name)[way]
         base = np.where(part >= 0, up, down)
-        ax.fill_between(x, base, base + part, facecolor=colour, edgecolor="white", linewidth=0.5,
-                        zorder=1)
+        ax.fill_between(
+            x, base, base + part, facecolor=colour, edgecolor="white", linewidth=0.5, zorder=1
+        )
         up, down = up + np.maximum(part, 0), down + np.minimum(part, 0)
-    lines = [(view.total(by), look) for by, look in
-             zip(view.beside.values(), THIN * len(view.beside), strict=False)]
+    lines = [
+        (view.total(by), look)
+        for by, look in zip(view.beside.values(), THIN * len(view.beside), strict=False)
+    ]
     for total, look in [*lines, (view.total(), SUM)]:
         ax.plot(*once(view.x, total), **look, path_effects=CASING)
         below.plot(*once(view.x, total - np.mean(total)), **look)
@@ -255,10 +293,20 @@ def marked(pair: list[Axes], view: Viewed, name: str) -> None:
         low, high = pair[0].get_ylim()
         top = y[np.nanargmin(np.abs(view.x - x))] < 0.5 * (low + high)
         words = "\n".join(f"{word} {number(at, 4)}{unit}" for word, at in places.items())
-        pair[0].annotate(words, (x, 0.97 if top else 0.03), rotation=90, fontsize=7, color=INK,
-                         xycoords=("data", "axes fraction"), textcoords="offset points",
-                         xytext=(-3 if right else 3, 0), ha="right" if right else "left",
-                         va="top" if top else "bottom", zorder=9, bbox=PAPER)
+        pair[0].annotate(
+            words,
+            (x, 0.97 if top else 0.03),
+            rotation=90,
+            fontsize=7,
+            color=INK,
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            xytext=(-3 if right else 3, 0),
+            ha="right" if right else "left",
+            va="top" if top else "bottom",
+            zorder=9,
+            bbox=PAPER,
+        )
 
 
 def grouped(view: Viewed) -> list[dict[str, float]]:
@@ -279,20 +327,51 @@ def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array)
     handles: list[Any] = []
     if view.view.stack:
         handles += [Line2D([], [], label="sum", **SUM)]
-        handles += reversed([Patch(facecolor=colour, edgecolor="white", label=name) for name, colour
-                             in zip(view.view.stack, PILE * len(view.view.stack), strict=False)])
+        handles += reversed(
+            [
+                Patch(facecolor=colour, edgecolor="white", label=name)
+                for name, colour in zip(view.view.stack, PILE * len(view.view.stack), strict=False)
+            ]
+        )
     else:
         handles += [Line2D([], [], label="reference", **REFERENCE)]
-        handles += [Line2D([], [], label=s, color=style[s].colour, linestyle=style[s].dash,
-                           marker=style[s].marker, markerfacecolor="white")
-                    for s in view.over.curves if any(n in view.over.channels for n in view.view.y)]
+        handles += [
+            Line2D(
+                [],
+                [],
+                label=s,
+                color=style[s].colour,
+                linestyle=style[s].dash,
+                marker=style[s].marker,
+                markerfacecolor="white",
+            )
+            for s in view.over.curves
+            if any(n in view.over.channels for n in view.view.y)
+        ]
     if view.view.dashed:
         handles.append(Line2D([], [], label=view.view.dashed, **TARGET))
-    handles += [Line2D([], [], label=fill(name, WORDS), **look) for name, look in
-                zip(view.beside, THIN * len(view.beside), strict=False)]
+    handles += [
+        Line2D([], [], label=fill(name, WORDS), **look)
+        for name, look in zip(view.beside, THIN * len(view.beside), strict=False)
+    ]
     if view.loop and not view.view.stack:
-        handles += [Line2D([], [], linestyle="", marker="o", color="#777777", markersize=4.5,
-                           markerfacecolor=face, label=f"{view.over.x_name} {way}")
-                    for face, way in (("white", "rises"), ("#777777", "falls"))]
-    figure.legend(handles=handles, loc="upper left", fontsize=8, handlelength=3.0,
-                  bbox_to_anchor=(1 - (KEY - 0.1) / size[0], 1 - 0.42 / size[1]))
+        handles += [
+            Line2D(
+                [],
+                [],
+                linestyle="",
+                marker="o",
+                color="#777777",
+                markersize=4.5,
+                markerfacecolor=face,
+                label=f"{view.over.x_name} {way}",
+            )
+            for face, way in (("white", "rises"), ("#777777", "falls"))
+        ]
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        fontsize=8,
+        handlelength=3.0,
+        bbox_to_anchor=(1 - (KEY - 0.1) / size[0], 1 - 0.42 / size[1]),
+    )

@@ -14,8 +14,12 @@ from proofmass.units import KINDS, si_unit
 from proofmass.wording import listed, number, spoken
 
 SYMBOLS: dict[str, str] = {
-    Outcome.AGREES: "✓", Outcome.DIFFERS: "✗", Outcome.UNCHECKED: "○", Outcome.UNSUPPORTED: "–",
-    **dict.fromkeys(LOST, "⚠")}
+    Outcome.AGREES: "✓",
+    Outcome.DIFFERS: "✗",
+    Outcome.UNCHECKED: "○",
+    Outcome.UNSUPPORTED: "–",
+    **dict.fromkeys(LOST, "⚠"),
+}
 
 
 def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
@@ -36,8 +40,9 @@ def from_model(case: Case) -> bool:
     return not isinstance(truth, Recorded) and "model" in inspect.signature(truth.solve).parameters
 
 
-def headline(case: Case, comparisons: Iterable[Comparison],
-             steps: Mapping[str, float] | None = None) -> str:
+def headline(
+    case: Case, comparisons: Iterable[Comparison], steps: Mapping[str, float] | None = None
+) -> str:
     """The verdict on a case in one line: what agrees, what does not, and why.
 
     Parameters
@@ -57,20 +62,29 @@ def headline(case: Case, comparisons: Iterable[Comparison],
         return "Not judged: no run could be compared; the input is at fault."
     if plain(own):
         parts = unchecked(by_solver(own, *case.run))
-        return ("Unchecked, as the sidecar says" if case.unchecked else
-                "Nothing is checked") + ": " + "; ".join(parts) + "."
+        return (
+            ("Unchecked, as the sidecar says" if case.unchecked else "Nothing is checked")
+            + ": "
+            + "; ".join(parts)
+            + "."
+        )
     quiet = [kind for kind in ("sweep", "rest") if kind in case.run] or ["sweep"]
     sweep, duration = by_solver(own, *quiet), by_solver(own, "duration")
     within = " and ".join(quiet)
     true, false = ("The model matches the reference", "The model does not match the reference")
     if from_model(case):
-        true, false = ("The model moves as its own numbers say",
-                       "The model does not move as its own numbers and laws say")
+        true, false = (
+            "The model moves as its own numbers say",
+            "The model does not move as its own numbers and laws say",
+        )
     if any(c.outcome == Outcome.DIFFERS for rows in sweep.values() for c in rows):
         sound = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
         text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
-        text += "; ".join(told(s, rows, f" in the {within}") for s, rows in sweep.items()
-                          if not clean(rows) and not plain(rows))
+        text += "; ".join(
+            told(s, rows, f" in the {within}")
+            for s, rows in sweep.items()
+            if not clean(rows) and not plain(rows)
+        )
         return text + "; do not look at integrators before this is mended."
     if not sweep:
         first = "No sweep, so model and integrator are judged together"
@@ -78,16 +92,30 @@ def headline(case: Case, comparisons: Iterable[Comparison],
         first = f"{true}: {agreement(good, within)}"
     else:
         first = f"The {within} was not checked, so model and integrator are judged together"
-    parts = [told(s, rows, f" in the {within}") for s, rows in sweep.items()
-             if any(c.outcome in LOST for c in rows)]
+    parts = [
+        told(s, rows, f" in the {within}")
+        for s, rows in sweep.items()
+        if any(c.outcome in LOST for c in rows)
+    ]
     refined = by_solver(own, "refine")
     if sure := [spoken(s) for s, rows in refined.items() if clean(rows)]:
         parts.append(f"{listed(sure)} converge{'s' * (len(sure) == 1)} with the expected order")
-    parts += [told(s, rows, " in its order of convergence") for s, rows in refined.items()
-              if not clean(rows) and not plain(rows)]
-    parts += [told(s, rows, f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else
-                   " over the duration")
-              for s, rows in duration.items() if not plain(rows)]
+    parts += [
+        told(s, rows, " in its order of convergence")
+        for s, rows in refined.items()
+        if not clean(rows) and not plain(rows)
+    ]
+    parts += [
+        told(
+            s,
+            rows,
+            f" at dt = {number(1e3 * steps[s])} ms"
+            if steps and s in steps
+            else " over the duration",
+        )
+        for s, rows in duration.items()
+        if not plain(rows)
+    ]
     parts += unchecked({s: rows for s, rows in duration.items() if plain(rows)})
     joint = "" if not parts else ". " if first.startswith(true) else ": "
     return first + joint + "; ".join(parts) + "."
@@ -106,14 +134,17 @@ def plain(rows: list[Comparison]) -> bool:
 
 def agreement(good: dict[str, list[Comparison]], run: str) -> str:
     """How many channels of the run agree, for the solvers that agree, and why not all."""
-    counts = {s: (sum(c.outcome == Outcome.AGREES for c in rows), len(rows))
-              for s, rows in good.items()}
+    counts = {
+        s: (sum(c.outcome == Outcome.AGREES for c in rows), len(rows)) for s, rows in good.items()
+    }
     names = listed(map(spoken, counts))
     if all(n == total for n, total in counts.values()):
         return f"all {next(iter(counts.values()))[1]} channels of the {run} agree in {names}"
     return f"the {run} agrees on " + listed(
         f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {spoken(s)}"
-        f"{why(good[s])}" for s, (n, total) in counts.items())
+        f"{why(good[s])}"
+        for s, (n, total) in counts.items()
+    )
 
 
 def why(rows: list[Comparison]) -> str:
@@ -130,13 +161,17 @@ def told(solver: str, rows: list[Comparison], where: str) -> str:
     if lost:
         return f"{name} {lost}{where}"
     if bad:
-        worst = max(bad, key=lambda c: c.error_max / c.allowed
-                    if math.isfinite(c.error_max) else math.inf)
-        return (f"{name} differs{where} on {listed(c.channel for c in bad)}"
-                f" (worst {worst.channel}: {worst.message})")
+        worst = max(
+            bad, key=lambda c: c.error_max / c.allowed if math.isfinite(c.error_max) else math.inf
+        )
+        return (
+            f"{name} differs{where} on {listed(c.channel for c in bad)}"
+            f" (worst {worst.channel}: {worst.message})"
+        )
     agreed = sum(c.outcome == Outcome.AGREES for c in rows)
-    return f"{name} agrees{where}" + ("" if agreed == len(rows) else
-                                      f" on {agreed} of {len(rows)} channels")
+    return f"{name} agrees{where}" + (
+        "" if agreed == len(rows) else f" on {agreed} of {len(rows)} channels"
+    )
 
 
 def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:

@@ -15,17 +15,33 @@ S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PARTS = {"x": "m", "y": "m", "z": "m", "angle": "rad", "moment": "N m"}
 """Channels along a rod at rest, and their units."""
 UNITS = {
-    S.mjSENS_FRAMEPOS: "m", S.mjSENS_FRAMELINVEL: "m/s", S.mjSENS_FRAMELINACC: "m/s^2",
-    S.mjSENS_FRAMEANGVEL: "rad/s", S.mjSENS_FRAMEANGACC: "rad/s^2",
-    S.mjSENS_FRAMEXAXIS: "1", S.mjSENS_FRAMEYAXIS: "1", S.mjSENS_FRAMEZAXIS: "1",
-    S.mjSENS_ACCELEROMETER: "m/s^2", S.mjSENS_VELOCIMETER: "m/s", S.mjSENS_GYRO: "rad/s",
-    S.mjSENS_FORCE: "N", S.mjSENS_TORQUE: "N m",
-    S.mjSENS_SUBTREECOM: "m", S.mjSENS_SUBTREELINVEL: "m/s",
+    S.mjSENS_FRAMEPOS: "m",
+    S.mjSENS_FRAMELINVEL: "m/s",
+    S.mjSENS_FRAMELINACC: "m/s^2",
+    S.mjSENS_FRAMEANGVEL: "rad/s",
+    S.mjSENS_FRAMEANGACC: "rad/s^2",
+    S.mjSENS_FRAMEXAXIS: "1",
+    S.mjSENS_FRAMEYAXIS: "1",
+    S.mjSENS_FRAMEZAXIS: "1",
+    S.mjSENS_ACCELEROMETER: "m/s^2",
+    S.mjSENS_VELOCIMETER: "m/s",
+    S.mjSENS_GYRO: "rad/s",
+    S.mjSENS_FORCE: "N",
+    S.mjSENS_TORQUE: "N m",
+    S.mjSENS_SUBTREECOM: "m",
+    S.mjSENS_SUBTREELINVEL: "m/s",
     S.mjSENS_SUBTREEANGMOM: "kg m^2/s",
-    S.mjSENS_E_KINETIC: "J", S.mjSENS_E_POTENTIAL: "J", S.mjSENS_CLOCK: "s"}
+    S.mjSENS_E_KINETIC: "J",
+    S.mjSENS_E_POTENTIAL: "J",
+    S.mjSENS_CLOCK: "s",
+}
 OF_JOINTS = {
-    S.mjSENS_JOINTPOS: "{}", S.mjSENS_JOINTLIMITPOS: "{}", S.mjSENS_JOINTVEL: "{}/s",
-    S.mjSENS_JOINTLIMITVEL: "{}/s", S.mjSENS_USER: "{}/s^2"}
+    S.mjSENS_JOINTPOS: "{}",
+    S.mjSENS_JOINTLIMITPOS: "{}",
+    S.mjSENS_JOINTVEL: "{}/s",
+    S.mjSENS_JOINTLIMITVEL: "{}/s",
+    S.mjSENS_USER: "{}/s^2",
+}
 FORCES = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
 SCALARS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
@@ -125,7 +141,8 @@ def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | Non
         if joint >= 0 and abs(gear_of_force(model, actuator)) != 1:
             return None
     elif not (force or kind in OF_JOINTS) or (
-            kind == S.mjSENS_USER and model.sensor_objtype[s] != OBJ.mjOBJ_JOINT):
+        kind == S.mjSENS_USER and model.sensor_objtype[s] != OBJ.mjOBJ_JOINT
+    ):
         return None
     unit = SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) if joint >= 0 else None
     if unit is None:
@@ -163,7 +180,8 @@ def rubs(model: mujoco.MjModel) -> bool:
     """Whether joints or tendons have dry friction."""
     off = mujoco.mjtDisableBit
     return not model.opt.disableflags & int(off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT) and (
-        bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any()))
+        bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+    )
 
 
 def joint_of(model: mujoco.MjModel, actuator: int) -> int:
@@ -187,8 +205,10 @@ def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
         It is 0, so that the joint's moment is no force of the actuator.
     """
     if not (gear := float(gear_of(model, actuator)[0])):
-        raise BadModel(f"the gear of actuator {model.actuator(actuator).name!r} is 0 in the MJCF, "
-                       f"so that its force does not act on its joint; give another, such as 1")
+        raise BadModel(
+            f"the gear of actuator {model.actuator(actuator).name!r} is 0 in the MJCF, "
+            f"so that its force does not act on its joint; give another, such as 1"
+        )
     return gear
 
 
@@ -207,10 +227,13 @@ def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[A
         one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
         return one, two
     one, two = (
-        pose["xpos"][..., b, :] + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(
-            pose["xpos"][..., b, :].shape)
-        for b, p in ((model.eq_obj1id[i], model.eq_data[i, 0:3]),
-                     (model.eq_obj2id[i], model.eq_data[i, 3:6])))
+        pose["xpos"][..., b, :]
+        + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(pose["xpos"][..., b, :].shape)
+        for b, p in (
+            (model.eq_obj1id[i], model.eq_data[i, 0:3]),
+            (model.eq_obj2id[i], model.eq_data[i, 3:6]),
+        )
+    )
     return one, two
 
 

@@ -23,20 +23,29 @@ from proofmass.sim.rods import compile_with_rods
 NATIVE = "mujoco"
 """The engine whose format MJCF is: it runs any model as it is, and poses the drawings."""
 OFF = mujoco.mjtDisableBit
-CONSTRAINTS = {OFF.mjDSBL_EQUALITY: ("eq_active0",),
-               OFF.mjDSBL_FRICTIONLOSS: ("dof_frictionloss", "tendon_frictionloss"),
-               OFF.mjDSBL_LIMIT: ("jnt_limited", "tendon_limited")}
-LEFT_OUT = {OFF.mjDSBL_CONSTRAINT: tuple(field for own in CONSTRAINTS.values() for field in own),
-            **CONSTRAINTS,
-            OFF.mjDSBL_SPRING: ("jnt_stiffness", "jnt_stiffnesspoly",
-                                "tendon_stiffness", "tendon_stiffnesspoly"),
-            OFF.mjDSBL_DAMPER: ("dof_damping", "dof_dampingpoly",
-                                "tendon_damping", "tendon_dampingpoly")}
+CONSTRAINTS = {
+    OFF.mjDSBL_EQUALITY: ("eq_active0",),
+    OFF.mjDSBL_FRICTIONLOSS: ("dof_frictionloss", "tendon_frictionloss"),
+    OFF.mjDSBL_LIMIT: ("jnt_limited", "tendon_limited"),
+}
+LEFT_OUT = {
+    OFF.mjDSBL_CONSTRAINT: tuple(field for own in CONSTRAINTS.values() for field in own),
+    **CONSTRAINTS,
+    OFF.mjDSBL_SPRING: (
+        "jnt_stiffness",
+        "jnt_stiffnesspoly",
+        "tendon_stiffness",
+        "tendon_stiffnesspoly",
+    ),
+    OFF.mjDSBL_DAMPER: ("dof_damping", "dof_dampingpoly", "tendon_damping", "tendon_dampingpoly"),
+}
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 ELEMENT = re.compile(r"<(\w+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
 ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
-NOT_FINITE = {"NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
-              "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)}
+NOT_FINITE = {
+    "NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
+    "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE),
+}
 NUMBERS = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")  # that every run computes with
 LIMITS = ("range", "margin")  # numbers that may be infinite: there is no limit
 
@@ -92,9 +101,11 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
             raise refusal(error, f"{path.name}: ") from None
         except RuntimeError as error:  # of C++, which MuJoCo passes on without its words
             BROKEN.add("MuJoCo")  # the next model of which it warns would hang, in MuJoCo 4.0.0
-            raise BadModel(f"{path.name}: MuJoCo cannot compile it and says no more than "
-                           f"\"{error}\"; it does so where there is no memory for a model as "
-                           f"large, such as one with a height field of 1e6 rows") from None
+            raise BadModel(
+                f"{path.name}: MuJoCo cannot compile it and says no more than "
+                f'"{error}"; it does so where there is no memory for a model as '
+                f"large, such as one with a height field of 1e6 rows"
+            ) from None
     refuse_numbers(path, warnings)
     if not model.opt.timestep > 0:
         raise BadModel(f"{path.name}: <option>: timestep {model.opt.timestep:g} is not positive")
@@ -103,8 +114,10 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     try:
         model.names.decode()
     except UnicodeDecodeError as error:
-        raise BadModel(f"{path.name}: the byte 0x{error.object[error.start]:02x} of a name is not "
-                       f"UTF-8; save the file as UTF-8") from None
+        raise BadModel(
+            f"{path.name}: the byte 0x{error.object[error.start]:02x} of a name is not "
+            f"UTF-8; save the file as UTF-8"
+        ) from None
     leave_out_disabled(model)
     return model
 
@@ -136,8 +149,10 @@ def read_tree(path: Path) -> Element:
     try:
         return ElementTree.fromstring(COMMENT.sub(b"", path.read_bytes()))
     except ElementTree.ParseError as error:
-        raise BadModel(f"{path.name}: to be changed it must be well-formed XML in UTF-8: {error}, "
-                       f"comments not counted") from None
+        raise BadModel(
+            f"{path.name}: to be changed it must be well-formed XML in UTF-8: {error}, "
+            f"comments not counted"
+        ) from None
 
 
 def leave_out_disabled(model: mujoco.MjModel) -> None:

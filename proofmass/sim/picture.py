@@ -76,12 +76,22 @@ class Picture:
 
     def at(self, poses: list[int]) -> "Picture":
         """The same with these poses only."""
+
         def cut(link: Link) -> Link:
             return replace(link, outlines=tuple(o[poses] for o in link.outlines))
-        marks = tuple(replace(m, at=m.at[poses], guide=None if m.guide is None else m.guide[poses])
-                      for m in self.marks)
-        return replace(self, x=self.x[poses], inputs=self.inputs[:, poses], marks=marks,
-                       ground=cut(self.ground), links=tuple(map(cut, self.links)))
+
+        marks = tuple(
+            replace(m, at=m.at[poses], guide=None if m.guide is None else m.guide[poses])
+            for m in self.marks
+        )
+        return replace(
+            self,
+            x=self.x[poses],
+            inputs=self.inputs[:, poses],
+            marks=marks,
+            ground=cut(self.ground),
+            links=tuple(map(cut, self.links)),
+        )
 
 
 G, J, S = mujoco.mjtGeom, mujoco.mjtJoint, mujoco.mjtSensor
@@ -112,8 +122,11 @@ class PictureScene:
         """Everything there is to draw, at all poses of `rows`."""
         model = self.model
         roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
-        rod_of = {name: rod.name for rod in run.rods
-                  for name in (*joints_of(chain(rod)), *chain(rod).names)}
+        rod_of = {
+            name: rod.name
+            for rod in run.rods
+            for name in (*joints_of(chain(rod)), *chain(rod).names)
+        }
         links: dict[str, tuple[Array, ...]] = {}
         for b in roots:
             name = rod_of.get(model.body(b).name, model.body(b).name)
@@ -124,15 +137,26 @@ class PictureScene:
                 links[rod] = (self.placed(b, p, rows), *links[rod])
             else:
                 fixed.append(self.placed(b, p, rows))
-        marks = [self.joint(j, rows, run) for j in range(model.njnt)
-                 if model.joint(j).name not in rod_of]
+        marks = [
+            self.joint(j, rows, run) for j in range(model.njnt) if model.joint(j).name not in rod_of
+        ]
         marks += [self.pin(i, rows) for i in connects(model)]
         marks += [self.clamp(rod, rows) for rod in run.rods if self.walled(rod)]
-        tracks = tuple(model.sensor(i).name for i in range(model.nsensor)
-                       if model.sensor_type[i] == S.mjSENS_FRAMEPOS and model.sensor_refid[i] < 0)
+        tracks = tuple(
+            model.sensor(i).name
+            for i in range(model.nsensor)
+            if model.sensor_type[i] == S.mjSENS_FRAMEPOS and model.sensor_refid[i] < 0
+        )
         empty = np.empty(0)
-        return Picture(self.axes, empty, empty, Link("ground", tuple(fixed)),
-                       tuple(map(Link, links, links.values())), tuple(marks), tracks)
+        return Picture(
+            self.axes,
+            empty,
+            empty,
+            Link("ground", tuple(fixed)),
+            tuple(map(Link, links, links.values())),
+            tuple(marks),
+            tracks,
+        )
 
     def flat(self, vectors: Array) -> Array:
         """Components in the drawing: (..., 3) to (..., 2)."""
@@ -170,15 +194,18 @@ class PictureScene:
             if model.jnt_type[j] == J.mjJNT_HINGE and root in (child, parent):
                 found.append(data.xanchor[j])
         for i in connects(model):
-            for body, place in zip(anchor_bodies(model, i), anchors(model, i, pose_of(data)),
-                                   strict=True):
+            for body, place in zip(
+                anchor_bodies(model, i), anchors(model, i, pose_of(data)), strict=True
+            ):
                 if model.body_weldid[body] == root:
                     found.append(place.reshape(3))
         for i in range(model.nsensor):
             site = int(model.sensor_objid[i])
-            if (model.sensor_type[i] == S.mjSENS_FRAMEPOS
-                    and model.sensor_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
-                    and model.body_weldid[model.site_bodyid[site]] == root):
+            if (
+                model.sensor_type[i] == S.mjSENS_FRAMEPOS
+                and model.sensor_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
+                and model.body_weldid[model.site_bodyid[site]] == root
+            ):
                 found.append(data.site_xpos[site])
         places: list[Array] = []
         for place in found:
@@ -234,15 +261,17 @@ class PictureScene:
         from_zero = [] if ground else [0.0]  # on a moving body: from where it hangs on that
         ends = np.array([min([way.min(), *from_zero]), max([way.max(), *from_zero])])
         guide = at[:, None] + axis[:, None] * ends[:, None]
-        return Mark(name, "slide", self.flat(at + axis * way[:, None]), driven, ground,
-                    self.flat(guide))
+        return Mark(
+            name, "slide", self.flat(at + axis * way[:, None]), driven, ground, self.flat(guide)
+        )
 
     def pin(self, i: int, rows: dict[str, Array]) -> Mark:
         """The point that closes a loop."""
         one, two = anchors(self.model, i, rows)
         ground = 0 in self.model.body_weldid[list(anchor_bodies(self.model, i))]
-        return Mark(self.model.equality(i).name, "pin", self.flat(0.5 * (one + two)),
-                    ground=bool(ground))
+        return Mark(
+            self.model.equality(i).name, "pin", self.flat(0.5 * (one + two)), ground=bool(ground)
+        )
 
     def walled(self, rod: Rod) -> bool:
         """Whether a rod begins in a clamp that does not move."""
@@ -287,12 +316,14 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
     x = run.x[:1] if run.kind == "rest" else np.linspace(run.x[0], run.x[-1], count)
     rows, stopped = follow(compiled, data, replace(run, x=x))
     drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
-    return replace(drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)],
-                   stopped=stopped)
+    return replace(
+        drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)], stopped=stopped
+    )
 
 
-def follow(model: mujoco.MjModel, data: mujoco.MjData,
-           run: Run) -> tuple[list[dict[str, Array]], str]:
+def follow(
+    model: mujoco.MjModel, data: mujoco.MjData, run: Run
+) -> tuple[list[dict[str, Array]], str]:
     """Poses along the run, as far as they can be had, and why there are no more.
 
     When not even the first can be had, it is the start pose as it stands in the MJCF.

@@ -63,8 +63,10 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
         off = np.linalg.norm(np.cross(normal, axis)) if hinge else abs(normal @ axis)
         if off > PARALLEL:
             kind = "hinge" if hinge else "slide"
-            raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves the plane "
-                              f"normal to {np.round(normal, 6).tolist()}")
+            raise Unsupported(
+                f"{kind} joint '{model.joint(joint).name}' leaves the plane "
+                f"normal to {np.round(normal, 6).tolist()}"
+            )
     x = np.array([1.0, 0.0, 0.0])
     if np.linalg.norm(np.cross(normal, x)) < PARALLEL:
         x = np.array([0.0, 1.0, 0.0])

@@ -2,9 +2,13 @@
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-TEMPLATES = Environment(loader=PackageLoader("proofmass.sim", "programs"),
-                        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-                        keep_trailing_newline=True)
+TEMPLATES = Environment(
+    loader=PackageLoader("proofmass.sim", "programs"),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 
 
 def escaped(text: str) -> str:
@@ -14,5 +18,6 @@ def escaped(text: str) -> str:
     C:\\new, \"\"\"\x00
     """
     text = text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
-    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
-                   for c in text)
+    return "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
+    )

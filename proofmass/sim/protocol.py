@@ -107,8 +107,9 @@ class EngineSettings(BaseModel):
         """
         for key in settings:
             if key not in cls.model_fields:
-                raise BadSetting(key, f"unknown setting {key!r}; known: "
-                                 f"{', '.join(cls.model_fields)}")
+                raise BadSetting(
+                    key, f"unknown setting {key!r}; known: {', '.join(cls.model_fields)}"
+                )
         try:
             return cls(**settings)
         except ValidationError as error:
@@ -229,8 +230,10 @@ class Run:
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""
         rows = [np.broadcast_arrays(*drive.law(x)) for drive in self.drives]
-        value, rate, acceleration = (np.array(part, float).reshape(len(rows), x.size)
-                                     for part in (zip(*rows, strict=True) if rows else [()] * 3))
+        value, rate, acceleration = (
+            np.array(part, float).reshape(len(rows), x.size)
+            for part in (zip(*rows, strict=True) if rows else [()] * 3)
+        )
         return value, rate, acceleration
 
     def steps(self, timestep: float) -> tuple[int, float]:
@@ -248,8 +251,10 @@ class Run:
             raise Unsupported("samples at uneven times in a duration")
         width = float(self.x[-1] - self.x[0]) / (self.x.size - 1)
         if not (steps := width / float(timestep)) < MOST_STEPS:
-            raise BadModel(f"{width:g} s from sample to sample are {steps:.3g} time steps of "
-                           f"{timestep:g} s; give a longer step or a shorter run")
+            raise BadModel(
+                f"{width:g} s from sample to sample are {steps:.3g} time steps of "
+                f"{timestep:g} s; give a longer step or a shorter run"
+            )
         count = max(1, int(np.ceil(steps - 1e-9)))
         return count, width / count
 
@@ -551,8 +556,10 @@ class Engine:
         """Whether nothing but the time step differs from what the engine has by itself."""
         fields = self.settings.model_fields
         return bool(knobs.get("defaults")) and all(
-            value == fields[name].default for name, value in knobs.items()
-            if name in fields and name not in ("timestep", "defaults"))
+            value == fields[name].default
+            for name, value in knobs.items()
+            if name in fields and name not in ("timestep", "defaults")
+        )
 
     def size(self, axis: str, value: Knob) -> float:
         """What errors should fall with along a scan: as in `sizes`, or one over the value."""
@@ -587,10 +594,12 @@ class Engine:
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """What is searched for the cheapest setting that is good enough."""
         if "timestep" in self.settings.model_fields:
-            plain: dict[str, Knob] = {"defaults": True} if (
-                "defaults" in self.settings.model_fields) else {}
-            yield Recipe(f"{self.title}, defaults" if plain else self.title, lambda step: plain,
-                         bool(plain))
+            plain: dict[str, Knob] = (
+                {"defaults": True} if ("defaults" in self.settings.model_fields) else {}
+            )
+            yield Recipe(
+                f"{self.title}, defaults" if plain else self.title, lambda step: plain, bool(plain)
+            )
 
     def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
         """What to paste so that the engine runs with settings, for so many steps."""

@@ -129,8 +129,10 @@ def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:
     angles = np.cumsum(bends)
     links = chain.lengths * np.stack([np.cos(angles), np.sin(angles)])
     ahead = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]  # from each joint to the tip
-    return (np.append(links.sum(axis=1), angles[-1]),
-            np.stack([-ahead[1], ahead[0], np.ones_like(bends)]))
+    return (
+        np.append(links.sum(axis=1), angles[-1]),
+        np.stack([-ahead[1], ahead[0], np.ones_like(bends)]),
+    )
 
 
 def start_pose(chain: Chain, target: Array | None) -> Array:
@@ -152,8 +154,11 @@ def start_pose(chain: Chain, target: Array | None) -> Array:
         return bends
     apart = float(np.hypot(*target[:2]))
     if rod.length < apart:
-        raise BadRod(rod.name, "length", f"{rod.length:g} m, but its supports are {apart:.6g} m "
-                     f"apart; it must be longer")
+        raise BadRod(
+            rod.name,
+            "length",
+            f"{rod.length:g} m, but its supports are {apart:.6g} m apart; it must be longer",
+        )
     if not chain.springs[0]:
         bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip(chain, bends)[0][1::-1])
     held = slice(3 if rod.ends[1] == "clamped" else 2)
@@ -163,16 +168,26 @@ def start_pose(chain: Chain, target: Array | None) -> Array:
             return bends
         move = np.linalg.lstsq((slopes * chain.jointed)[held], (target - place)[held], 1e-6)[0]
         bends += move * min(1.0, MOVE / (np.abs(move).max() or 1.0))
-    raise BadRod(rod.name, "turn", f"an arc that turns by {rod.turn:g} rad cannot be bent so that "
-                 f"it ends at its support; give another")
+    raise BadRod(
+        rod.name,
+        "turn",
+        f"an arc that turns by {rod.turn:g} rad cannot be bent so that "
+        f"it ends at its support; give another",
+    )
 
 
 CONNECT, SITE = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 LIGHT = 0.01  # [kg] a rod whose mass is not told
 THICK = 0.004  # of the length: radius of the capsules that are drawn
-PLAIN = {"damping": [0.0] * 3, "frictionloss": 0.0, "armature": 0.0, "ref": 0.0, "springref": 0.0,
-         "limited": mujoco.mjtLimited.mjLIMITED_FALSE}  # whatever <default> says
+PLAIN = {
+    "damping": [0.0] * 3,
+    "frictionloss": 0.0,
+    "armature": 0.0,
+    "ref": 0.0,
+    "springref": 0.0,
+    "limited": mujoco.mjtLimited.mjLIMITED_FALSE,
+}  # whatever <default> says
 
 
 def joints_of(chain: Chain) -> list[str]:
@@ -187,12 +202,19 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     body, place, turn = spec.site(rod.start).parent, site.pos, site.quat
     half = rod.length / 2
     starts, ends = chain.vertices[:-1], chain.vertices[1:]
-    for name, length, spring, first, last in zip(chain.names, chain.lengths, chain.springs, starts,
-                                                 ends, strict=True):
+    for name, length, spring, first, last in zip(
+        chain.names, chain.lengths, chain.springs, starts, ends, strict=True
+    ):
         body = body.add_body(name=name, pos=place, quat=turn)
         if np.isfinite(spring):
-            body.add_joint(name=name, type=HINGE, axis=[0, 0, 1], pos=[0, 0, 0],
-                           stiffness=[spring, 0, 0], **PLAIN)
+            body.add_joint(
+                name=name,
+                type=HINGE,
+                axis=[0, 0, 1],
+                pos=[0, 0, 0],
+                stiffness=[spring, 0, 0],
+                **PLAIN,
+            )
         weigh(body, rod, length)
         body.add_site(name=name, pos=[length / 2, 0, 0])
         if first < half <= last:
@@ -211,8 +233,14 @@ def weigh(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
     across = mass * length**2 / 12
     body.mass, body.ipos, body.explicitinertial = mass, [length / 2, 0, 0], True
     body.inertia = [across / 2, across, across]
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0, 0, 0, length, 0, 0], mass=0,
-                  size=[THICK * rod.length, 0, 0], contype=0, conaffinity=0)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[0, 0, 0, length, 0, 0],
+        mass=0,
+        size=[THICK * rod.length, 0, 0],
+        contype=0,
+        conaffinity=0,
+    )
 
 
 def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
@@ -220,8 +248,9 @@ def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
     spec.add_equality(name=name, type=CONNECT, objtype=SITE, name1=one, name2=two)
 
 
-def guide(spec: mujoco.MjSpec, bare: mujoco.MjModel, rod: Rod, last: mujoco._specs.MjsBody,
-          length: float) -> None:
+def guide(
+    spec: mujoco.MjSpec, bare: mujoco.MjModel, rod: Rod, last: mujoco._specs.MjsBody, length: float
+) -> None:
     """Keep the last link on the x axis of the far site."""
     name, ahead = f"{rod.name}.slider", rod.length
     site = bare.site(rod.end)
@@ -251,8 +280,10 @@ def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
         name, _, part = channel.partition(".")
         if name in rods:
             if part not in PARTS:
-                raise BadModel(f"channel {channel!r}: a rod has {name}.x, .y, .z, .angle and "
-                               f".moment, along its length")
+                raise BadModel(
+                    f"channel {channel!r}: a rod has {name}.x, .y, .z, .angle and "
+                    f".moment, along its length"
+                )
             found[channel] = rods[name], part
     return found
 
@@ -345,17 +376,22 @@ def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
             raise BadRod(rod.name, "mass", "missing: gravity acts on it [kg]")
 
 
-def fill_keys(model: mujoco.MjModel, bare: mujoco.MjModel, own: list[ClampFrame],
-              chains: list[Chain]) -> None:
+def fill_keys(
+    model: mujoco.MjModel, bare: mujoco.MjModel, own: list[ClampFrame], chains: list[Chain]
+) -> None:
     """Write every key: the model's own joints as they stood in it, and the rods' start poses."""
     added = {model.joint(name).id for one in chains for name in joints_of(one)}
     mine = np.array([j not in added for j in range(model.njnt)], bool)
-    places, rates = (np.repeat(mine, np.diff(np.append(adr, size))) for adr, size in (
-        (model.jnt_qposadr, model.nq), (model.jnt_dofadr, model.nv)))
+    places, rates = (
+        np.repeat(mine, np.diff(np.append(adr, size)))
+        for adr, size in ((model.jnt_qposadr, model.nq), (model.jnt_dofadr, model.nv))
+    )
     for k, (pose, rate) in enumerate(own):
         if pose.size not in (0, bare.nq):
-            raise ValueError(f"key {model.key(k).name!r}: qpos has {pose.size} numbers; the joints "
-                             f"without those of the rods have {bare.nq}")
+            raise ValueError(
+                f"key {model.key(k).name!r}: qpos has {pose.size} numbers; the joints "
+                f"without those of the rods have {bare.nq}"
+            )
         data = mujoco.MjData(bare)
         data.qpos[:] = pose if pose.size else bare.qpos0
         mujoco.mj_kinematics(bare, data)
@@ -369,15 +405,19 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
     """Values of the rods' joints, one rod after the other: each may end at one before it."""
     frames: dict[str, ClampFrame] = {
         bare.site(i).name: (data.site_xpos[i], data.site_xmat[i].reshape(3, 3))
-        for i in range(bare.nsite)}
+        for i in range(bare.nsite)
+    }
     found: dict[str, float] = {}
     for one in chains:
         place, turn = frames[one.rod.start]
         target = None
         if one.rod.end is not None:
             if one.rod.end not in frames:
-                raise BadRod(one.rod.name, "to", f"rod {one.rod.end.removesuffix('.tip')!r} must "
-                             f"stand before it")
+                raise BadRod(
+                    one.rod.name,
+                    "to",
+                    f"rod {one.rod.end.removesuffix('.tip')!r} must stand before it",
+                )
             far, other = frames[one.rod.end]
             x, y, _ = (far - place) @ turn
             cos, sin, _ = other[:, 0] @ turn

@@ -4,8 +4,9 @@ SENSORS = """<jointpos name="place" joint="{0}"/> <jointvel name="rate" joint="{
     <e_kinetic name="kinetic"/> <e_potential name="potential"/>"""
 
 
-def mjcf(world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0 0",
-         flags: str = "") -> str:
+def mjcf(
+    world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0 0", flags: str = ""
+) -> str:
     """A model of what stands in its world, with the sensors of one joint."""
     return f"""<mujoco model="specimen">
   <compiler angle="radian"/>
@@ -19,10 +20,12 @@ def mjcf(world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0
 def wheel(stiffness: float = 0.0, damping: float = 0.0, kind: str = "hinge", **more: str) -> str:
     """A body of unit inertia on a spring and a damper, turned or moved by a thousandth."""
     axis = "0 0 1" if kind == "hinge" else "1 0 0"
-    return mjcf(f"""<body pos="1 0 0"><joint name="joint" type="{kind}" axis="{axis}"
+    return mjcf(
+        f"""<body pos="1 0 0"><joint name="joint" type="{kind}" axis="{axis}"
         stiffness="{stiffness!r}" damping="{damping!r}"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>""",
-                **{"rest": key("0.001"), **more})
+        **{"rest": key("0.001"), **more},
+    )
 
 
 def key(place: str, rate: str = "") -> str:

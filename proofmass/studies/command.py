@@ -18,8 +18,11 @@ def named(paths: list[Path]) -> list[Case]:
     wrong: list[InputError] = []
     files = collect(paths, wrong)
     cases = [load(file.absolute(), strict=True) for file in files if file.suffix == ".toml"]
-    lone = [InputError(file, "", "no sidecar says what is right; a study needs one")
-            for file in files if file.suffix != ".toml"]
+    lone = [
+        InputError(file, "", "no sidecar says what is right; a study needs one")
+        for file in files
+        if file.suffix != ".toml"
+    ]
     if wrong or not cases:
         raise (wrong or lone)[0]
     require_different_names(cases)

@@ -113,7 +113,8 @@ def machine() -> str:
 
 
 KEPT = 8  # references; the motions of driven runs differ, and nobody asks for them again
-known: dict[tuple[str, int, bytes], dict[str, Array]] = {}
+Key = tuple[str | int | bytes, ...]
+known: dict[Key, dict[str, Array]] = {}
 
 
 def truth(case: Case, curves: Curves) -> dict[str, Array]:
@@ -126,13 +127,13 @@ def truth(case: Case, curves: Curves) -> dict[str, Array]:
     return known[key]
 
 
-def key_of(case: Case, curves: Curves) -> tuple[str, int, bytes]:
+def key_of(case: Case, curves: Curves) -> Key:
     """What a reference depends on."""
     where = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
     return *identity(case), where
 
 
-def keep(key: tuple[str, int, bytes], channels: dict[str, Array]) -> None:
+def keep(key: Key, channels: dict[str, Array]) -> None:
     """Remember a reference in this process, and forget the oldest one."""
     while len(known) >= KEPT:
         del known[next(iter(known))]
@@ -237,8 +238,9 @@ def measure(task: StudyRun, again: bool, timeout: float) -> Measurement:
         if task.reference and not again:
             referred(task, task.reference)
         try:
-            return isolated(observe, task, again, core, timeout=timeout,
-                            memory=task.case.run[task.run].memory)
+            return isolated(
+                observe, task, again, core, timeout=timeout, memory=task.case.run[task.run].memory
+            )
         except tuple(FAILURES) as error:
             return Measurement(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
@@ -256,8 +258,14 @@ def referred(task: StudyRun, file: Path) -> None:
     with writing.setdefault(file, Lock()):
         if not file.is_file():
             with suppress(InputError, *FAILURES):
-                isolated(write_truth, task.setting.applied(task.case, task.run)[0], task.run, file,
-                         timeout=max(REFERENCE, limits.timeout), memory=limits.memory)
+                isolated(
+                    write_truth,
+                    task.setting.applied(task.case, task.run)[0],
+                    task.run,
+                    file,
+                    timeout=max(REFERENCE, limits.timeout),
+                    memory=limits.memory,
+                )
 
 
 def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
@@ -269,8 +277,16 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
         curves, shared = clocked(task.setting.engine, case.model_path, run)
         if again and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
-        cost = Measurement({}, {}, curves.seconds, curves.steps, core is not None, shared, machine(),
-                     step=taken(task.run, curves))
+        cost = Measurement(
+            {},
+            {},
+            curves.seconds,
+            curves.steps,
+            core is not None,
+            shared,
+            machine(),
+            step=taken(task.run, curves),
+        )
         return cost if again else held(case, run, curves, cost)
 
 
@@ -293,8 +309,14 @@ def held(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
     if wrong := not_finite(truth(case, curves)):
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=wrong)
-    return replace(cost, errors=errors, asked=asked, invariants=invariants(case, curves),
-                   outcome=Outcome.STOPPED if curves.stopped else "ran", message=curves.stopped)
+    return replace(
+        cost,
+        errors=errors,
+        asked=asked,
+        invariants=invariants(case, curves),
+        outcome=Outcome.STOPPED if curves.stopped else "ran",
+        message=curves.stopped,
+    )
 
 
 def moved(run: Run, curves: Curves) -> bool:

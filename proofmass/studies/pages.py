@@ -26,12 +26,27 @@ class StudyKind:
 
 
 KINDS = (
-    StudyKind("trade", "trade.csv", "What accuracy costs",
-         "errors against wall time, orders, walls and what they are", write_trade),
-    StudyKind("stress", "stress.csv", "Where it breaks",
-         "boundaries bisected, beside the theory where there is one", write_stress),
-    StudyKind("diet", "diet.columns.md", "What a scene needs",
-         "features taken out one by one, what that saves and what it changes", write_diet),
+    StudyKind(
+        "trade",
+        "trade.csv",
+        "What accuracy costs",
+        "errors against wall time, orders, walls and what they are",
+        write_trade,
+    ),
+    StudyKind(
+        "stress",
+        "stress.csv",
+        "Where it breaks",
+        "boundaries bisected, beside the theory where there is one",
+        write_stress,
+    ),
+    StudyKind(
+        "diet",
+        "diet.columns.md",
+        "What a scene needs",
+        "features taken out one by one, what that saves and what it changes",
+        write_diet,
+    ),
 )
 
 
@@ -47,11 +62,16 @@ def write_study_pages(folders: Iterable[Path], output: Path) -> list[ShownStudy]
     for folder in folders:
         kind = next((k for k in KINDS if (folder / k.table).is_file()), None)
         if kind is None:
-            raise InputError(folder, "", "no study is there; proofmass trade, stress and diet "
-                             f"write {', '.join(k.table for k in KINDS)} into theirs")
+            raise InputError(
+                folder,
+                "",
+                "no study is there; proofmass trade, stress and diet "
+                f"write {', '.join(k.table for k in KINDS)} into theirs",
+            )
         if kind.name in asked:
-            raise InputError(folder, "", f"a second {kind.name} study; give one folder of each "
-                             "kind")
+            raise InputError(
+                folder, "", f"a second {kind.name} study; give one folder of each kind"
+            )
         asked[kind.name] = kind, folder
     return [one(kind, folder, output) for kind, folder in asked.values()]
 

@@ -46,16 +46,26 @@ class Setting:
         """The case, with its rods cut as the setting says, and what to ask of its engine."""
         knobs: dict[str, Any] = dict(self.knobs)
         if segments := knobs.pop("segments", None):
-            case = case.model_copy(update={"rod": {
-                name: rod.model_copy(update={"segments": segments})
-                for name, rod in case.rod.items()}})
+            case = case.model_copy(
+                update={
+                    "rod": {
+                        name: rod.model_copy(update={"segments": segments})
+                        for name, rod in case.rod.items()
+                    }
+                }
+            )
         case = case.model_copy(update={"settings": {self.engine: knobs}})
         return case, plan(case, kind, self.engine)
 
 
 NAN = float("nan")
-KINDS = {"position": ("rad", "m"), "rate": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2"),
-         "effort": ("N", "N m"), "energy": ("J",)}
+KINDS = {
+    "position": ("rad", "m"),
+    "rate": ("rad/s", "m/s"),
+    "acceleration": ("rad/s^2", "m/s^2"),
+    "effort": ("N", "N m"),
+    "energy": ("J",),
+}
 """Kinds of channels, by their units; errors are told for each."""
 
 
@@ -133,7 +143,11 @@ class StudyRow:
 
 
 SPREAD = {  # a column for each key
-    "knobs": "knob", "errors": "error", "asked": "asked", "invariants": "invariant"}
+    "knobs": "knob",
+    "errors": "error",
+    "asked": "asked",
+    "invariants": "invariant",
+}
 COLUMNS = {
     "study": "trade, choose, stress or diet",
     "case": "name of the sidecar",
@@ -144,24 +158,24 @@ COLUMNS = {
     "value": "of that knob",
     "knob": "a setting of the engine, timestep [s]; segments of all rods; a tuple is a JSON array",
     "error": "largest error of the channels of a kind, at the state the drives really had, as a "
-             "share of the range of the reference [1]",
+    "share of the range of the reference [1]",
     "asked": "the same at the state that the drives were asked to have; empty where there are none "
-             "in time [1]",
+    "in time [1]",
     "invariant": "gap: largest distance of points that a loop should hold together [m]; energy: "
-                 "largest change over the largest kinetic energy, of free motions without "
-                 "friction [1]; stretch: of rods [1]",
+    "largest change over the largest kinetic energy, of free motions without "
+    "friction [1]; stretch: of rods [1]",
     "seconds": "least wall time of the repeats without loading the model, of the first run where "
-               "there are none [s]",
+    "there are none [s]",
     "steps": "time steps of a duration, solved poses otherwise",
     "step": "time step that the engine took in a duration [s]: the one of `knob.timestep`, or the "
-            "next shorter one of which whole ones lead from sample to sample",
+    "next shorter one of which whole ones lead from sample to sample",
     "repeats": "all wall times [s], as a JSON array, made in rounds over all settings; a short run "
-               "after one to warm up",
+    "after one to warm up",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
     "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
     "machine": "its processor, and how many it has",
     "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
-               "pose that the run came to), crashed, timed out, out of memory, unsupported",
+    "pose that the run came to), crashed, timed out, out of memory, unsupported",
     "message": "what the outcome means",
     "key": "of the run's files in the store, KEY.npz for its curves",
 }
@@ -171,8 +185,12 @@ def write_table(rows: Iterable[StudyRow], file: Path) -> None:
     """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
     rows = list(rows)
     write_whole(file, table(rows))
-    write_columns(file.with_suffix(".columns.md"), file.name, "run", {
-        f"{name}.*" if name in SPREAD.values() else name: what for name, what in COLUMNS.items()})
+    write_columns(
+        file.with_suffix(".columns.md"),
+        file.name,
+        "run",
+        {f"{name}.*" if name in SPREAD.values() else name: what for name, what in COLUMNS.items()},
+    )
     if rows and find_spec("pyarrow"):
         from pyarrow import csv as arrow
         from pyarrow import parquet
@@ -204,7 +222,7 @@ def read_table(file: Path) -> list[StudyRow]:
 def table(rows: Sequence[StudyRow]) -> str:
     """CSV with a header; what a row does not have is empty.
 
-    >>> print(table([Row("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 0.01,
+    >>> print(table([StudyRow("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 0.01,
     ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
     study,case,run,engine,line,axis,value,knob.timestep,error.position
     """
@@ -255,8 +273,11 @@ def parsed(cells: dict[str, str]) -> StudyRow:
     told = dict[str, Any]()
     for name, kind in get_type_hints(StudyRow).items():
         if name in SPREAD:
-            own = {column.partition(".")[2]: cell for column, cell in cells.items()
-                   if column.startswith(SPREAD[name] + ".") and cell}
+            own = {
+                column.partition(".")[2]: cell
+                for column, cell in cells.items()
+                if column.startswith(SPREAD[name] + ".") and cell
+            }
             told[name] = {key: read(cell) for key, cell in own.items()}
         elif name in cells:
             word = kind is str
@@ -267,5 +288,18 @@ def parsed(cells: dict[str, str]) -> StudyRow:
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
     """Write what the columns of a table are, and what its rows."""
     lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
-    write_whole(file, "\n".join([f"# Columns of {table}", "", f"One row a {row}.", "",
-                                 "| column | is |", "|---|---|", *lines, ""]))
+    write_whole(
+        file,
+        "\n".join(
+            [
+                f"# Columns of {table}",
+                "",
+                f"One row a {row}.",
+                "",
+                "| column | is |",
+                "|---|---|",
+                *lines,
+                "",
+            ]
+        ),
+    )

@@ -49,15 +49,23 @@ def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]
     try:
         client = Client(dask, timeout=CONNECT)
     except (OSError, ValueError) as error:
-        raise ValueError(f"--dask {dask}: no scheduler answers there, such as tcp://host:8786: "
-                         f"{error}") from None
+        raise ValueError(
+            f"--dask {dask}: no scheduler answers there, such as tcp://host:8786: {error}"
+        ) from None
     with client, client.get_executor(pure=False) as cluster:
         yield cluster
 
 
-def run(tasks: Iterable[StudyRun], store: Store, workers: Executor | None = None, *, repeats: int = 5,
-        patience: float = 2.0, timeout: float | None = None,
-        progress: Progress = lambda *_: None) -> list[StudyRow]:
+def run(
+    tasks: Iterable[StudyRun],
+    store: Store,
+    workers: Executor | None = None,
+    *,
+    repeats: int = 5,
+    patience: float = 2.0,
+    timeout: float | None = None,
+    progress: Progress = lambda *_: None,
+) -> list[StudyRow]:
     """Run tasks, each of them once for its errors and then `repeats` times for its wall time.
 
     Rounds are interleaved: all tasks once, then all of them again.
@@ -91,19 +99,33 @@ def run(tasks: Iterable[StudyRun], store: Store, workers: Executor | None = None
     """
     if workers is None:
         with pool() as local:
-            return run(tasks, store, local, repeats=repeats, patience=patience, timeout=timeout,
-                       progress=progress)
+            return run(
+                tasks,
+                store,
+                local,
+                repeats=repeats,
+                patience=patience,
+                timeout=timeout,
+                progress=progress,
+            )
     tasks = [replace(task, reference=reference_of(task, store)) for task in tasks]
     keys = [key_of(task) for task in tasks]
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(rounds.tasks))
-    timed = [key for key in rounds.tasks
-             if (one := rounds.found[key, 0]).complete and one.seconds <= patience]
+    timed = [
+        key
+        for key in rounds.tasks
+        if (one := rounds.found[key, 0]).complete and one.seconds <= patience
+    ]
     rounds.make([(key, n) for n in range(1, repeats + 1) for key in timed])
-    found = [[rounds.found[key, n] for n in range(repeats + 1) if (key, n) in rounds.found]
-             for key in keys]
-    return [row(task, each, repeats > 0, key)
-            for task, each, key in zip(tasks, found, keys, strict=True)]
+    found = [
+        [rounds.found[key, n] for n in range(repeats + 1) if (key, n) in rounds.found]
+        for key in keys
+    ]
+    return [
+        row(task, each, repeats > 0, key)
+        for task, each, key in zip(tasks, found, keys, strict=True)
+    ]
 
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:
@@ -134,8 +156,13 @@ class Rounds:
                 missing.append(unit)
             else:
                 self.found[unit] = one
-        futures = {self.workers.submit(measure, self.tasks[key], repeat > 0, self.limit(key)):
-                   (key, repeat) for key, repeat in missing}
+        futures = {
+            self.workers.submit(measure, self.tasks[key], repeat > 0, self.limit(key)): (
+                key,
+                repeat,
+            )
+            for key, repeat in missing
+        }
         try:
             for future in as_completed(futures):
                 key, repeat = futures[future]
@@ -167,7 +194,26 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
         ran = [first]
     least = min(ran, key=lambda one: one.seconds, default=first)
     setting = task.setting
-    return StudyRow(task.study, task.case.name, task.run, setting.engine, task.line, task.axis,
-               task.value, dict(setting.knobs), first.errors, first.invariants, least.seconds,
-               first.steps, tuple(one.seconds for one in ran), least.pinned, least.shared,
-               least.machine, outcome, message, key, first.asked, first.step)
+    return StudyRow(
+        task.study,
+        task.case.name,
+        task.run,
+        setting.engine,
+        task.line,
+        task.axis,
+        task.value,
+        dict(setting.knobs),
+        first.errors,
+        first.invariants,
+        least.seconds,
+        first.steps,
+        tuple(one.seconds for one in ran),
+        least.pinned,
+        least.shared,
+        least.machine,
+        outcome,
+        message,
+        key,
+        first.asked,
+        first.step,
+    )

@@ -64,13 +64,20 @@ class Store:
         except (KeyError, TypeError, ValueError):
             raise foreign(file) from None
         for name, value in vars(Measurement()).items():
-            kinds = ((int, float) if isinstance(value, float) else
-                     str if isinstance(value, str) else type(value))
+            kinds = (
+                (int, float)
+                if isinstance(value, float)
+                else str
+                if isinstance(value, str)
+                else type(value)
+            )
             if not isinstance(getattr(found, name), kinds):
                 raise foreign(file)
         return None if found.outcome == LATE and given < timeout else found
 
-    def once(self, key: str, task: StudyRun, timeout: float, make: Callable[[], Measurement]) -> Measurement:
+    def once(
+        self, key: str, task: StudyRun, timeout: float, make: Callable[[], Measurement]
+    ) -> Measurement:
         """What a task's first run gave; made and saved first if it is not there."""
         found = self.load(key, 0, timeout)
         if found is None:
@@ -103,15 +110,24 @@ class Store:
             found.append(one)
         return found
 
-    def save(self, key: str, repeat: int, task: StudyRun, found: Measurement, timeout: float) -> None:
+    def save(
+        self, key: str, repeat: int, task: StudyRun, found: Measurement, timeout: float
+    ) -> None:
         """Keep what a run gave; its curves first, for with the record it is finished."""
         if found.curves:
             packed = io.BytesIO()
             np.savez_compressed(packed, **found.curves)  # type: ignore[arg-type]
             write_whole(self.folder / f"{key}.npz", packed.getvalue())
-        record = {"case": task.case.name, "run": task.run, "engine": task.setting.engine,
-                  "knobs": task.setting.knobs, "repeat": repeat, "timeout": timeout,
-                  "versions": versions(task.setting.engine), "found": told(found)}
+        record = {
+            "case": task.case.name,
+            "run": task.run,
+            "engine": task.setting.engine,
+            "knobs": task.setting.knobs,
+            "repeat": repeat,
+            "timeout": timeout,
+            "versions": versions(task.setting.engine),
+            "found": told(found),
+        }
         write_whole(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
 
     def file(self, key: str, repeat: int) -> Path:
@@ -121,8 +137,11 @@ class Store:
 
 def told(found: Measurement) -> dict[str, Any]:
     """A record of what a run gave, without curves and without numbers that are none."""
-    return {k: v for k, v in asdict(replace(found, curves={})).items()
-            if k != "curves" and not (isinstance(v, float) and np.isnan(v))}
+    return {
+        k: v
+        for k, v in asdict(replace(found, curves={})).items()
+        if k != "curves" and not (isinstance(v, float) and np.isnan(v))
+    }
 
 
 def read(file: Path) -> Any:
@@ -159,17 +178,21 @@ def key_of(task: StudyRun) -> str:
     case, model, settings = bounded(task.case, task.run, compiled_with, task)
     table = case.run[task.run]
     parts = {
-        "model": model, "reference": recorded_bytes(case),
+        "model": model,
+        "reference": recorded_bytes(case),
         "sidecar": case.model_dump(mode="json", include=MATTERS),
         "channels": {n: c.model_dump() for n, c in case.channels_of(task.run).items()},
-        "run": (task.run, table.n, table.until), "engine": task.setting.engine,
-        "knobs": settings, "versions": versions(task.setting.engine), "sources": sources()}
+        "run": (task.run, table.n, table.until),
+        "engine": task.setting.engine,
+        "knobs": settings,
+        "versions": versions(task.setting.engine),
+        "sources": sources(),
+    }
     return digest(json.dumps(parts, sort_keys=True).encode())
 
 
 def compiled_with(task: StudyRun) -> tuple[Case, str, dict[str, Any]]:
-    """A task's case with its setting applied, the digest of its model, and the engine's settings.
-    """
+    """A task's case with its setting applied, its model's digest, and the engine's settings."""
     case, run = task.setting.applied(task.case, task.run)
     return case, digest(model_bytes(case)), dict(run.settings)
 
@@ -207,16 +230,30 @@ def versions(engine: str) -> dict[str, str]:
     """Of what computes a result."""
     brought = brought_by(engine)
     names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
-    code = {} if not brought else {"adapter": digest(Path(str(
-        sys.modules[type(engine_of(engine)).__module__].__file__)).read_bytes())}
-    return {"proofmass": proofmass.__version__,
-            **{name: importlib.metadata.version(name) for name in names}, **code}
+    code = (
+        {}
+        if not brought
+        else {
+            "adapter": digest(
+                Path(str(sys.modules[type(engine_of(engine)).__module__].__file__)).read_bytes()
+            )
+        }
+    )
+    return {
+        "proofmass": proofmass.__version__,
+        **{name: importlib.metadata.version(name) for name in names},
+        **code,
+    }
 
 
 @cache
 def sources() -> str:
     """Digest of the code of simulators and references; a version stays while it is developed."""
-    files = [file for package in (sim, analytic) for folder in package.__path__
-             for file in sorted(Path(folder).rglob("*.py"))]
+    files = [
+        file
+        for package in (sim, analytic)
+        for folder in package.__path__
+        for file in sorted(Path(folder).rglob("*.py"))
+    ]
     files += [Path(str(module.__file__)) for module in OWN]
     return digest(b"".join(file.read_bytes() for file in files))

@@ -36,9 +36,12 @@ def reread(case: Case) -> Case:
     """
     if case.reference == READS:
         return case
-    channels = {name: channel if isinstance(channel.equals, float) else channel.model_copy(
-        update={"equals": name, "scale": 1.0, "shift": 0.0})
-        for name, channel in case.channels.items()}
+    channels = {
+        name: channel
+        if isinstance(channel.equals, float)
+        else channel.model_copy(update={"equals": name, "scale": 1.0, "shift": 0.0})
+        for name, channel in case.channels.items()
+    }
     return case.model_copy(update={"reference": READS, "parameters": {}, "channels": channels})
 
 
@@ -67,8 +70,11 @@ def with_model(case: Case, folder: Path, change: Callable[[Element], None]) -> C
 def thinned(case: Case, folder: Path) -> Case:
     """The case held to every other row of its recorded curve, as a file in a folder."""
     file = case.file.parent / case.reference
-    head, *rows = [line for line in decoded(read_bytes(file)).splitlines()
-                   if line.strip() and not line.lstrip().startswith("#")]
+    head, *rows = [
+        line
+        for line in decoded(read_bytes(file)).splitlines()
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     text = "\n".join([head, *rows[::2]]) + "\n"
     return case.model_copy(update={"reference": str(placed(folder, file, text))})
 
@@ -100,23 +106,28 @@ def with_channels(case: Case, powers: dict[str, int], factor: float) -> Case:
     for name, channel in case.channels.items():
         by = factor ** powers.get(channel.si_unit, 0)
         channels[name] = channel.model_copy(
-            update={"scale": channel.scale * by, "shift": channel.shift * by})
+            update={"scale": channel.scale * by, "shift": channel.shift * by}
+        )
     return case.model_copy(update={"channels": channels})
 
 
 def heavier(case: Case, folder: Path, factor: float) -> Case:
     """The case with its last body so many times as heavy."""
+
     def change(root: Element) -> None:
         *_, last = root.iter("inertial")
         for key in ("mass", "diaginertia", "fullinertia"):
             times(last, key, factor)
+
     return with_model(case, folder, change)
 
 
 def weightier(case: Case, folder: Path, factor: float) -> Case:
     """The case with so many times as much gravity."""
-    parameters = {k: v * factor if k == "gravity" and not isinstance(v, str) else v
-                  for k, v in case.parameters.items()}
+    parameters = {
+        k: v * factor if k == "gravity" and not isinstance(v, str) else v
+        for k, v in case.parameters.items()
+    }
     changed = with_model(case, folder, lambda root: set_gravity(root, compiled(case), factor))
     return changed.model_copy(update={"parameters": parameters})
 
@@ -131,13 +142,17 @@ def set_gravity(root: Element, model: mujoco.MjModel, factor: float) -> None:
 
 def stiffer(case: Case, folder: Path, factor: float) -> Case:
     """The case with all springs and rods so many times as stiff, and all loads as large."""
+
     def change(root: Element) -> None:
         for joint in root.iter("joint"):
             times(joint, "stiffness", factor)
         for key in root.iter("key"):
             times(key, "ctrl", factor)
-    rods = {name: rod.model_copy(update={"stiffness": rod.stiffness * factor})
-            for name, rod in case.rod.items()}
+
+    rods = {
+        name: rod.model_copy(update={"stiffness": rod.stiffness * factor})
+        for name, rod in case.rod.items()
+    }
     changed = with_model(case, folder, change).model_copy(update={"rod": rods})
     return with_channels(changed, LOAD, factor)
 

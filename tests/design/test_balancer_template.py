@@ -20,7 +20,8 @@ from tests.shipped import models_like, shipped
 from tests.verdicts import verdicts
 
 OTHER, FREE, PRELOADED, CONTACT, QUADRATIC, FOUR = (
-    parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747"))
+    parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747")
+)
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
@@ -34,7 +35,8 @@ def test_committed_files_are_what_the_template_gives(name, tmp_path):
         assert NUMBER.split(written) == NUMBER.split(committed)
         # another processor has other sines: rounding of a start pose's sums of up to four links
         assert list(map(float, NUMBER.findall(written))) == pytest.approx(
-            list(map(float, NUMBER.findall(committed))), rel=1e-14, abs=1e-15)
+            list(map(float, NUMBER.findall(committed))), rel=1e-14, abs=1e-15
+        )
 
 
 def test_every_balancer_in_models_is_of_the_table():
@@ -67,15 +69,21 @@ def test_the_tip_alone_weighs(chain, tmp_path):
 def test_springs_are_what_the_parameters_say(tmp_path):
     """Moment and energy of a quadratic spring, preloaded, against the integral of the moment."""
     k, a, preload = 1.1, -0.3, 0.4
-    found = write_case(tmp_path, "springs", title="", source="", parameters=FREE | {
-        "stiffness2": k, "quadratic2": a, "preload2": preload, "low2": 0.0})
+    found = write_case(
+        tmp_path,
+        "springs",
+        title="",
+        source="",
+        parameters=FREE | {"stiffness2": k, "quadratic2": a, "preload2": preload, "low2": 0.0},
+    )
     _, data = at_start(found.with_suffix(".xml"))
     assert data.qfrc_passive[2] == pytest.approx(-preload, abs=1e-15)  # rounding
     wound = min(x for x in np.roots([a, k, -preload]) if x > 0)
     x = np.linspace(0.0, wound, 1001)
     # 1e-7: trapezoids of 4e-4 rad
-    assert data.sensor("energy").data[0] == pytest.approx(np.trapezoid(k * x + a * x**2, x),
-                                                          abs=1e-7)
+    assert data.sensor("energy").data[0] == pytest.approx(
+        np.trapezoid(k * x + a * x**2, x), abs=1e-7
+    )
 
 
 def at_start(file: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -92,8 +100,10 @@ WRONG = {
     "a length": (PRELOADED, {"length2": PRELOADED["length2"] * (1 + 1e-9)}),
     "the pendulum": (PRELOADED, {"pendulum": 1 + 1e-9}),
     "a missing preload": (PRELOADED, {"preload2": 0.0}),
-    "springs changed about": (PRELOADED, {"stiffness2": PRELOADED["stiffness3"],
-                                          "stiffness3": PRELOADED["stiffness2"]}),
+    "springs changed about": (
+        PRELOADED,
+        {"stiffness2": PRELOADED["stiffness3"], "stiffness3": PRELOADED["stiffness2"]},
+    ),
     "elbow down": (PRELOADED, {"mode": -1}),
     "the rest angle": (PRELOADED, {"rest_angle": -PRELOADED["rest_angle"]}),
     "a missing stop": (CONTACT, {"high2": np.inf}),
@@ -107,17 +117,24 @@ TEXT = {  # what no parameter can say
     "a preload without its stop": (PRELOADED, ' range="0.0 10.0"', ""),
     "the sign of a preload": (PRELOADED, 'springref="-', 'springref="'),
     "the sense of a hinge": (PRELOADED, 'name="joint2"', 'name="joint2" axis="0 0 1"'),
-    "a segment that weighs": (FREE | {"weight": 1.0}, '"0.0 0.0 0" mass="0.001"',
-                              '"0.1 0.0 0" mass="0.001"'),
+    "a segment that weighs": (
+        FREE | {"weight": 1.0},
+        '"0.0 0.0 0" mass="0.001"',
+        '"0.1 0.0 0" mass="0.001"',
+    ),
 }
-SOLVER = pytest.mark.parametrize("solver", [
-    "mujoco", pytest.param("pymunk", marks=pytest.mark.slow)])
+SOLVER = pytest.mark.parametrize(
+    "solver", ["mujoco", pytest.param("pymunk", marks=pytest.mark.slow)]
+)
 
 
 def write(folder: Path, chain: dict, solver: str) -> Path:
     """A case of a balancer that says ``mode = 1``, at few places."""
-    return fewer(write_case(folder, "case", title="t", source="s", parameters={"mode": 1} | chain,
-                            solvers=[solver]))
+    return fewer(
+        write_case(
+            folder, "case", title="t", source="s", parameters={"mode": 1} | chain, solvers=[solver]
+        )
+    )
 
 
 def fewer(file: Path) -> Path:
@@ -160,17 +177,21 @@ def test_a_wrong_model_turns_the_verdict(what, solver, tmp_path):
 
 def test_the_other_elbow_is_called_by_its_name(tmp_path):
     file = write(tmp_path, FREE, "mujoco")
-    shutil.copy(write(tmp_path / "down", FREE | {"mode": -1}, "mujoco").with_suffix(".xml"),
-                tmp_path)
+    shutil.copy(
+        write(tmp_path / "down", FREE | {"mode": -1}, "mujoco").with_suffix(".xml"), tmp_path
+    )
     assert "assembles the model in mode -1" in str(check([file]).errors[0])
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"length1": 0.01, "length2": 0.1}, "cannot reach the tip"),
-    ({"preload2": 0.3}, "needs a stop that holds it"),
-    ({"stiffness": 1.0}, "unknown parameter 'stiffness'"),
-    ({"length1": -1.0}, "length1 must be positive"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"length1": 0.01, "length2": 0.1}, "cannot reach the tip"),
+        ({"preload2": 0.3}, "needs a stop that holds it"),
+        ({"stiffness": 1.0}, "unknown parameter 'stiffness'"),
+        ({"length1": -1.0}, "length1 must be positive"),
+    ],
+)
 def test_parameters_that_cannot_be_are_refused(change, message, tmp_path):
     with pytest.raises(ValueError, match=message):
         write_case(tmp_path, "bad", title="", source="", parameters=FREE | change)
@@ -178,8 +199,14 @@ def test_parameters_that_cannot_be_are_refused(change, message, tmp_path):
 
 
 def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
-    file = write_case(tmp_path, "constant", title="", source="", solvers=["mujoco", "pymunk"],
-                      parameters=parameters(rows()["2157"]))
+    file = write_case(
+        tmp_path,
+        "constant",
+        title="",
+        source="",
+        solvers=["mujoco", "pymunk"],
+        parameters=parameters(rows()["2157"]),
+    )
     _, data = at_start(file.with_suffix(".xml"))
     assert data.qfrc_actuator.tolist() == [0.0, 0.0, -0.369, 0.0]
     assert "energy" not in load_case(file).channels  # nothing stores what it gives
@@ -187,8 +214,17 @@ def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
 
 
 def test_words_with_quotes_are_kept_and_others_stand_beside(tmp_path):
-    case = load_case(write_case(tmp_path, "words", title='A "sine"', source="a\\b é",
-                                parameters=FREE, target="sine", beside={"row 1743": OTHER}))
+    case = load_case(
+        write_case(
+            tmp_path,
+            "words",
+            title='A "sine"',
+            source="a\\b é",
+            parameters=FREE,
+            target="sine",
+            beside={"row 1743": OTHER},
+        )
+    )
     assert (case.title, case.source) == ('A "sine"', "a\\b é")
     assert case.beside["row 1743"].parameters == OTHER
     assert case.parameters == FREE | {"target": "sine", "target_moment": 1.0}

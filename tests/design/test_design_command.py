@@ -77,8 +77,9 @@ def test_stopped_it_goes_on_from_there(tmp_path, monkeypatch):
     assert "the same command goes on from there" in " ".join(stopped.output.split())
     monkeypatch.setattr(SavedSearch, "step", step)
     assert run("-o", tmp_path / "twice").output == once.output
-    assert ((tmp_path / "once" / "design.json").read_text()
-            == (tmp_path / "twice" / "design.json").read_text())
+    assert (tmp_path / "once" / "design.json").read_text() == (
+        tmp_path / "twice" / "design.json"
+    ).read_text()
 
 
 @pytest.mark.usefixtures("unverified")
@@ -101,28 +102,36 @@ def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
     assert ours.parameters["length1"] != theirs.parameters["length1"]
 
 
-@pytest.mark.parametrize(("options", "words"), [
-    (("--beside", shipped("fourbar.toml")), ("reference", "'fourbar' is no balancer")),
-    (("--beside", "nowhere.toml"), ("nowhere.toml", "no such file")),
-    (("--target", "cosine"), ("no such target", "sine180", "--table")),
-    (("--segments", "5"), ("segments must be 3 or 4",)),
-    (("--springs", "rubber"), ("linear, nonlinear, each",)),
-    (("--bound", "length1"), ("write it as NAME=LOW:HIGH",)),
-    (("--bound", "length7=0.1:0.2"), ("no such parameter", "length3")),
-    (("--bound", "length1=0.5:0.4"), ("must rise",)),
-    (("--free-angle", "--bound", "rest_angle=3:3.1"), ("random designs", "widen bounds")),
-    (("--catalogue", "nowhere.csv"), ("nowhere.csv", "no such catalogue")),
-    (("--table", "nowhere.csv"), ("nowhere.csv", "no such recorded curve"))])
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--beside", shipped("fourbar.toml")), ("reference", "'fourbar' is no balancer")),
+        (("--beside", "nowhere.toml"), ("nowhere.toml", "no such file")),
+        (("--target", "cosine"), ("no such target", "sine180", "--table")),
+        (("--segments", "5"), ("segments must be 3 or 4",)),
+        (("--springs", "rubber"), ("linear, nonlinear, each",)),
+        (("--bound", "length1"), ("write it as NAME=LOW:HIGH",)),
+        (("--bound", "length7=0.1:0.2"), ("no such parameter", "length3")),
+        (("--bound", "length1=0.5:0.4"), ("must rise",)),
+        (("--free-angle", "--bound", "rest_angle=3:3.1"), ("random designs", "widen bounds")),
+        (("--catalogue", "nowhere.csv"), ("nowhere.csv", "no such catalogue")),
+        (("--table", "nowhere.csv"), ("nowhere.csv", "no such recorded curve")),
+    ],
+)
 def test_bad_input_is_one_line(tmp_path, options, words):
     one_line(run(*options, "-o", tmp_path / "out"), *words)
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("angle [deg],moment [1]\n0,0\n50,1\n40,1\n90,1", ("line 4", "does not rise")),
-    ("angle [deg],moment [1]\n0,0\n50,one\n90,1", ("line 3", "'one' is no number")),
-    ("angle [deg],moment [1]\n0,0\n80,1", ("1 to 90 degrees",)),
-    ("angle [deg],moment [1]\n0,0\n45,0\n90,0", ("positive work",)),
-    ("angle [deg],moment [N m]\n0,0\n90,1", ("'moment [1]'",))])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("angle [deg],moment [1]\n0,0\n50,1\n40,1\n90,1", ("line 4", "does not rise")),
+        ("angle [deg],moment [1]\n0,0\n50,one\n90,1", ("line 3", "'one' is no number")),
+        ("angle [deg],moment [1]\n0,0\n80,1", ("1 to 90 degrees",)),
+        ("angle [deg],moment [1]\n0,0\n45,0\n90,0", ("positive work",)),
+        ("angle [deg],moment [N m]\n0,0\n90,1", ("'moment [1]'",)),
+    ],
+)
 def test_a_table_that_is_none(tmp_path, text, words):
     file = tmp_path / "wanted.csv"
     file.write_text(text)
@@ -131,8 +140,16 @@ def test_a_table_that_is_none(tmp_path, text, words):
 
 @pytest.mark.slow
 def test_the_engines_agree_with_what_was_found(tmp_path):
-    answer = run("--free-angle", "--effort", "0.1", "--pareto", "--beside",
-                 shipped("balancer_sine_free.toml"), "-o", tmp_path)
+    answer = run(
+        "--free-angle",
+        "--effort",
+        "0.1",
+        "--pareto",
+        "--beside",
+        shipped("balancer_sine_free.toml"),
+        "-o",
+        tmp_path,
+    )
     assert answer.exit_code == 0, answer.output
     assert "The model matches the reference" in answer.output
     assert (tmp_path / "report" / "index.html").is_file()

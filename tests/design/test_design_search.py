@@ -15,7 +15,9 @@ REGULAR = Synthesis(Variant("sine"), np.sin)
 
 
 def test_same_seed_same_design():
-    once, twice, other = (SavedSearch(REGULAR, Effort(TINY.heats, seed)).run() for seed in (1, 1, 2))
+    once, twice, other = (
+        SavedSearch(REGULAR, Effort(TINY.heats, seed)).run() for seed in (1, 1, 2)
+    )
     assert np.array_equal(once, twice)
     assert not np.array_equal(once, other)
 
@@ -38,8 +40,11 @@ def test_an_interrupted_search_gives_what_an_uninterrupted_one_gives(tmp_path, a
 def test_the_state_of_another_search_is_refused(tmp_path):
     file = tmp_path / "search.npz"
     SavedSearch(REGULAR, TINY, file).save()
-    others = (Synthesis(Variant("sine", preload=True), np.sin), Synthesis(Variant("sine"), np.cos),
-              Synthesis(Variant("sine"), np.sin, power=1.0))
+    others = (
+        Synthesis(Variant("sine", preload=True), np.sin),
+        Synthesis(Variant("sine"), np.cos),
+        Synthesis(Variant("sine"), np.sin, power=1.0),
+    )
     for other in others:
         with pytest.raises(InputError, match="state of another search"):
             SavedSearch(other, TINY, file)
@@ -81,7 +86,9 @@ def test_a_given_design_that_the_coarse_look_refuses_is_not_lost():
         def coarse(self, vectors):
             return np.where(vectors[:, :1] > 0.9, np.nan, vectors)
 
-    assert SavedSearch(Narrow(), TINY).run() == pytest.approx([0.0, 0.0], abs=1e-6)  # the other valley
+    assert SavedSearch(Narrow(), TINY).run() == pytest.approx(
+        [0.0, 0.0], abs=1e-6
+    )  # the other valley
     given = np.array([[0.95, 0.5]])
     assert SavedSearch(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
 
@@ -135,8 +142,9 @@ def test_nondominated_by_its_definition():
     aims = np.random.default_rng(2).integers(0, 12, (60, 2)).astype(float)
     beaten = [any((other <= own).all() and (other < own).any() for other in aims) for own in aims]
     kept = nondominated(aims)
-    assert {tuple(aims[k]) for k in kept} == {tuple(a) for a, b in zip(aims, beaten, strict=True)
-                                              if not b}
+    assert {tuple(aims[k]) for k in kept} == {
+        tuple(a) for a, b in zip(aims, beaten, strict=True) if not b
+    }
     assert (np.diff(aims[kept, 0]) > 0).all()
 
 

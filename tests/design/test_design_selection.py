@@ -57,13 +57,20 @@ def test_a_catalogue_file(tmp_path):
     assert read_catalogue(file) == CATALOGUE
 
 
-@pytest.mark.parametrize(("text", "said"), [
-    ("a,0.1", "line 1: the header must be 'spring,stiffness .N m/rad.'"),
-    ("spring,stiffness [N m/rad]", "no springs"),
-    ("spring,stiffness [N m/rad]\na,soft", "line 2, stiffness .N m/rad.: 'soft' is no number"),
-    ("spring,stiffness [N m/rad]\na,-1", "line 2: a spring needs a name of its own and a positive"),
-    ("spring,stiffness [N m/rad]\na,1\na,2", "line 3: a spring needs a name of its own"),
-    ("spring,stiffness [N m/rad]\na,1,2", "line 2: 2 cells, the header has 1")])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a,0.1", "line 1: the header must be 'spring,stiffness .N m/rad.'"),
+        ("spring,stiffness [N m/rad]", "no springs"),
+        ("spring,stiffness [N m/rad]\na,soft", "line 2, stiffness .N m/rad.: 'soft' is no number"),
+        (
+            "spring,stiffness [N m/rad]\na,-1",
+            "line 2: a spring needs a name of its own and a positive",
+        ),
+        ("spring,stiffness [N m/rad]\na,1\na,2", "line 3: a spring needs a name of its own"),
+        ("spring,stiffness [N m/rad]\na,1,2", "line 2: 2 cells, the header has 1"),
+    ],
+)
 def test_a_file_that_is_no_catalogue(tmp_path, text, said):
     file = tmp_path / "springs.csv"
     file.write_text(text)

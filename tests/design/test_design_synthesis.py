@@ -15,9 +15,15 @@ SINE = Synthesis(Variant("sine", free_angle=True), np.sin)
 
 def variant_of(row):
     kind, option = row["variant"], row["option"]
-    return Variant(row["target"], row["segments"], "nonlinear" if "nonlinear" in kind else "linear",
-                   "preload" in kind, "rest angle" in option, "contact" in option,
-                   "relaxed" in option)
+    return Variant(
+        row["target"],
+        row["segments"],
+        "nonlinear" if "nonlinear" in kind else "linear",
+        "preload" in kind,
+        "rest angle" in option,
+        "contact" in option,
+        "relaxed" in option,
+    )
 
 
 def task_of(row):
@@ -36,20 +42,29 @@ def elbow(curves, n):
 
 def test_the_thesis_optimised_these_112_variants():
     key = [(v.target, v.segments, v.springs, v.preload, v.option) for v in thesis()]
-    assert sorted(key) == sorted((v.target, v.segments, v.springs, v.preload, v.option)
-                                 for v in map(variant_of, rows().values()))
+    assert sorted(key) == sorted(
+        (v.target, v.segments, v.springs, v.preload, v.option)
+        for v in map(variant_of, rows().values())
+    )
 
 
 def test_its_tables_have_a_dash_for_these_56():
-    dashes = [(target, block["segments"], springs, block["option"])
-              for block in DATA["tables"]["blocks"]
-              for target, cells in block["work_reductions"].items()
-              for springs, cell in zip(DATA["tables"]["columns"], cells, strict=True)
-              if cell is None]
-    words = {("linear", False): "regular", ("linear", True): "preload",
-             ("nonlinear", False): "nonlinear", ("nonlinear", True): "nonlinear preload"}
-    assert sorted(dashes) == sorted((v.target, v.segments, words[v.springs, v.preload], v.option)
-                                    for v in left_out())
+    dashes = [
+        (target, block["segments"], springs, block["option"])
+        for block in DATA["tables"]["blocks"]
+        for target, cells in block["work_reductions"].items()
+        for springs, cell in zip(DATA["tables"]["columns"], cells, strict=True)
+        if cell is None
+    ]
+    words = {
+        ("linear", False): "regular",
+        ("linear", True): "preload",
+        ("nonlinear", False): "nonlinear",
+        ("nonlinear", True): "nonlinear preload",
+    }
+    assert sorted(dashes) == sorted(
+        (v.target, v.segments, words[v.springs, v.preload], v.option) for v in left_out()
+    )
 
 
 @pytest.mark.parametrize("line", rows())
@@ -65,11 +80,14 @@ def test_bounds_are_those_of_the_figure(line):
             kind = "length_three" if row["segments"] == 3 else "length_four"
         if kind == "stiffness" and variant.springs == "nonlinear":
             kind = "nonlinear_stiffness"
-        bound = [np.pi * (1 if b == "pi" else -1) if "pi" in str(b) else float(Fraction(b))
-                 for b in printed[kind]]
+        bound = [
+            np.pi * (1 if b == "pi" else -1) if "pi" in str(b) else float(Fraction(b))
+            for b in printed[kind]
+        ]
         # printed from -B; such a chain is not stable at rest
-        assert (low, high) == pytest.approx((max(bound[0], 0.0) if "stiff" in kind else bound[0],
-                                             bound[1]))
+        assert (low, high) == pytest.approx(
+            (max(bound[0], 0.0) if "stiff" in kind else bound[0], bound[1])
+        )
 
 
 @pytest.mark.parametrize("line", ["1766", "1745", "1753", "1860", "2107", "1744", "1747", "2041"])
@@ -90,12 +108,19 @@ def test_row_1766_by_its_printed_parameters():
     assert found.work_reduction[0] == pytest.approx(99.2994, abs=5e-5)  # and 99.33
 
 
-@pytest.mark.parametrize("variant", [
-    Variant("sine"), Variant("sine", preload=True), Variant("laevo", 4, preload=True),
-    Variant("laevo", springs="nonlinear", free_angle=True),
-    Variant("progressive", springs="each", preload=True, contact=True),
-    Variant("sine180", 4, "nonlinear", relaxed=True), Variant("sine", mode=-1)],
-    ids=lambda v: f"{v.target} {v.segments} {v.springs} {v.option} {v.mode}")
+@pytest.mark.parametrize(
+    "variant",
+    [
+        Variant("sine"),
+        Variant("sine", preload=True),
+        Variant("laevo", 4, preload=True),
+        Variant("laevo", springs="nonlinear", free_angle=True),
+        Variant("progressive", springs="each", preload=True, contact=True),
+        Variant("sine180", 4, "nonlinear", relaxed=True),
+        Variant("sine", mode=-1),
+    ],
+    ids=lambda v: f"{v.target} {v.segments} {v.springs} {v.option} {v.mode}",
+)
 def test_a_batch_is_worth_what_each_design_alone_is(variant):
     task, vectors = random(variant)
     found, built = task.figures(vectors), 0
@@ -116,15 +141,22 @@ def test_a_batch_is_worth_what_each_design_alone_is(variant):
         # both by Newton's method to rounding, from other strides
         assert found.rmse[k] == pytest.approx(rmse(moment, wanted), abs=1e-9)
         assert found.work_reduction[k] == pytest.approx(
-            work_reduction(moment, wanted, task.angles), abs=1e-7)
+            work_reduction(moment, wanted, task.angles), abs=1e-7
+        )
         assert found.spread[k] == pytest.approx(spread, abs=1e-9)
         built += 1
     assert built >= 5
 
 
-@pytest.mark.parametrize(("line", "why"), [
-    ("2188", "unstable at rest"), ("1825", "unstable at rest"), ("2159", "jumps at a fold"),
-    ("1928", "passes with a stretched arm")])
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("2188", "unstable at rest"),
+        ("1825", "unstable at rest"),
+        ("2159", "jumps at a fold"),
+        ("1928", "passes with a stretched arm"),
+    ],
+)
 def test_what_cannot_be_built_is_worth_nothing(line, why):
     row = rows()[line]
     task = task_of(row)
@@ -152,15 +184,23 @@ def test_terms_square_to_the_aim():
     _, energy = SINE.curves(vector, angle)
     uneven = sum((energy[0, :, a] - energy[0, :, b]) ** 2 for a, b in ((0, 1), (0, 2), (1, 2)))
     assert (shared.residuals(vector) ** 2).sum() == pytest.approx(
-        figures.rmse[0] ** 2 + 0.01 * uneven.mean(), rel=1e-12)
+        figures.rmse[0] ** 2 + 0.01 * uneven.mean(), rel=1e-12
+    )
 
 
-@pytest.mark.parametrize(("wrong", "said"), [
-    ({"segments": 2}, "segments must be 3 or 4"),
-    ({"mode": 0}, "mode must be 1 or -1"),
-    ({"springs": "magic"}, "linear, nonlinear, each"),
-    ({"narrowed": {"length9": (0.1, 0.2)}}, "'length9': no such parameter; there are stiffness1"),
-    ({"narrowed": {"length1": (0.3, 0.2)}}, "'length1' must rise, got 0.3 to 0.2")])
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"segments": 2}, "segments must be 3 or 4"),
+        ({"mode": 0}, "mode must be 1 or -1"),
+        ({"springs": "magic"}, "linear, nonlinear, each"),
+        (
+            {"narrowed": {"length9": (0.1, 0.2)}},
+            "'length9': no such parameter; there are stiffness1",
+        ),
+        ({"narrowed": {"length1": (0.3, 0.2)}}, "'length1' must rise, got 0.3 to 0.2"),
+    ],
+)
 def test_a_variant_that_cannot_be_is_refused(wrong, said):
     with pytest.raises(ValueError, match=said):
         Variant("sine", **wrong)

@@ -19,23 +19,32 @@ includes the start of an engine's process, 1.5 s on a quiet machine."""
 
 Files = dict[str, bytes]
 
-SHORT = [(r"(?m)^n = \d+", "n = 7"), (r'"mujoco:default", |, "pymunk:default"', ""),
-         (r"(?m)^to = 6\.28\d+", "to = 0.6"),
-         (r"of_range = (\S+)", lambda m: f"of_range = {min(float(m[1]) * 1e4, 1e-2):g}")]
+SHORT = [
+    (r"(?m)^n = \d+", "n = 7"),
+    (r'"mujoco:default", |, "pymunk:default"', ""),
+    (r"(?m)^to = 6\.28\d+", "to = 0.6"),
+    (r"of_range = (\S+)", lambda m: f"of_range = {min(float(m[1]) * 1e4, 1e-2):g}"),
+]
 EDITS: dict[str, list] = {
     "pendulum": [*SHORT, (r"until = 10\.0", "until = 0.3")],
     "fourbar": SHORT,
-    "fourbar_sweep": [*SHORT, (r"(?s)\[run\.duration\].*?\n\n", ""), (r'"mujoco", "pymunk"',
-                                                                      '"mujoco"'),
-                      (r"(?s)\[\[tolerance\]\]\nrun = \"duration\".*?(\n\n|\Z)", ""),
-                      (r"(?s)\[\[tolerance\]\]\nrun = \"sweep\"\nsolver = \"pymunk\".*?(\n\n|\Z)",
-                       ""),
-                      (r"(?m)^reference", 'model = "fourbar.xml"\nreference')],
+    "fourbar_sweep": [
+        *SHORT,
+        (r"(?s)\[run\.duration\].*?\n\n", ""),
+        (r'"mujoco", "pymunk"', '"mujoco"'),
+        (r"(?s)\[\[tolerance\]\]\nrun = \"duration\".*?(\n\n|\Z)", ""),
+        (r"(?s)\[\[tolerance\]\]\nrun = \"sweep\"\nsolver = \"pymunk\".*?(\n\n|\Z)", ""),
+        (r"(?m)^reference", 'model = "fourbar.xml"\nreference'),
+    ],
     "slider_crank": SHORT,
     "hacksaw_recorded": SHORT,
     "balancer_sine": [*SHORT, (r"to = 1\.57\d+", "to = 0.3"), (r"abs = 1e-12", "abs = 1e-10")],
-    "rod_cantilever": [*SHORT, (r"segments = 40\n\n", "segments = 8\n\n"),
-                       (r"(?s)\[refine\].*?\n\n", ""), (r"of_range = \S+", "of_range = 0.02")],
+    "rod_cantilever": [
+        *SHORT,
+        (r"segments = 40\n\n", "segments = 8\n\n"),
+        (r"(?s)\[refine\].*?\n\n", ""),
+        (r"of_range = \S+", "of_range = 0.02"),
+    ],
     "watt": SHORT,
 }
 OF = {"fourbar_sweep": "fourbar"}
@@ -65,8 +74,10 @@ def started(folder: Path) -> None:
     """Check a good case without haste, so that an engine's process waits for the next one."""
     from proofmass.check import check
 
-    slow = {k: v.replace(f"timeout = {TIMEOUT}".encode(), b"timeout = 120")
-            for k, v in small("pendulum")}
+    slow = {
+        k: v.replace(f"timeout = {TIMEOUT}".encode(), b"timeout = 120")
+        for k, v in small("pendulum")
+    }
     write(slow, folder)
     assert check([folder / "pendulum.toml"], jobs=1).exit_code == 0
 

@@ -40,7 +40,7 @@ def made(name: str, mutations: list[Mutation]) -> Files:
 def shrunk(judge: Judge, name: str, mutations: list[Mutation], signature: str) -> list[Mutation]:
     """As few of the mutations as still have a finding with that signature."""
     for k in reversed(range(len(mutations))):
-        fewer = mutations[:k] + mutations[k + 1:]
+        fewer = mutations[:k] + mutations[k + 1 :]
         if fewer and signature in judge.judge(name, made(name, fewer)).findings:
             mutations = fewer
     return mutations
@@ -52,12 +52,21 @@ def by_command_line(files: Files, folder: Path) -> Verdict:
     Each command starts its engines anew, so that runs get more time than in the judge.
     """
     limit = LOADING + 5 * COLD + MARGIN  # no small case has more than four runs, and a look before
-    write({name: content.replace(f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD}".encode())
-           for name, content in files.items()}, folder)
+    write(
+        {
+            name: content.replace(f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD}".encode())
+            for name, content in files.items()
+        },
+        folder,
+    )
     answer, began = Verdict(), time.perf_counter()
     try:
-        done = subprocess.run([sys.executable, "-m", "proofmass", "check", str(folder), "--json"],
-                              cwd=folder, capture_output=True, timeout=limit)
+        done = subprocess.run(
+            [sys.executable, "-m", "proofmass", "check", str(folder), "--json"],
+            cwd=folder,
+            capture_output=True,
+            timeout=limit,
+        )
     except subprocess.TimeoutExpired:
         return Verdict(["command line: hang"], seconds=limit)
     answer.exit_code, answer.seconds = done.returncode, time.perf_counter() - began
@@ -65,8 +74,9 @@ def by_command_line(files: Files, folder: Path) -> Verdict:
     if done.returncode not in (0, 1, 2):
         answer.findings.append(f"command line: exit code {done.returncode}")
     if "Traceback (most recent call last)" in words:
-        last = [w for w in words.splitlines() if re.match(r"\w[\w.]*(Error|Exception|Warning)\b",
-                                                          w)]
+        last = [
+            w for w in words.splitlines() if re.match(r"\w[\w.]*(Error|Exception|Warning)\b", w)
+        ]
         kind = last[-1].split(":")[0] if last else "?"
         answer.findings.append(f"command line: traceback, {kind}")
     elif done.returncode == 2 and "error: " not in words:
@@ -127,8 +137,10 @@ def hunt(first: int, last: int, folder: Path) -> Counter[str]:
                     known.add(note)
                     print(f"{number} {name}: note: {note} {mutations}", flush=True)
         judge.close()
-    print(f"{last - first} inputs in {time.perf_counter() - began:.0f} s; slowest:",
-          [(n, round(s, 1)) for s, n in sorted(slow)[-8:]])
+    print(
+        f"{last - first} inputs in {time.perf_counter() - began:.0f} s; slowest:",
+        [(n, round(s, 1)) for s, n in sorted(slow)[-8:]],
+    )
     for what, count in seen.most_common():
         print(f"{count:6d}  {what}")
     return seen

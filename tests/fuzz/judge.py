@@ -60,8 +60,13 @@ class Judge:
             self.close()
             self.words = tempfile.TemporaryFile()  # noqa: SIM115, closed with the process
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "tests.fuzz.judge"], cwd=ROOT, start_new_session=True,
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.words)
+                [sys.executable, "-m", "tests.fuzz.judge"],
+                cwd=ROOT,
+                start_new_session=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self.words,
+            )
             assert self.process.stdout.readline() == b"started\n", self.said()
         return self.process
 
@@ -105,8 +110,13 @@ class Judge:
         words, code = self.said(), process.returncode
         self.close()
         last = [w for w in words.splitlines() if w.strip()]
-        return Verdict([f"process died: {f'signal {-code}' if code < 0 else f'exit code {code}'}: "
-                        f"{last[-1][:120] if last else ''}"], detail=words[-2000:])
+        return Verdict(
+            [
+                f"process died: {f'signal {-code}' if code < 0 else f'exit code {code}'}: "
+                f"{last[-1][:120] if last else ''}"
+            ],
+            detail=words[-2000:],
+        )
 
 
 def patience(files: Files, name: str) -> tuple[float, bool]:
@@ -136,13 +146,16 @@ def place_of(frames: list[tuple[str, str]]) -> str:
 
 def stuck(words: str) -> str:
     """Where the main thread or a task was, from a dump of all stacks, innermost first there."""
-    found = [place_of(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
-             for block in re.split(r"Thread |Current thread ", words.split("Timeout (")[-1])]
+    found = [
+        place_of(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
+        for block in re.split(r"Thread |Current thread ", words.split("Timeout (")[-1])
+    ]
     inner = [f for f in found if ":" in f and "check.py:check" not in f and "isolate" not in f]
     return inner[0] if inner else "; ".join(f for f in found if f != "?")[:200]
 
 
 # in the process
+
 
 def examine(folder: Path, name: str) -> Verdict:
     """Check a folder as the command line does, and judge what comes of it."""
@@ -172,8 +185,9 @@ def examine(folder: Path, name: str) -> Verdict:
             answer.notes.append(f"long message about {error.key[:30] or error.file.suffix!r}")
     lost = {(c.outcome, c.message) for c in result.comparisons if c.outcome in ("crashed",)}
     answer.notes += [f"{outcome} run: {message[:80]}" for outcome, message in sorted(lost)]
-    answer.notes += sorted({c.outcome for c in result.comparisons
-                            if c.outcome in ("timed out", "out of memory")})
+    answer.notes += sorted(
+        {c.outcome for c in result.comparisons if c.outcome in ("timed out", "out of memory")}
+    )
     if result.exit_code != 0:
         return answer
     counts = [c.outcome for c in result.comparisons]

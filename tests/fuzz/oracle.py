@@ -52,9 +52,19 @@ Array = Any
 FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
 UNITS = {"deg": ("rad", math.pi / 180), "J": ("N m", 1.0)}
 """What a channel's unit is in SI; other words stand for themselves."""
-PREFIXES = dict(zip("qryzafpnµmcdhkMGTPEZYRQ", (
-    *(10.0**k for k in range(-30, 0, 3)), 1e-2, 1e-1, 1e2, *(10.0**k for k in range(3, 31, 3))),
-    strict=True)) | {"u": 1e-6, "da": 10.0}
+PREFIXES = dict(
+    zip(
+        "qryzafpnµmcdhkMGTPEZYRQ",
+        (
+            *(10.0**k for k in range(-30, 0, 3)),
+            1e-2,
+            1e-1,
+            1e2,
+            *(10.0**k for k in range(3, 31, 3)),
+        ),
+        strict=True,
+    )
+) | {"u": 1e-6, "da": 10.0}
 """Of a unit; a mutation of `rad` may be `rrad`, 1e-27 rad."""
 
 
@@ -71,8 +81,11 @@ def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tup
         return [], ""
     found = [*parameters(old, new, agrees), *channels(old, new, agrees, result)]
     try:
-        found += rods(folder, name, old, new, before, agrees) if "rod" in new else behaviour(
-            folder, name, new, agrees, result)
+        found += (
+            rods(folder, name, old, new, before, agrees)
+            if "rod" in new
+            else behaviour(folder, name, new, agrees, result)
+        )
     except Unjudged as error:
         return list(dict.fromkeys(found)), str(error)
     return list(dict.fromkeys(found)), ""
@@ -82,7 +95,7 @@ def parameters(old: dict, new: dict, agrees: list) -> list[str]:
     """Parameters that differ by more than what the channels that agree would notice."""
     if old["reference"] != new["reference"] or "parameters" not in old:
         return []
-    solve = importlib.import_module(REFERENCES[new['reference']]).solve
+    solve = importlib.import_module(REFERENCES[new["reference"]]).solve
     default = {k: p.default for k, p in inspect.signature(solve).parameters.items()}
     found = []
     for key, value in old["parameters"].items():
@@ -103,8 +116,14 @@ def least(agrees: list, key: str, value: float) -> float:
     A change whose size is not known, NaN, is none.
     """
     changes = [c.would_notice[key] for c in agrees if key in c.would_notice]
-    return min((change.size * (abs(value) if change.relative else 1.0) for change in changes
-                if not math.isnan(change.size)), default=math.inf)
+    return min(
+        (
+            change.size * (abs(value) if change.relative else 1.0)
+            for change in changes
+            if not math.isnan(change.size)
+        ),
+        default=math.inf,
+    )
 
 
 def in_si(unit: str) -> tuple[str, float]:
@@ -124,13 +143,22 @@ def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
         (quantity, factor), (other, its) = in_si(was["unit"]), in_si(now["unit"])
         if quantity != other:
             found.append("channel unit")
-        if was["equals"] != now["equals"] and new["reference"] == old["reference"] and not alike(
-                old, result.curves[c.case, c.run, c.solver], was["equals"], now["equals"],
-                c.allowed * its):
+        if (
+            was["equals"] != now["equals"]
+            and new["reference"] == old["reference"]
+            and not alike(
+                old,
+                result.curves[c.case, c.run, c.solver],
+                was["equals"],
+                now["equals"],
+                c.allowed * its,
+            )
+        ):
             found.append("channel equals")
         for key, usual, one, two in (("scale", 1.0, 1.0, 1.0), ("shift", 0.0, factor, its)):
             if abs(was.get(key, usual) * one - now.get(key, usual) * two) > max(
-                    3 * c.allowed * its, 1e-3):
+                3 * c.allowed * its, 1e-3
+            ):
                 found.append(f"channel {key}")
     return found
 
@@ -139,13 +167,14 @@ def alike(old: dict, curves: Any, one: str | float, two: str | float, allowed: f
     """Whether a closed form has one curve for two quantities, as for a slide along x."""
     if "parameters" not in old:
         return False
-    solve = importlib.import_module(REFERENCES[old['reference']]).solve
+    solve = importlib.import_module(REFERENCES[old["reference"]]).solve
     state = [curves.x] if curves.drive is None else [part[0] for part in curves.drive]
     known = solve(*state, **old["parameters"])
     return one in known and two in known and not far(known[one], known[two], allowed)
 
 
 # behaviour of bare MuJoCo
+
 
 def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> list[str]:
     """Channels whose curves are not those that bare MuJoCo gives."""
@@ -171,8 +200,9 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
                 if far(curves.channels[c.channel], want, c.allowed * factor):
                     found.append("recorded column")
             want = bare.channel(c.channel)
-            if want is not None and far(curves.channels[c.channel], want, c.allowed * factor,
-                                        c.channel.endswith(".angle")):
+            if want is not None and far(
+                curves.channels[c.channel], want, c.allowed * factor, c.channel.endswith(".angle")
+            ):
                 found.append(f"curve of {bare.kind(c.channel)}")
             if bare.kind(c.channel) in FORCES or not drives:
                 found += sorted(bare.warnings)
@@ -211,8 +241,14 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
         x = np.linspace(0, float(table.get("until", drive.get("until", period))), n)
         w = 2 * np.pi / period
         half = (b - a) / 2
-        return x, [(drive["joint"], a + half * (1 - np.cos(w * x)), half * w * np.sin(w * x),
-                    half * w * w * np.cos(w * x))]
+        return x, [
+            (
+                drive["joint"],
+                a + half * (1 - np.cos(w * x)),
+                half * w * np.sin(w * x),
+                half * w * w * np.cos(w * x),
+            )
+        ]
     rate = float(drive.get("rate", 1.0))
     x = np.linspace(a, b, n) if run == "sweep" else np.linspace(0, (b - a) / rate, n)
     value = x if run == "sweep" else a + rate * x
@@ -297,7 +333,7 @@ class Bare:
 
     def follow(self, x: Array) -> None:
         m, d = self.model, self.data
-        (_, value, rate, acceleration), = self.drives
+        ((_, value, rate, acceleration),) = self.drives
         q, h = d.qpos.copy(), 1e-3
         start = float(q[self.dofs[0]])
         strides = max(1, math.ceil(abs(value[0] - start) / 0.05))
@@ -377,7 +413,7 @@ class Bare:
         sensor, _, part = name.partition(".")
         i = m.sensor(sensor).id
         kind, obj = S(int(m.sensor_type[i])), int(m.sensor_objid[i])
-        block = self.rows[:, m.sensor_adr[i]: m.sensor_adr[i] + m.sensor_dim[i]]
+        block = self.rows[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
         if kind == S.mjSENS_USER:
             return self.accelerations[:, m.jnt_dofadr[obj]]
         if kind == S.mjSENS_FRAMELINACC and not m.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
@@ -400,8 +436,10 @@ class Bare:
 
 # rods
 
-def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes],
-         agrees: list) -> list[str]:
+
+def rods(
+    folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes], agrees: list
+) -> list[str]:
     """Rods are compared by the numbers that they and their loads are built from."""
     found = []
     for rod, was in old["rod"].items():
@@ -413,16 +451,29 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
             if was.get(key) != now.get(key) and now.get(key) != ["clamped", "free"]:
                 found.append(f"rod {key}")
     xml = new.get("model", f"{name}.xml")
-    one = loads(mujoco.MjSpec.from_string(before[f"{name}.xml"].decode()),
-                old.get("start", "start"))
+    one = loads(
+        mujoco.MjSpec.from_string(before[f"{name}.xml"].decode()), old.get("start", "start")
+    )
     two = loads(mujoco.MjSpec.from_file(str(folder / xml)), new.get("start", "start"))
-    share = min((change.size for c in agrees for change in c.would_notice.values()
-                 if change.relative and not math.isnan(change.size)), default=math.inf)
+    share = min(
+        (
+            change.size
+            for c in agrees
+            for change in c.would_notice.values()
+            if change.relative and not math.isnan(change.size)
+        ),
+        default=math.inf,
+    )
     for key, numbers in one.items():
         other = two.get(key)
-        if other is None or len(other) != len(numbers) or any(
-                abs(a - b) > 3 * share * max(1.0, abs(a)) for a, b in zip(numbers, other,
-                                                                          strict=True)):
+        if (
+            other is None
+            or len(other) != len(numbers)
+            or any(
+                abs(a - b) > 3 * share * max(1.0, abs(a))
+                for a, b in zip(numbers, other, strict=True)
+            )
+        ):
             found.append(f"{key} of a rod's model")
     return found
 
@@ -430,8 +481,11 @@ def rods(folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes]
 def loads(spec: Any, start: str) -> dict[str, list[float]]:
     """Numbers on which the rest of the small rod depends, as MuJoCo reads them."""
     key = spec.key(start)
-    found = {"key ctrl": key.ctrl if key else [], "option gravity": spec.option.gravity,
-             "flag actuation": [spec.option.disableflags & int(OFF.mjDSBL_ACTUATION)]}
+    found = {
+        "key ctrl": key.ctrl if key else [],
+        "option gravity": spec.option.gravity,
+        "flag actuation": [spec.option.disableflags & int(OFF.mjDSBL_ACTUATION)],
+    }
     for motor in spec.actuators[:1]:
         found["motor gear"] = motor.gear
     for site in spec.sites[:1]:

@@ -57,27 +57,46 @@ def test_a_small_case_agrees_and_the_oracle_covers_it(name, judge):
 
 
 ANOTHER = [  # what the oracle must see if the verdict does not
-    ("fourbar", b'name="coupler" pos="1 0 0"', b'name="coupler" pos="1.01 0 0"',
-     "curve of framepos"),
-    ("fourbar", b'gravity="0 -9.81 0"', b'gravity="0 -9.8 0"',
-     "curve of actuatorfrc"),
-    ("fourbar", b'<joint name="rocker"/>', b'<joint name="rocker" frictionloss="0.1"/>',
-     "dry friction"),
-    ("fourbar", b'<joint name="crank"/>', b'<joint name="crank" range="-1 0.3"/>',
-     "joint range"),
-    ("fourbar", b'<frameangacc name="rocker_acceleration"',
-     b'<frameangvel name="rocker_acceleration"',
-     "curve of frameangvel"),
-    ("slider_crank", b'<jointvel name="slide_rate" joint="slider"', b'<jointvel name="slide_rate" '
-     b'joint="crank"', "curve of jointvel"),
-    ("pendulum", b'gravity="0 -9.81 0"', b'gravity="0 -9.8 0"',
-     "curve of jointpos"),
-    ("balancer_sine", b'stiffness="0.4359"', b'stiffness="0.44"',
-     "curve of jointpos"),
-    ("watt", b'name="second_end" pos="2.8 0 0"', b'name="second_end" pos="2.801 0 0"',
-     "curve of framepos"),
-    ("hacksaw_recorded", b'name="crank_end" pos="0.075 0 0"', b'name="crank_end" pos="0.076 0 0"',
-     "curve of jointpos"),
+    (
+        "fourbar",
+        b'name="coupler" pos="1 0 0"',
+        b'name="coupler" pos="1.01 0 0"',
+        "curve of framepos",
+    ),
+    ("fourbar", b'gravity="0 -9.81 0"', b'gravity="0 -9.8 0"', "curve of actuatorfrc"),
+    (
+        "fourbar",
+        b'<joint name="rocker"/>',
+        b'<joint name="rocker" frictionloss="0.1"/>',
+        "dry friction",
+    ),
+    ("fourbar", b'<joint name="crank"/>', b'<joint name="crank" range="-1 0.3"/>', "joint range"),
+    (
+        "fourbar",
+        b'<frameangacc name="rocker_acceleration"',
+        b'<frameangvel name="rocker_acceleration"',
+        "curve of frameangvel",
+    ),
+    (
+        "slider_crank",
+        b'<jointvel name="slide_rate" joint="slider"',
+        b'<jointvel name="slide_rate" joint="crank"',
+        "curve of jointvel",
+    ),
+    ("pendulum", b'gravity="0 -9.81 0"', b'gravity="0 -9.8 0"', "curve of jointpos"),
+    ("balancer_sine", b'stiffness="0.4359"', b'stiffness="0.44"', "curve of jointpos"),
+    (
+        "watt",
+        b'name="second_end" pos="2.8 0 0"',
+        b'name="second_end" pos="2.801 0 0"',
+        "curve of framepos",
+    ),
+    (
+        "hacksaw_recorded",
+        b'name="crank_end" pos="0.075 0 0"',
+        b'name="crank_end" pos="0.076 0 0"',
+        "curve of jointpos",
+    ),
     ("rod_cantilever", b'ctrl="10"', b'ctrl="30"', "key ctrl of a rod's model"),
     ("fourbar", b"rocker = 2.5 ", b"rocker = 2.6 ", "parameter rocker"),
     ("fourbar", b"mode = 1 ", b"mode = -1 ", "parameter mode 1 is -1"),
@@ -90,6 +109,7 @@ ANOTHER = [  # what the oracle must see if the verdict does not
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory, engine: None) -> Callable[[str], Good]:
     """The folder, the files and the result of a small case, which the oracle agrees to."""
+
     @cache
     def of(name: str) -> Good:
         folder, files = tmp_path_factory.mktemp(name), dict(small(name))
@@ -114,8 +134,9 @@ def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signatur
 def test_another_quantity_that_is_the_same_curve_is_no_false_agreement(judge):
     """A slide along x has the acceleration of its x."""
     files = dict(small("slider_crank"))
-    files["slider_crank.toml"] = files["slider_crank.toml"].replace(b'"slide_acceleration",',
-                                                                    b'"slider_ax",')
+    files["slider_crank.toml"] = files["slider_crank.toml"].replace(
+        b'"slide_acceleration",', b'"slider_ax",'
+    )
     answer = judge.judge("slider_crank", files)
     assert (answer.exit_code, answer.findings) == (0, [])
 
@@ -137,9 +158,13 @@ def test_each_mutator_changes_something_and_is_repeatable():
                 assert tried[3] == mutated(files, [Mutation(ending, mutator, 3)])
 
 
-@pytest.mark.parametrize("file", [  # a hang takes its limits of time
-    pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * file.stem.startswith("hang"))
-    for file in STORED])
+@pytest.mark.parametrize(
+    "file",
+    [  # a hang takes its limits of time
+        pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * file.stem.startswith("hang"))
+        for file in STORED
+    ],
+)
 def test_a_finding_that_was_kept(file, judge):
     name, files, table = kept(file)
     if table["open"]:
@@ -147,8 +172,10 @@ def test_a_finding_that_was_kept(file, judge):
     assert judge.judge(name, files).findings == []
 
 
-@pytest.mark.parametrize(("unit", "wanted"), [
-    ("rrad", ("rad", 1e-27)), (" mm", ("m", 1e-3)), ("N  m", ("N m", 1.0)), ("kg", ("kg", 1.0))])
+@pytest.mark.parametrize(
+    ("unit", "wanted"),
+    [("rrad", ("rad", 1e-27)), (" mm", ("m", 1e-3)), ("N  m", ("N m", 1.0)), ("kg", ("kg", 1.0))],
+)
 def test_the_oracle_knows_units_with_prefixes_and_blanks(unit, wanted):
     assert oracle.in_si(unit) == wanted
 

@@ -9,15 +9,32 @@ from tests.independent.newton_raphson import NotConverged, Solution, newton_raph
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-NAMES = ("r1", "theta1", "theta3", "r1_rate", "theta1_rate", "theta3_rate",
-         "r1_acceleration", "theta1_acceleration", "theta3_acceleration")
+NAMES = (
+    "r1",
+    "theta1",
+    "theta3",
+    "r1_rate",
+    "theta1_rate",
+    "theta3_rate",
+    "r1_acceleration",
+    "theta1_acceleration",
+    "theta3_acceleration",
+)
 SWEEP_GUESS = (-0.0997, -0.4684, 2.8737, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # text line 1712
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, *,
-    crank: float, coupler: float, offset: float, simultaneous: bool = True, reduced: bool = False,
-    guess: ArrayLike = SWEEP_GUESS, tolerance: float = 1e-6,
+    angle: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
+    simultaneous: bool = True,
+    reduced: bool = False,
+    guess: ArrayLike = SWEEP_GUESS,
+    tolerance: float = 1e-6,
 ) -> dict[str, Array]:
     """Sweep with continuation: the solution of a pose is the first guess of the next.
 
@@ -58,8 +75,17 @@ def solve(
     x, rows = np.asarray(guess, float), []
     for law in laws:
         try:
-            x, log = pose(law, x, crank=crank, coupler=coupler, offset=offset,
-                          simultaneous=simultaneous, reduced=reduced, tolerance=tolerance, most=50)
+            x, log = pose(
+                law,
+                x,
+                crank=crank,
+                coupler=coupler,
+                offset=offset,
+                simultaneous=simultaneous,
+                reduced=reduced,
+                tolerance=tolerance,
+                most=50,
+            )
         except NotConverged as error:
             raise type(error)(f"at angle {law[0]:.9g} rad: {error}", error.solution) from None
         rows.append([*x, max(s.iterations for s in log), max(s.steps[-1] for s in log)])
@@ -67,8 +93,16 @@ def solve(
 
 
 def pose(
-    law: ArrayLike, guess: ArrayLike, *, crank: float, coupler: float, offset: float,
-    simultaneous: bool = True, reduced: bool = False, tolerance: float = 1e-6, most: int = 15,
+    law: ArrayLike,
+    guess: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
+    simultaneous: bool = True,
+    reduced: bool = False,
+    tolerance: float = 1e-6,
+    most: int = 15,
 ) -> tuple[Array, list[Solution]]:
     """One pose: the nine unknowns and the log of each system solved.
 
@@ -83,8 +117,9 @@ def pose(
 
         def block(unknowns: Array, part: slice = part) -> tuple[Array, Array]:
             x[part] = unknowns
-            gap, slope = system(x, law, crank=crank, coupler=coupler, offset=offset,
-                                reduced=reduced)
+            gap, slope = system(
+                x, law, crank=crank, coupler=coupler, offset=offset, reduced=reduced
+            )
             return gap[part], slope[part, part]
 
         logs.append(newton_raphson(block, x[part], tolerance=tolerance, most=most))
@@ -93,7 +128,12 @@ def pose(
 
 
 def system(
-    unknowns: Array, law: ArrayLike, *, crank: float, coupler: float, offset: float,
+    unknowns: Array,
+    law: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
     reduced: bool = False,
 ) -> tuple[Array, Array]:
     r"""The nine loop equations F (9,) and their Jacobian (9, 9).

@@ -82,18 +82,21 @@ def newton_raphson(
             sizes = np.linalg.svd(jacobian, compute_uv=False)
             step = _step(jacobian, -residual)
         except np.linalg.LinAlgError:
-            raise Singular(f"singular Jacobian at iteration {len(log) + 1}",
-                           _solution(x, log)) from None
+            raise Singular(
+                f"singular Jacobian at iteration {len(log) + 1}", _solution(x, log)
+            ) from None
         condition = sizes[0] / sizes[-1] if sizes[-1] > 0.0 else np.inf
-        row = np.array([np.linalg.norm(step), np.linalg.norm(residual),
-                        np.sum(sizes > RANK_MARGIN), condition])
+        row = np.array(
+            [np.linalg.norm(step), np.linalg.norm(residual), np.sum(sizes > RANK_MARGIN), condition]
+        )
         x, log = x + step, np.vstack([log, row])
         if row[0] <= tolerance:
             return _solution(x, log)
         if not np.isfinite(x).all():
             break
-    raise NotConverged(f"no root in {len(log)} iterations: the last step is {log[-1, 0]:.3g}",
-                       _solution(x, log))
+    raise NotConverged(
+        f"no root in {len(log)} iterations: the last step is {log[-1, 0]:.3g}", _solution(x, log)
+    )
 
 
 def _step(jacobian: Array, right: Array) -> Array:

@@ -29,8 +29,9 @@ def bold(ax) -> list:
 
 
 def dashed(ax) -> list:
-    return [line for line in ax.lines if line.get_linestyle() == "--"
-            and line.get_linewidth() < 1.0]
+    return [
+        line for line in ax.lines if line.get_linestyle() == "--" and line.get_linewidth() < 1.0
+    ]
 
 
 def words(ax) -> list[str]:
@@ -43,18 +44,18 @@ def bump(x0: float = 0.0) -> ChartLine:
 
 
 def test_stable_is_bold_and_unstable_thin_and_dashed() -> None:
-    ax, = drawn(Panel((bump(), bump(1.0), replace(bump(2.0), stable=False))))
+    (ax,) = drawn(Panel((bump(), bump(1.0), replace(bump(2.0), stable=False))))
     assert (len(bold(ax)), len(dashed(ax))) == (2, 1)
     assert dashed(ax)[0].get_ydata().min() == 2.0
     assert dashed(ax)[0].get_zorder() < bold(ax)[0].get_zorder()
     assert words(ax) == ["a bump", "stable", "unstable"]  # one label for both
-    ax, = drawn(Panel((bump(), replace(bump(2.0), stable=False, label="else"))))
+    (ax,) = drawn(Panel((bump(), replace(bump(2.0), stable=False, label="else"))))
     assert words(ax) == ["a bump", "else"]  # labels tell them apart
 
 
 def test_nan_breaks_a_line() -> None:
     x = np.array([0.0, 1.0, np.nan, 2.0, np.inf, 3.0])
-    ax, = drawn(Panel((ChartLine(x, np.ones(6)),)))
+    (ax,) = drawn(Panel((ChartLine(x, np.ones(6)),)))
     path = ax.lines[0].get_path()
     assert np.isnan(path.vertices[[2, 4]]).all()
     strokes = [len(p) for p in path.cleaned(remove_nans=True).to_polygons(closed_only=False)]
@@ -78,8 +79,14 @@ def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
 
 def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
     at = np.zeros(1)
-    ax, = drawn(Panel((ChartLine(at, at, "fold", points=True), ChartLine(np.arange(9.0), np.ones(9),
-                       "saddle", stable=False, points=True))))
+    (ax,) = drawn(
+        Panel(
+            (
+                ChartLine(at, at, "fold", points=True),
+                ChartLine(np.arange(9.0), np.ones(9), "saddle", stable=False, points=True),
+            )
+        )
+    )
     fold, saddle = ax.lines
     assert len(saddle.get_xdata()) == 9
     assert fold.get_markevery() is saddle.get_markevery() is None  # all of them
@@ -96,15 +103,18 @@ def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
     # black and white: unstable by dashes, stable by markers, five and six of them
     assert len({looks[f"{k}"].dash for k in range(0, 10, 2)}) == 5
     assert len({dressed(lines[k], looks[f"{k}"])["marker"] for k in range(1, 12, 2)}) == 6
-    ax, = drawn(Panel(tuple(lines)))
+    (ax,) = drawn(Panel(tuple(lines)))
     marked = [line.get_markevery()[0] for line in ax.lines if line.get_marker() != "None"]
     assert marked == [1, 0, 1, 0, 1, 0]  # beside those of the next, on 11 points
     assert not {look.colour for look in looks.values()} & {look.colour for look in KNOWN.values()}
 
 
 def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
-    ax, = drawn(Panel((ChartLine(np.array([0.0, np.pi]), np.array([0.0, 2.0])),)), x=("turn", "rad"),
-                y=("R / R_cr", ""))
+    (ax,) = drawn(
+        Panel((ChartLine(np.array([0.0, np.pi]), np.array([0.0, 2.0])),)),
+        x=("turn", "rad"),
+        y=("R / R_cr", ""),
+    )
     assert ax.get_xlabel() == "turn [deg]"
     assert ax.lines[0].get_xdata()[-1] == pytest.approx(180.0)
     assert {30.0, 90.0, 180.0} <= set(ax.get_xticks().round(9))
@@ -124,8 +134,10 @@ def test_alike_has_one_scale_and_no_slivers(high: float, tall: float) -> None:
     assert first.get_ylim()[1] >= high
 
 
-@pytest.mark.parametrize(("count", "grid"), [(1, (1, 1)), (2, (1, 2)), (3, (1, 3)), (4, (2, 2)),
-                                             (5, (2, 3)), (9, (3, 3)), (12, (3, 4))])
+@pytest.mark.parametrize(
+    ("count", "grid"),
+    [(1, (1, 1)), (2, (1, 2)), (3, (1, 3)), (4, (2, 2)), (5, (2, 3)), (9, (3, 3)), (12, (3, 4))],
+)
 def test_panels_are_a_grid_named_at_its_edges(count: int, grid: tuple[int, int]) -> None:
     axes = drawn(*[Panel((bump(),), title=f"{k}") for k in range(count)])
     assert axes[0].get_gridspec().get_geometry() == grid
@@ -144,12 +156,16 @@ def saddle(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field
 
 def zero(ax) -> list[np.ndarray]:
     """Points of bold contours."""
-    return [path.vertices for c in ax.collections if np.max(c.get_linewidth(), initial=0) > 1.5
-            for path in c.get_paths()]
+    return [
+        path.vertices
+        for c in ax.collections
+        if np.max(c.get_linewidth(), initial=0) > 1.5
+        for path in c.get_paths()
+    ]
 
 
 def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
-    ax, = drawn(Panel(field=saddle()))
+    (ax,) = drawn(Panel(field=saddle()))
     points = np.concatenate(zero(ax))
     assert len(points) > 20
     assert np.abs(points[:, 0] - 2 * points[:, 1]).max() < 1e-12  # linear between grid points
@@ -165,7 +181,7 @@ def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
 
 def test_colours_are_where_their_values_are_and_part_at_zero() -> None:
     field = saddle()
-    ax, = drawn(Panel(field=replace(field, values=field.values + 0.5)))
+    (ax,) = drawn(Panel(field=replace(field, values=field.values + 0.5)))
     filled = ax.collections[0]
     assert filled.levels[0] == -filled.levels[-1]  # though the values are not symmetric
     paths = filled.get_paths()
@@ -182,9 +198,10 @@ def test_a_field_without_sign_or_without_zero_has_none() -> None:
 
 
 def test_what_is_nan_stays_white() -> None:
-    ax, = drawn(Panel(field=saddle()))
-    right = max(path.vertices[:, 0].max() for path in ax.collections[0].get_paths()
-                if len(path.vertices))
+    (ax,) = drawn(Panel(field=saddle()))
+    right = max(
+        path.vertices[:, 0].max() for path in ax.collections[0].get_paths() if len(path.vertices)
+    )
     assert right == pytest.approx(0.8)
     assert ax.get_xlim()[1] == pytest.approx(0.8 + 0.03 * 1.8)  # nor does it take room
     hollow = replace(saddle(), values=np.full((41, 31), np.nan))
@@ -200,7 +217,7 @@ def test_panels_of_one_label_share_their_colours_and_others_do_not() -> None:
 
 
 def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -> None:
-    ax, = drawn(Panel((ChartLine(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
+    (ax,) = drawn(Panel((ChartLine(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
     ax.scatter([], [])  # as contours between grid points may be
     svg = save(ax.figure, tmp_path / "figure", png=False)
     groups = [e for e in ElementTree.fromstring(svg).iter() if e.tag.endswith("}g")]
@@ -211,30 +228,37 @@ def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -
 def test_a_pole_does_not_bleach_the_rest() -> None:
     field = saddle()
     field.values[20, 15] = 1e9
-    ax, = drawn(Panel(field=field))
+    (ax,) = drawn(Panel(field=field))
     assert ax.collections[0].levels[-1] < 4.0
     assert ax.collections[0].extend in ("max", "both")
 
 
 def test_a_bar_has_name_and_unit_and_angles_are_in_degrees() -> None:
-    ax, = drawn(Panel(field=saddle("rad/m")))
+    (ax,) = drawn(Panel(field=saddle("rad/m")))
     bar = ax.child_axes[0]
     assert bar.get_ylabel() == "slope [deg/m]"
     assert bar.get_ylim()[1] > 50.0  # 1.6 rad/m
 
 
 def test_lines_stand_out_from_a_field() -> None:
-    ax, = drawn(Panel((bump(),), saddle()))
+    (ax,) = drawn(Panel((bump(),), saddle()))
     assert ax.lines[0].get_path_effects()
     assert not drawn(Panel((bump(),)))[0].lines[0].get_path_effects()
 
 
-@pytest.mark.parametrize(("make", "words"), [
-    (lambda: ChartLine(np.zeros(3), np.zeros(4)), r"got \(3,\) and \(4,\)"),
-    (lambda: ChartLine(np.zeros((3, 2)), np.zeros((3, 2))), r"a line needs x \(n,\)"),
-    (lambda: Field(np.zeros(3), np.zeros(4), np.zeros((4, 3)), "a", "m"), r"\(4, 3\) at \(3,\)"),
-    (lambda: Chart(("x", "m"), ("y", "m"), (), ""), "1 to 12 panels, got 0"),
-    (lambda: Chart(("x", "m"), ("y", "m"), (Panel(),) * 13, ""), "got 13")])
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: ChartLine(np.zeros(3), np.zeros(4)), r"got \(3,\) and \(4,\)"),
+        (lambda: ChartLine(np.zeros((3, 2)), np.zeros((3, 2))), r"a line needs x \(n,\)"),
+        (
+            lambda: Field(np.zeros(3), np.zeros(4), np.zeros((4, 3)), "a", "m"),
+            r"\(4, 3\) at \(3,\)",
+        ),
+        (lambda: Chart(("x", "m"), ("y", "m"), (), ""), "1 to 12 panels, got 0"),
+        (lambda: Chart(("x", "m"), ("y", "m"), (Panel(),) * 13, ""), "got 13"),
+    ],
+)
 def test_what_cannot_be_drawn_is_refused_where_it_is_made(make, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         make()

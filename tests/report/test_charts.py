@@ -19,7 +19,7 @@ STUB = '''"""A crank that knows two charts."""
 
 import numpy as np
 
-from proofmass.analytic.chart import Chart, Line, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Panel
 
 
 def solve(angle, rate=1.0, acceleration=0.0, *, stiffness):
@@ -30,7 +30,7 @@ def energies(*, stiffness: float, turns: int = 1) -> Chart:
     if turns > 9:
         raise ValueError(f"turns must be 9 at most, got {turns}")
     angle = np.linspace(0.0, 6.0 * turns, 7)
-    line = Line(angle, stiffness * angle**2 / 2, "stored <&>")
+    line = ChartLine(angle, stiffness * angle**2 / 2, "stored <&>")
     return Chart(("angle", "rad"), ("energy", "J"), (Panel((line,)),), f"Up to {turns} & more.")
 
 
@@ -39,7 +39,7 @@ def broken(*, stiffness: float, weight: float = 1.0) -> Chart:
 '''
 
 
-MORE = '''
+MORE = """
 [[chart]]
 title = "Energy"
 draw = "energies"
@@ -48,7 +48,7 @@ parameters = { turns = 2 }
 [[chart]]
 title = "Lost"
 draw = "broken"
-'''
+"""
 
 
 @pytest.fixture
@@ -59,11 +59,11 @@ def stub(stubbed) -> Path:
 
 def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
     case = load_case(stub)
-    line, = chart_of(case, case.chart[0]).lines
+    (line,) = chart_of(case, case.chart[0]).lines
     assert line.y[-1] == 2.0 * 12.0**2 / 2  # the case's stiffness, the chart's turns
     stiffer = case.chart[0].model_copy(update={"parameters": {"stiffness": 3.0}})
     case = case.model_copy(update={"chart": (stiffer,)})
-    line, = chart_of(case, stiffer).lines
+    (line,) = chart_of(case, stiffer).lines
     assert line.y[-1] == 3.0 * 6.0**2 / 2  # the chart's instead of the case's
 
 
@@ -72,18 +72,26 @@ def test_counts_stay_whole_numbers() -> None:
     assert [type(value) for value in table.parameters.values()] == [int, float, str, tuple]
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ('draw = "energies"', 'draw = "energy"', ["chart.0.draw", "'energy'", "broken, energies"]),
-    ('draw = "broken"', 'draw = "solve"', ["chart.1.draw", "no chart 'solve'"]),
-    ("turns = 2", "turn = 2", ["chart.0.parameters.turn", "known: stiffness, turns"]),
-    ("stiffness = 2.0", "", ["energies() also needs stiffness"]),
-    ("turns = 2", "turns = nan", ["chart.0.parameters.turns: ", "finite"]),
-    ("turns = 2", "turns = {}", ["chart.0.parameters.turns: ", "valid"]),
-    ('title = "Lost"', 'titel = "Lost"', ["chart.1", "unknown key 'titel'", "title, draw, param"]),
-    ('title = "Lost"', 'title = ""', ["chart.1.title", "at least 1"]),
-])
-def test_errors_name_the_key_and_what_there_is(stub: Path, old: str, new: str,
-                                               words: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('draw = "energies"', 'draw = "energy"', ["chart.0.draw", "'energy'", "broken, energies"]),
+        ('draw = "broken"', 'draw = "solve"', ["chart.1.draw", "no chart 'solve'"]),
+        ("turns = 2", "turn = 2", ["chart.0.parameters.turn", "known: stiffness, turns"]),
+        ("stiffness = 2.0", "", ["energies() also needs stiffness"]),
+        ("turns = 2", "turns = nan", ["chart.0.parameters.turns: ", "finite"]),
+        ("turns = 2", "turns = {}", ["chart.0.parameters.turns: ", "valid"]),
+        (
+            'title = "Lost"',
+            'titel = "Lost"',
+            ["chart.1", "unknown key 'titel'", "title, draw, param"],
+        ),
+        ('title = "Lost"', 'title = ""', ["chart.1.title", "at least 1"]),
+    ],
+)
+def test_errors_name_the_key_and_what_there_is(
+    stub: Path, old: str, new: str, words: list[str]
+) -> None:
     text = stub.read_text()
     assert old in text
     stub.write_text(text.replace(old, new, 1))
@@ -137,7 +145,8 @@ def test_a_wrong_parameter_is_told_on_the_page_without_folders(stub: Path, tmp_p
     case = load_case(stub)
     page = write_report(Result(cases=[case]), tmp_path / "r").with_name("fourbar.html")
     assert "“Energy” is not drawn: fourbar.toml: chart.0.parameters: turns must" in page.read_text(
-        "utf-8")
+        "utf-8"
+    )
 
 
 def test_a_case_without_charts_has_no_section(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """What the pages say of a mechanism: freedoms, Grashof class, stroke, share of crank angles."""
 
-
 import pytest
 
 from proofmass.check import Result
@@ -10,8 +9,12 @@ from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 SAYS = {  # lengths of B. Díaz Lozano 2019; figures in tests/data
-    "fourbar": {"Grashof class": "crank-rocker, margin 0.5 m", "rocker swings": "47.18°",
-                "time ratio": "1.0233", "transmission angle": "51.32° to 125.10°"},
+    "fourbar": {
+        "Grashof class": "crank-rocker, margin 0.5 m",
+        "rocker swings": "47.18°",
+        "time ratio": "1.0233",
+        "transmission angle": "51.32° to 125.10°",
+    },
     "triple_rocker": {"crank": "reaches 0.00° to 127.17° on either side"},
     "change_point": {"Grashof class": "change point, margin 0 m"},
     "slider_crank": {"stroke": "2 m"},

@@ -40,10 +40,14 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
     run = plan(case, kind, "mujoco")
     x, state = run.x, run.motion(run.x) if run.drives else None
     truth = evaluate(case, x, state)
-    channels = {n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x) for n, v in truth.channels.items()
-                if case.channels[n].only in (None, kind)}
-    return Curves(x, channels, drive=state, seconds=0.1, steps=len(x), gap=1e-9,
-                  settings={"timestep": 1e-3})
+    channels = {
+        n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x)
+        for n, v in truth.channels.items()
+        if case.channels[n].only in (None, kind)
+    }
+    return Curves(
+        x, channels, drive=state, seconds=0.1, steps=len(x), gap=1e-9, settings={"timestep": 1e-3}
+    )
 
 
 def result_of(case: Case, **off: float) -> Result:
@@ -57,8 +61,11 @@ def result_of(case: Case, **off: float) -> Result:
 
 
 def lost(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
-    return [Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
-            for name, c in case.channels.items() if c.only in (None, kind)]
+    return [
+        Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
+        for name, c in case.channels.items()
+        if c.only in (None, kind)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +89,9 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     result.comparisons.extend(compare(case, "duration", "mujoco:default", curves))
     for kind, outcome in ("duration", "diverged"), ("sweep", "timed out"):
         result.comparisons.extend(lost(case, kind, "pymunk", outcome))
-    result.comparisons.append(Comparison("loose", "mujoco", "duration", "", "",
-                                         message="no sidecar; it loads and steps"))
+    result.comparisons.append(
+        Comparison("loose", "mujoco", "duration", "", "", message="no sidecar; it loads and steps")
+    )
     result.errors.append(InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>"))
     return write_report(result, folder).parent
 
@@ -93,15 +101,17 @@ def test_all_agree(fourbar: Case) -> None:
     assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
         f"The model matches the reference: all {len(fourbar.channels)} channels of the sweep "
         "agree in MuJoCo. "
-        "MuJoCo agrees at dt = 0.97 ms.")
+        "MuJoCo agrees at dt = 0.97 ms."
+    )
 
 
 def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
     result = result_of(fourbar, sweep=0.0)
     curves = curves_of(fourbar, "duration", 3e-2)
     rows = compare(fourbar, "duration", "mujoco:default", curves)
-    assert ("shown unchecked: MuJoCo default (off by 3% of the range in position and 3% in "
-            "velocity)") in headline(fourbar, [*result.comparisons, *rows])
+    assert (
+        "shown unchecked: MuJoCo default (off by 3% of the range in position and 3% in velocity)"
+    ) in headline(fourbar, [*result.comparisons, *rows])
 
 
 def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
@@ -117,24 +127,30 @@ def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
     span = np.ptp(truth["rocker_acceleration.z"])
     assert (c.at, c.error_max) == (0.0, pytest.approx(0.502 * span, rel=1e-9))
     assert c.error_later == pytest.approx(2e-3 * span, rel=1e-9)
-    assert ("MuJoCo default (off by 1e-4 of the range in position, 0.1% in velocity and 50% in "
-            "acceleration at the start, 0.2% after a tenth of the run)") in headline(case, rows)
+    assert (
+        "MuJoCo default (off by 1e-4 of the range in position, 0.1% in velocity and 50% in "
+        "acceleration at the start, 0.2% after a tenth of the run)"
+    ) in headline(case, rows)
 
 
 def test_sweep_differs(fourbar: Case) -> None:
     text = headline(fourbar, result_of(fourbar, sweep=1e-3, duration=0.0).comparisons)
-    assert text.startswith("The model does not match the reference: MuJoCo differs in the sweep "
-                           "on ")
+    assert text.startswith(
+        "The model does not match the reference: MuJoCo differs in the sweep on "
+    )
     assert text.endswith("do not look at integrators before this is mended.")
 
 
 def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
     good = result_of(fourbar, sweep=0.0).comparisons
-    bad = [replace(c, solver="pymunk", outcome="differs", error_max=1.0, message="9 x the allowed")
-           for c in good]
+    bad = [
+        replace(c, solver="pymunk", outcome="differs", error_max=1.0, message="9 x the allowed")
+        for c in good
+    ]
     text = headline(fourbar, [*good, *bad])
-    assert text.startswith("The model matches the reference in MuJoCo, not in every solver: "
-                           "pymunk diff")
+    assert text.startswith(
+        "The model matches the reference in MuJoCo, not in every solver: pymunk diff"
+    )
 
 
 def test_duration_differs(fourbar: Case) -> None:
@@ -152,7 +168,8 @@ def test_diverged(fourbar: Case) -> None:
 def test_no_sweep_and_nothing_run() -> None:
     case = case_of("pendulum")
     assert headline(case, result_of(case, duration=0.0).comparisons).startswith(
-        "No sweep, so model and integrator are judged together: MuJoCo agrees")
+        "No sweep, so model and integrator are judged together: MuJoCo agrees"
+    )
     assert headline(case, []).startswith("Not judged")
 
 
@@ -160,8 +177,14 @@ def test_every_channel_and_outcome(report: Path, fourbar: Case) -> None:
     page = (report / "fourbar.html").read_text(encoding="utf-8")
     for channel in fourbar.channels:
         assert f'">{channel} <span class="unit">' in page
-    for outcome in ("✓ agrees", "✗ differs", "○ unchecked", "– unsupported", "⚠ diverged",
-                    "⚠ timed out"):
+    for outcome in (
+        "✓ agrees",
+        "✗ differs",
+        "○ unchecked",
+        "– unsupported",
+        "⚠ diverged",
+        "⚠ timed out",
+    ):
         assert outcome in page
     assert "pymunk is not drawn: diverged. why not" in page
     assert "no such sensor here" in page
@@ -205,8 +228,9 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
     assert page.index('class="cards"') < page.index("without a sidecar")
 
 
-@pytest.mark.parametrize("name", ["mechanism", *(
-    f"{kind}-{what}" for kind in ("sweep", "duration") for what in SHEETS)])
+@pytest.mark.parametrize(
+    "name", ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "duration") for what in SHEETS)]
+)
 def test_figures_as_svg_and_png(report: Path, name: str) -> None:
     stem = report / "figures" / f"fourbar-{name}"
     assert "<svg" in stem.with_suffix(".svg").read_text(encoding="utf-8")
@@ -224,8 +248,9 @@ def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
 
 
 def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
-    case = case_of("pendulum", parameters={"length": 1.0, "mass": 1.0, "gravity": 9.81,
-                                           "amplitude": 0.0})
+    case = case_of(
+        "pendulum", parameters={"length": 1.0, "mass": 1.0, "gravity": 9.81, "amplitude": 0.0}
+    )
     index = write_report(result_of(case, duration=0.0), tmp_path)
     page = index.with_name("pendulum.html").read_text(encoding="utf-8")
     assert page.count("<figure") == 3  # mechanism, overlay, difference
@@ -247,13 +272,21 @@ def test_solvers_differ_in_colour_and_without_it() -> None:
 
 
 def test_inline_svg_escapes_its_label() -> None:
-    assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline('<svg viewBox="0 0 1 1"></svg>', "k",
-                                                            'a <b> "c"')
+    assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline(
+        '<svg viewBox="0 0 1 1"></svg>', "k", 'a <b> "c"'
+    )
 
 
-@pytest.mark.parametrize(("name", "words"), [
-    ("fivebar", ["left", "right", "left_crank", "right_coupler", "tip"]),
-    ("hacksaw", ["ray_length", "slider_pin", "crank_pin", "coupler", "slide, dashed: its guide"])])
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("fivebar", ["left", "right", "left_crank", "right_coupler", "tip"]),
+        (
+            "hacksaw",
+            ["ray_length", "slider_pin", "crank_pin", "coupler", "slide, dashed: its guide"],
+        ),
+    ],
+)
 def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path: Path) -> None:
     write_report(Result(cases=[case_of(name)]), tmp_path)
     svg = (tmp_path / "figures" / f"{name}-mechanism.svg").read_text(encoding="utf-8")
@@ -276,9 +309,13 @@ def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
     fourbar = fourbar.model_copy(update={"channels": {"rocker": fourbar.channels["rocker"]}})
     result = result_of(fourbar, sweep=0.0)
     whole = result.curves[fourbar.name, "sweep", "mujoco"]
-    short = replace(whole, x=whole.x[:20], stopped="the loop stays open",
-                    channels={n: c[:20] for n, c in whole.channels.items()},
-                    drive=tuple(part[:, :20] for part in whole.drive or ()))
+    short = replace(
+        whole,
+        x=whole.x[:20],
+        stopped="the loop stays open",
+        channels={n: c[:20] for n, c in whole.channels.items()},
+        drive=tuple(part[:, :20] for part in whole.drive or ()),
+    )
     result.comparisons.extend([replace(c, solver="pymunk") for c in result.comparisons])
     for order in ("mujoco", "pymunk"), ("pymunk", "mujoco"):  # whichever solver comes first
         for solver, curves in zip(order, (whole, short), strict=True):
@@ -303,20 +340,30 @@ def test_headline_says_why_channels_are_missing(fourbar: Case) -> None:
     rows = result_of(fourbar, sweep=0.0).comparisons
     rows[0] = replace(rows[0], outcome="unsupported", message="no inverse dynamics")
     assert f"{len(rows) - 1} of {len(rows)} channels in MuJoCo (no inverse dynamics)." in headline(
-        fourbar, rows)
+        fourbar, rows
+    )
 
 
 def test_inputs_of_several_drives() -> None:
     fivebar, circle = case_of("fivebar"), case_of("fivebar_circle")
-    for case, rows in (fivebar, [["left (drive)", "right (drive)"]]), (circle, [
-            [f"{side}{what} (drive)" for side in ("left", "right")]
-            for what in ("", " rate", " acceleration")]):
+    for case, rows in (
+        (fivebar, [["left (drive)", "right (drive)"]]),
+        (
+            circle,
+            [
+                [f"{side}{what} (drive)" for side in ("left", "right")]
+                for what in ("", " rate", " acceleration")
+            ],
+        ),
+    ):
         view = shown(result_of(case, sweep=0.0), case, "sweep")
         assert input_rows(view, list(inputs(view))) == rows
 
 
-@pytest.mark.parametrize(("derivatives", "drawn"), [
-    ((0, 0), [""]), ((0, 1), ["", " rate"]), ((1, 2), ["", " rate", " acceleration"])])
+@pytest.mark.parametrize(
+    ("derivatives", "drawn"),
+    [((0, 0), [""]), ((0, 1), ["", " rate"]), ((1, 2), ["", " rate", " acceleration"])],
+)
 def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -> None:
     case = case_of("triple_rocker")
     view = shown(result_of(case, sweep=0.0), case, "sweep")
@@ -338,24 +385,39 @@ def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
 @pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
 def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> None:
     """A docstring tells the page; the remark in the sidecar was written by itself."""
-    case, remarks = load_case(file), dict(re.findall(
-        r"(?m)^(\w+) = \S+ +# (m|kg|m/s2|rad|N m2|N m|N)(?=[,: \n])", file.read_text()))
+    case, remarks = (
+        load_case(file),
+        dict(
+            re.findall(
+                r"(?m)^(\w+) = \S+ +# (m|kg|m/s2|rad|N m2|N m|N)(?=[,: \n])", file.read_text()
+            )
+        ),
+    )
     for name, unit in remarks.items():
         if name in case.parameters:
             assert unit_of(case, name).replace("^", "") == unit
-    assert [name for name, value in case.parameters.items()
-            if not isinstance(value, str) and not unit_of(case, name)] in ([], ["mode"])
+    assert [
+        name
+        for name, value in case.parameters.items()
+        if not isinstance(value, str) and not unit_of(case, name)
+    ] in ([], ["mode"])
 
 
 def test_the_unit_of_a_parameter_is_told_by_the_docstring() -> None:
-    units = {case: {p: unit_of(case_of(case), p) for p in case_of(case).parameters}
-             for case in ("fourbar", "balancer_sine", "pendulum", "rod_cantilever")}
+    units = {
+        case: {p: unit_of(case_of(case), p) for p in case_of(case).parameters}
+        for case in ("fourbar", "balancer_sine", "pendulum", "rod_cantilever")
+    }
     for name, unit in (("crank", "m"), ("crank_mass", "kg"), ("gravity", "m/s^2"), ("mode", "")):
         assert units["fourbar"][name] == unit
     assert units["balancer_sine"]["length3"] == "m"  # of "length1, .."
     assert units["balancer_sine"]["target_moment"] == "N m"
     assert units["pendulum"] == {
-        "length": "m", "mass": "kg", "gravity": "m/s^2", "amplitude": "rad"}
+        "length": "m",
+        "mass": "kg",
+        "gravity": "m/s^2",
+        "amplitude": "rad",
+    }
     assert units["rod_cantilever"]["force_y"] == "N"
 
 

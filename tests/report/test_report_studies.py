@@ -33,15 +33,17 @@ HEAVY, LEAN = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
 QUARTER, NOTHING = (0.2, 0.25, 0.3), (-0.02, 0.01, 0.03)
 RUN = "pendulum duration"
 ENTRIES = [
-    Entry("light", "sun", "harmless", {RUN: {"angle": 0.0, "rate.x": 0.0}}, "", (HEAVY, LEAN),
-          QUARTER),
+    Entry(
+        "light", "sun", "harmless", {RUN: {"angle": 0.0, "rate.x": 0.0}}, "", (HEAVY, LEAN), QUARTER
+    ),
     Entry("joint", "pivot", "needed", message='no <sensor>, "angle" needs it'),
     Entry("body", "bob", "matters", {RUN: {"angle": 7e12}}, "", (HEAVY, LEAN), QUARTER),
     Entry("geom", "rod", "diverged", message="MuJoCo warning badqacc"),
-    Entry("drawn geom", "2: rod, bob", "drawn", {RUN: {"angle": 2e-3}}, "", (HEAVY, HEAVY),
-          NOTHING),
-    Entry(WHOLE, "", "harmless", {RUN: {"angle": 0.5, "rate.x": 0.25}}, "", (HEAVY, LEAN),
-          QUARTER)]
+    Entry(
+        "drawn geom", "2: rod, bob", "drawn", {RUN: {"angle": 2e-3}}, "", (HEAVY, HEAVY), NOTHING
+    ),
+    Entry(WHOLE, "", "harmless", {RUN: {"angle": 0.5, "rate.x": 0.25}}, "", (HEAVY, LEAN), QUARTER),
+]
 
 
 @pytest.fixture
@@ -51,10 +53,31 @@ def studies(tmp_path: Path) -> list[Path]:
     for folder in folders:
         folder.mkdir()
     rows, verdicts = study()
-    write_study(Trade([replace(r, case="pendulum") for r in rows], [],
-                      [replace(v, case="pendulum") for v in verdicts]), folders[0])
-    write_boundaries([Boundary("pendulum", "pymunk", "as it is", "gravity", "times", 1.0, 1e6, 2.0,
-                               2.01, limit=BoundaryKind.UNSTABLE)], folders[1] / "stress.csv")
+    write_study(
+        Trade(
+            [replace(r, case="pendulum") for r in rows],
+            [],
+            [replace(v, case="pendulum") for v in verdicts],
+        ),
+        folders[0],
+    )
+    write_boundaries(
+        [
+            Boundary(
+                "pendulum",
+                "pymunk",
+                "as it is",
+                "gravity",
+                "times",
+                1.0,
+                1e6,
+                2.0,
+                2.01,
+                limit=BoundaryKind.UNSTABLE,
+            )
+        ],
+        folders[1] / "stress.csv",
+    )
     write_entries(ENTRIES, folders[2] / "pendulum.csv")
     (folders[2] / "pendulum.xml").write_text("<mujoco/>")
     return folders
@@ -67,8 +90,9 @@ def test_the_table_of_a_diet_holds_everything(tmp_path: Path) -> None:
 
 
 def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
-    option = Entry(OPTION, "tolerance 0 to 1e-8", "harmless", {RUN: {"angle": 0.5}}, "",
-                   (HEAVY, LEAN), QUARTER)
+    option = Entry(
+        OPTION, "tolerance 0 to 1e-8", "harmless", {RUN: {"angle": 0.5}}, "", (HEAVY, LEAN), QUARTER
+    )
     longer = Entry(OPTION, "time step 1e-3 to 2e-3 s", "matters", {RUN: {"rate": 4.0}})
     watched = Entry(SAID, "", SAID, message="Watched: joint crank, and nothing else.")
     told = [watched, option, longer, replace(ENTRIES[-1], saved=NOTHING)]
@@ -83,7 +107,8 @@ def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
         "The time of a run does not change measurably (0.97 to 1.02 of it with 99 %), and 10 KB "
         "less memory.",
         "Options that stay, since an error would be too large: time step 1e-3 to 2e-3 s (4 of what "
-        "is allowed, of rate)."]
+        "is allowed, of rate).",
+    ]
 
 
 def test_another_table_is_no_diet(tmp_path: Path) -> None:
@@ -109,8 +134,10 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
     write_entries([*ENTRIES[1:4], replace(ENTRIES[-1], moved={})], tmp_path / "lean.csv")
     (tmp_path / "lean.xml").write_text("<mujoco/>")
     text = write_diet(tmp_path, tmp_path).first.read_text(encoding="utf-8")
-    assert ("Nothing is left to remove: of 3 features, each taken out, 1 moves a channel by more "
-            "than it may, and 2 are needed for the model to run.") in text
+    assert (
+        "Nothing is left to remove: of 3 features, each taken out, 1 moves a channel by more "
+        "than it may, and 2 are needed for the model to run."
+    ) in text
     assert "go together" not in text
     assert WHOLE not in text  # of nothing
 
@@ -126,16 +153,19 @@ def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
     assert [m.get_markerfacecolor() == "white" for m in marks] == [False, False, True, False]
     assert [round(p.get_width(), 6) for p in time.patches] == [25.0, 25.0, 1.0, 25.0]
     assert [line.get_xdata().tolist() for line in time.lines[1:]] == [
-        pytest.approx(span) for span in ([20, 30], [20, 30], [-2, 3], [20, 30])]
+        pytest.approx(span) for span in ([20, 30], [20, 30], [-2, 3], [20, 30])
+    ]
     assert [p.get_width() for p in memory.patches] == [10.0, 10.0, 0.0, 10.0]
 
 
-def test_every_link_of_a_report_with_studies_leads_somewhere(studies: list[Path],
-                                                             tmp_path: Path) -> None:
+def test_every_link_of_a_report_with_studies_leads_somewhere(
+    studies: list[Path], tmp_path: Path
+) -> None:
     out = tmp_path / "report"
     more = [word for folder in studies for word in ("--study", str(folder))]
-    answer = CliRunner().invoke(app, ["report", str(shipped("pendulum.toml")), "-o", str(out),
-                                      *more])
+    answer = CliRunner().invoke(
+        app, ["report", str(shipped("pendulum.toml")), "-o", str(out), *more]
+    )
     assert answer.exit_code == 0, answer.output
     pages = sorted(out.rglob("*.html"))
     assert len(pages) == 6  # index, pendulum; trade: index and a case; stress; diet
@@ -146,8 +176,11 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(studies: list[Path]
             if link[1]:
                 assert f'id="{link[1][1:]}"' in target.read_text(encoding="utf-8"), link
     case = (out / "pendulum.html").read_text(encoding="utf-8")
-    for link in ("trade/pendulum-duration-trade.html", "stress/index.html#pendulum-stress",
-                 "diet/index.html#pendulum-diet"):
+    for link in (
+        "trade/pendulum-duration-trade.html",
+        "stress/index.html#pendulum-stress",
+        "diet/index.html#pendulum-diet",
+    ):
         assert link in case
     for page in (out / "trade" / "index.html", out / "stress" / "index.html"):
         assert 'href="../index.html"' in page.read_text(encoding="utf-8")
@@ -159,10 +192,12 @@ def test_a_report_without_studies_does_not_speak_of_them(tmp_path: Path) -> None
         assert "Studies" not in (tmp_path / f"{name}.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("twice", "words"), [(False, "no study is there"),
-                                              (True, "a second diet study")])
-def test_folders_that_are_wrong_are_said(studies: list[Path], tmp_path: Path, twice: bool,
-                                         words: str) -> None:
+@pytest.mark.parametrize(
+    ("twice", "words"), [(False, "no study is there"), (True, "a second diet study")]
+)
+def test_folders_that_are_wrong_are_said(
+    studies: list[Path], tmp_path: Path, twice: bool, words: str
+) -> None:
     with pytest.raises(InputError, match=words):
         write_study_pages([studies[2]] * 2 if twice else [tmp_path], tmp_path / "report")
     answer = CliRunner().invoke(app, ["report", "--study", str(tmp_path), "-o", str(tmp_path)])

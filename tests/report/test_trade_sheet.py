@@ -47,17 +47,37 @@ def sheet() -> Figure:
 
 def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
     assert [ax.get_title("left") for ax in sheet.axes] == [
-        "position", "", "rate", "", "acceleration", ""]
+        "position",
+        "",
+        "rate",
+        "",
+        "acceleration",
+        "",
+    ]
     assert sheet.axes[-2].get_xlabel() == "wall time of the run [s]"
     assert all("share of the range" in ax.get_ylabel() for ax in sheet.axes[::2])
-    assert {ax.get_xscale() for ax in sheet.axes} == {ax.get_yscale() for ax in sheet.axes} == {
-        "log"}
+    assert (
+        {ax.get_xscale() for ax in sheet.axes} == {ax.get_yscale() for ax in sheet.axes} == {"log"}
+    )
 
 
 def test_rods_are_drawn_over_their_segments() -> None:
-    rows = [StudyRow("trade", "rod", "rest", "mujoco", "MuJoCo, segments", "segments", n,
-                {"segments": n}, {"position": 1.0 / n**2}, seconds=1e-3 * n, steps=1)
-            for n in (10, 20, 40)]
+    rows = [
+        StudyRow(
+            "trade",
+            "rod",
+            "rest",
+            "mujoco",
+            "MuJoCo, segments",
+            "segments",
+            n,
+            {"segments": n},
+            {"position": 1.0 / n**2},
+            seconds=1e-3 * n,
+            steps=1,
+        )
+        for n in (10, 20, 40)
+    ]
     told = [replace(v, case="rod", line="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
     left, right = drawn(rows, told).axes
     assert list(right.lines[0].get_xdata()) == [10, 20, 40]
@@ -91,8 +111,10 @@ def test_nothing_is_over_the_panels_or_cut_off(sheet: Figure) -> None:
 
 def test_causes_in_the_margin_do_not_touch(sheet: Figure) -> None:
     for ax in sheet.axes[1::2]:
-        boxes = sorted((t.get_window_extent() for t in ax.texts
-                        if t.get_window_extent().x0 > ax.bbox.x1), key=lambda box: box.y0)
+        boxes = sorted(
+            (t.get_window_extent() for t in ax.texts if t.get_window_extent().x0 > ax.bbox.x1),
+            key=lambda box: box.y0,
+        )
         assert len(boxes) >= 3
         assert all(one.y1 <= two.y0 for one, two in pairwise(boxes))
 
@@ -102,13 +124,20 @@ def test_the_front_is_that_of_all_settings(sheet: Figure) -> None:
     rows = [row for row in study()[0] if row.outcome == "ran"]
     best = front(rows, "position")
     for row in rows:
-        beaten = any(o.seconds <= row.seconds and o.errors["position"] <= row.errors["position"]
-                     and o is not row for o in rows)
+        beaten = any(
+            o.seconds <= row.seconds
+            and o.errors["position"] <= row.errors["position"]
+            and o is not row
+            for o in rows
+        )
         assert (row in best) == (not beaten)
     stairs = next(one for one in sheet.axes[0].lines if one.get_color() == FRONT["color"])
     assert len(stairs.get_xdata()) == len(best)
-    filled = sum(len(one.get_xdata()) for one in sheet.axes[0].lines
-                 if one.get_linestyle() == "None" and one.get_marker() not in ("x", "_"))
+    filled = sum(
+        len(one.get_xdata())
+        for one in sheet.axes[0].lines
+        if one.get_linestyle() == "None" and one.get_marker() not in ("x", "_")
+    )
     assert filled == len(best)
 
 
@@ -127,8 +156,7 @@ def test_an_order_that_no_line_shows_has_no_triangle() -> None:
 
 def test_floors_are_ticks_with_their_causes(sheet: Figure) -> None:
     ticks = [float(one.get_ydata()[0]) for one in sheet.axes[0].lines if one.get_marker() == "_"]
-    assert sorted(ticks) == pytest.approx(
-        [2e-9, 3e-8, *(2e-4 * (1 + k / 10) for k in range(5))])
+    assert sorted(ticks) == pytest.approx([2e-9, 3e-8, *(2e-4 * (1 + k / 10) for k in range(5))])
     told = " ".join(texts(sheet.axes[1])).replace("\n", " ")
     assert "softness of the loop (a c e g i)" in told
     assert "3e-8 cap of solimp (h)" in told
@@ -146,16 +174,21 @@ def test_failures_are_crosses_at_the_upper_edge(sheet: Figure) -> None:
 
 
 def test_nothing_but_failures_can_be_drawn() -> None:
-    rows = [replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0)
-            for row in line("lost")]
+    rows = [
+        replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0) for row in line("lost")
+    ]
     assert len(drawn(rows, []).axes) == 2
 
 
 def test_other_knobs_run_from_coarse_to_fine() -> None:
-    rows = [StudyRow("", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9,
-                seconds=1.0) for v in (0.04, 0.02, 0.01)]
+    rows = [
+        StudyRow(
+            "", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9, seconds=1.0
+        )
+        for v in (0.04, 0.02, 0.01)
+    ]
     with rc_context(RC):
-        ax, = turn_sheet(rows, dressed(rows)).axes
+        (ax,) = turn_sheet(rows, dressed(rows)).axes
     assert ax.xaxis_inverted()
     assert ax.get_xlabel() == "time constant of loops, solref [s]"
     assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
@@ -171,15 +204,24 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows, verdicts = study()
     other = [replace(row, case="watt") for row in rows]
     folder = tmp_path_factory.mktemp("study")
-    write_study(Trade([*rows, *other], rows[:1],
-                      [*verdicts, *(replace(v, case="watt") for v in verdicts)]), folder)
+    write_study(
+        Trade([*rows, *other], rows[:1], [*verdicts, *(replace(v, case="watt") for v in verdicts)]),
+        folder,
+    )
     return write_trade(folder, folder / "page").first
 
 
 def test_pages_and_files(page: Path) -> None:
     names = {file.name for file in page.parent.iterdir()}
-    assert {"index.html", "fourbar-duration-trade.html", "watt-duration-trade.html", "trade.csv",
-            "floors.csv", "verdicts.json", "figures"} <= names
+    assert {
+        "index.html",
+        "fourbar-duration-trade.html",
+        "watt-duration-trade.html",
+        "trade.csv",
+        "floors.csv",
+        "verdicts.json",
+        "figures",
+    } <= names
     for stem in ("fourbar-duration-trade", "watt-duration-trade"):
         for ending in (".svg", ".png"):
             assert (page.parent / "figures" / (stem + ending)).stat().st_size > 1000

@@ -43,7 +43,7 @@ def facts(*, stiffness, target="sine", weight=0.0):
 '''
 
 
-MORE = '''
+MORE = """
 [[view]]
 title = "Moment over angle"
 x = "crank"
@@ -59,7 +59,7 @@ unit = "J"
 
 [beside."stiff & heavy"]
 parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
-'''
+"""
 
 
 @pytest.fixture
@@ -101,8 +101,12 @@ def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
     truth = solve(crank, **case.parameters)["rocker_angle"]
     assert np.array_equal(view.over.truth["mujoco"].x, truth)
     # off by a hundredth of the range, times a sine
-    assert np.abs(view.over.curves["mujoco"].x - truth - 0.01 * np.ptp(truth) * np.sin(9 * crank)
-                  ).max() < 1e-15
+    assert (
+        np.abs(
+            view.over.curves["mujoco"].x - truth - 0.01 * np.ptp(truth) * np.sin(9 * crank)
+        ).max()
+        < 1e-15
+    )
     assert view.loop
     assert (view.over.x_name, view.over.x_unit) == ("rocker", "deg")
 
@@ -136,7 +140,8 @@ def test_panels_hold_the_curves_and_their_difference() -> None:
     assert np.array_equal(thin.get_xdata(), np.degrees(truth["rocker_angle"]))
     assert np.array_equal(thin.get_ydata(), np.degrees(beside["coupler_angle"]))
     assert max(line.get_ydata().max() for line in below.lines[:2]) == pytest.approx(
-        0.01 * np.ptp(truth["coupler_angle"]), rel=0.02)  # the sine's top falls between samples
+        0.01 * np.ptp(truth["coupler_angle"]), rel=0.02
+    )  # the sine's top falls between samples
     assert [line.get_markerfacecolor() for line in coupler.lines[1:3]] == ["#0072B2", "white"]
     assert np.all(np.diff(out.get_xdata()) < 0)
     assert moment.get_ylabel() == "[N·m]"
@@ -148,8 +153,12 @@ def stacked(**parts: np.ndarray) -> Viewed:
     view = View(title="t", x="x", stack=tuple(parts), unit="J", x_unit="rad")
     over = view_of(with_views(LOOP)).over
     seen = Seen(values, {"x": "rad"} | dict.fromkeys(parts, "J"), {})
-    return Viewed(view, seen, {}, over.__class__(over.case, over.kind, [], x_name="x",
-                                                 x_unit="deg", x_scale=180 / np.pi))
+    return Viewed(
+        view,
+        seen,
+        {},
+        over.__class__(over.case, over.kind, [], x_name="x", x_unit="deg", x_scale=180 / np.pi),
+    )
 
 
 def test_a_flat_sum_is_said_and_drawn_flat() -> None:
@@ -170,15 +179,24 @@ def test_what_is_below_zero_goes_downwards() -> None:
     view = stacked(up=2 * one, down=-one, both=angle - 0.5)
     assert spread(view) == "0.5 to 1.5 J, a spread of 1 J, 100 % of its mean"
     with rc_context(RC):
-        up, down, both = (c.get_paths()[0].vertices[:, 1]
-                          for c in view_sheet(view, {}).axes[0].collections)
+        up, down, both = (
+            c.get_paths()[0].vertices[:, 1] for c in view_sheet(view, {}).axes[0].collections
+        )
     assert (up.min(), up.max(), down.min(), down.max()) == (0, 2, -1, 0)
     assert both.min() == pytest.approx(-1.5)  # below the part that is below zero
 
 
 def test_near_marks_share_their_words() -> None:
-    view = view_of(with_views(View(title="t", x="crank", y="rocker", marks={
-        "c": 2.0, "a": 1.0, "b": 1.0 + 0.02 * np.pi})))
+    view = view_of(
+        with_views(
+            View(
+                title="t",
+                x="crank",
+                y="rocker",
+                marks={"c": 2.0, "a": 1.0, "b": 1.0 + 0.02 * np.pi},
+            )
+        )
+    )
     assert [list(group) for group in grouped(view)] == [["a", "b"], ["c"]]
     assert grouped(view)[1]["c"] == pytest.approx(np.degrees(2.0))
 
@@ -202,25 +220,43 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
     assert (tmp_path / "r" / "figures" / "fourbar-view-2.png").is_file()
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ('x = "crank"', 'x = "cranck"', ["view.0.x", "'cranck'", "crank", "holding_moment", "stored"]),
-    ('y = "holding_moment"', 'y = "moments"', ["view.0.y", "'moments'", "moment, target"]),
-    ('"stored", "lifted"', '"stored", "lift"', ["view.1.stack", "'lift'", "lifted"]),
-    ('dashed = "target"', 'dashed = "targets"', ["view.0.dashed", "'targets'", "target"]),
-    ('"contacts"', '"contact"', ["view.0.marks", "sprung_crank", "no function 'contact'"]),
-    ('x = "crank"', 'x = "target"\nx_unit = "1"', ["view.0.marks", "first drive", "'target'"]),
-    ('unit = "J"', "", ["view.1.unit", "'stored'", "must be told"]),
-    ('"stored", "lifted"', '"stored", "moment"', ["view.1.stack", "units J, N m"]),
-    ("stiffness = 4.0", "stifness = 4.0", ["beside.'stiff & heavy'.parameters.stifness",
-                                           "stiffness, target, weight"]),
-    ("stiffness = 4.0", "weigth = 4.0", ["beside.'stiff & heavy'.parameters.weigth"]),
-    ('"sine"', '["sine"]', ["parameters.target: ", "valid number"]),
-    ('y = "holding_moment"', "", ["view.0", "either y or stack"]),
-    ('y = "holding_moment"', 'y = ["holding_moment", "moment"]', ["view.0", "one y"]),
-    ('title = "Energies"', 'titel = "Energies"', ["view.1", "unknown key 'titel'", "title, x, y"]),
-    (r"\[\[view\]\].*(?=\[beside)", "", ["beside", "give a [[view]]"]),
-    ('x = "crank"', 'x = "crank"\nrun = "duration"', ["no run.duration records", "holding_moment"]),
-])
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'x = "crank"',
+            'x = "cranck"',
+            ["view.0.x", "'cranck'", "crank", "holding_moment", "stored"],
+        ),
+        ('y = "holding_moment"', 'y = "moments"', ["view.0.y", "'moments'", "moment, target"]),
+        ('"stored", "lifted"', '"stored", "lift"', ["view.1.stack", "'lift'", "lifted"]),
+        ('dashed = "target"', 'dashed = "targets"', ["view.0.dashed", "'targets'", "target"]),
+        ('"contacts"', '"contact"', ["view.0.marks", "sprung_crank", "no function 'contact'"]),
+        ('x = "crank"', 'x = "target"\nx_unit = "1"', ["view.0.marks", "first drive", "'target'"]),
+        ('unit = "J"', "", ["view.1.unit", "'stored'", "must be told"]),
+        ('"stored", "lifted"', '"stored", "moment"', ["view.1.stack", "units J, N m"]),
+        (
+            "stiffness = 4.0",
+            "stifness = 4.0",
+            ["beside.'stiff & heavy'.parameters.stifness", "stiffness, target, weight"],
+        ),
+        ("stiffness = 4.0", "weigth = 4.0", ["beside.'stiff & heavy'.parameters.weigth"]),
+        ('"sine"', '["sine"]', ["parameters.target: ", "valid number"]),
+        ('y = "holding_moment"', "", ["view.0", "either y or stack"]),
+        ('y = "holding_moment"', 'y = ["holding_moment", "moment"]', ["view.0", "one y"]),
+        (
+            'title = "Energies"',
+            'titel = "Energies"',
+            ["view.1", "unknown key 'titel'", "title, x, y"],
+        ),
+        (r"\[\[view\]\].*(?=\[beside)", "", ["beside", "give a [[view]]"]),
+        (
+            'x = "crank"',
+            'x = "crank"\nrun = "duration"',
+            ["no run.duration records", "holding_moment"],
+        ),
+    ],
+)
 def test_errors_name_the_key_and_what_there_is(stub, old, new, words) -> None:
     text, hits = re.subn(old, new, stub.read_text(), count=1, flags=re.DOTALL)
     assert hits

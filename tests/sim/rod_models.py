@@ -22,12 +22,21 @@ MODEL = """<mujoco><compiler angle="radian"/><option gravity="{gravity}"><flag c
   <sensor>{sensors}</sensor><keyframe><key name="start" ctrl="{ctrl}"/></keyframe></mujoco>"""
 
 
-def model(folder: Path, bodies: str = "", actuators: str = "", sensors: str = "", ctrl: str = "",
-          gravity: str = "0 0 0") -> Path:
+def model(
+    folder: Path,
+    bodies: str = "",
+    actuators: str = "",
+    sensors: str = "",
+    ctrl: str = "",
+    gravity: str = "0 0 0",
+) -> Path:
     """Write a model."""
     file = folder / "model.xml"
-    file.write_text(MODEL.format(bodies=bodies, actuators=actuators, sensors=sensors, ctrl=ctrl,
-                                 gravity=gravity))
+    file.write_text(
+        MODEL.format(
+            bodies=bodies, actuators=actuators, sensors=sensors, ctrl=ctrl, gravity=gravity
+        )
+    )
     return file
 
 
@@ -37,8 +46,14 @@ def pull(site: str, *gear: float) -> str:
     return f'<motor name="pull" site="{site}" refsite="ground" gear="{row}"/>'
 
 
-def rest(engine: str, file: Path, rods: tuple[Rod, ...], channels: tuple[str, ...],
-         drives: tuple[Drive, ...] = (), samples: int = 2) -> Curves:
+def rest(
+    engine: str,
+    file: Path,
+    rods: tuple[Rod, ...],
+    channels: tuple[str, ...],
+    drives: tuple[Drive, ...] = (),
+    samples: int = 2,
+) -> Curves:
     """A rest, read at so many places along the first rod."""
     s = np.linspace(0.0, rods[0].length, samples)
     return ENGINES[engine](file, Run("rest", s, channels, drives, rods=rods))
@@ -53,8 +68,10 @@ def pair(name: str, segments: int, scheme: str = "half") -> tuple[Rod, Rod]:
     """The rods of an equilibrium of the pair."""
     left, right = np.radians(FIGURES["pair"][name]["turns"])
     made = 1.0, STEEL, segments
-    return (Rod("left", "clamp1", None, *made, ("clamped", "free"), scheme, turn=left),
-            Rod("right", "clamp2", "left.tip", *made, ("clamped", "pinned"), scheme, turn=right))
+    return (
+        Rod("left", "clamp1", None, *made, ("clamped", "free"), scheme, turn=left),
+        Rod("right", "clamp2", "left.tip", *made, ("clamped", "pinned"), scheme, turn=right),
+    )
 
 
 def held() -> tuple[Drive, Drive]:

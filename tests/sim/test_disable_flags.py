@@ -20,8 +20,13 @@ MODEL = """<mujoco><compiler angle="radian"/>
   <framelinacc name="acc" objtype="site" objname="end"/><e_potential name="energy"/>
   <actuatorfrc name="hold" actuator="motor"/></sensor>
 <keyframe><key name="start" qpos=".1 .2" ctrl="0 {ctrl}"/></keyframe></mujoco>"""
-PLAIN = {"gravity": "1 -9 0", "joint": 'stiffness="2" springref=".1"', "loop": "", "load": "",
-         "ctrl": ".3"}
+PLAIN = {
+    "gravity": "1 -9 0",
+    "joint": 'stiffness="2" springref=".1"',
+    "loop": "",
+    "load": "",
+    "ctrl": ".3",
+}
 LOOP = '<connect name="loop" site1="a_end" site2="end"/>'
 STOP = ' limited="true" range=".19 .21"'
 RUB = ' frictionloss="3"'
@@ -41,8 +46,13 @@ DRIVE = Drive("a", lambda x: (0.1 + x, 1 + 0 * x, 0 * x))
 RUNS = {
     "duration": Run("duration", np.linspace(0, 0.5, 11), ("b", "acc.x", "acc.y", "energy")),
     "sweep": Run("sweep", np.linspace(0, 1, 5), ("b", "energy", "hold"), (DRIVE,)),
-    "settled": Run("sweep", np.linspace(0, 0.2, 2), ("b", "energy", "hold"), (DRIVE,),
-                   settings={"settled": True}),
+    "settled": Run(
+        "sweep",
+        np.linspace(0, 0.2, 2),
+        ("b", "energy", "hold"),
+        (DRIVE,),
+        settings={"settled": True},
+    ),
 }
 
 
@@ -53,34 +63,56 @@ def written(tmp_path, name, changed, flag=""):
 
 
 @pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
-@pytest.mark.parametrize(("engine", "kind"), [
-    ("mujoco", "duration"), ("pymunk", "duration"), ("mujoco", "sweep"), ("pymunk", "sweep"),
-    ("mujoco", "settled")])
+@pytest.mark.parametrize(
+    ("engine", "kind"),
+    [
+        ("mujoco", "duration"),
+        ("pymunk", "duration"),
+        ("mujoco", "sweep"),
+        ("pymunk", "sweep"),
+        ("mujoco", "settled"),
+    ],
+)
 def test_what_is_disabled_is_as_if_it_were_not_there(engine, kind, flag, tmp_path):
     there, absent = WITH_AND_WITHOUT[flag]
-    one, two = (ENGINES[engine](file, RUNS[kind]) for file in (
-        written(tmp_path, "disabled", there, flag), written(tmp_path, "absent", absent)))
+    one, two = (
+        ENGINES[engine](file, RUNS[kind])
+        for file in (
+            written(tmp_path, "disabled", there, flag),
+            written(tmp_path, "absent", absent),
+        )
+    )
     for name in RUNS[kind].channels:
-        np.testing.assert_allclose(one.channels[name], two.channels[name], rtol=0, atol=1e-12,
-                                   err_msg=name)  # the same numbers, but for the order of sums
+        np.testing.assert_allclose(
+            one.channels[name], two.channels[name], rtol=0, atol=1e-12, err_msg=name
+        )  # the same numbers, but for the order of sums
 
 
 @pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
 def test_the_planar_reference_leaves_out_what_is_disabled(flag, tmp_path):
     there, absent = WITH_AND_WITHOUT[flag]
-    one, two = (planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
-                for file in (written(tmp_path, "disabled", there, flag),
-                             written(tmp_path, "absent", absent)))
+    one, two = (
+        planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+        for file in (
+            written(tmp_path, "disabled", there, flag),
+            written(tmp_path, "absent", absent),
+        )
+    )
     for name in RUNS["duration"].channels:
         np.testing.assert_array_equal(one[name], two[name], err_msg=name)
 
 
-@pytest.mark.parametrize("limits", [
-    'ctrllimited="true" ctrlrange="-.1 .1"', 'forcelimited="true" forcerange="-.1 .1"'])
+@pytest.mark.parametrize(
+    "limits", ['ctrllimited="true" ctrlrange="-.1 .1"', 'forcelimited="true" forcerange="-.1 .1"']
+)
 def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
-    one, two = (planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
-                for file in (written(tmp_path, "limited", {"load": limits}),
-                             written(tmp_path, "less", {"ctrl": ".1"})))
+    one, two = (
+        planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+        for file in (
+            written(tmp_path, "limited", {"load": limits}),
+            written(tmp_path, "less", {"ctrl": ".1"}),
+        )
+    )
     np.testing.assert_array_equal(one["b"], two["b"])
 
 

@@ -20,10 +20,25 @@ from proofmass.solve import plan, simulate
 from tests.shipped import models_like
 
 CASES = {file.stem: load_case(file) for file in models_like()}
-RUNS = [(name, kind, solver) for name, case in CASES.items()
-        for kind, run in case.run.items() for solver in run.solvers]
-MUJOCO = ("mj_step", "mj_step1", "mj_step2", "mj_forward", "mj_fwdPosition", "mj_fwdVelocity",
-          "mj_fwdActuation", "mj_inverse", "mj_kinematics", "mj_jacDot", "mj_fullM")
+RUNS = [
+    (name, kind, solver)
+    for name, case in CASES.items()
+    for kind, run in case.run.items()
+    for solver in run.solvers
+]
+MUJOCO = (
+    "mj_step",
+    "mj_step1",
+    "mj_step2",
+    "mj_forward",
+    "mj_fwdPosition",
+    "mj_fwdVelocity",
+    "mj_fwdActuation",
+    "mj_inverse",
+    "mj_kinematics",
+    "mj_jacDot",
+    "mj_fullM",
+)
 """All that `sim` asks MuJoCo to compute of a pose, with steps and without."""
 LOST = (InputError, BadModel, *FAILURES)
 
@@ -37,8 +52,9 @@ def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[
     except LOST as error:
         return {FAILURES.get(type(error), "bad input")}
     monkeypatch.undo()  # the reference may read the model by the engine's own functions
-    return {c.outcome for c in compare(case, kind, solver, curves, detectable=False)
-            if c.allowed > 0}
+    return {
+        c.outcome for c in compare(case, kind, solver, curves, detectable=False) if c.allowed > 0
+    }
 
 
 def checked(name: str, kind: str, solver: str) -> bool:
@@ -82,14 +98,16 @@ def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
     monkeypatch.setattr(mujoco_model, "begin", begun)
     if not solver.endswith(":flex"):
         return {}
-    return {"rods": tuple(replace(rod, stiffness=1.01 * rod.stiffness)
-                          for rod in CASES[name].rods)}
+    return {"rods": tuple(replace(rod, stiffness=1.01 * rod.stiffness) for rod in CASES[name].rods)}
 
 
 SPRINGS = [run for run in RUNS if springs(run[0]) and checked(*run)]
 QUICK = ("balancer_sine", "balancer4_sine", "rod_cantilever", "rod_pinned", "rfr2_natural")
-SLOW = {run for run in SPRINGS if run[0] == "rfr2_driven"
-        or (run[2] not in ("mujoco", "mujoco:flex") and run[0] not in QUICK)}
+SLOW = {
+    run
+    for run in SPRINGS
+    if run[0] == "rfr2_driven" or (run[2] not in ("mujoco", "mujoco:flex") and run[0] not in QUICK)
+}
 """What takes seconds, and has its like among the others."""
 
 
@@ -102,8 +120,9 @@ def fewer(case: Case, kind: str) -> Case:
 
 
 def differs(name: str, kind: str, solver: str, monkeypatch) -> None:
-    found = outcomes(fewer(CASES[name], kind), kind, solver, monkeypatch,
-                     **stiffened(monkeypatch, name, solver))
+    found = outcomes(
+        fewer(CASES[name], kind), kind, solver, monkeypatch, **stiffened(monkeypatch, name, solver)
+    )
     assert "differs" in found
 
 

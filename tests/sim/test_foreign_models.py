@@ -9,7 +9,7 @@ from proofmass.sim.protocol import BadModel, Run
 
 BALL = '<body name="b" pos="0 0 1">{}<geom size=".1"/></body>'
 HINGE = BALL.format('<joint name="b"/>')
-FREE = BALL.format('<freejoint/>')
+FREE = BALL.format("<freejoint/>")
 TWO = HINGE + '<body name="c" pos="1 0 1"><joint name="c"/><geom size=".1"/></body>'
 JOINT = '<sensor><jointpos name="b" joint="b"/></sensor>'
 KEYS = '<keyframe><key {} qpos=".3"/><key {} qpos=".6"/></keyframe>'
@@ -17,26 +17,42 @@ MODELS = {
     "keys of other names": (HINGE, KEYS.format('name="squat"', 'name="prone"')),
     "keys without names": (HINGE, KEYS.format("", "")),
     "a weld": (TWO, '<equality><weld body1="b" body2="c"/></equality>'),
-    "a loop that is open at first": (TWO, '<equality><connect body1="b" body2="c" '
-                                     'anchor="0 0 .5"/></equality><keyframe><key qpos="1 0"/>'
-                                     '</keyframe>'),
-    "an actuator with a state": (HINGE, '<actuator><general joint="b" dyntype="integrator" '
-                                 'gainprm="1"/></actuator>'),
-    "an actuator of two inputs": (HINGE, '<actuator><dcmotor joint="b" motorconst="1" '
-                                  'resistance="1" input="pos vel" controller="10 0 5"/>'
-                                  '<motor joint="b"/></actuator>'),
-    "an actuator of three outputs": (BALL.format('<joint name="b" type="ball"/>'),
-                                     '<actuator><orientation joint="b" kp="1"/></actuator>'),
-    "a plugin": (HINGE, '<extension><plugin plugin="mujoco.pid"><instance name="p">'
-                 '<config key="kp" value="4"/></instance></plugin></extension><actuator>'
-                 '<plugin joint="b" plugin="mujoco.pid" instance="p"/></actuator>'),
-    "a flex": ('<flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" '
-               'mass="1"/>', '<equality><flex flex="cloth"/></equality>'),
+    "a loop that is open at first": (
+        TWO,
+        '<equality><connect body1="b" body2="c" '
+        'anchor="0 0 .5"/></equality><keyframe><key qpos="1 0"/>'
+        "</keyframe>",
+    ),
+    "an actuator with a state": (
+        HINGE,
+        '<actuator><general joint="b" dyntype="integrator" gainprm="1"/></actuator>',
+    ),
+    "an actuator of two inputs": (
+        HINGE,
+        '<actuator><dcmotor joint="b" motorconst="1" '
+        'resistance="1" input="pos vel" controller="10 0 5"/>'
+        '<motor joint="b"/></actuator>',
+    ),
+    "an actuator of three outputs": (
+        BALL.format('<joint name="b" type="ball"/>'),
+        '<actuator><orientation joint="b" kp="1"/></actuator>',
+    ),
+    "a plugin": (
+        HINGE,
+        '<extension><plugin plugin="mujoco.pid"><instance name="p">'
+        '<config key="kp" value="4"/></instance></plugin></extension><actuator>'
+        '<plugin joint="b" plugin="mujoco.pid" instance="p"/></actuator>',
+    ),
+    "a flex": (
+        '<flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" mass="1"/>',
+        '<equality><flex flex="cloth"/></equality>',
+    ),
     "contacts, a tendon, a mocap body": (
         '<geom type="plane" size="5 5 1"/><body mocap="true" name="hand" pos="0 0 2"><site '
         'name="h"/></body>' + FREE.replace("</body>", '<site name="s"/></body>'),
         '<tendon><spatial range="0 .8" limited="true"><site site="h"/><site site="s"/></spatial>'
-        '</tendon>'),
+        "</tendon>",
+    ),
     "no joints": (BALL.format(""), ""),
 }
 
@@ -56,9 +72,15 @@ def test_a_model_without_a_sidecar_loads_and_steps(name, tmp_path):
     assert found.steps == 50  # of 2 ms
 
 
-@pytest.mark.parametrize(("keys", "first"), [
-    (KEYS.format('name="squat"', 'name="prone"'), 0.3), (KEYS.format("", ""), 0.3),
-    (KEYS.format('name="squat"', 'name="start"'), 0.6), ("", 0.0)])
+@pytest.mark.parametrize(
+    ("keys", "first"),
+    [
+        (KEYS.format('name="squat"', 'name="prone"'), 0.3),
+        (KEYS.format("", ""), 0.3),
+        (KEYS.format('name="squat"', 'name="start"'), 0.6),
+        ("", 0.0),
+    ],
+)
 def test_it_starts_from_the_key_start_or_its_first_one_or_none(keys, first, tmp_path):
     file = written(tmp_path, HINGE, JOINT + keys)
     curves = simulate(file, Run("passive", np.linspace(0, 0.1, 2), ()))
@@ -66,8 +88,9 @@ def test_it_starts_from_the_key_start_or_its_first_one_or_none(keys, first, tmp_
 
 
 def test_it_falls_as_the_engine_lets_it(tmp_path):
-    file = written(tmp_path, FREE, '<sensor><framepos name="p" objtype="body" objname="b"/>'
-                   '</sensor>')
+    file = written(
+        tmp_path, FREE, '<sensor><framepos name="p" objtype="body" objname="b"/></sensor>'
+    )
     curves = simulate(file, Run("passive", np.linspace(0, 0.1, 2), ()))
     steps = np.arange(1, 51)  # semi-implicit Euler: v first
     assert curves.channels["p[2]"][1] == pytest.approx(1 - 9.81 * 0.002**2 * steps.sum(), abs=1e-12)

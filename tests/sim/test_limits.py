@@ -1,6 +1,5 @@
 """Sweeps that meet a limit position or hold something twice: said, and nothing lost."""
 
-
 import numpy as np
 import pytest
 
@@ -19,10 +18,16 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
     edit("triple_rocker.toml", r"from = -2.0\nto = 2.0 .*\nperiod = 8.0", "from = -2.0\nto = 2.6")
     keep_solver("triple_rocker.toml", solver)
     if reference == "planar":
-        edit("triple_rocker.toml", r'(?s)reference = "fourbar"\n.*\[drive\]',
-             'reference = "planar"\n[drive]')
-        edit("triple_rocker.toml", r'(?m)^("?)([\w.]+)\1 = \{ equals = "\w+"',
-             r'"\2" = { equals = "\2"')
+        edit(
+            "triple_rocker.toml",
+            r'(?s)reference = "fourbar"\n.*\[drive\]',
+            'reference = "planar"\n[drive]',
+        )
+        edit(
+            "triple_rocker.toml",
+            r'(?m)^("?)([\w.]+)\1 = \{ equals = "\w+"',
+            r'"\2" = { equals = "\2"',
+        )
     result = check([models / "triple_rocker.toml"])
     assert result.exit_code == 2
     curves = result.curves["triple_rocker", "sweep", solver]
@@ -36,11 +41,22 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
     assert "open by" in said
 
 
-@pytest.mark.parametrize(("name", "freedoms"), {
-    "fourbar": 1, "fivebar": 2, "slider_crank": 1, "inverted_slider_crank": 2,  # as printed
-    "inverted_slider_crank_classic": 1, "threeprr": 3, "watt": 1, "stephenson": 1,
-    "peaucellier": 1,  # Gruebler: 3 (n - 1) - 2 pairs, with n links and as many single pairs
-    "pendulum": 1, "change_point": 1}.items())
+@pytest.mark.parametrize(
+    ("name", "freedoms"),
+    {
+        "fourbar": 1,
+        "fivebar": 2,
+        "slider_crank": 1,
+        "inverted_slider_crank": 2,  # as printed
+        "inverted_slider_crank_classic": 1,
+        "threeprr": 3,
+        "watt": 1,
+        "stephenson": 1,
+        "peaucellier": 1,  # Gruebler: 3 (n - 1) - 2 pairs, with n links and as many single pairs
+        "pendulum": 1,
+        "change_point": 1,
+    }.items(),
+)
 def test_mobility_is_grueblers(name, freedoms):
     """The printed ones: B. Diaz Lozano 2019, text lines 1180, 2320, 3023, 3450."""
     assert mobility(load_case(shipped(f"{name}.toml"))) == freedoms
@@ -49,8 +65,11 @@ def test_mobility_is_grueblers(name, freedoms):
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
 def test_over_constrained_loops_are_named(solver, models, edit, keep_solver):
     """A second pin in the place of the first holds nothing that is not held."""
-    edit("fourbar.xml", r'(<connect name="pin" .*/>)',
-         r'\1\n    <connect name="again" site1="coupler_end" site2="rocker_end"/>')
+    edit(
+        "fourbar.xml",
+        r'(<connect name="pin" .*/>)',
+        r'\1\n    <connect name="again" site1="coupler_end" site2="rocker_end"/>',
+    )
     keep_solver("fourbar.toml", solver)
     result = check([models / "fourbar.toml"])
     assert result.exit_code == 2

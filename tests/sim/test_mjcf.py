@@ -28,9 +28,14 @@ def compiled(tmp_path):
     return of
 
 
-@pytest.mark.parametrize("before", [
-    "<!-- ---- bars ---- -->", '<!-- pos="nan 0 0" -->',
-    '<custom><text name="nan" data="nan"/></custom>'])
+@pytest.mark.parametrize(
+    "before",
+    [
+        "<!-- ---- bars ---- -->",
+        '<!-- pos="nan 0 0" -->',
+        '<custom><text name="nan" data="nan"/></custom>',
+    ],
+)
 def test_what_is_legal_to_mujoco_is_read(compiled, before):
     assert compiled(MODEL % (before, "")).nbody == 2
 
@@ -51,7 +56,8 @@ def test_limits_may_be_infinite(compiled):
 
 @pytest.mark.parametrize("attribute", WRONG)
 def test_a_number_that_is_none_is_named_and_nothing_is_logged(
-        compiled, attribute, tmp_path, monkeypatch):
+    compiled, attribute, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(BadModel) as wrong:
         compiled(MODEL % ("<!-- ---- bars ---- -->", attribute))

@@ -45,7 +45,8 @@ def test_poses_are_those_of_the_closed_form() -> None:
     pin = next(m for m in shape.marks if m.kind == "pin")
     # Newton closes the loop to 1e-13 m
     assert pin.at == pytest.approx(
-        np.stack([truth.channels["pin.x"], truth.channels["pin.y"]], axis=1), abs=1e-11)
+        np.stack([truth.channels["pin.x"], truth.channels["pin.y"]], axis=1), abs=1e-11
+    )
     assert [m.name for m in shape.marks if m.driven] == ["crank"]
     assert [m.name for m in shape.marks if m.ground] == ["crank", "rocker"]
 
@@ -66,16 +67,20 @@ def test_bodies_without_geoms_are_lines_between_their_joints(tmp_path: Path) -> 
     shape = picture(tmp_path / "bare.xml", run, count=3)
     assert shape.axes == ("x", "z")
     assert [np.ptp(link.outlines[0][0], axis=0) for link in shape.links] == [
-        pytest.approx([2.0, 0.0]), pytest.approx([1.5, 0.0])]
+        pytest.approx([2.0, 0.0]),
+        pytest.approx([1.5, 0.0]),
+    ]
 
 
 def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
     text = BARE.replace('"knee"', '"knee" stiffness="2" springref="20"').format(more="")
-    (tmp_path / "bare.xml").write_text(text.replace("<worldbody>", '<option gravity="0 0 0"/>'
-                                                    "<worldbody>"))
+    (tmp_path / "bare.xml").write_text(
+        text.replace("<worldbody>", '<option gravity="0 0 0"/><worldbody>')
+    )
     law = Steady(0.0, 1.0, x_is_time=False)
-    shape = picture(tmp_path / "bare.xml", Run("sweep", np.linspace(0, 1, 3), (), (
-        Drive("hub", law),)), count=5)
+    shape = picture(
+        tmp_path / "bare.xml", Run("sweep", np.linspace(0, 1, 3), (), (Drive("hub", law),)), count=5
+    )
     arm, rod = (np.diff(link.outlines[0], axis=1)[:, 0] for link in shape.links)
     bend = arm[:, 0] * rod[:, 1] - arm[:, 1] * rod[:, 0], (arm * rod).sum(axis=1)
     assert (shape.stopped, len(shape.x)) == ("", 5)
@@ -84,26 +89,45 @@ def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
 
 
 def test_what_leaves_the_plane_is_not_drawn_and_named(tmp_path: Path) -> None:
-    (tmp_path / "bare.xml").write_text(BARE.format(
-        more='<body><joint name="askew" axis="1 0 0"/><geom size="1"/></body>'))
+    (tmp_path / "bare.xml").write_text(
+        BARE.format(more='<body><joint name="askew" axis="1 0 0"/><geom size="1"/></body>')
+    )
     (tmp_path / "bare.toml").write_text(shipped("pendulum.toml").read_text(encoding="utf-8"))
     case = load_case(tmp_path / "bare.toml")
-    page = write_report(Result(cases=[case]), tmp_path).with_name("bare.html").read_text(
-        encoding="utf-8")
+    page = (
+        write_report(Result(cases=[case]), tmp_path)
+        .with_name("bare.html")
+        .read_text(encoding="utf-8")
+    )
     assert "The mechanism is not drawn: hinge joint &#39;askew&#39; leaves the plane" in page
     assert not (tmp_path / "figures" / "bare-mechanism.svg").exists()
 
 
 def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:
-    names = ("hacksaw_recorded", "rfr3", "pendulum", "hacksaw", "fourbar", "fivebar",
-             "balancer_sine")
+    names = (
+        "hacksaw_recorded",
+        "rfr3",
+        "pendulum",
+        "hacksaw",
+        "fourbar",
+        "fivebar",
+        "balancer_sine",
+    )
     cases = [load_case(shipped(f"{name}.toml")) for name in names]
     cards = [{"name": c.name, "state": "bad" if c.name == "pendulum" else "good"} for c in cases]
     found = families(cases, cards, [MODELS])
     assert [(f["name"], f["state"]) for f in found] == [
-        ("linkages", "bad"), ("balancers", "good"), ("rods", "good")]
-    assert [p["name"] for p in found[0]["parts"]] == ["pendulum", "fivebar", "fourbar", "hacksaw",
-                                                      "recorded curves"]
+        ("linkages", "bad"),
+        ("balancers", "good"),
+        ("rods", "good"),
+    ]
+    assert [p["name"] for p in found[0]["parts"]] == [
+        "pendulum",
+        "fivebar",
+        "fourbar",
+        "hacksaw",
+        "recorded curves",
+    ]
     assert found[0]["parts"][-1]["what"] == "Measured, or computed by another program."
     assert [c["name"] for p in found[2]["parts"] for c in p["cards"]] == ["rfr3"]
 

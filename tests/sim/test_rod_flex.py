@@ -16,8 +16,10 @@ from tests.sim.rod_models import FIGURES, PAIR, STEEL, held, model, pull
 
 SHAPE = "r.x", "r.y", "r.angle", "r.moment"
 BENT = '<site name="pin" pos="0.8 0.1 0"/>'
-FEET = ('<site name="c1" pos="-0.3 0 0" euler="0 0 0.6981317007977318"/>'
-        '<site name="c2" pos="0.3 0 0" euler="0 0 1.0471975511965976"/>')
+FEET = (
+    '<site name="c1" pos="-0.3 0 0" euler="0 0 0.6981317007977318"/>'
+    '<site name="c2" pos="0.3 0 0" euler="0 0 1.0471975511965976"/>'
+)
 PIN = '<framepos name="pin" objtype="site" objname="left.tip"/>'
 
 
@@ -33,9 +35,13 @@ def rest(file, *rods, channels=SHAPE, samples=2, kind="rest", drives=(), step=No
     return simulate(file, Run(kind, s, channels, drives, settings=settings, rods=rods))
 
 
-@pytest.mark.parametrize("row", [
-    pytest.param(row, id=str(row["alpha"]), marks=pytest.mark.slow if row["alpha"] != 2 else ())
-    for row in FIGURES["cantilever"]["rows"]])
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param(row, id=str(row["alpha"]), marks=pytest.mark.slow if row["alpha"] != 2 else ())
+        for row in FIGURES["cantilever"]["rows"]
+    ],
+)
 def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
     """Errors of the tip from 10, 20 and 40 edges, and the limit that the last two point to."""
     truth = np.array([1.0 - row["u"], row["w"]])
@@ -46,7 +52,7 @@ def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log(errors[:-1] / errors[1:]) / np.log(h[:-1] / h[1:])
     np.testing.assert_allclose(orders, 2.0, atol=0.1)  # what h^4 and soft edges add
-    limit = (tips[2] * h[1]**2 - tips[1] * h[2]**2) / (h[1]**2 - h[2]**2)
+    limit = (tips[2] * h[1] ** 2 - tips[1] * h[2] ** 2) / (h[1] ** 2 - h[2] ** 2)
     np.testing.assert_allclose(limit, truth, atol=2e-5)  # h^4 and soft edges
 
 
@@ -61,11 +67,15 @@ def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
     def potential(turns):
         angles = np.append(0.0, turns)
         places = np.cumsum(one.lengths * [np.cos(angles), np.sin(angles)], axis=1)[:, 1:]
-        bending = spring / 2 * (4 * np.tan(np.diff(angles) / 2)**2).sum()
+        bending = spring / 2 * (4 * np.tan(np.diff(angles) / 2) ** 2).sum()
         return bending - load @ places[:, -1] + 9.81 * share * places[1].sum()
 
-    file = model(tmp_path, actuators=pull("r.tip", *load), ctrl="1",
-                 gravity="0 -9.81 0" if weight else "0 0 0")
+    file = model(
+        tmp_path,
+        actuators=pull("r.tip", *load),
+        ctrl="1",
+        gravity="0 -9.81 0" if weight else "0 0 0",
+    )
     own = rest(file, rod, samples=1 + 2 * n + 1).settings["stretch"]
     s = Run("rest", one.nodes, SHAPE, settings={"flex": True}, rods=(rod,))
     angles = simulate(file, s).channels["r.angle"]
@@ -86,10 +96,12 @@ def test_its_edges_are_soft(tmp_path):
 @pytest.mark.parametrize("turn", [1.25, -1.04])
 def test_a_pinned_rod_rests_on_the_side_of_its_arc(turn, tmp_path):
     """Pérez Gámiz 2018, annex II: both stable shapes, recomputed."""
-    rods = [Rod("r", "ground", "pin", 1.0, 0.16493361431346418, n, ("clamped", "pinned"),
-                turn=turn) for n in (10, 20)]
+    rods = [
+        Rod("r", "ground", "pin", 1.0, 0.16493361431346418, n, ("clamped", "pinned"), turn=turn)
+        for n in (10, 20)
+    ]
     found = [rest(model(tmp_path, BENT), rod) for rod in rods]
-    one, two = (points(rod).lengths[-1]**2 for rod in rods)
+    one, two = (points(rod).lengths[-1] ** 2 for rod in rods)
     last = np.array([[c.channels["r.moment"][0], c.channels["r.angle"][-1]] for c in found])
     limit = (last[1] * one - last[0] * two) / (one - two)
     truth = {1.25: (-0.6076388, 71.85836), -1.04: (0.7206177, -59.83792)}[turn]
@@ -98,19 +110,19 @@ def test_a_pinned_rod_rests_on_the_side_of_its_arc(turn, tmp_path):
     assert found[1].gap < 1e-6  # soft loops, in a step of 3e-3 of the rod's time
 
 
-@pytest.mark.parametrize("name", ["S4", *(pytest.param(s, marks=pytest.mark.slow)
-                                          for s in ("S1", "S2", "S3"))])
+@pytest.mark.parametrize(
+    "name", ["S4", *(pytest.param(s, marks=pytest.mark.slow) for s in ("S1", "S2", "S3"))]
+)
 def test_all_stable_equilibria_of_a_pair(name, tmp_path):
     """Pérez Gámiz 2018, Table 7 and the two it lacks, with the clamps on the ground."""
     file = model(tmp_path, FEET, pull("left.tip", 0.3, -0.1), PIN, "1")
     turns, pins, squares = np.radians(FIGURES["pair"][name]["turns"]), [], []
     for n in (16, 24):
         left = Rod("left", "c1", None, 1.0, STEEL, n, ("clamped", "free"), turn=turns[0])
-        right = Rod("right", "c2", "left.tip", 1.0, STEEL, n, ("clamped", "pinned"),
-                    turn=turns[1])
+        right = Rod("right", "c2", "left.tip", 1.0, STEEL, n, ("clamped", "pinned"), turn=turns[1])
         found = rest(file, left, right, channels=("pin.x", "pin.y"))
         pins.append([found.channels["pin.x"][0], found.channels["pin.y"][0]])
-        squares.append(points(left).lengths[-1]**2)
+        squares.append(points(left).lengths[-1] ** 2)
         assert found.gap < 3e-6  # soft loops
     (one, two), (far, near) = squares, np.array(pins)
     limit = (near * one - far * two) / (one - two)
@@ -129,9 +141,11 @@ def test_a_rod_pinned_at_both_ends_is_an_arch(tmp_path):
 
 
 def test_what_a_flex_does_not_tell(tmp_path):
-    sensors = ('<framexaxis name="axis" objtype="site" objname="r.tip"/>'
-               '<framelinvel name="rate" objtype="site" objname="r.tip"/>'
-               '<e_potential name="energy"/>')
+    sensors = (
+        '<framexaxis name="axis" objtype="site" objname="r.tip"/>'
+        '<framelinvel name="rate" objtype="site" objname="r.tip"/>'
+        '<e_potential name="energy"/>'
+    )
     file = model(tmp_path, actuators=pull("r.tip", 0, 1), sensors=sensors, ctrl="1")
     found = rest(file, cantilever(5), channels=("r.x", "axis.angle", "axis.x", "energy", "rate.x"))
     assert set(found.channels) == {"r.x"}
@@ -139,13 +153,23 @@ def test_what_a_flex_does_not_tell(tmp_path):
     assert "no energy" in found.missing["energy"]
 
 
-@pytest.mark.parametrize(("change", "load", "words"), [
-    ({"start": "moving"}, (0, 1), "'b' moves"),
-    ({"end": "ground2", "ends": ("clamped", "clamped")}, (0, 1), "clamped where it begins only"),
-    ({}, (0, 1, 0, 0, 0, 1), "moment on a point of a flex")])
+@pytest.mark.parametrize(
+    ("change", "load", "words"),
+    [
+        ({"start": "moving"}, (0, 1), "'b' moves"),
+        (
+            {"end": "ground2", "ends": ("clamped", "clamped")},
+            (0, 1),
+            "clamped where it begins only",
+        ),
+        ({}, (0, 1, 0, 0, 0, 1), "moment on a point of a flex"),
+    ],
+)
 def test_what_a_flex_cannot_be(change, load, words, tmp_path):
-    body = ('<site name="ground2" pos="0.5 0 0"/><body name="b"><joint name="b"/><geom size="0.1"/>'
-            '<site name="moving"/></body>')
+    body = (
+        '<site name="ground2" pos="0.5 0 0"/><body name="b"><joint name="b"/><geom size="0.1"/>'
+        '<site name="moving"/></body>'
+    )
     file = model(tmp_path, body, pull("r.tip", *load), ctrl="1")
     with pytest.raises(Unsupported, match=words):
         rest(file, cantilever(5, **change))
@@ -162,8 +186,12 @@ def test_what_it_is_not_asked_for(tmp_path):
 
 
 def test_dry_friction_is_refused_by_name(tmp_path):
-    file = model(tmp_path, '<body name="b"><joint name="b" frictionloss="1"/><geom size="0.1"/>'
-                 '</body>', pull("r.tip", 0, 1), ctrl="1")
+    file = model(
+        tmp_path,
+        '<body name="b"><joint name="b" frictionloss="1"/><geom size="0.1"/></body>',
+        pull("r.tip", 0, 1),
+        ctrl="1",
+    )
     with pytest.raises(Unsupported, match="frictionloss of joint 'b' in a rest"):
         rest(file, cantilever(5))
     with pytest.raises(Unsupported, match="frictionloss of joint 'b' in a rest"):
@@ -181,10 +209,16 @@ def test_another_rod_is_found_out():
     case, outcomes = load_case(shipped("rod_flex.toml")), []
     for change in ({}, {"stiffness": 1.02}, {"length": 1.01}):
         rods = tuple(replace(rod, **change) for rod in case.rods)
-        run = Run("rest", np.linspace(0.0, 1.0, 41), tuple(case.channels_of("rest")),
-                  settings={"flex": True}, rods=rods)
-        found = compare(case, "rest", "mujoco:flex", simulate(case.model_path, run),
-                        detectable=False)
+        run = Run(
+            "rest",
+            np.linspace(0.0, 1.0, 41),
+            tuple(case.channels_of("rest")),
+            settings={"flex": True},
+            rods=rods,
+        )
+        found = compare(
+            case, "rest", "mujoco:flex", simulate(case.model_path, run), detectable=False
+        )
         outcomes.append({c.outcome for c in found})
     assert outcomes[0] == {"agrees"}
     assert "differs" in outcomes[1]

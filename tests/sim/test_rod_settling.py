@@ -44,11 +44,15 @@ def test_stable_ones_stay_and_unstable_ones_leave(engine, pair):
         assert (there == k) == (k in STABLE), k
 
 
-@pytest.mark.parametrize(("saddle", "side"), [(2, 1), *(
-    pytest.param(*ways, marks=pytest.mark.slow) for ways in ((2, 0), (4, 0), (4, 3), (7, 1)))])
+@pytest.mark.parametrize(
+    ("saddle", "side"),
+    [
+        (2, 1),
+        *(pytest.param(*ways, marks=pytest.mark.slow) for ways in ((2, 0), (4, 0), (4, 3), (7, 1))),
+    ],
+)
 def test_both_engines_fall_to_the_side_that_they_are_pushed_to(saddle, side, pair):
-    """A tenth of the way. From a hair's breadth inertia decides, which the engines have not alike.
-    """
+    """A tenth of the way: nearer, inertia decides, which differs between the engines."""
     here, there = pair.standing.angle[[saddle, side]]
     qpos = pair.closed(pair.pose(here + 0.1 * (there - here), np.zeros(3)))
     assert [pair.which(rest(pair, qpos))[0] for rest in ENGINES.values()] == [side, side]

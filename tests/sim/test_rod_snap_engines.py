@@ -34,16 +34,28 @@ def swept(file, engine, degrees, segments, **settings):
     """The engine at angles of the motor, from 80 degrees on."""
     angles = np.radians([80.0, *degrees])
     rods = (Rod("rod", "clamp", "pin", 1.0, STEEL, segments, ("clamped", "pinned"), turn=-2.1),)
-    run = Run("sweep", np.arange(float(angles.size)), NAMES,
-              (Drive("motor", partial(turned, angles)),), rods=rods, settings=settings)
+    run = Run(
+        "sweep",
+        np.arange(float(angles.size)),
+        NAMES,
+        (Drive("motor", partial(turned, angles)),),
+        rods=rods,
+        settings=settings,
+    )
     return ENGINES[engine](file, run)
 
 
 def of_chain(degrees, segments):
     """Moments and energies of chains, each seeded with the rod's directions."""
     truth, c = swing(degrees), chain(segments, stiffness=STEEL)
-    rod = integrate(truth["force_x"], truth["force_y"], -truth["holding_moment"],
-                    theta0=np.radians(degrees), stiffness=STEEL, nodes=81)
+    rod = integrate(
+        truth["force_x"],
+        truth["force_y"],
+        -truth["holding_moment"],
+        theta0=np.radians(degrees),
+        stiffness=STEEL,
+        nodes=81,
+    )
     seeds = np.array([np.interp(c.station, rod.s, theta) for theta in rod.theta.T])
     clamps = np.stack([0.0 * truth["side"], 0.0 * truth["side"], np.radians(degrees)], axis=-1)
     rest = chain_rod.pinned(c, clamps, (0.8, 0.0), seed=seeds)
@@ -69,9 +81,13 @@ def test_a_sweep_without_time_ends_at_the_fold():
     assert (4.0 * ends[2] - ends[1]) / 3.0 == pytest.approx(-fold(), abs=3e-6)  # the same
 
 
-@pytest.mark.parametrize(("engine", "settings", "atol"), [
-    ("pymunk", {}, 1e-11),  # rest to 1e-12 of the model, over its softness
-    pytest.param("mujoco", {"settled": True}, 1e-5, marks=pytest.mark.slow)])  # soft loops
+@pytest.mark.parametrize(
+    ("engine", "settings", "atol"),
+    [
+        ("pymunk", {}, 1e-11),  # rest to 1e-12 of the model, over its softness
+        pytest.param("mujoco", {"settled": True}, 1e-5, marks=pytest.mark.slow),
+    ],
+)  # soft loops
 def test_engines_snap_where_their_chain_does(engine, settings, atol):
     """Down and up again with ten links: on every shape the chain's own equilibrium."""
     degrees = [80.0, 30.0, -20.0, -45.0, -62.0, -80.0, -30.0, 20.0, 45.0, 62.0]
@@ -93,10 +109,14 @@ def test_shapes_converge_on_both_sides_of_a_snap():
         np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)  # h^4 of eight links
 
 
-@pytest.mark.parametrize(("old", "new"), [
-    ("segments = 40", 'segments = 40\nscheme = "naive"'),
-    ("distance = 0.8 ", "distance = 0.79 "),
-    ("turn = -2.1", "turn = 2.1")])  # wound into a loop
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("segments = 40", 'segments = 40\nscheme = "naive"'),
+        ("distance = 0.8 ", "distance = 0.79 "),
+        ("turn = -2.1", "turn = 2.1"),
+    ],
+)  # wound into a loop
 @pytest.mark.slow
 def test_a_wrong_rod_is_found(old, new, edit):
     """Another pin, a soft clamp, another equilibrium."""

@@ -48,8 +48,12 @@ def tip(engine, folder, alpha, n, scheme="half"):
 def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
     """Vertices, directions and moments of all links, against the chain's own equilibrium."""
     load = np.array([-2.0, 3.0, 0.5])
-    file = model(tmp_path, actuators=pull("r.tip", *load[:2], 0, 0, 0, load[2]), ctrl="1",
-                 sensors='<framepos name="middle" objtype="site" objname="r.middle"/>')
+    file = model(
+        tmp_path,
+        actuators=pull("r.tip", *load[:2], 0, 0, 0, load[2]),
+        ctrl="1",
+        sensors='<framepos name="middle" objtype="site" objname="r.middle"/>',
+    )
     names = (*(f"r.{part}" for part in TIGHT), "middle.x", "middle.y")
     c = chain(n, scheme=scheme)
     truth = chain_rod.free(c, force=load[:2], moment=load[2])
@@ -61,8 +65,12 @@ def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
         ends, links = ends[1:], slice(1, None, 2)
     vertices = [0, *range(1, 2 * n, 2), 2 * n] if scheme == "half" else slice(0, None, 2)
     bends = np.diff(truth.angle, prepend=0.0) * c.spring
-    for name, values, where in (("x", ends[:, 0], vertices), ("y", ends[:, 1], vertices),
-                                ("angle", truth.angle, links), ("moment", bends, joints)):
+    for name, values, where in (
+        ("x", ends[:, 0], vertices),
+        ("y", ends[:, 1], vertices),
+        ("angle", truth.angle, links),
+        ("moment", bends, joints),
+    ):
         np.testing.assert_allclose(found[f"r.{name}"][where], values, atol=TIGHT[name])
     for axis in "xy":
         np.testing.assert_allclose(found[f"middle.{axis}"], found[f"r.{axis}"][n], atol=TIGHT["x"])
@@ -97,8 +105,9 @@ def test_a_naive_clamp_is_of_first_order(tmp_path):
     errors = np.linalg.norm(np.array(tips) - [1.0 - row["u"], row["w"]], axis=1)
     orders = np.log2(errors[:-1] / errors[1:])
     np.testing.assert_allclose(orders, 1.0, atol=0.1)  # what h^2 adds
-    assert errors[1] > 50 * np.linalg.norm(tip("mujoco", tmp_path, 2.0, 40)
-                                           - [1.0 - row["u"], row["w"]])
+    assert errors[1] > 50 * np.linalg.norm(
+        tip("mujoco", tmp_path, 2.0, 40) - [1.0 - row["u"], row["w"]]
+    )
 
 
 @EACH
@@ -121,8 +130,10 @@ def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
     """Table 7 of the document and the two it lacks; turns of the arcs choose among them."""
     truth, names = FIGURES["pair"][name], ("pin.x", "pin.y", "moment1", "moment2", "energy")
     shape = tuple(f"{rod}.angle" for rod in ("left", "right"))
-    runs = {n: rest(engine, PAIR, pair(name, n), (*names, *shape), held(), n + 1).channels
-            for n in ((20, 40) if engine == "mujoco" else (20,))}
+    runs = {
+        n: rest(engine, PAIR, pair(name, n), (*names, *shape), held(), n + 1).channels
+        for n in ((20, 40) if engine == "mujoco" else (20,))
+    }
     bodies = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=STEEL)
     seed = [runs[20][angle][1:] + 1e-4 for angle in shape]
     own = settle(bodies, CLAMPS, seed=seed, segments=20, force=(0.3, -0.1))
@@ -140,32 +151,42 @@ def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
 def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_path):
     """A rod on a body without a joint, turned and aside, and the clamped link of a rod."""
     rod, models = Rod("r", "foot", "pin", 1.0, 1.0, 3, (kept, "pinned"), turn=1.0), []
-    file = model(tmp_path, '<body name="b" pos="1 2 0" euler="0 0 1"><site name="foot"/></body>'
-                 '<site name="pin" pos="1.3 2.8 0"/>')
+    file = model(
+        tmp_path,
+        '<body name="b" pos="1 2 0" euler="0 0 1"><site name="foot"/></body>'
+        '<site name="pin" pos="1.3 2.8 0"/>',
+    )
     for word in ("false", "true"):
         file.write_text(file.read_text().replace("<compiler ", f'<compiler fusestatic="{word}" '))
         models.append(compile_model(file, [rod]))
         file.write_text(file.read_text().replace(f'fusestatic="{word}" ', ""))
     one, two = models
     assert [one.body(b).name for b in range(one.nbody)] == [
-        two.body(b).name for b in range(two.nbody)]
+        two.body(b).name for b in range(two.nbody)
+    ]
     np.testing.assert_array_equal(one.key_qpos, two.key_qpos)
     np.testing.assert_array_equal(one.body_pos, two.body_pos)
 
 
 def test_rods_follow_each_other_into_the_keys(tmp_path):
     """Own joints keep their values in every key; rods get arcs, closed at their supports."""
-    body = ('<body name="b"><joint name="{0}"/><geom size="0.1"/><site name="{0}.site" '
-            'pos="0.1 0 0"/></body>')
+    body = (
+        '<body name="b"><joint name="{0}"/><geom size="0.1"/><site name="{0}.site" '
+        'pos="0.1 0 0"/></body>'
+    )
     file = model(tmp_path, body.format("one") + body.format("two").replace('"b"', '"c"'))
-    text = file.read_text().replace('<key name="start" ctrl=""/>',
-                                    '<key name="start" qpos="0.3 0.2"/><key name="b"/>')
+    text = file.read_text().replace(
+        '<key name="start" ctrl=""/>', '<key name="start" qpos="0.3 0.2"/><key name="b"/>'
+    )
     file.write_text(text)
-    rods = (Rod("r", "one.site", None, 1.0, 1.0, 4, FREE, turn=1.0),
-            Rod("q", "two.site", "r.tip", 1.5, 1.0, 3, PINNED, "double", turn=2.0))
+    rods = (
+        Rod("r", "one.site", None, 1.0, 1.0, 4, FREE, turn=1.0),
+        Rod("q", "two.site", "r.tip", 1.5, 1.0, 3, PINNED, "double", turn=2.0),
+    )
     found = compile_model(file, rods)
-    value = dict(zip([found.joint(j).name for j in range(found.njnt)], found.key_qpos.T,
-                     strict=True))
+    value = dict(
+        zip([found.joint(j).name for j in range(found.njnt)], found.key_qpos.T, strict=True)
+    )
     assert value["one"].tolist() == [0.3, 0.0]
     assert value["two"].tolist() == [0.2, 0.0]
     np.testing.assert_allclose([value[f"r.{k}"] for k in range(1, 5)], 0.25, rtol=1e-15)
@@ -181,8 +202,10 @@ def test_a_clamp_at_the_far_end_is_two_pins_and_a_slider(engine, tmp_path):
     half = Rod("r", "ground", "pin", 0.5, 1.0, 10, PINNED, turn=0.3)
     file = model(tmp_path, '<site name="far" pos="0.9 0.4 0"/><site name="pin" pos="0.45 0.2 0"/>')
     names = (*PLACES, "r.angle", "r.moment")
-    long, short = (rest(engine, file, (rod,), names, samples=rod.segments + 1).channels
-                   for rod in (whole, half))
+    long, short = (
+        rest(engine, file, (rod,), names, samples=rod.segments + 1).channels
+        for rod in (whole, half)
+    )
     for name, atol in zip(names, TIGHT.values(), strict=True):
         np.testing.assert_allclose(long[name][:10], short[name][:10], atol=atol)
     # point symmetry about the middle
@@ -207,8 +230,9 @@ def test_a_rod_pinned_at_both_ends_is_half_of_a_wave(engine, tmp_path):
 
 
 @EACH
-@pytest.mark.parametrize(("euler", "force"), [("1.5707963267948966 0 0", (0, 0, 3)),
-                                              ("0 0 0.7", (0, 3, 0))])
+@pytest.mark.parametrize(
+    ("euler", "force"), [("1.5707963267948966 0 0", (0, 0, 3)), ("0 0 0.7", (0, 3, 0))]
+)
 def test_rods_bend_in_the_plane_of_their_site(engine, euler, force, tmp_path):
     """Another plane, and another direction in the plane: the same shape, turned."""
     site = f'<site name="clamp" pos="0.1 0.2 0.3" euler="{euler}"/>'

@@ -41,8 +41,7 @@ def led(engine, file, name, segments, angles) -> Curves:
         return lambda x: (np.interp(x, np.arange(len(way)), way[:, k]), 0 * x, 0 * x)
 
     drives = tuple(Drive(f"motor{k + 1}", law(k)) for k in (0, 1))
-    run = Run("sweep", np.arange(len(way), dtype=float), READ, drives,
-              rods=rods(name, segments))
+    run = Run("sweep", np.arange(len(way), dtype=float), READ, drives, rods=rods(name, segments))
     return ENGINES[engine](file, run)
 
 
@@ -66,8 +65,10 @@ def turned(turn: float) -> RodState:
 def own(segments: int, near: RodState) -> Standing:
     """Equilibrium of chains next to one of rods."""
     angles = near.inputs
-    shapes = [tangent(angle, force, moment, EI) for angle, force, moment in
-              zip(angles, near.force, near.moment, strict=True)]
+    shapes = [
+        tangent(angle, force, moment, EI)
+        for angle, force, moment in zip(angles, near.force, near.moment, strict=True)
+    ]
     return settle(two_rods(), angles - CLAMPS, seed=shapes, segments=segments, force=near.load)
 
 
@@ -173,12 +174,21 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
     assert np.hypot(*(pin[-2] - last)) < 0.2 < np.hypot(*(pin[-1] - last))
 
 
-@pytest.mark.parametrize(("file", "old", "new"), [
-    pytest.param("rfr2_driven.toml", "segments = 16", 'segments = 16\nscheme = "naive"',
-                 marks=SLOW),
-    pytest.param("rfr2_driven.toml", r"length = 1.0\n(stiffness = .*\nsegments)",
-                 r"length = 1.01\n\1", marks=SLOW),
-    ("rfr2_natural.xml", "gear=.0.3 -0.1", 'gear="0.32 -0.1')])
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        pytest.param(
+            "rfr2_driven.toml", "segments = 16", 'segments = 16\nscheme = "naive"', marks=SLOW
+        ),
+        pytest.param(
+            "rfr2_driven.toml",
+            r"length = 1.0\n(stiffness = .*\nsegments)",
+            r"length = 1.01\n\1",
+            marks=SLOW,
+        ),
+        ("rfr2_natural.xml", "gear=.0.3 -0.1", 'gear="0.32 -0.1'),
+    ],
+)
 def test_a_wrong_pair_is_found(file, old, new, edit):
     """Soft clamps, rods too long, another load: beyond what the links explain."""
     edit("rfr2_driven.toml", r'"mujoco", "pymunk"', '"mujoco"')

@@ -14,8 +14,10 @@ from tests.sim.rod_models import CLAMPS, ENGINES, FIGURES, PAIR, held, model, pa
 from tests.verdicts import verdicts
 
 EACH = pytest.mark.parametrize("engine", ENGINES)
-ARM = '<body name="arm"><joint name="arm"/><inertial pos="1 0 0" mass="2" ' \
-      'diaginertia="0.1 0.1 0.1"/><site name="end" pos="1 0 0"/></body>'
+ARM = (
+    '<body name="arm"><joint name="arm"/><inertial pos="1 0 0" mass="2" '
+    'diaginertia="0.1 0.1 0.1"/><site name="end" pos="1 0 0"/></body>'
+)
 
 
 @pytest.fixture
@@ -34,11 +36,17 @@ def sweep(engine: str, file: Path, segments: int, x: list[float], way: float = 1
         def angle(x):
             there = begin[k] + np.minimum(x, 0.0) * (begin[k] - CLAMPS[k])
             return there + way * np.maximum(x, 0.0) * (k == 0), 0 * x, 0 * x
+
         return angle
 
     drives = tuple(Drive(f"motor{k + 1}", law(k)) for k in (0, 1))
-    run = Run("sweep", np.array([-1.0, 0.0, *x]), ("pin.x", "pin.y", "moment1"), drives,
-              rods=pair("S2", segments))
+    run = Run(
+        "sweep",
+        np.array([-1.0, 0.0, *x]),
+        ("pin.x", "pin.y", "moment1"),
+        drives,
+        rods=pair("S2", segments),
+    )
     return ENGINES[engine](file, run)
 
 
@@ -55,8 +63,9 @@ def test_a_motor_bends_a_pair_of_rods(unloaded):
 def test_both_engines_turn_the_pair_alike():
     """The same chains, ten links a rod."""
     drives = Drive("motor1", lambda x: (CLAMPS[0] + x, 1 + 0 * x, 0 * x)), held()[1]
-    run = Run("sweep", np.linspace(0, 0.3, 4), ("pin.x", "pin.y", "moment1"), drives,
-              rods=pair("S4", 10))
+    run = Run(
+        "sweep", np.linspace(0, 0.3, 4), ("pin.x", "pin.y", "moment1"), drives, rods=pair("S4", 10)
+    )
     one, two = (simulate(PAIR, run).channels for simulate in ENGINES.values())
     for name, curve in one.items():
         np.testing.assert_allclose(two[name], curve, atol=1e-11)  # rest to 1e-12, softness
@@ -79,22 +88,32 @@ def test_a_sweep_ends_at_the_fold(unloaded):
 def test_a_dead_load_on_a_link_keeps_its_direction(engine, tmp_path):
     """Holding moment of an arm: minus F x r, minus M, at every angle."""
     hold = '<motor name="hold" joint="arm"/>'
-    file = model(tmp_path, ARM, hold + pull("end", 3, -4, 0, 0, 0, 0.5),
-                 '<actuatorfrc name="hold" actuator="hold"/>'
-                 '<actuatorfrc name="pull" actuator="pull"/>', ctrl="0 2")
+    file = model(
+        tmp_path,
+        ARM,
+        hold + pull("end", 3, -4, 0, 0, 0, 0.5),
+        '<actuatorfrc name="hold" actuator="hold"/><actuatorfrc name="pull" actuator="pull"/>',
+        ctrl="0 2",
+    )
     x = np.linspace(-1.0, 2.0, 7)
     run = Run("sweep", x, ("hold", "pull"), (Drive("arm", lambda x: (x, 1 + 0 * x, 0 * x)),))
     found = ENGINES[engine](file, run).channels
-    np.testing.assert_allclose(found["hold"], -2 * (0.5 - 4 * np.cos(x) - 3 * np.sin(x)),
-                               atol=1e-12)  # rounding; pymunk rests to 1e-12 of the model
+    np.testing.assert_allclose(
+        found["hold"], -2 * (0.5 - 4 * np.cos(x) - 3 * np.sin(x)), atol=1e-12
+    )  # rounding; pymunk rests to 1e-12 of the model
     np.testing.assert_allclose(found["pull"], 2.0)
 
 
 @EACH
 def test_a_loaded_arm_swings(engine, tmp_path):
     """A dead load in time, against the integrated equation of motion."""
-    file = model(tmp_path, ARM, pull("end", 3, -4, 0, 0, 0, 0.5),
-                 '<jointpos name="angle" joint="arm"/>', ctrl="1")
+    file = model(
+        tmp_path,
+        ARM,
+        pull("end", 3, -4, 0, 0, 0, 0.5),
+        '<jointpos name="angle" joint="arm"/>',
+        ctrl="1",
+    )
     t = np.linspace(0.0, 2.0, 21)
     found = ENGINES[engine](file, Run("duration", t, ("angle",), settings={"timestep": 1e-3}))
 
@@ -103,8 +122,9 @@ def test_a_loaded_arm_swings(engine, tmp_path):
 
     truth = solve_ivp(motion, (0, 2), [0, 0], t_eval=t, rtol=1e-11, atol=1e-11).y[0]
     # MuJoCo's Euler is of first order in its 1 ms, pymunk of second
-    np.testing.assert_allclose(found.channels["angle"], truth,
-                               atol={"mujoco": 3e-3, "pymunk": 1e-6}[engine])
+    np.testing.assert_allclose(
+        found.channels["angle"], truth, atol={"mujoco": 3e-3, "pymunk": 1e-6}[engine]
+    )
 
 
 def test_loads_out_of_the_plane_are_refused(tmp_path):
@@ -138,8 +158,15 @@ RODS = {
 @pytest.mark.parametrize(("change", "key", "words"), RODS.values(), ids=RODS)
 def test_bad_rods_are_named(change, key, words, tmp_path):
     """Which rod, what of it, and what would be right."""
-    good = {"name": "r", "start": "ground", "end": "pin", "length": 1.0, "stiffness": 1.0,
-            "segments": 5, "ends": ("clamped", "pinned")}
+    good = {
+        "name": "r",
+        "start": "ground",
+        "end": "pin",
+        "length": 1.0,
+        "stiffness": 1.0,
+        "segments": 5,
+        "ends": ("clamped", "pinned"),
+    }
     file = model(tmp_path, '<site name="pin" pos="0.8 0.1 0"/>')
     other = Rod("q", "ground", None, 1.0, 1.0, 5, ("clamped", "free"))
     with pytest.raises(BadRod, match=words) as raised:
@@ -149,15 +176,24 @@ def test_bad_rods_are_named(change, key, words, tmp_path):
 
 
 SIDECARS = {
-    "stiffness": (r"stiffness = 0.16\d*\nsegments", "stiffness = -1.0\nsegments",
-                  ["rod.rod.stiffness", "greater than 0"]),
+    "stiffness": (
+        r"stiffness = 0.16\d*\nsegments",
+        "stiffness = -1.0\nsegments",
+        ["rod.rod.stiffness", "greater than 0"],
+    ),
     "segments": ("segments = 40", "segments = 1", ["rod.rod.segments", "greater than or equal"]),
     "scheme": ("segments = 40", 'scheme = "mid"', ["rod.rod.scheme", "'half'"]),
     "unknown key": ("segments = 40", "links = 40", ["rod.rod", "'links'", "segments"]),
-    "too short": (r"length = 1.0\nstiffness = 0.16\d*\nsegments",
-                  "length = 0.8\nstiffness = 0.1\nsegments", ["rod.rod.length", "0.806226 m"]),
-    "unknown site": ('from = "clamp"', 'from = "clamps"',
-                     ["rod.rod.from", "'clamps'", "pin, clamp"]),
+    "too short": (
+        r"length = 1.0\nstiffness = 0.16\d*\nsegments",
+        "length = 0.8\nstiffness = 0.1\nsegments",
+        ["rod.rod.length", "0.806226 m"],
+    ),
+    "unknown site": (
+        'from = "clamp"',
+        'from = "clamps"',
+        ["rod.rod.from", "'clamps'", "pin, clamp"],
+    ),
     "no far site": ('to = "pin"\n', 'ends = ["clamped", "pinned"]\n', ["rod.rod", "give to"]),
     "free but held": ('to = "pin"', 'to = "pin"\nends = ["clamped", "free"]', ["leave out to"]),
     "beyond its end": ("n = 21", "n = 21\nuntil = 1.5", ["until", "shortest rod, 1 m"]),
@@ -193,10 +229,14 @@ def test_gravity_asks_for_a_mass(tmp_path):
         rest("mujoco", file, (Rod("r", "ground", None, 1.0, 1.0, 5, ("clamped", "free")),), ())
 
 
-@pytest.mark.parametrize(("old", "new"), [
-    (r"length = 1.0\nstiffness = 1.0\nsegments", "length = 1.0\nstiffness = 1.02\nsegments"),
-    (r"length = 1.0\nstiffness = 1.0\nsegments", "length = 1.01\nstiffness = 1.0\nsegments"),
-    ("segments = 40", 'segments = 40\nscheme = "naive"')])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (r"length = 1.0\nstiffness = 1.0\nsegments", "length = 1.0\nstiffness = 1.02\nsegments"),
+        (r"length = 1.0\nstiffness = 1.0\nsegments", "length = 1.01\nstiffness = 1.0\nsegments"),
+        ("segments = 40", 'segments = 40\nscheme = "naive"'),
+    ],
+)
 def test_a_wrong_rod_is_found(old, new, edit):
     """Stiffer, longer, or with a soft clamp: beyond what its links explain."""
     file = edit("rod_cantilever.toml", old, new)

@@ -22,15 +22,21 @@ from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES, constant, model, rest
 from tests.verdicts import verdicts
 
-CHAINS = {row["name"]: row for row in json.loads(
-    (Path(__file__).parents[1] / "data" / "rod_chain.json").read_text())["3RFR"]["equilibria"]}
+CHAINS = {
+    row["name"]: row
+    for row in json.loads((Path(__file__).parents[1] / "data" / "rod_chain.json").read_text())[
+        "3RFR"
+    ]["equilibria"]
+}
 EACH = pytest.mark.parametrize("engine", ENGINES)
 MOTORS = tuple(np.radians(DATA["rfr3"]["inputs_deg"]).tolist())
 PLACE = "platform.x", "platform.y", "phi"
 HOLDS = "moment1", "moment2", "moment3"
 POSE = "0.0165 0.0206 1.2"  # of the platform, in the key
-KEYS = {"S1": (POSE, (-0.53, -0.94, -1.05), 2),
-        "S2": ("0.0068 0.0111 -1.39", (-0.2, -0.61, -0.68), 1)}
+KEYS = {
+    "S1": (POSE, (-0.53, -0.94, -1.05), 2),
+    "S2": ("0.0068 0.0111 -1.39", (-0.2, -0.61, -0.68), 1),
+}
 
 
 def at_rest(engine: str, name: str, segments: int, folder: Path):
@@ -40,8 +46,10 @@ def at_rest(engine: str, name: str, segments: int, folder: Path):
     assert POSE in text
     model.write_text(text.replace(POSE, pose))
     run = plan(case, "rest", engine)
-    rods = tuple(replace(rod, segments=segments, turn=turn)
-                 for rod, turn in zip(run.rods, turns, strict=True))
+    rods = tuple(
+        replace(rod, segments=segments, turn=turn)
+        for rod, turn in zip(run.rods, turns, strict=True)
+    )
     found = ENGINES[engine](model, replace(run, rods=rods, x=np.linspace(0.0, 1.0, segments + 1)))
     return found.channels
 
@@ -52,19 +60,30 @@ def chains(s, load, segments: int):
     return settle(s.assembly, s.inputs, seed=shapes, segments=segments, force=load)
 
 
-@pytest.mark.parametrize(("engine", "name", "segments"), [
-    ("mujoco", "S1", 10), ("mujoco", "S1", 20), ("mujoco", "S2", 10), ("mujoco", "S2", 20),
-    ("pymunk", "S1", 10), ("pymunk", "S2", 10)])
+@pytest.mark.parametrize(
+    ("engine", "name", "segments"),
+    [
+        ("mujoco", "S1", 10),
+        ("mujoco", "S1", 20),
+        ("mujoco", "S2", 10),
+        ("mujoco", "S2", 20),
+        ("pymunk", "S1", 10),
+        ("pymunk", "S2", 10),
+    ],
+)
 def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
     """Where the chains' equations have them, and where another computation has."""
     found = at_rest(engine, name, segments, tmp_path)
-    s = standing(PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
-                 KEYS[name][2])
+    s = standing(
+        PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
+        KEYS[name][2],
+    )
     own = chains(s, [0.0, 0.5], segments)
     values = [found[channel][0] for channel in (*PLACE, *HOLDS, "energy")]
     # both engines rest to 1e-12 of the model, over the platform's softness
-    np.testing.assert_allclose(values, [*own.pose, *-own.root_moment, own.energy], rtol=0,
-                               atol=1e-10)
+    np.testing.assert_allclose(
+        values, [*own.pose, *-own.root_moment, own.energy], rtol=0, atol=1e-10
+    )
     for k, rod in enumerate(("left", "right", "top")):
         np.testing.assert_allclose(found[f"{rod}.angle"][1:], own.angle[k], rtol=0, atol=1e-10)
     row = CHAINS[name]["half"][str(segments)]
@@ -75,8 +94,10 @@ def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
 @pytest.mark.parametrize("name", KEYS)
 def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
     coarse, fine = (at_rest("mujoco", name, n, tmp_path) for n in (20, 40))
-    s = standing(PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
-                 KEYS[name][2])
+    s = standing(
+        PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
+        KEYS[name][2],
+    )
     limit = [(4 * fine[c][0] - coarse[c][0]) / 3 for c in (*PLACE, *HOLDS, "energy")]
     exact = [*s.pose, *-s.moment, s.energy.sum()]
     np.testing.assert_allclose(limit, exact, rtol=0, atol=5e-6)  # what h^4 leaves
@@ -90,8 +111,12 @@ def test_sliders_lead_the_platform(engine):
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
     found = ENGINES[engine](case.model_path, run).channels
     turns, way = (0.0, 2 * np.pi / 3, -2 * np.pi / 3), run.motion(run.x)[0].T
-    s = standing(PlatformProblem(0.5, 1.0, 1.0, EI, turns, turns, tuple(way[0].tolist()),
-                         (0.3, -0.2, 0.0), 1), 1)
+    s = standing(
+        PlatformProblem(
+            0.5, 1.0, 1.0, EI, turns, turns, tuple(way[0].tolist()), (0.3, -0.2, 0.0), 1
+        ),
+        1,
+    )
     own = chains(s, [0.3, -0.2], 10)
     guides = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     for k, slides in enumerate(way):
@@ -117,12 +142,15 @@ def test_rigid_ends_and_the_start_pose_of_the_program(tmp_path):
     row, turns = DATA["pfr3"]["recomputed"][0], np.radians([0.0, 120.0, -120.0])
     out = np.radians([-150.0, -30.0, 90.0])
     ends = "".join(END.format(k, 0.2 * np.cos(a), 0.2 * np.sin(a)) for k, a in enumerate(out))
-    sliders = "".join(SLIDER.format(k, np.cos(a), np.sin(a), turn)
-                      for k, (a, turn) in enumerate(zip(out, turns, strict=True)))
+    sliders = "".join(
+        SLIDER.format(k, np.cos(a), np.sin(a), turn)
+        for k, (a, turn) in enumerate(zip(out, turns, strict=True))
+    )
     hold = "".join(f'<motor name="hold{k}" joint="slider{k}"/>' for k in range(3))
     read = "".join(f'<actuatorfrc name="hold{k}" actuator="hold{k}"/>' for k in range(3))
-    file = model(tmp_path, PLATFORM.format(ends) + sliders, hold,
-                 read + '<jointpos name="phi" joint="phi"/>')
+    file = model(
+        tmp_path, PLATFORM.format(ends) + sliders, hold, read + '<jointpos name="phi" joint="phi"/>'
+    )
     tip = np.radians(row["tip_turn_deg"])
     qpos = [0.0, 0.0, np.pi / 3, *(turns + tip - np.pi / 3), *[row["slide"]] * 3]
     text = file.read_text().replace('ctrl=""', f'qpos="{" ".join(map(str, qpos))}"')
@@ -130,8 +158,10 @@ def test_rigid_ends_and_the_start_pose_of_the_program(tmp_path):
     drives = tuple(Drive(f"slider{k}", partial(constant, row["slide"])) for k in range(3))
     names, found = ("phi", "hold0", "hold1", "hold2"), []
     for n in (20, 40):
-        rods = tuple(Rod(f"r{k}", f"clamp{k}", f"end{k}", 1.0, EI, n, ("clamped", "clamped"),
-                         turn=tip) for k in range(3))
+        rods = tuple(
+            Rod(f"r{k}", f"clamp{k}", f"end{k}", 1.0, EI, n, ("clamped", "clamped"), turn=tip)
+            for k in range(3)
+        )
         curves = rest("mujoco", file, rods, names, drives).channels
         found.append(np.array([curves[name][0] for name in names]))
         assert np.ptp(found[-1][1:]) < 1e-11
@@ -151,8 +181,11 @@ def quick(edit, name: str) -> Path:
 WRONG = {
     "side": ("rfr3.xml", r'pos="0.1 -0.0577', 'pos="0.102 -0.0577'),
     "clamp angle": ("rfr3.xml", "3.141592653589793 -1.047", "3.16 -1.047"),
-    "one rod stiffer": ("rfr3.toml", r"stiffness = 0.052186\d+\nsegments = 20\nturn = -1.05",
-                        "stiffness = 0.0527\nsegments = 20\nturn = -1.05"),
+    "one rod stiffer": (
+        "rfr3.toml",
+        r"stiffness = 0.052186\d+\nsegments = 20\nturn = -1.05",
+        "stiffness = 0.0527\nsegments = 20\nturn = -1.05",
+    ),
     "load": ("rfr3.xml", 'gear="0 0.5', 'gear="0 0.505'),
     "slider's place": ("pfr3.xml", 'pos="0 1 0"', 'pos="0 0.995 0"'),
     "guide's direction": ("pfr3.xml", "0 0 -2.0943951", "0 0 -2.11"),
@@ -164,16 +197,23 @@ WRONG = {
 QUICK = "guide's direction"
 
 
-@pytest.mark.parametrize(("file", "old", "new"), [
-    pytest.param(*change, id=what, marks=[pytest.mark.slow] * (what != QUICK))
-    for what, change in WRONG.items()])
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        pytest.param(*change, id=what, marks=[pytest.mark.slow] * (what != QUICK))
+        for what, change in WRONG.items()
+    ],
+)
 def test_a_wrong_mechanism_differs(file, old, new, edit):
     name = file.partition(".")[0]
     sidecar = quick(edit, name)
     edit(file, old, new)
     if new == "3.16 -1.047":  # the motor that is held there
-        edit("rfr3.toml", "from = 3.141592653589793\nto = 3.141592653589793",
-             "from = 3.16\nto = 3.16")
+        edit(
+            "rfr3.toml",
+            "from = 3.141592653589793\nto = 3.141592653589793",
+            "from = 3.16\nto = 3.16",
+        )
     assert "differs" in {c.outcome for c in verdicts(sidecar)}
 
 
@@ -228,7 +268,15 @@ def test_what_a_comparison_would_notice():
     for c in found:
         for key, change in c.would_notice.items():
             least[key] = min(change.size, least.get(key, np.inf))
-    assert set(least) >= {"side", "radius", "theta1", "theta2", "theta3", "length", "stiffness",
-                          "force_y"}
+    assert set(least) >= {
+        "side",
+        "radius",
+        "theta1",
+        "theta2",
+        "theta3",
+        "length",
+        "stiffness",
+        "force_y",
+    }
     assert max(least.values()) < 0.02
     assert evaluate(case, np.array([0.0, 1.0]), None).channels["phi"][0] > 1.0

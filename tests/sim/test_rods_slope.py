@@ -1,6 +1,5 @@
 """The written-out slope of pymunk's energy, against complex steps of the energy itself."""
 
-
 import numpy as np
 import pytest
 
@@ -10,8 +9,15 @@ from proofmass.sim.pymunk.kinematics import bound, jacobian, potential, slope, v
 from proofmass.sim.pymunk.rebuild import read_links
 from tests.shipped import shipped
 
-NAMES = ["hacksaw_cutting", "inverted_slider_crank", "threeprr", "balancer_weight",
-         "balancer_progressive_contact", "rfr2_natural", "rod_into_circle"]
+NAMES = [
+    "hacksaw_cutting",
+    "inverted_slider_crank",
+    "threeprr",
+    "balancer_weight",
+    "balancer_progressive_contact",
+    "rfr2_natural",
+    "rod_into_circle",
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -36,18 +36,22 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_wrong_setting_is_bad_input_once_and_nothing_runs(models, edit, wrong):
     file = models / "pendulum.toml"
-    file.write_text(f'{file.read_text()}\n[settings.mujoco]\n{wrong}\n')
+    file.write_text(f"{file.read_text()}\n[settings.mujoco]\n{wrong}\n")
     result = check([file])
     assert result.exit_code == 2
     assert result.comparisons == []
     [error] = map(str, result.errors)
-    assert f'pendulum.toml: settings.mujoco.{WRONG[wrong]}' in error
+    assert f"pendulum.toml: settings.mujoco.{WRONG[wrong]}" in error
 
 
 def test_pymunk_states_its_own():
     pymunk_settings({"timestep": 1e-3, "iterations": 10, "error_bias": 0.0, "defaults": True})
-    for wrong in ({"error_bias": 2.0}, {"iterations": 0}, {"iterations": 2**30},
-                  {"solref": (0.02, 1.0)}):
+    for wrong in (
+        {"error_bias": 2.0},
+        {"iterations": 0},
+        {"iterations": 2**30},
+        {"solref": (0.02, 1.0)},
+    ):
         with pytest.raises(BadSetting, match=next(iter(wrong))):
             pymunk_settings(wrong)
 
@@ -68,8 +72,9 @@ LOOP = '<equality><connect body1="a" anchor="0 0 0" solref="2e-3 1"/></equality>
 
 
 def scene(option="", flag="", rub="", floor="", loop="", height="0.5"):
-    return mujoco.MjModel.from_xml_string(FALLING.format(
-        option=option, flag=flag, rub=rub, floor=floor, loop=loop, height=height))
+    return mujoco.MjModel.from_xml_string(
+        FALLING.format(option=option, flag=flag, rub=rub, floor=floor, loop=loop, height=height)
+    )
 
 
 def fallen(model):
@@ -79,13 +84,25 @@ def fallen(model):
     return data.qpos.copy()
 
 
-@pytest.mark.parametrize(("settings", "option", "flag", "there"), [
-    ({"refsafe": False}, "", '<flag refsafe="disable"/>', {"loop": LOOP}),
-    ({"warmstart": False}, ' solver="CG" iterations="2"', '<flag warmstart="disable"/>',
-     {"floor": FLOOR, "height": "0.1"}),
-    ({"cone": "elliptic", "impratio": 10.0}, ' cone="elliptic" impratio="10"', "",
-     {"floor": FLOOR, "height": "0.1"}),
-    ({"noslip_iterations": 3}, ' noslip_iterations="3"', "", {"floor": FLOOR, "height": "0.1"})])
+@pytest.mark.parametrize(
+    ("settings", "option", "flag", "there"),
+    [
+        ({"refsafe": False}, "", '<flag refsafe="disable"/>', {"loop": LOOP}),
+        (
+            {"warmstart": False},
+            ' solver="CG" iterations="2"',
+            '<flag warmstart="disable"/>',
+            {"floor": FLOOR, "height": "0.1"},
+        ),
+        (
+            {"cone": "elliptic", "impratio": 10.0},
+            ' cone="elliptic" impratio="10"',
+            "",
+            {"floor": FLOOR, "height": "0.1"},
+        ),
+        ({"noslip_iterations": 3}, ' noslip_iterations="3"', "", {"floor": FLOOR, "height": "0.1"}),
+    ],
+)
 def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, there):
     """And they act: without them the body is elsewhere."""
     plain = ' solver="CG" iterations="2"' if "CG" in option else ""
@@ -94,9 +111,12 @@ def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, th
     configure(own, settings)
     assert np.array_equal(fallen(own), fallen(read))
     assert not np.array_equal(fallen(own), before)
-    assert all(stepped_with(own)[key] == value if not isinstance(value, str)
-               else str(stepped_with(own)[key]).lower() == value
-               for key, value in settings.items())
+    assert all(
+        stepped_with(own)[key] == value
+        if not isinstance(value, str)
+        else str(stepped_with(own)[key]).lower() == value
+        for key, value in settings.items()
+    )
     configure(own, dict.fromkeys(settings.keys() & {"refsafe", "warmstart"}, True))
     assert "refsafe" not in stepped_with(own)
 
@@ -110,16 +130,17 @@ def test_what_may_touch_and_what_rubs_is_known():
     assert not rubs(scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>'))
 
 
-@pytest.mark.parametrize(("change", "axes"), [
-    ("", set()), ('rub', {"noslip_iterations"}),
-    ('touch', {"noslip_iterations", "impratio"})])
+@pytest.mark.parametrize(
+    ("change", "axes"),
+    [("", set()), ("rub", {"noslip_iterations"}), ("touch", {"noslip_iterations", "impratio"})],
+)
 def test_a_study_turns_what_acts(models, edit, change, axes):
     if change == "rub":
         edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" frictionloss="0.1"/>')
     if change == "touch":
         edit("pendulum.xml", "<worldbody>", '<worldbody><geom type="plane" size="9 9 9"/>')
         edit("pendulum.xml", '<flag contact="disable"/>', "")
-        edit("pendulum.xml", '<geom ', '<geom contype="1" conaffinity="1" ')
+        edit("pendulum.xml", "<geom ", '<geom contype="1" conaffinity="1" ')
     found = {line.axis for line in lines(load_case(models / "pendulum.toml"), "duration")}
     assert found - {"timestep", "iterations", "error_bias"} == axes
 
@@ -128,8 +149,9 @@ def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
     found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "duration")}
     off = next(line for name, line in found.items() if "refsafe off" in name)
     step = off.settings[0].knobs["timestep"]
-    assert all(s.knobs["refsafe"] is False and s.knobs["solref"][0] < 2 * step
-               for s in off.settings)
+    assert all(
+        s.knobs["refsafe"] is False and s.knobs["solref"][0] < 2 * step for s in off.settings
+    )
     cold = next(line for name, line in found.items() if "without warm start" in name)
     assert all(s.knobs["warmstart"] is False for s in cold.settings)
 
@@ -139,8 +161,10 @@ def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
     edit("fivebar_circle.toml", r"(?m)(\[drive.parameters\]\n)center_x", r"\1centre_x")
     result = check([models / "threeprr_circle.toml", models / "fivebar_circle.toml"])
     first, second = map(str, result.errors)
-    assert "threeprr_circle.toml: drive.0.parameters.center_x: circle() has no such parameter; " \
+    assert (
+        "threeprr_circle.toml: drive.0.parameters.center_x: circle() has no such parameter; "
         "did you mean 'centre_x'? known: centre_x, centre_y, radius" in first
+    )
     assert "fivebar_circle.toml: drive.parameters: " in second
     assert "'center_x'" in second
     assert result.comparisons == []
@@ -149,5 +173,7 @@ def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
 def test_a_slip_in_the_sidecar_is_told_once_and_in_the_sidecar(models, edit):
     edit("fourbar.toml", 'joint = "crank"', 'joint = "cranck"')
     [error] = map(str, check([models / "fourbar.toml"]).errors)
-    assert error.endswith("fourbar.toml: drive.joint: fourbar.xml has no joint 'cranck'; did you "
-                          "mean 'crank'? there are: crank, coupler, rocker")
+    assert error.endswith(
+        "fourbar.toml: drive.joint: fourbar.xml has no joint 'cranck'; did you "
+        "mean 'crank'? there are: crank, coupler, rocker"
+    )

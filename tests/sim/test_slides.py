@@ -1,6 +1,5 @@
 """Slides: driven ones in both engines against the inverse closed form, and stops."""
 
-
 import numpy as np
 import pytest
 
@@ -31,8 +30,13 @@ def crank_angle(x):
 
 
 def run_of(kind: str, dt: float = 1e-3) -> Run:
-    return Run(kind, np.linspace(0, 2 * np.pi, 201), ("theta2", "omega2"),
-               (Drive("slider", there_and_back),), settings={"timestep": dt})
+    return Run(
+        kind,
+        np.linspace(0, 2 * np.pi, 201),
+        ("theta2", "omega2"),
+        (Drive("slider", there_and_back),),
+        settings={"timestep": dt},
+    )
 
 
 @pytest.fixture
@@ -88,8 +92,12 @@ def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
 def test_a_driven_slide_that_rides_on_another_leaves_it_at_rest(tmp_path):
     file = tmp_path / "slider.xml"
     file.write_text(SLIDER.replace("</sensor>", '<jointpos name="base" joint="base"/></sensor>'))
-    run = Run("duration", np.linspace(0, 1, 11), ("drop", "base"),
-              (Drive("drop", lambda t: (t**2, 2 * t, 2 + 0 * t)),))
+    run = Run(
+        "duration",
+        np.linspace(0, 1, 11),
+        ("drop", "base"),
+        (Drive("drop", lambda t: (t**2, 2 * t, 2 + 0 * t)),),
+    )
     curves = with_pymunk.simulate(file, run)
     np.testing.assert_allclose(curves.channels["drop"], run.x**2, atol=1e-14)  # rounding
     np.testing.assert_allclose(curves.channels["base"], 0, atol=1e-14)
@@ -102,7 +110,8 @@ def test_a_driven_slide_carries_only_what_acts_along_it(tmp_path):
       <joint name="s" type="slide" axis="1 0 0"/>
       <inertial pos=".3 .2 0" mass="2" diaginertia="1 1 1"/></body></worldbody>
       <sensor><jointactuatorfrc name="force" joint="s"/></sensor></mujoco>""")
-    run = Run("sweep", np.linspace(0, 1, 3), ("force",),
-              (Drive("s", lambda x: (x, 1 + 0 * x, 0 * x)),))
+    run = Run(
+        "sweep", np.linspace(0, 1, 3), ("force",), (Drive("s", lambda x: (x, 1 + 0 * x, 0 * x)),)
+    )
     force = with_pymunk.simulate(file, run).channels["force"]
     np.testing.assert_allclose(force, 2 * 9.81 * 0.5, rtol=1e-12)  # rounding

@@ -11,8 +11,12 @@ from proofmass.studies.record import Setting
 from tests.shipped import MODELS
 
 STEPS = 0.01, 0.005, 0.0025, 0.002, 0.001
-LINES = (("mujoco", {"integrator": "Euler"}), ("mujoco", {"integrator": "RK4"}),
-         ("mujoco", {"integrator": "implicitfast"}), ("pymunk", {"iterations": 10}))
+LINES = (
+    ("mujoco", {"integrator": "Euler"}),
+    ("mujoco", {"integrator": "RK4"}),
+    ("mujoco", {"integrator": "implicitfast"}),
+    ("pymunk", {"iterations": 10}),
+)
 
 
 def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
@@ -20,9 +24,19 @@ def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
     case = load_case(models / "pendulum.toml")
     short = case.run["duration"].model_copy(update={"until": 0.5, "n": 51})
     case = case.model_copy(update={"run": {"duration": short}})
-    return [StudyRun(case, "duration", Setting(engine, {**knobs, "timestep": step}), "trade",
-                 f"{engine} {' '.join(map(str, knobs.values()))}", "timestep", step)
-            for engine, knobs in LINES for step in STEPS]
+    return [
+        StudyRun(
+            case,
+            "duration",
+            Setting(engine, {**knobs, "timestep": step}),
+            "trade",
+            f"{engine} {' '.join(map(str, knobs.values()))}",
+            "timestep",
+            step,
+        )
+        for engine, knobs in LINES
+        for step in STEPS
+    ]
 
 
 @pytest.fixture(autouse=True)

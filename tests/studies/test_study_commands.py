@@ -43,14 +43,25 @@ FAT = """<mujoco>
   <sensor><jointpos name="angle" joint="pivot"/></sensor>
   <keyframe><key name="start" qpos="1.5"/></keyframe>
 </mujoco>"""
-ASKED = {"trade": "trade case.toml", "stress": "stress --only kv",
-         "diet": "diet fat.xml --seconds 0.1", "choose": "choose case.toml --error 1e-5"}
+ASKED = {
+    "trade": "trade case.toml",
+    "stress": "stress --only kv",
+    "diet": "diet fat.xml --seconds 0.1",
+    "choose": "choose case.toml --error 1e-5",
+}
 KILLED = "trade", "stress", "diet"
-TABLES = {"trade": ("trade.csv", "floors.csv", "verdicts.json"), "stress": ("stress.csv",),
-          "diet": ("fat.csv", "fat.xml")}
+TABLES = {
+    "trade": ("trade.csv", "floors.csv", "verdicts.json"),
+    "stress": ("stress.csv",),
+    "diet": ("fat.csv", "fat.xml"),
+}
 FOLDERS = {"choose": "trade"}  # of runs, where they are not called like the command
-KEPT = {"trade": "trade keeps the runs", "choose": "trade keeps the runs",
-        "stress": "stress keeps the runs", "diet": "what was tried is kept"}
+KEPT = {
+    "trade": "trade keeps the runs",
+    "choose": "trade keeps the runs",
+    "stress": "stress keeps the runs",
+    "diet": "what was tried is kept",
+}
 MEASURED = "seconds", "repeats", "shared", "bytes"
 """How columns begin that no two runs have alike: clocks; an arena's use goes with its alignment."""
 ALIVE = 10.0  # s, in which workers end whose study was killed: the longest run here takes 2 s
@@ -75,7 +86,8 @@ NO_RUNS = {
 from proofmass.studies.diet.diet import Search
 ran = Search.ran
 Search.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
-"""}  # a diet tries the model that it has written, and keeps nothing of that
+""",
+}  # a diet tries the model that it has written, and keeps nothing of that
 FORGETS = "from proofmass.studies.store import Store; Store.load = lambda *_: None"
 
 
@@ -100,9 +112,14 @@ def begin(what: str, folder: Path, before: str = "", more: str = "") -> subproce
     code = f"{before}\nfrom proofmass.__main__ import main; main()"
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
-        [sys.executable, "-c", code, *ASKED[what].split(), *more.split()], cwd=folder,
-        env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}, start_new_session=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        [sys.executable, "-c", code, *ASKED[what].split(), *more.split()],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200"},
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def finish(what: str, folder: Path, before: str = "", more: str = "") -> None:
@@ -136,9 +153,14 @@ def told(what: str, folder: Path) -> list:
     found = list[object]()
     for name in TABLES[what]:
         text = (folder / what / name).read_text(encoding="utf-8")
-        found.append(text if not name.endswith(".csv") else [
-            {k: v for k, v in row.items() if not k.startswith(MEASURED)}
-            for row in csv.DictReader(text.splitlines())])
+        found.append(
+            text
+            if not name.endswith(".csv")
+            else [
+                {k: v for k, v in row.items() if not k.startswith(MEASURED)}
+                for row in csv.DictReader(text.splitlines())
+            ]
+        )
     return found
 
 
@@ -161,8 +183,14 @@ def undisturbed(what: str, folder: Path) -> float:
     return time.monotonic() - start
 
 
-def killed(what: str, folder: Path, moment: float, alone: bool, before: str = "",
-           how: signal.Signals = signal.SIGKILL) -> bool:
+def killed(
+    what: str,
+    folder: Path,
+    moment: float,
+    alone: bool,
+    before: str = "",
+    how: signal.Signals = signal.SIGKILL,
+) -> bool:
     """Kill a study, by itself or with its workers, so late; whether it was still at work."""
     there, study = kept(what, folder), begin(what, folder, before)
     with contextlib.suppress(subprocess.TimeoutExpired):
@@ -178,8 +206,13 @@ def killed(what: str, folder: Path, moment: float, alone: bool, before: str = ""
     return not late
 
 
-def same_after(what: str, kills: int, place: Callable[[str], Path], before: str = "",
-               how: signal.Signals = signal.SIGKILL) -> None:
+def same_after(
+    what: str,
+    kills: int,
+    place: Callable[[str], Path],
+    before: str = "",
+    how: signal.Signals = signal.SIGKILL,
+) -> None:
     """A study that is killed again and again gives the tables of one that is left alone.
 
     Moments are spread over the length of an undisturbed study.  One that got to its end before its
@@ -261,8 +294,13 @@ def test_a_file_that_something_else_cut_short_is_bad_input(tmp_path):
         Store(tmp_path).load("key", 0)
 
 
-@pytest.mark.parametrize("what", ["trade", *(pytest.param(other, marks=pytest.mark.slow)
-                                             for other in ("stress", "diet", "choose"))])
+@pytest.mark.parametrize(
+    "what",
+    [
+        "trade",
+        *(pytest.param(other, marks=pytest.mark.slow) for other in ("stress", "diet", "choose")),
+    ],
+)
 def test_an_interrupt_is_one_line_that_says_what_is_kept(what, place):
     study = begin(what, folder := place("here"))
     while study.poll() is None and not kept(what, folder):

@@ -15,8 +15,10 @@ distributed = pytest.importorskip("distributed")
 
 def values(store: Store, workers: Executor | None) -> list[tuple]:
     """What does not depend on clocks."""
-    return [(one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
-            for one in run(tasks(), store, workers, repeats=1)]
+    return [
+        (one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
+        for one in run(tasks(), store, workers, repeats=1)
+    ]
 
 
 def test_a_cluster_gives_what_this_machine_gives(tmp_path, address):

@@ -45,8 +45,10 @@ def test_errors_are_shares_of_the_range_of_the_reference():
     exact = evaluate(PENDULUM, x, None).channels
     off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
     found = shares(PENDULUM, "duration", Curves(x, off))
-    assert found == {"position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # from side to side
-                     "energy": pytest.approx(0.01, rel=1e-6)}
+    assert found == {
+        "position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # from side to side
+        "energy": pytest.approx(0.01, rel=1e-6),
+    }
 
 
 def test_of_several_channels_of_a_kind_the_worst_counts():
@@ -97,8 +99,11 @@ def test_curves_that_are_constant_have_no_share():
     case = load_case(shipped("peaucellier.toml"))
     x = grid(case, "sweep")
     state = driven(case, "sweep", x)
-    curves = {n: y + 1.0 for n, y in evaluate(case, x, state).channels.items()
-              if isinstance(case.channels[n].equals, float)}
+    curves = {
+        n: y + 1.0
+        for n, y in evaluate(case, x, state).channels.items()
+        if isinstance(case.channels[n].equals, float)
+    }
     assert curves
     assert shares(case, "sweep", Curves(x, curves, drive=state)) == {}
 
@@ -112,7 +117,9 @@ def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(st
 
 
 def test_gap_is_told_and_energy_is_none_where_something_drives():
-    found = observe(StudyRun(FOURBAR, "duration", Setting("mujoco", {"timestep": 4e-3})), False, None)
+    found = observe(
+        StudyRun(FOURBAR, "duration", Setting("mujoco", {"timestep": 4e-3})), False, None
+    )
     assert set(found.invariants) == {"gap"}
     assert 0 < found.invariants["gap"] < 1e-3
 
@@ -142,9 +149,15 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     assert np.isnan(swept.step)
 
 
-@pytest.mark.parametrize(("error", "outcome"), [
-    (Diverged("lost"), "diverged"), (Unsupported("a hinge"), "unsupported"),
-    (Crashed("signal 6"), "crashed"), (TimedOut("no answer"), "timed out")])
+@pytest.mark.parametrize(
+    ("error", "outcome"),
+    [
+        (Diverged("lost"), "diverged"),
+        (Unsupported("a hinge"), "unsupported"),
+        (Crashed("signal 6"), "crashed"),
+        (TimedOut("no answer"), "timed out"),
+    ],
+)
 def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
     def fail(*_, **__):
         raise error

@@ -58,15 +58,19 @@ class Here:
 
 
 def found(seconds: float, **changed: object) -> Measurement:
-    return replace(Measurement({"position": 1e-3}, {"gap": 0.0}, seconds, 10, True, 0.5, "x"), **changed)
+    return replace(
+        Measurement({"position": 1e-3}, {"gap": 0.0}, seconds, 10, True, 0.5, "x"), **changed
+    )
 
 
 @pytest.fixture
 def timed(monkeypatch):
     """Runs that take seconds from a list, and nothing in truth."""
+
     def take(*seconds):
         left = iter(seconds)
         monkeypatch.setattr(runs, "measure", lambda task, again, timeout: found(next(left)))
+
     return take
 
 
@@ -75,13 +79,14 @@ def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, timed):
     workers = Here()
     run(FEW, Store(tmp_path), workers, repeats=2, timeout=7.0)
     assert [(task.value, again) for task, again, _ in workers.calls] == [
-        (step, again) for again in (False, True, True) for step in (0.01, 0.005)]
+        (step, again) for again in (False, True, True) for step in (0.01, 0.005)
+    ]
     assert {limit for *_, limit in workers.calls} == {7.0}
 
 
 def test_seconds_are_the_least_of_the_repeats_without_the_first_run(tmp_path, timed):
     timed(0.1, 0.5, 0.3, 0.4)
-    one, = run(FEW[:1], Store(tmp_path), Here(), repeats=3)
+    (one,) = run(FEW[:1], Store(tmp_path), Here(), repeats=3)
     assert (one.seconds, one.repeats) == (0.3, (0.5, 0.3, 0.4))
 
 
@@ -94,7 +99,7 @@ def test_a_long_run_is_not_repeated_and_says_so(tmp_path, timed):
 
 def test_without_repeats_nothing_is_timed(tmp_path, timed):
     timed(0.1)
-    one, = run(FEW[:1], Store(tmp_path), Here(), repeats=0)
+    (one,) = run(FEW[:1], Store(tmp_path), Here(), repeats=0)
     assert (one.seconds, one.repeats) == (0.1, ())
 
 
@@ -104,8 +109,10 @@ def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
     workers = Here()
     rows = run([FEW[0], twin], Store(tmp_path), workers, repeats=0)
     assert len(workers.calls) == 1
-    assert [(one.line, one.axis) for one in rows] == [("mujoco Euler", "timestep"),
-                                                      ("another", "integrator")]
+    assert [(one.line, one.axis) for one in rows] == [
+        ("mujoco Euler", "timestep"),
+        ("another", "integrator"),
+    ]
 
 
 def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
@@ -114,8 +121,10 @@ def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
     seen, workers = [], Here()
     rows = run(FEW, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told))
     assert rows[:1] == first
-    assert [(task.value, again) for task, again, _ in workers.calls] == [(0.005, False),
-                                                                         (0.005, True)]
+    assert [(task.value, again) for task, again, _ in workers.calls] == [
+        (0.005, False),
+        (0.005, True),
+    ]
     assert seen[-1][1:] == (4, 4)
     assert run(FEW, Store(tmp_path), Here(), repeats=1) == rows  # nothing is left to take
 
@@ -124,8 +133,10 @@ def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
     store = Store(tmp_path)
     for one, task in zip(run(FEW, store, repeats=0), FEW, strict=True):
         kept = store.curves(one.key)
-        curves = Curves(kept["x"], {name.removeprefix("channel."): values
-                                    for name, values in kept.items() if name != "x"})
+        curves = Curves(
+            kept["x"],
+            {name.removeprefix("channel."): values for name, values in kept.items() if name != "x"},
+        )
         assert shares(task.case, "duration", curves) == one.errors
 
 
@@ -143,7 +154,7 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
     rows = run(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
     assert [row.errors for row in rows] == plain
     assert limits == [("write_truth", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
-    file, = tmp_path.glob("*.truth.npz")
+    (file,) = tmp_path.glob("*.truth.npz")
     monkeypatch.setattr(measure, "known", {})
     monkeypatch.setattr(measure, "reference_for", None)
     third = tasks()[2]
@@ -155,8 +166,9 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
 
 def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
     lost = Measurement(outcome="diverged", message="lost at 1 s")
-    monkeypatch.setattr(runs, "measure", lambda task, again, timeout:
-                        found(0.1) if task.value == 0.005 else lost)
+    monkeypatch.setattr(
+        runs, "measure", lambda task, again, timeout: found(0.1) if task.value == 0.005 else lost
+    )
     bad, good = run(FEW, Store(tmp_path), Here(), repeats=2)
     assert (bad.outcome, bad.message) == ("diverged", "lost at 1 s")
     assert (bad.errors, bad.repeats) == ({}, ())
@@ -164,7 +176,9 @@ def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
 
 
 def test_a_repeat_that_fails_is_a_failure():
-    one = row(FEW[0], [found(0.1), found(0.2), Measurement(outcome="crashed", message="signal 6")], True)
+    one = row(
+        FEW[0], [found(0.1), found(0.2), Measurement(outcome="crashed", message="signal 6")], True
+    )
     assert (one.outcome, one.message, one.repeats) == ("crashed", "repeat 2: signal 6", (0.2,))
 
 
@@ -188,8 +202,10 @@ def test_bad_input_ends_a_study(tmp_path):
 def test_a_cluster_that_is_not_there_is_one_line(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(runs, "CONNECT", "100ms")
-    with pytest.raises(ValueError, match=r"--dask tcp://127.*host:8786") as told, \
-            pool(dask="tcp://127.0.0.1:9"):
+    with (
+        pytest.raises(ValueError, match=r"--dask tcp://127.*host:8786") as told,
+        pool(dask="tcp://127.0.0.1:9"),
+    ):
         pass
     assert "\n" not in str(told.value)
 
@@ -202,9 +218,13 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 
 def begin(folder: Path, count: int) -> subprocess.Popen:
     """A study of so many tasks in a process group of its own."""
-    return subprocess.Popen([sys.executable, "-c", STUDY, str(folder), str(count)],
-                            cwd=Path(__file__).parents[2], start_new_session=True,
-                            stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", STUDY, str(folder), str(count)],
+        cwd=Path(__file__).parents[2],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def files(folder: Path) -> dict[str, int]:
@@ -224,8 +244,10 @@ def killed(folder: Path, count: int, after: int, later: float, how: signal.Signa
 
 def untimed(folder: Path) -> list[str]:
     """The rows of a study without what was measured by clocks."""
-    return [repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN))
-            for one in read_table(folder / "trade.csv")]
+    return [
+        repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN))
+        for one in read_table(folder / "trade.csv")
+    ]
 
 
 def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
@@ -234,8 +256,13 @@ def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
     torn.mkdir()
     before = files(torn)
     for _ in range(kills):
-        killed(torn, count, dice.randint(1, 2 * count // (kills + 1)), dice.uniform(0, 0.02),
-               signal.SIGKILL)
+        killed(
+            torn,
+            count,
+            dice.randint(1, 2 * count // (kills + 1)),
+            dice.uniform(0, 0.02),
+            signal.SIGKILL,
+        )
         now = files(torn)
         assert now.items() >= before.items()  # what was there is not made again
         before = now

@@ -19,11 +19,38 @@ from tests.studies.study_tasks import tasks
 TASK = tasks()[0]
 FOUND = Measurement({"position": 1e-3}, {"gap": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
 LATE = Measurement(outcome="timed out", message="no answer in 5 s")
-ROWS = [StudyRow("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 1e-3,
-            {"timestep": 1e-3, "integrator": "RK4", "solref": (0.02, 1.0), "defaults": True},
-            {"position": 0.1 + 0.2}, {"gap": 0.0}, 0.1, 7, (0.1, 0.25), True, 0.5, "x 2"),
-        StudyRow("trade", "pendulum", "duration", "pymunk", "a, \"b\"", "iterations", NAN,
-            {"iterations": 10, "word": "8"}, outcome="diverged", message="lost at\ntime 1 s")]
+ROWS = [
+    StudyRow(
+        "trade",
+        "pendulum",
+        "duration",
+        "mujoco",
+        "RK4",
+        "timestep",
+        1e-3,
+        {"timestep": 1e-3, "integrator": "RK4", "solref": (0.02, 1.0), "defaults": True},
+        {"position": 0.1 + 0.2},
+        {"gap": 0.0},
+        0.1,
+        7,
+        (0.1, 0.25),
+        True,
+        0.5,
+        "x 2",
+    ),
+    StudyRow(
+        "trade",
+        "pendulum",
+        "duration",
+        "pymunk",
+        'a, "b"',
+        "iterations",
+        NAN,
+        {"iterations": 10, "word": "8"},
+        outcome="diverged",
+        message="lost at\ntime 1 s",
+    ),
+]
 
 
 def test_what_was_saved_is_loaded(tmp_path):
@@ -42,9 +69,18 @@ def test_a_run_that_was_given_up_is_made_again_with_more_time_only(tmp_path):
     assert kept.load("key", 0, timeout=6.0) is None
 
 
-@pytest.mark.parametrize("record", [
-    "[]", "{}", '{"timeout": 5}', '{"found": {}, "timeout": "long"}', "[" * 100_000,
-    '{"found": {"errors": 3}, "timeout": 5}', '{"found": {"colour": 1}, "timeout": 5}'])
+@pytest.mark.parametrize(
+    "record",
+    [
+        "[]",
+        "{}",
+        '{"timeout": 5}',
+        '{"found": {}, "timeout": "long"}',
+        "[" * 100_000,
+        '{"found": {"errors": 3}, "timeout": 5}',
+        '{"found": {"colour": 1}, "timeout": 5}',
+    ],
+)
 def test_a_record_that_something_else_wrote_is_one_line(tmp_path, record):
     kept = Store(tmp_path)
     kept.file("key", 0).write_text(record)
@@ -92,7 +128,8 @@ def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
         replace(TASK, study="choose", line="another", axis="integrator", value=NAN),
         replace(TASK, case=case.model_copy(update={"title": "", "source": "", "tolerance": ()})),
         replace(TASK, case=case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})),
-        replace(TASK, case=case.model_copy(update={"run": {"duration": run}}))]
+        replace(TASK, case=case.model_copy(update={"run": {"duration": run}})),
+    ]
     assert {key_of(task) for task in same} == {key_of(TASK)}
 
 
@@ -101,9 +138,13 @@ def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
         return key_of(replace(TASK, case=TASK.case.model_copy(update=changed)))
 
     run = TASK.case.run["duration"].model_copy(update={"until": 0.6})
-    keys = [key_of(TASK), *(key_of(task) for task in tasks()[1:]),
-            key_of(replace(TASK, setting=TASK.setting.but(tolerance=1e-6))),
-            key(parameters={**TASK.case.parameters, "length": 1.001}), key(run={"duration": run})]
+    keys = [
+        key_of(TASK),
+        *(key_of(task) for task in tasks()[1:]),
+        key_of(replace(TASK, setting=TASK.setting.but(tolerance=1e-6))),
+        key(parameters={**TASK.case.parameters, "length": 1.001}),
+        key(run={"duration": run}),
+    ]
     edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
     keys.append(key_of(tasks(models)[0]))
     monkeypatch.setattr(stores, "versions", lambda engine: {engine: "9.9"})
@@ -131,8 +172,9 @@ def test_keys_tell_recorded_curves_apart(models):
 
 
 def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
-    task = StudyRun(load_case(shipped("rod_cantilever.toml")), "rest",
-                Setting("mujoco", {"segments": 10}))
+    task = StudyRun(
+        load_case(shipped("rod_cantilever.toml")), "rest", Setting("mujoco", {"segments": 10})
+    )
     assert key_of(task) != key_of(replace(task, setting=task.setting.but(segments=20)))
     with pytest.raises(InputError, match="segments"):
         key_of(replace(task, setting=task.setting.but(segments=1)))

@@ -60,52 +60,116 @@ GONE = Failure("gone", BoundaryKind.UNSTABLE, True)
 def moves(name: str, setting: Setting, folder: Path, run: str = "duration"):
     """What is moved of the engine: causes with what is done, the knobs, and which way."""
     case = case_of(name)
-    found = [p for p in probes(case, run, setting, folder)
-             if p.cause not in ("the reference", "sampling")]
+    found = [
+        p
+        for p in probes(case, run, setting, folder)
+        if p.cause not in ("the reference", "sampling")
+    ]
     assert all(p.case == case and p.setting.engine == setting.engine for p in found)
     return [(p.cause, p.move, p.setting.knobs, p.better, p.whole) for p in found]
 
 
-@pytest.mark.parametrize(("knobs", "step", "bias", "iterations"), [
-    ({}, 1e-3, 0.0, SECOND), ({"defaults": True}, 1e-3, BIAS, 10),
-    ({"defaults": True, "timestep": 0.5, "error_bias": 0.0}, 0.5, 0.0, 10),
-    ({"error_bias": 0.5, "iterations": 7}, 1e-3, 0.5, 7)])
+@pytest.mark.parametrize(
+    ("knobs", "step", "bias", "iterations"),
+    [
+        ({}, 1e-3, 0.0, SECOND),
+        ({"defaults": True}, 1e-3, BIAS, 10),
+        ({"defaults": True, "timestep": 0.5, "error_bias": 0.0}, 0.5, 0.0, 10),
+        ({"error_bias": 0.5, "iterations": 7}, 1e-3, 0.5, 7),
+    ],
+)
 def test_what_is_moved_in_pymunk(knobs, step, bias, iterations, tmp_path):
     kept = {k: v for k, v in knobs.items() if k == "timestep"}
     more = 4 * iterations if iterations < SECOND else SECOND
     assert moves("fourbar", Setting("pymunk", knobs), tmp_path) == [
         ("time step", "halving the step", {**knobs, "timestep": step / 2}, True, False),
-        *([("bias of the loops", "halving its time constant", {**knobs, "error_bias": bias**2},
-            True, False),
-           ("bias of the loops", "taking it away, with iterations enough for that",
-            {**kept, "error_bias": 0.0}, True, True)] if bias else []),
-        ("the solver's iterations", f"{more} iterations", {**knobs, "iterations": more},
-         True, False)]
+        *(
+            [
+                (
+                    "bias of the loops",
+                    "halving its time constant",
+                    {**knobs, "error_bias": bias**2},
+                    True,
+                    False,
+                ),
+                (
+                    "bias of the loops",
+                    "taking it away, with iterations enough for that",
+                    {**kept, "error_bias": 0.0},
+                    True,
+                    True,
+                ),
+            ]
+            if bias
+            else []
+        ),
+        (
+            "the solver's iterations",
+            f"{more} iterations",
+            {**knobs, "iterations": more},
+            True,
+            False,
+        ),
+    ]
 
 
-@pytest.mark.parametrize(("knobs", "step", "solref", "closer", "solimp", "harder"), [
-    ({}, 1e-3, 0.0025, True, (0.9998, 0.9998), False),  # of the model, whose solimp is at the cap
-    ({"timestep": 2e-3}, 2e-3, 0.01, False, (0.9998, 0.9998), False),  # a half is below two steps
-    ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # two steps
-    ({"defaults": True}, 2e-3, 0.01, True, (0.95, 0.975), True),  # of 0.02, 0.9 and 0.95
-    ({"solref": (0.5, 0.7), "solimp": (0.8, 0.9998, 0.1), "iterations": 5}, 1e-3, 0.25, True,
-     (0.9, 0.9999), True),  # just the cap
-    ({"solimp": (0.8, 0.9999, 0.1)}, 1e-3, 0.0025, True, (0.6, 0.9998), False)])
+@pytest.mark.parametrize(
+    ("knobs", "step", "solref", "closer", "solimp", "harder"),
+    [
+        (
+            {},
+            1e-3,
+            0.0025,
+            True,
+            (0.9998, 0.9998),
+            False,
+        ),  # of the model, whose solimp is at the cap
+        (
+            {"timestep": 2e-3},
+            2e-3,
+            0.01,
+            False,
+            (0.9998, 0.9998),
+            False,
+        ),  # a half is below two steps
+        ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # two steps
+        ({"defaults": True}, 2e-3, 0.01, True, (0.95, 0.975), True),  # of 0.02, 0.9 and 0.95
+        (
+            {"solref": (0.5, 0.7), "solimp": (0.8, 0.9998, 0.1), "iterations": 5},
+            1e-3,
+            0.25,
+            True,
+            (0.9, 0.9999),
+            True,
+        ),  # just the cap
+        ({"solimp": (0.8, 0.9999, 0.1)}, 1e-3, 0.0025, True, (0.6, 0.9998), False),
+    ],
+)
 def test_what_is_moved_in_mujoco(knobs, step, solref, closer, solimp, harder, tmp_path):
     found = moves("fourbar", Setting("mujoco", knobs), tmp_path)
     assert [cause for cause, *_ in found] == [
-        "time step", "softness of the loops", "softness of the loops, solimp",
-        "the solver's iterations"]
+        "time step",
+        "softness of the loops",
+        "softness of the loops, solimp",
+        "the solver's iterations",
+    ]
     ratio = knobs.get("solref", (0.0, 1.0))[1]
     rest = knobs.get("solimp", (0.9, 0.95, 0.001, 0.5, 2.0))[2:]
     iterations = 4 * knobs.get("iterations", 100)
-    for (_, words, setting, better, whole), (move, more, way) in zip(found, [
+    for (_, words, setting, better, whole), (move, more, way) in zip(
+        found,
+        [
             ("halving the step", {"timestep": step / 2}, True),
             (f"{'halving' if closer else 'doubling'} solref", {"solref": (solref, ratio)}, closer),
-            (f"{'halving' if harder else 'doubling'} 1 - solimp", {"solimp": (*solimp, *rest)},
-             harder),
+            (
+                f"{'halving' if harder else 'doubling'} 1 - solimp",
+                {"solimp": (*solimp, *rest)},
+                harder,
+            ),
             ("four times as many iterations", {"iterations": iterations, "tolerance": 0.0}, True),
-    ], strict=True):
+        ],
+        strict=True,
+    ):
         assert (words, better, whole) == (move, way, False)
         assert setting.keys() == {**knobs, **more}.keys()
         for name, value in {**knobs, **more}.items():
@@ -115,26 +179,34 @@ def test_what_is_moved_in_mujoco(knobs, step, solref, closer, solimp, harder, tm
 def test_what_is_moved_where_there_are_no_loops_and_in_rods(tmp_path):
     assert [cause for cause, *_ in moves("pendulum", Setting("mujoco"), tmp_path)] == ["time step"]
     assert moves("rod_cantilever", Setting("mujoco", {"segments": 40}), tmp_path, "rest") == [
-        ("segments", "twice as many segments", {"segments": 80}, True, False)]
+        ("segments", "twice as many segments", {"segments": 80}, True, False)
+    ]
     assert moves("fourbar", Setting("mujoco"), tmp_path, "sweep") == []
 
 
 def test_what_is_moved_of_the_reference(tmp_path):
     def of(name: str, run: str = "duration"):
         setting = Setting("mujoco", {"segments": 40, "timestep": 1e-3})
-        found = [p for p in probes(case_of(name), run, setting, tmp_path)
-                 if p.cause == "the reference"]
+        found = [
+            p for p in probes(case_of(name), run, setting, tmp_path) if p.cause == "the reference"
+        ]
         assert all(p.setting == setting for p in found)
         return found
 
-    solver, = of("fourbar")
+    (solver,) = of("fourbar")
     assert (solver.move, solver.better, solver.case.reference) == (
-        "a second reference", None, "planar")
-    half, = of("hacksaw_recorded")
+        "a second reference",
+        None,
+        "planar",
+    )
+    (half,) = of("hacksaw_recorded")
     assert (half.move, half.better) == ("every other row of the recorded curve", False)
     assert half.case.reference.startswith(str(tmp_path))
-    for name, run in (("stephenson", "duration"), ("hacksaw", "duration"),
-                      ("rod_cantilever", "rest")):  # it is that already; own law; no planar rods
+    for name, run in (
+        ("stephenson", "duration"),
+        ("hacksaw", "duration"),
+        ("rod_cantilever", "rest"),
+    ):  # it is that already; own law; no planar rods
         assert of(name, run) == []
 
 
@@ -154,11 +226,14 @@ def test_what_is_moved_of_the_samples(tmp_path):
     assert of("hacksaw_recorded") == []
     assert of("rod_cantilever", "rest", n=41) == []  # at the ends of its 40 links
     assert of("rod_cantilever", "rest", n=41, segments=20) == [
-        ("samples at the ends of links", 21, True)]
+        ("samples at the ends of links", 21, True)
+    ]
 
 
 def row(error: float, outcome: str = "ran") -> StudyRow:
-    return StudyRow("floor", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome)
+    return StudyRow(
+        "floor", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome
+    )
 
 
 def moved(cause: str, error: float, better: bool | None = True, **more):
@@ -166,11 +241,19 @@ def moved(cause: str, error: float, better: bool | None = True, **more):
 
 
 def test_what_an_error_follows_is_told_by_all_that_was_moved():
-    found = [moved("one", 0.5), moved("two", 1.0), moved("three", 0.4, outcome="diverged"),
-             moved("four", 0.0)]
-    assert judge(1.0, found, "rate") == ("one", (
-        "moving one divides the error by 2.00; moving two leaves the error; "
-        "moving three: diverged; moving four: ran"))
+    found = [
+        moved("one", 0.5),
+        moved("two", 1.0),
+        moved("three", 0.4, outcome="diverged"),
+        moved("four", 0.0),
+    ]
+    assert judge(1.0, found, "rate") == (
+        "one",
+        (
+            "moving one divides the error by 2.00; moving two leaves the error; "
+            "moving three: diverged; moving four: ran"
+        ),
+    )
     lost = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
     for nothing in (judge(1.0, found, "position"), judge(1.0, lost, "rate")):
         assert nothing[0] == "unknown"
@@ -197,42 +280,64 @@ def test_a_gain_is_how_much_better_the_error_is():
     assert (of(None, 4.0), of(None, 0.25)) == (4.0, 4.0)
     assert of(True, 2.0, whole=True) == pytest.approx(1 / (1 - 0.5 / 2))  # a share of a half
     assert [factor(r) for r in (1.004, 1.006, 0.5)] == [
-        "leaves the error", "divides the error by 1.01", "multiplies the error by 2.00"]
+        "leaves the error",
+        "divides the error by 1.01",
+        "multiplies the error by 2.00",
+    ]
 
 
-def line(engine: str, axis: str, scaled: bool = False, count: int = 2, **knobs) -> ConvergenceSeries:
+def line(
+    engine: str, axis: str, scaled: bool = False, count: int = 2, **knobs
+) -> ConvergenceSeries:
     """A line of settings; loops get harder with the step of one that is scaled."""
-    return ConvergenceSeries(engine, "", axis, tuple(
-        Setting(engine, {axis: 0.1 / 2**k, **({"solref": (1.0 / 2**k, 1.0)} if scaled else {}),
-                         **knobs}) for k in range(count)))
+    return ConvergenceSeries(
+        engine,
+        "",
+        axis,
+        tuple(
+            Setting(
+                engine,
+                {axis: 0.1 / 2**k, **({"solref": (1.0 / 2**k, 1.0)} if scaled else {}), **knobs},
+            )
+            for k in range(count)
+        ),
+    )
 
 
 # as `orders` derives them; the four-bar starts in motion under gravity, the hacksaw at rest
-@pytest.mark.parametrize(("name", "of", "wanted"), [
-    ("fourbar", line("mujoco", "timestep", count=1, integrator="RK4"), ((), (), ())),
-    ("fourbar", line("mujoco", "iterations"), ((), (), ())),
-    ("fourbar", line("mujoco", "solimp"), ((1,), (1,), (1,))),
-    ("fourbar", line("mujoco", "solref"), ((2,), (1, 2), (0, 2))),
-    ("hacksaw", line("mujoco", "solref"), ((2,), (2,), (2,))),
-    ("fourbar", line("pymunk", "error_bias"), ((1,), (1,), (0, 1))),
-    ("fourbar_released", line("pymunk", "error_bias"), ((1, 2), (1, 2), (0, 1, 2))),
-    ("fourbar", line("pymunk", "timestep"), ((2,), (2,), (2,))),
-    ("fourbar", line("pymunk", "timestep", defaults=True), ((1,), (1,), (0, 1))),
-    ("pendulum", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
-    ("pendulum", line("mujoco", "timestep", True, integrator="RK4"), ((4,), (4,), (4,))),
-    ("fourbar", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
-    ("fourbar", line("mujoco", "timestep", True, integrator="RK4"), ((2,), (1, 2), (0, 2))),
-    ("fourbar", line("mujoco", "timestep", integrator="Euler"), ((1,), (1,), (1,))),
-    ("pendulum", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
-    ("hacksaw_recorded", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
-    ("fourbar", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (0, 1, 2))),
-    ("hacksaw", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (1, 2))),
-    ("fourbar_released", line("mujoco", "timestep", True, integrator="Euler"),
-     ((1, 2), (1, 2), (0, 1, 2))),
-])
+@pytest.mark.parametrize(
+    ("name", "of", "wanted"),
+    [
+        ("fourbar", line("mujoco", "timestep", count=1, integrator="RK4"), ((), (), ())),
+        ("fourbar", line("mujoco", "iterations"), ((), (), ())),
+        ("fourbar", line("mujoco", "solimp"), ((1,), (1,), (1,))),
+        ("fourbar", line("mujoco", "solref"), ((2,), (1, 2), (0, 2))),
+        ("hacksaw", line("mujoco", "solref"), ((2,), (2,), (2,))),
+        ("fourbar", line("pymunk", "error_bias"), ((1,), (1,), (0, 1))),
+        ("fourbar_released", line("pymunk", "error_bias"), ((1, 2), (1, 2), (0, 1, 2))),
+        ("fourbar", line("pymunk", "timestep"), ((2,), (2,), (2,))),
+        ("fourbar", line("pymunk", "timestep", defaults=True), ((1,), (1,), (0, 1))),
+        ("pendulum", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
+        ("pendulum", line("mujoco", "timestep", True, integrator="RK4"), ((4,), (4,), (4,))),
+        ("fourbar", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
+        ("fourbar", line("mujoco", "timestep", True, integrator="RK4"), ((2,), (1, 2), (0, 2))),
+        ("fourbar", line("mujoco", "timestep", integrator="Euler"), ((1,), (1,), (1,))),
+        ("pendulum", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
+        ("hacksaw_recorded", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
+        ("fourbar", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (0, 1, 2))),
+        ("hacksaw", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (1, 2))),
+        (
+            "fourbar_released",
+            line("mujoco", "timestep", True, integrator="Euler"),
+            ((1, 2), (1, 2), (0, 1, 2)),
+        ),
+    ],
+)
 def test_orders_are_those_of_the_theory(name, of, wanted):
-    assert tuple(set(expected(case_of(name), "duration", of, kind))
-                 for kind in ("position", "rate", "acceleration")) == tuple(map(set, wanted))
+    assert tuple(
+        set(expected(case_of(name), "duration", of, kind))
+        for kind in ("position", "rate", "acceleration")
+    ) == tuple(map(set, wanted))
 
 
 def test_orders_of_rods_and_other_kinds():
@@ -243,7 +348,8 @@ def test_orders_of_rods_and_other_kinds():
     softer = line("mujoco", "solref")
     for kind, alike in (("energy", "rate"), ("effort", "acceleration")):
         assert expected(FOURBAR, "duration", softer, kind) == expected(
-            FOURBAR, "duration", softer, alike)
+            FOURBAR, "duration", softer, alike
+        )
     assert expected(FOURBAR, "duration", softer, "rate")[0] == 1.0  # told where none was observed
 
 
@@ -255,7 +361,12 @@ def test_a_jolt_is_a_start_in_motion_or_under_gravity():
 
 def test_an_order_is_off_by_more_than_a_fifth():
     assert [off(2.0 + by, 2.0) for by in (-0.21, -0.19, 0.19, 0.21, nan)] == [
-        True, False, False, True, False]
+        True,
+        False,
+        False,
+        True,
+        False,
+    ]
     assert nearest((2.0, 1.0), 1.4) == nearest((1.0, 2.0), nan) == 1.0
     assert nearest((2.0, 1.0), 1.6) == nearest((1.0, 2.0), 1.6) == 2.0
     assert isnan(nearest((), nan))
@@ -264,6 +375,7 @@ def test_an_order_is_off_by_more_than_a_fifth():
 
 def test_a_boundary_is_where_its_strides_find_it():
     """Strides of at most four, from the start to the reach itself; then halves."""
+
     def tried(start: float, reach: float, edge: float = inf, **how):
         seen = []
 
@@ -285,6 +397,7 @@ def test_a_boundary_is_where_its_strides_find_it():
 
 def test_what_is_not_known_is_closed_in_to_a_tenth():
     """Where nothing is known is no property of an engine; a boundary before it still is."""
+
     def ours(x: float) -> Failure | None:
         return Failure("late", BoundaryKind.OURS) if x >= 9.0 else None
 
@@ -298,12 +411,30 @@ def test_what_is_not_known_is_closed_in_to_a_tenth():
 
 
 def test_what_is_sought_is_told_with_what_failed():
-    sought = Sought("what", "mujoco", "RK4", "knob", "m", 1.0, 16.0,
-                    lambda x: Tried(GONE if x >= 9.0 else None, x / 2), 9.0, "law")
+    sought = Sought(
+        "what",
+        "mujoco",
+        "RK4",
+        "knob",
+        "m",
+        1.0,
+        16.0,
+        lambda x: Tried(GONE if x >= 9.0 else None, x / 2),
+        9.0,
+        "law",
+    )
     found = sought.find(0.5)
-    assert (found.what, found.engine, found.setting, found.knob, found.unit, found.start,
-            found.reach, found.theory, found.law) == (
-        "what", "mujoco", "RK4", "knob", "m", 1.0, 16.0, 9.0, "law")
+    assert (
+        found.what,
+        found.engine,
+        found.setting,
+        found.knob,
+        found.unit,
+        found.start,
+        found.reach,
+        found.theory,
+        found.law,
+    ) == ("what", "mujoco", "RK4", "knob", "m", 1.0, 16.0, 9.0, "law")
     assert (found.holds, found.breaks) == pytest.approx((8.0, 128**0.5))
     assert (found.failure, found.limit, found.silent) == GONE
     assert found.step == found.holds / 2
@@ -318,7 +449,9 @@ def test_what_is_sought_is_told_with_what_failed():
 
 def test_a_limit_of_our_own_is_no_boundary():
     place = ("", "", "", "", "", 1.0, 9.0)
-    ours = Boundary(*place, 2.0, 3.0, theory=2.5, limit=BoundaryKind.OURS, failure="no reference: at 3")
+    ours = Boundary(
+        *place, 2.0, 3.0, theory=2.5, limit=BoundaryKind.OURS, failure="no reference: at 3"
+    )
     assert (ours.found, ours.unknown, ours.ending) == (False, True, "ours: no reference: at 3")
     assert isnan(ours.measured)
     assert isnan(ours.ratio)
@@ -335,12 +468,22 @@ def test_only_a_warning_of_mujoco_is_the_engine_s_own_word():
 
 def test_the_front_is_of_settings_that_ran():
     def of(value, seconds, error, kind="rate", outcome="ran"):
-        return StudyRow("", "", "", "", "", "", value, errors={kind: error}, seconds=seconds,
-                   outcome=outcome)
+        return StudyRow(
+            "", "", "", "", "", "", value, errors={kind: error}, seconds=seconds, outcome=outcome
+        )
 
-    rows = [of(1, 2.0, 0.1), of(2, 1.0, 0.2), of(3, 3.0, 0.2), of(4, 0.5, 0.01, outcome="stopped"),
-            of(5, 0.1, 0.01, "position"), of(6, 0.0, 0.01), of(7, 9.0, 0.0), of(8, nan, 0.0),
-            of(9, 0.1, nan), of(10, 0.1, -1.0)]
+    rows = [
+        of(1, 2.0, 0.1),
+        of(2, 1.0, 0.2),
+        of(3, 3.0, 0.2),
+        of(4, 0.5, 0.01, outcome="stopped"),
+        of(5, 0.1, 0.01, "position"),
+        of(6, 0.0, 0.01),
+        of(7, 9.0, 0.0),
+        of(8, nan, 0.0),
+        of(9, 0.1, nan),
+        of(10, 0.1, -1.0),
+    ]
     assert [found.value for found in front(rows, "rate")] == [2, 1, 7]
     assert front([], "rate") == []
 
@@ -352,47 +495,65 @@ def halved(*errors: float) -> list[tuple[float, float]]:
 
 def falling(*slopes: float) -> list[tuple[float, float]]:
     """Errors that fall with the orders given."""
-    return halved(*(2.0**-sum(slopes[:k]) for k in range(len(slopes) + 1)))
+    return halved(*(2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
 
 
-@pytest.mark.parametrize(("points", "first", "least", "before"), [
-    (halved(1.0), None, nan, 1),
-    (halved(1.0, 1.0), None, nan, 0),  # which may become one
-    (halved(1.0, 1.0, 1.0), 0, 1.0, 0),
-    (halved(1.0, 0.7, 0.5), None, nan, 0),  # an order of a half: it falls
-    (halved(1.0, 0.7, 0.51), 0, 0.51, 0),
-    (halved(1.0, 1.0, 0.9, 0.3), None, nan, 4),
-    (halved(100.0, 11.0, 1.0, 1.1, 1.0), 2, 1.0, 2),
-    (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 1.0, 1),  # ten times the least: it bends
-    (halved(100.0, 11.0, 1.1, 1.0), None, nan, 2),  # an end that falls no further
-    (halved(100.0, 9.0, 1.1, 1.0), None, nan, 1),
-    (halved(100.0, 10.5, 1.0, 1.1), None, nan, 2),
-    (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 1.0, 2),
-    (halved(100.0, 11.0, 2.0, 1.0, inf, inf), 2, 1.0, 2),
-    (halved(inf, 4.0, 1.0), None, nan, 2),
-])
+@pytest.mark.parametrize(
+    ("points", "first", "least", "before"),
+    [
+        (halved(1.0), None, nan, 1),
+        (halved(1.0, 1.0), None, nan, 0),  # which may become one
+        (halved(1.0, 1.0, 1.0), 0, 1.0, 0),
+        (halved(1.0, 0.7, 0.5), None, nan, 0),  # an order of a half: it falls
+        (halved(1.0, 0.7, 0.51), 0, 0.51, 0),
+        (halved(1.0, 1.0, 0.9, 0.3), None, nan, 4),
+        (halved(100.0, 11.0, 1.0, 1.1, 1.0), 2, 1.0, 2),
+        (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 1.0, 1),  # ten times the least: it bends
+        (halved(100.0, 11.0, 1.1, 1.0), None, nan, 2),  # an end that falls no further
+        (halved(100.0, 9.0, 1.1, 1.0), None, nan, 1),
+        (halved(100.0, 10.5, 1.0, 1.1), None, nan, 2),
+        (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 1.0, 2),
+        (halved(100.0, 11.0, 2.0, 1.0, inf, inf), 2, 1.0, 2),
+        (halved(inf, 4.0, 1.0), None, nan, 2),
+    ],
+)
 def test_where_an_error_slows_and_what_is_before_it(points, first, least, before):
     assert slowed(points) == first
     assert level(points) == pytest.approx(least, nan_ok=True)
     assert clear(points) == [p for p in points if p[1] < inf][:before]
 
 
-@pytest.mark.parametrize(("errors", "place"), [
-    ((0.8, 0.81, 0.8, 0.8), None),  # of another motion
-    ((0.011, 0.011, 0.011), None), ((9e-3, 9e-3, 9e-3), 0),
-    ((1e-3, 1e-3), 0),  # the line ends there
-    ((1e-3,), None), ((1e-3, 0.94e-3), None), ((1e-3, 0.96e-3), 0),
-    ((4e-3, 1e-3, 1e-3, 1e-3, 1e-3), 2),  # of all that are flat, the last with two after it
-    ((1e-3, 1e-3, 1e-4, 1e-5), None), ((1e-3, 1e-3, inf), None)])
+@pytest.mark.parametrize(
+    ("errors", "place"),
+    [
+        ((0.8, 0.81, 0.8, 0.8), None),  # of another motion
+        ((0.011, 0.011, 0.011), None),
+        ((9e-3, 9e-3, 9e-3), 0),
+        ((1e-3, 1e-3), 0),  # the line ends there
+        ((1e-3,), None),
+        ((1e-3, 0.94e-3), None),
+        ((1e-3, 0.96e-3), 0),
+        ((4e-3, 1e-3, 1e-3, 1e-3, 1e-3), 2),  # of all that are flat, the last with two after it
+        ((1e-3, 1e-3, 1e-4, 1e-5), None),
+        ((1e-3, 1e-3, inf), None),
+    ],
+)
 def test_what_may_be_a_floor_is_asymptotic_and_flat_to_the_end(errors, place):
     assert flat(halved(*errors)) == place
 
 
-@pytest.mark.parametrize(("slopes", "seen"), [
-    ((2.0, 2.0, 1.0, 1.0), 1.0),  # of the finest two
-    ((1.0, 1.0, 2.0, 1.0), 1.0),
-    ((1.92, 2.08), 2.0), ((1.85, 2.15), nan),  # a twentieth of their sum
-    ((0.7, 0.78), 0.74), ((0.7, 0.82), nan), ((2.0,), nan)])
+@pytest.mark.parametrize(
+    ("slopes", "seen"),
+    [
+        ((2.0, 2.0, 1.0, 1.0), 1.0),  # of the finest two
+        ((1.0, 1.0, 2.0, 1.0), 1.0),
+        ((1.92, 2.08), 2.0),
+        ((1.85, 2.15), nan),  # a twentieth of their sum
+        ((0.7, 0.78), 0.74),
+        ((0.7, 0.82), nan),
+        ((2.0,), nan),
+    ],
+)
 def test_an_order_is_seen_in_two_refinements_in_turn(slopes, seen):
     assert observed(falling(*slopes)) == pytest.approx(seen, nan_ok=True)
 
@@ -403,8 +564,19 @@ def tracked(*rows: StudyRow) -> Track:
 
 
 def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
-    return StudyRow("trade", "", "duration", "mujoco", "", "timestep", 0.0, {}, errors,
-               seconds=seconds, outcome=outcome)
+    return StudyRow(
+        "trade",
+        "",
+        "duration",
+        "mujoco",
+        "",
+        "timestep",
+        0.0,
+        {},
+        errors,
+        seconds=seconds,
+        outcome=outcome,
+    )
 
 
 def test_points_are_of_settings_that_ran_or_were_lost():
@@ -414,7 +586,9 @@ def test_points_are_of_settings_that_ran_or_were_lost():
     coarse = tracked(at(rate=0.1), at("diverged"), at(rate=0.09), at(rate=9.0))
     assert coarse.points("rate") == [(0.025, 0.09), (0.0125, 9.0)]
     assert tracked(at(rate=0.1), at("crashed"), at(rate=0.2)).points("rate") == [
-        (0.1, 0.1), (0.025, 0.2)]
+        (0.1, 0.1),
+        (0.025, 0.2),
+    ]
     assert tracked(at(rate=0.1)).points("position") == []
 
 
@@ -439,23 +613,49 @@ def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
 OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.OURS
 
 
-@pytest.mark.parametrize(("found", "message", "limit", "silent"), [
-    (Measurement({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, None, False),
-    (Measurement(), None, None, False),
-    (Measurement({"position": 0.111}), "position off by 0.11 of its range", OFF, True),
-    (Measurement({"effort": 0.222}), "effort off by 0.22 of its range", OFF, True),
-    (Measurement({"position": nan}), "position off by nan of its range", OFF, True),
-    (Measurement(outcome="diverged", message="MuJoCo warning x"), "diverged: MuJoCo warning x", LOST,
-     False),
-    (Measurement(outcome="diverged", message="open"), "diverged: open", LOST, True),
-    (Measurement(outcome="not finite", message="x at 3"), "not finite: x at 3", LOST, True),
-    (Measurement(outcome="stopped", message="x"), "stopped: x", LOST, False),
-    (Measurement(outcome="crashed", message="killed by signal 6: x"), "crashed: killed by signal 6: x",
-     LOST, False),
-    (Measurement(outcome="crashed", message="ValueError: x"), "crashed: ValueError: x", OURS, False),
-    (Measurement(outcome="refused", message="x"), "refused: x", BoundaryKind.REFUSED, False),
-    *((Measurement(outcome=word, message="x"), f"{word}: x", OURS, False) for word in (
-        "not solved", "no start", "no reference", "timed out", "out of memory", "unsupported"))])
+@pytest.mark.parametrize(
+    ("found", "message", "limit", "silent"),
+    [
+        (Measurement({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, None, False),
+        (Measurement(), None, None, False),
+        (Measurement({"position": 0.111}), "position off by 0.11 of its range", OFF, True),
+        (Measurement({"effort": 0.222}), "effort off by 0.22 of its range", OFF, True),
+        (Measurement({"position": nan}), "position off by nan of its range", OFF, True),
+        (
+            Measurement(outcome="diverged", message="MuJoCo warning x"),
+            "diverged: MuJoCo warning x",
+            LOST,
+            False,
+        ),
+        (Measurement(outcome="diverged", message="open"), "diverged: open", LOST, True),
+        (Measurement(outcome="not finite", message="x at 3"), "not finite: x at 3", LOST, True),
+        (Measurement(outcome="stopped", message="x"), "stopped: x", LOST, False),
+        (
+            Measurement(outcome="crashed", message="killed by signal 6: x"),
+            "crashed: killed by signal 6: x",
+            LOST,
+            False,
+        ),
+        (
+            Measurement(outcome="crashed", message="ValueError: x"),
+            "crashed: ValueError: x",
+            OURS,
+            False,
+        ),
+        (Measurement(outcome="refused", message="x"), "refused: x", BoundaryKind.REFUSED, False),
+        *(
+            (Measurement(outcome=word, message="x"), f"{word}: x", OURS, False)
+            for word in (
+                "not solved",
+                "no start",
+                "no reference",
+                "timed out",
+                "out of memory",
+                "unsupported",
+            )
+        ),
+    ],
+)
 def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
     assert judged(found) == (None if message is None else Failure(message, limit, silent))
 
@@ -467,6 +667,7 @@ def test_every_kind_of_limit_has_its_sentence():
 def fails(error: Exception):
     def call(*_, **__):
         raise error
+
     return call
 
 
@@ -481,9 +682,13 @@ def test_what_keeps_a_run_from_its_answer(monkeypatch):
     monkeypatch.setattr(stand, "isolated", answer)
     assert observed_run(task, 5.0) == Measurement(steps=7)
     assert calls == [("observe", (task, False, None), 5.0)]
-    for error, outcome in ((Diverged("why"), "diverged"), (Crashed("why"), "crashed"),
-                           (BadModel("why"), "no start"), (Unsupported("why"), "unsupported"),
-                           (NotSolved("why"), "not solved")):
+    for error, outcome in (
+        (Diverged("why"), "diverged"),
+        (Crashed("why"), "crashed"),
+        (BadModel("why"), "no start"),
+        (Unsupported("why"), "unsupported"),
+        (NotSolved("why"), "not solved"),
+    ):
         monkeypatch.setattr(stand, "isolated", fails(error))
         assert observed_run(task, 5.0) == Measurement(outcome=outcome, message="why")
 
@@ -499,11 +704,14 @@ def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, m
 
     monkeypatch.setattr(stand, "isolated", late)
     assert observed_run(task, 5.0) == (
-        Measurement(outcome="timed out", message="late") if engine_too else
-        Measurement(outcome="no reference", message="late; the engine has its run"))
+        Measurement(outcome="timed out", message="late")
+        if engine_too
+        else Measurement(outcome="no reference", message="late; the engine has its run")
+    )
     assert calls[1] == ("simulated", (task,), 60.0)
-    monkeypatch.setattr(stand, "simulate", lambda engine, model, run: (
-        engine, model, run.kind, run.settings))
+    monkeypatch.setattr(
+        stand, "simulate", lambda engine, model, run: (engine, model, run.kind, run.settings)
+    )
     assert stand.simulated(task) == ("pymunk", FOURBAR.model_path, "sweep", {"iterations": 7})
 
 
@@ -515,14 +723,23 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
         return Measurement({"position": 0.5})
 
     monkeypatch.setattr(stand, "tried", found)
-    own = Stand(FOURBAR, "duration", Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
-                Store(tmp_path), 9.0)
-    assert own.lost(FOURBAR, timestep=0.25) == Failure("position off by 0.5 of its range", OFF,
-                                                       True)
+    own = Stand(
+        FOURBAR,
+        "duration",
+        Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
+        Store(tmp_path),
+        9.0,
+    )
+    assert own.lost(FOURBAR, timestep=0.25) == Failure(
+        "position off by 0.5 of its range", OFF, True
+    )
     setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
     assert asked == [(StudyRun(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
     monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
-    for compiles, outcome, limit in ((True, "no start", OURS), (False, "refused", BoundaryKind.REFUSED)):
+    for compiles, outcome, limit in (
+        (True, "no start", OURS),
+        (False, "refused", BoundaryKind.REFUSED),
+    ):
         monkeypatch.setattr(stand, "is_compiled", lambda case, answer=compiles: answer)
         assert own.run(FOURBAR) == Measurement(outcome=outcome, message="why")
         assert own.lost(FOURBAR) == Failure(f"{outcome}: why", limit)
@@ -532,17 +749,40 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
     def trial(knobs, x):
         return Tried(Failure(f"{knobs} {x}", LOST))
 
-    assert [(s.what, s.engine, s.setting, s.knob, s.unit, s.start, s.reach,
-             s.trial(3.0).failure.message)
-            for s in own.integrated("step", "s", 1.0, 2.0, trial, [
-                one for one in own.engine.schemes if one.name in ("Euler", "RK4")])] == [
+    assert [
+        (
+            s.what,
+            s.engine,
+            s.setting,
+            s.knob,
+            s.unit,
+            s.start,
+            s.reach,
+            s.trial(3.0).failure.message,
+        )
+        for s in own.integrated(
+            "step",
+            "s",
+            1.0,
+            2.0,
+            trial,
+            [one for one in own.engine.schemes if one.name in ("Euler", "RK4")],
+        )
+    ] == [
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
-        for words in ("Euler", "RK4")]
+        for words in ("Euler", "RK4")
+    ]
     planar = Stand(FOURBAR, "duration", Setting("pymunk"), Store(tmp_path))
-    one, = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
-    assert (one.engine, one.setting, one.knob, one.unit, one.start, one.reach,
-            one.trial(3.0).failure.message) == (
-        "pymunk", "as in the model", "step", "s", 1.0, 2.0, "{} 3.0")
+    (one,) = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
+    assert (
+        one.engine,
+        one.setting,
+        one.knob,
+        one.unit,
+        one.start,
+        one.reach,
+        one.trial(3.0).failure.message,
+    ) == ("pymunk", "as in the model", "step", "s", 1.0, 2.0, "{} 3.0")
     more = own.sought("k", "m", 1.0, 2.0, fails(KeyError()), theory=7.0, law="law")
     assert (more.setting, more.theory, more.law) == ("RK4", 7.0, "law")
     assert planar.sought("k", "m", 1.0, 2.0, fails(KeyError()), "words").setting == "words"
@@ -571,41 +811,74 @@ def test_what_an_extreme_needs():
 
 def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> Watch:
     x = np.arange(len(next(iter(before.values()))))
-    return Watch("", Run("duration", x, ()), {n: np.full(x.size, a) for n, a in allowed.items()},
-                 Curves(x, {n: np.array(values) for n, values in before.items()}))
+    return Watch(
+        "",
+        Run("duration", x, ()),
+        {n: np.full(x.size, a) for n, a in allowed.items()},
+        Curves(x, {n: np.array(values) for n, values in before.items()}),
+    )
 
 
 def test_how_far_a_channel_moved_of_what_it_may():
-    watch = watch_of({"one": 0.5, "two[0]": 2.0, "still": 1.0},
-                     {"one": [1.0, 2.0], "two[0]": [0.0, 4.0], "still": [3.0, 3.0]})
+    watch = watch_of(
+        {"one": 0.5, "two[0]": 2.0, "still": 1.0},
+        {"one": [1.0, 2.0], "two[0]": [0.0, 4.0], "still": [3.0, 3.0]},
+    )
 
     def of(optional: str = "", **after: list[float]):
         channels = {n.replace("two", "two[0]"): np.array(v) for n, v in after.items()}
         return moved_over(watch, Curves(np.zeros(2), channels), {optional})
 
     assert of(one=[1.0, 1.5], two=[1.0, 0.0], still=[3.0, 3.0]) == {
-        "one": 1.0, "two[0]": 2.0, "still": 0.0}
+        "one": 1.0,
+        "two[0]": 2.0,
+        "still": 0.0,
+    }
     gone = of(one=[1.0, 2.0])
     assert gone == {"one": 0.0, "two[0]": inf, "still": inf}
     assert of("still", one=[1.0, 2.0])["still"] == 0.0  # it never moved
     assert of("two", one=[1.0, 2.0])["two[0]"] == 2.0  # and it does
     assert of(one=[1.0])["one"] == inf  # a run that ended early
     longer = Watch("", watch.run, {"one": np.full(1, 0.5)}, watch.before)
-    assert scene.moved(replace(longer, before=Curves(np.zeros(2), {"one": np.array([1.0, 9.0])})),
-                       Curves(np.zeros(1), {"one": np.array([1.25])}), set()) == {"one": 0.5}
+    assert scene.moved(
+        replace(longer, before=Curves(np.zeros(2), {"one": np.array([1.0, 9.0])})),
+        Curves(np.zeros(1), {"one": np.array([1.25])}),
+        set(),
+    ) == {"one": 0.5}
 
 
 def test_the_scale_of_a_channel_is_that_of_its_sensor():
-    curves = Curves(np.zeros(2), {"a[0]": np.array([1.0, -3.0]), "a[1]": np.array([2.0, 0.0]),
-                                  "b": np.array([9.0, 0.0]), "c": np.array([1e-9, -1e-9])})
+    curves = Curves(
+        np.zeros(2),
+        {
+            "a[0]": np.array([1.0, -3.0]),
+            "a[1]": np.array([2.0, 0.0]),
+            "b": np.array([9.0, 0.0]),
+            "c": np.array([1e-9, -1e-9]),
+        },
+    )
     assert [scene.scale(curves, name) for name in curves.channels] == [3.0, 3.0, 9.0, 1.0]
 
 
 def test_a_scene_is_run_with_the_settings_of_its_own():
-    run = FOURBAR.run["sweep"].model_copy(update={"solvers": (
-        "mujoco", "mujoco:default", "mujoco:flex", "mujoco:fine", "pymunk", "mujoco2")})
-    case = FOURBAR.model_copy(update={
-        "run": {"sweep": run}, "settings": {"mujoco:flex": {"flex": True}, "mujoco:fine": {}}})
+    run = FOURBAR.run["sweep"].model_copy(
+        update={
+            "solvers": (
+                "mujoco",
+                "mujoco:default",
+                "mujoco:flex",
+                "mujoco:fine",
+                "pymunk",
+                "mujoco2",
+            )
+        }
+    )
+    case = FOURBAR.model_copy(
+        update={
+            "run": {"sweep": run},
+            "settings": {"mujoco:flex": {"flex": True}, "mujoco:fine": {}},
+        }
+    )
     assert scene.solvers_of(case, "sweep") == ["mujoco", "mujoco:fine"]
 
 
@@ -624,15 +897,15 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
 
     monkeypatch.setattr(scene, "done", done)
     monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
-    monkeypatch.setattr(scene, "reference_for", lambda *told: Curves(
-        x, truth if told == (case, curves) else {}))
+    monkeypatch.setattr(
+        scene, "reference_for", lambda *told: Curves(x, truth if told == (case, curves) else {})
+    )
     run = plan(case, "duration", "mujoco")
     watch = scene.watched(case, run, "mujoco", draft)
     assert asked == [(case.model_path, 1, "duration")]
     assert (watch.name, watch.run, watch.before) == ("pendulum duration", run, curves)
     # of_range = 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
-    wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9,
-              "potential": 2e-9}
+    wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9, "potential": 2e-9}
     for name, most in wanted.items():
         assert watch.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
     loose = scene.watched(case, run, "pymunk:fine", draft)
@@ -674,31 +947,46 @@ class Given:
         return (*rods, "cut")
 
 
-@pytest.mark.parametrize(("value", "outcome"), [(1.5, "harmless"), (1.6, "matters"),
-                                                (nan, "matters")])
+@pytest.mark.parametrize(
+    ("value", "outcome"), [(1.5, "harmless"), (1.6, "matters"), (nan, "matters")]
+)
 def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outcome, monkeypatch):
     quick, slow = (replace(watch_of({"y": 0.5}, {"y": [1.0]}), name=name) for name in "ab")
     slow = replace(slow, before=replace(slow.before, seconds=2.0))
     calls: list = []
-    monkeypatch.setattr(diet, "isolated", cost_of(
-        calls, Curves(np.zeros(1), {"y": np.array([1.0])}),
-        Curves(np.zeros(1), {"y": np.array([value])})))
+    monkeypatch.setattr(
+        diet,
+        "isolated",
+        cost_of(
+            calls,
+            Curves(np.zeros(1), {"y": np.array([1.0])}),
+            Curves(np.zeros(1), {"y": np.array([value])}),
+        ),
+    )
     found = diet.DietSearch(scene_with(quick, slow)).ran(["one", "two"], Given())
     assert found[0] == outcome
     assert found[1] == {"a": {"y": 0.0}, "b": {"y": pytest.approx((value - 1) / 0.5, nan_ok=True)}}
     assert found[2] == ""
-    assert calls == [("attempt", "one", replace(quick.run, rods=("cut",)), 30.0),
-                     ("attempt", "two", replace(slow.run, rods=("cut",)), 40.0)]
+    assert calls == [
+        ("attempt", "one", replace(quick.run, rods=("cut",)), 30.0),
+        ("attempt", "two", replace(slow.run, rods=("cut",)), 40.0),
+    ]
 
 
 def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
     watch = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
     gone = Curves(np.zeros(1), {})
-    for error, outcome in ((BadModel("why"), "needed"), (Diverged("why"), "diverged"),
-                           (TimedOut("why"), "timed out")):
+    for error, outcome in (
+        (BadModel("why"), "needed"),
+        (Diverged("why"), "diverged"),
+        (TimedOut("why"), "timed out"),
+    ):
         monkeypatch.setattr(diet, "isolated", cost_of([], gone, error))
         assert diet.DietSearch(scene_with(watch, watch)).ran([1, 2], Given()) == (
-            outcome, {"a": {"probe": 0.0}}, "why")  # a probe that never moved
+            outcome,
+            {"a": {"probe": 0.0}},
+            "why",
+        )  # a probe that never moved
 
 
 class Cuts(list):
@@ -762,8 +1050,12 @@ def test_a_feature_is_tried_without_what_went_before():
     assert found == Entry("geom", "new", "harmless", {"a": {"y": 0.5}}, "said")
     assert said == ["geom new"]
     assert own.kept.models == [[("model", "old", "new", "rod")] * 2]
-    assert own.kept.keys == [([("model", "old", "new", "rod")] * 2,
-                              [("a", watch.run, watch.allowed, watch.before.channels)] * 2)]
+    assert own.kept.keys == [
+        (
+            [("model", "old", "new", "rod")] * 2,
+            [("a", watch.run, watch.allowed, watch.before.channels)] * 2,
+        )
+    ]
     for name, words in (("wrong", "it is named"), ("fatal", "two words")):
         now = Cuts(["old"])
         draft, found = own.tried(now, feature(name))
@@ -776,7 +1068,10 @@ def test_parts_are_tried_where_the_whole_cannot_go():
     both = feature("bad", feature("bad one"), feature("two"), feature("three", feature("four")))
     found = own.explored(Cuts(), both)
     assert [(f.name, e.outcome) for f, e in found] == [
-        ("bad one", "matters"), ("two", "harmless"), ("three", "harmless")]
+        ("bad one", "matters"),
+        ("two", "harmless"),
+        ("three", "harmless"),
+    ]
     assert own.explored(Cuts(), feature("bad"))[0][1].outcome == "matters"
     assert [f.name for f, _ in own.explored(Cuts(), feature("all", feature("part")))] == ["all"]
 
@@ -801,13 +1096,17 @@ def test_as_many_go_together_as_can(monkeypatch):
     a, b, c = feature("a"), feature("b"), feature("c")
     assert own.together(Cuts(["old"]), [a, b]) == ["old", "a", "b"]
     assert own.kept.asked == [["old", "a", "b"]]
-    monkeypatch.setattr(Outcomes, "ran", lambda self, models, draft: (
-        "matters" if {"a", "b"} <= set(draft) else "harmless", {}, ""))
+    monkeypatch.setattr(
+        Outcomes,
+        "ran",
+        lambda self, models, draft: ("matters" if {"a", "b"} <= set(draft) else "harmless", {}, ""),
+    )
     assert own.together(Cuts(["old"]), [a, b, c]) == ["old", "a", "c"]
 
 
 def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
     """A second feature can go when the first has gone; one that matters is tried once."""
+
     def there(slim, scene):
         yield feature("bad")
         if "a" not in slim:
@@ -820,7 +1119,10 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
     found = own.run()
     assert found.slim == ["a", "b"]
     assert [(e.name, e.outcome) for e in found.entries] == [
-        ("bad", "matters"), ("a", "harmless"), ("b", "harmless")]
+        ("bad", "matters"),
+        ("a", "harmless"),
+        ("b", "harmless"),
+    ]
     assert found.whole == Entry("all of these", "", "harmless", {"a": {"y": 0.5}}, "said")
     assert own.kept.asked[:5] == [["bad"], ["a"], ["a"], ["a", "b"], ["a", "b"]]
     assert ["bad"] not in own.kept.asked[1:]
@@ -828,8 +1130,9 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
 
 def test_what_is_timed_is_the_model_before_and_after(monkeypatch):
     own = search(scene_with(draft=Cuts(["all"])), workers="workers")
-    monkeypatch.setattr(Outcomes, "timed", lambda self, now, draft, entry, tuned=False: (
-        now, draft))
+    monkeypatch.setattr(
+        Outcomes, "timed", lambda self, now, draft, entry, tuned=False: (now, draft)
+    )
     assert own.explored(Cuts(["old"]), feature("new"))[0][1] == (["old"], ["old", "new"])
 
     def none(slim, scene):
@@ -848,16 +1151,22 @@ def test_workers_of_its_own_are_there_while_a_search_runs(monkeypatch):
     monkeypatch.setattr(diet, "pool", opened)
     monkeypatch.setattr(diet, "features", lambda slim, scene: iter(()))
     seen = []
-    monkeypatch.setattr(Outcomes, "tried", lambda self, now, feature, tuned: seen.append(
-        self.workers) or (now, entry("needed")))
+    monkeypatch.setattr(
+        Outcomes,
+        "tried",
+        lambda self, now, feature, tuned: seen.append(self.workers) or (now, entry("needed")),
+    )
     assert search(scene_with(draft=Cuts())).run().whole.outcome == "needed"
     assert set(seen) == {"workers"}
 
 
 def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
     long, short = (watch_of({"y": 0.5}, {"y": [0.0] * 9}) for _ in range(2))
-    long = replace(long, run=replace(long.run, rods=("rod",)),
-                   before=replace(long.before, seconds=40.0, steps=9 * 250))
+    long = replace(
+        long,
+        run=replace(long.run, rods=("rod",)),
+        before=replace(long.before, seconds=40.0, steps=9 * 250),
+    )
     asked = []
 
     def raced(models, run, rounds, limit):
@@ -869,7 +1178,8 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
     now, draft = Cuts(["old"]), Cuts(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
         assert own.timed(now, draft, entry(outcome)) == entry(
-            outcome, costs=(Cost(2.0, 3), Cost(1.0, 2)), saved=(0.4, 0.5, 0.6))
+            outcome, costs=(Cost(2.0, 3), Cost(1.0, 2)), saved=(0.4, 0.5, 0.6)
+        )
     assert own.timed(now, draft, entry("needed")) == entry("needed")
     assert replace(own, rounds=0).timed(now, draft, entry("drawn")) == entry("drawn")
     models = ("model", "old", "rod"), ("model", "old", "new", "rod")
@@ -916,18 +1226,30 @@ def let_go(file: Path, seconds: float, monkeypatch, grown=None, **channels):
     def done(file, model, run, nudge=0.0):
         asked.append((file, model.nq, run, nudge))
         more = (np.zeros(run.x.size) if grown is None else grown(run.x)) if nudge else 0.0
-        return Curves(run.x, {name: values + np.zeros(run.x.size) + more
-                              for name, values in channels.items()})
+        return Curves(
+            run.x, {name: values + np.zeros(run.x.size) + more for name, values in channels.items()}
+        )
 
     monkeypatch.setattr(scene, "done", done)
     return scene.let_go(file, read(file, probing=True), seconds), asked
 
 
-@pytest.mark.parametrize(("seconds", "step", "stride", "n"), [
-    (1.0, 0.01, 1, 101), (0.03, 0.01, 1, 4), (0.001, 0.01, 1, 2), (4.99, 0.01, 1, 500),
-    (5.0, 0.01, 1, 501), (10.0, 0.01, 2, 501), (10.01, 0.01, 2, 501), (12.0, 0.01, 2, 601)])
-def test_a_model_is_let_go_in_five_hundred_samples_or_so(seconds, step, stride, n, tmp_path,
-                                                         monkeypatch):
+@pytest.mark.parametrize(
+    ("seconds", "step", "stride", "n"),
+    [
+        (1.0, 0.01, 1, 101),
+        (0.03, 0.01, 1, 4),
+        (0.001, 0.01, 1, 2),
+        (4.99, 0.01, 1, 500),
+        (5.0, 0.01, 1, 501),
+        (10.0, 0.01, 2, 501),
+        (10.01, 0.01, 2, 501),
+        (12.0, 0.01, 2, 601),
+    ],
+)
+def test_a_model_is_let_go_in_five_hundred_samples_or_so(
+    seconds, step, stride, n, tmp_path, monkeypatch
+):
     file = bob(tmp_path, step)
     watch, asked = let_go(file, seconds, monkeypatch, hinge=2.0)
     assert watch.name == "let go"
@@ -940,18 +1262,28 @@ def test_a_model_is_let_go_in_five_hundred_samples_or_so(seconds, step, stride, 
     assert watch.allowed["hinge"] == pytest.approx(np.full(n, 2e-9))  # rounding, of its size
 
 
-@pytest.mark.parametrize(("keys", "start"), [
-    ('<key name="first"/><key name="second"/>', "first"), ("", ""),
-    ('<key name="first"/><key name="start"/>', "start")])
+@pytest.mark.parametrize(
+    ("keys", "start"),
+    [
+        ('<key name="first"/><key name="second"/>', "first"),
+        ("", ""),
+        ('<key name="first"/><key name="start"/>', "start"),
+    ],
+)
 def test_a_model_is_let_go_from_its_start_or_its_first_key(keys, start, tmp_path, monkeypatch):
     assert let_go(bob(tmp_path, keys=keys), 1.0, monkeypatch, hinge=1.0)[0].run.start == start
 
 
 def test_a_motion_is_followed_until_a_nudge_has_grown_to_a_tenth_of_it(tmp_path, monkeypatch):
     """A channel may move by the most that the nudge has moved it so far."""
-    watch, _ = let_go(bob(tmp_path), 1.0, monkeypatch,
-                      lambda x: np.where(x > 0.505, 0.201, np.where(x > 0.305, -1e-3, 2e-3)
-                                         * (x > 0.2)), hinge=2.0, other=9.0)
+    watch, _ = let_go(
+        bob(tmp_path),
+        1.0,
+        monkeypatch,
+        lambda x: np.where(x > 0.505, 0.201, np.where(x > 0.305, -1e-3, 2e-3) * (x > 0.2)),
+        hinge=2.0,
+        other=9.0,
+    )
     assert watch.run.x.size == 51
     allowed = watch.allowed["hinge"]
     assert allowed[:20] == pytest.approx(np.full(20, 2e-9))
@@ -964,22 +1296,27 @@ def test_a_motion_that_cannot_be_followed_is_bad_input(tmp_path, monkeypatch):
     file = bob(tmp_path)
     with pytest.raises(InputError) as error:
         let_go(file, 1.0, monkeypatch, lambda x: 1.0 * (x > 0.085), hinge=2.0, other=1.0)
-    assert (error.value.file, error.value.key, error.value.wrong) == (file, "", (
-        "cannot be followed: other is lost in rounding after 0.09 s; give a key that starts "
-        "further from a collision"))
+    assert (error.value.file, error.value.key, error.value.wrong) == (
+        file,
+        "",
+        (
+            "cannot be followed: other is lost in rounding after 0.09 s; give a key that starts "
+            "further from a collision"
+        ),
+    )
     late, _ = let_go(file, 1.0, monkeypatch, lambda x: 1.0 * (x > 0.095), hinge=2.0)
     assert late.run.x.size == 10
     assert let_go(file, 0.02, monkeypatch, lambda x: 0.0 * x, hinge=2.0)[0].run.x.size == 3
     with pytest.raises(InputError) as error:
         let_go(file, 1.0, monkeypatch)
-    assert error.value.wrong == (
-        "nothing in it moves and nothing is measured; give it a <joint>")
+    assert error.value.wrong == ("nothing in it moves and nothing is measured; give it a <joint>")
 
 
 def test_what_keeps_a_scene_from_running_is_bad_input(monkeypatch):
     calls: list = []
-    monkeypatch.setattr(scene, "isolated", cost_of(calls, "curves", Diverged("why"),
-                                                   BadModel("broken")))
+    monkeypatch.setattr(
+        scene, "isolated", cost_of(calls, "curves", Diverged("why"), BadModel("broken"))
+    )
     file = Path("scene.xml")
     assert scene.done(file, "model", "run", 0.5) == "curves"
     assert calls == [("attempt", "model", "run", 0.5, 600.0)]
@@ -998,15 +1335,24 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
         return replace(watch_of({"y": 1.0}, {"y": [0.0]}), name=case.name)
 
     monkeypatch.setattr(scene, "watched", watched)
-    monkeypatch.setattr(scene, "let_go", lambda file, draft, seconds: replace(
-        watch_of({"y": 1.0}, {"y": [0.0]}), run=Run("passive", np.zeros(1), (), start="key"),
-        name=f"{seconds} s of {file.name}, {sorted(draft.probes)}"))
+    monkeypatch.setattr(
+        scene,
+        "let_go",
+        lambda file, draft, seconds: replace(
+            watch_of({"y": 1.0}, {"y": [0.0]}),
+            run=Run("passive", np.zeros(1), (), start="key"),
+            name=f"{seconds} s of {file.name}, {sorted(draft.probes)}",
+        ),
+    )
     file = models / "pendulum.xml"
     file.write_text(file.read_text().replace("<keyframe>", '<keyframe>\n    <key name="other"/>'))
     (models / "broken.toml").write_text("model =")
     (models / "latin.toml").write_bytes(b"title = '\xb0'")
-    other = (models / "pendulum.toml").read_text().replace(
-        "\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1)
+    other = (
+        (models / "pendulum.toml")
+        .read_text()
+        .replace("\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1)
+    )
     (models / "another.toml").write_text(other)
     found = scene.scene_of(file, 3.0)
     assert [w.name for w in found.watches] == ["another", "pendulum"]
@@ -1014,11 +1360,19 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
     assert found.read == {"angle", "rate", "acceleration", "kinetic", "potential"}
     assert found.keys == {"start", "other"}
     (models / "another.toml").unlink()
-    (models / "pendulum.toml").write_text((models / "pendulum.toml").read_text().replace(
-        'solvers = ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]',
-        'solvers = ["pymunk"]').replace('[[tolerance]]\nsolver = "mujoco"\n', '[[tolerance]]\n'
-                                        'solver = "pymunk"\nchannels = "rate"\n').replace(
-        'solver = "pymunk"\nof_range = 1e-4', 'channels = "angle"\nof_range = 1e-4'))
+    (models / "pendulum.toml").write_text(
+        (models / "pendulum.toml")
+        .read_text()
+        .replace(
+            'solvers = ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]',
+            'solvers = ["pymunk"]',
+        )
+        .replace(
+            '[[tolerance]]\nsolver = "mujoco"\n',
+            '[[tolerance]]\nsolver = "pymunk"\nchannels = "rate"\n',
+        )
+        .replace('solver = "pymunk"\nof_range = 1e-4', 'channels = "angle"\nof_range = 1e-4')
+    )
     loose = scene.scene_of(file, 3.0)
     assert [w.name for w in loose.watches] == ["3.0 s of pendulum.xml, []"]
     assert (loose.read, loose.keys) == (None, {"key", "start"})
@@ -1033,7 +1387,8 @@ def test_a_watch_and_a_scene_are_timed_by_the_longest_run():
     watch = watch_of({"y": 1.0}, {"y": [0.0] * 2000})
     for steps, n in ((2000, 500), (2000 * 250, 2), (2000 * 600, 2), (0, 500)):
         assert replace(watch, before=replace(watch.before, steps=steps)).brief.x.size == n
-    rest = replace(watch, run=replace(watch.run, kind="rest"),
-                   before=replace(watch.before, seconds=9.0))
+    rest = replace(
+        watch, run=replace(watch.run, kind="rest"), before=replace(watch.before, seconds=9.0)
+    )
     assert scene_with(rest, watch).longest is watch
     assert scene_with(watch, rest).longest is watch

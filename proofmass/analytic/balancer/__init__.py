@@ -27,15 +27,38 @@ __all__ = [
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    length1: float, length2: float, length3: float, length4: float | None = None,
-    stiffness1: float, stiffness2: float, stiffness3: float, stiffness4: float = 0.0,
-    quadratic1: float = 0.0, quadratic2: float = 0.0, quadratic3: float = 0.0,
-    quadratic4: float = 0.0, preload2: float = 0.0, preload3: float = 0.0, preload4: float = 0.0,
-    low2: float = -np.inf, low3: float = -np.inf, low4: float = -np.inf,
-    high2: float = np.inf, high3: float = np.inf, high4: float = np.inf,
-    pendulum: float = 1.0, rest_angle: float = 0.0, rest_angle2: float = 0.0,
-    weight: float = 0.0, mode: int = 1, target: str = "", target_moment: float = 1.0,
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    length1: float,
+    length2: float,
+    length3: float,
+    length4: float | None = None,
+    stiffness1: float,
+    stiffness2: float,
+    stiffness3: float,
+    stiffness4: float = 0.0,
+    quadratic1: float = 0.0,
+    quadratic2: float = 0.0,
+    quadratic3: float = 0.0,
+    quadratic4: float = 0.0,
+    preload2: float = 0.0,
+    preload3: float = 0.0,
+    preload4: float = 0.0,
+    low2: float = -np.inf,
+    low3: float = -np.inf,
+    low4: float = -np.inf,
+    high2: float = np.inf,
+    high3: float = np.inf,
+    high4: float = np.inf,
+    pendulum: float = 1.0,
+    rest_angle: float = 0.0,
+    rest_angle2: float = 0.0,
+    weight: float = 0.0,
+    mode: int = 1,
+    target: str = "",
+    target_moment: float = 1.0,
 ) -> dict[str, Array]:
     r"""Static equilibrium of a chain with torsion springs that balances a pendulum.
 
@@ -115,9 +138,12 @@ def solve(
     >>> pose["balancing_moment"].round(6).tolist()
     [0.494344, 0.872421, 1.027206]
     """
-    given = {k: v for k, v in locals().items()
-             if k not in ("angle", "rate", "acceleration", "target", "target_moment")
-             and not (length4 is None and k.endswith("4"))}
+    given = {
+        k: v
+        for k, v in locals().items()
+        if k not in ("angle", "rate", "acceleration", "target", "target_moment")
+        and not (length4 is None and k.endswith("4"))
+    }
     alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     chain = balancer(**given)
     found = both_ways(chain, alpha.ravel())
@@ -135,8 +161,9 @@ def both_ways(chain: Balancer, alpha: Array) -> Path:
             last = alpha[way][np.abs(alpha[way]).argmax()]
             trail = follow(chain, float(last + np.copysign(MARGIN, last)))
             if trail.why[0] and np.abs(trail.reach[0]) < np.abs(last):
-                raise ValueError(f"{trail.why[0]}; angles up to {np.degrees(last):g} deg are asked "
-                                 f"for")
+                raise ValueError(
+                    f"{trail.why[0]}; angles up to {np.degrees(last):g} deg are asked for"
+                )
             parts.append((way, along(chain, trail, alpha[way])))
     if len(parts) == 1:
         return parts[0][1]
@@ -151,26 +178,37 @@ def both_ways(chain: Balancer, alpha: Array) -> Path:
 def aimed(name: str, scale: float, alpha: Array, moment: Array) -> dict[str, Array]:
     """The design target, and what is left of it."""
     wanted = scale * target_of(name, alpha)
-    return {"target": wanted, "residual": moment - wanted,
-            "target_energy": scale * TARGETS[name].height_energy(alpha)}
+    return {
+        "target": wanted,
+        "residual": moment - wanted,
+        "target_energy": scale * TARGETS[name].height_energy(alpha),
+    }
 
 
 def quantities(chain: Balancer, path: Path, rate: Array, scale: float) -> dict[str, Array]:
     """The quantities of a path, by name."""
     turn, s, c = path.rate[0], np.sin(path.alpha), np.cos(path.alpha)
     across, along_it = path.force[0].T
-    found = {"balancing_moment": path.moment[0, :, 0],
-             "holding_moment": path.moment[0, :, 0] - scale * s,
-             "energy": path.energy[0].sum(axis=-1) + scale * c, "weight_energy": scale * c,
-             "force_x": across * c + along_it * s, "force_y": along_it * c - across * s}
+    found = {
+        "balancing_moment": path.moment[0, :, 0],
+        "holding_moment": path.moment[0, :, 0] - scale * s,
+        "energy": path.energy[0].sum(axis=-1) + scale * c,
+        "weight_energy": scale * c,
+        "force_x": across * c + along_it * s,
+        "force_y": along_it * c - across * s,
+    }
     winding_rate = np.diff(turn, axis=-1, prepend=0.0)
     x = np.cumsum(chain.length * np.sin(path.theta[0]), axis=-1)
     y = np.cumsum(chain.length * np.cos(path.theta[0]), axis=-1)
     for i in range(1, chain.segments):
         found |= {f"node{i + 1}_x": x[:, i - 1], f"node{i + 1}_y": y[:, i - 1]}
     for i in range(chain.segments):
-        found |= {f"theta{i + 1}": path.theta[0, :, i], f"winding{i + 1}": path.winding[0, :, i],
-                  f"theta{i + 1}_rate": turn[:, i] * rate, f"moment{i + 1}": path.moment[0, :, i],
-                  f"winding{i + 1}_rate": winding_rate[:, i] * rate,
-                  f"energy{i + 1}": path.energy[0, :, i]}
+        found |= {
+            f"theta{i + 1}": path.theta[0, :, i],
+            f"winding{i + 1}": path.winding[0, :, i],
+            f"theta{i + 1}_rate": turn[:, i] * rate,
+            f"moment{i + 1}": path.moment[0, :, i],
+            f"winding{i + 1}_rate": winding_rate[:, i] * rate,
+            f"energy{i + 1}": path.energy[0, :, i],
+        }
     return found

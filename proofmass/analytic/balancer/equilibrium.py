@@ -93,10 +93,17 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
     held = (p.side != 0).astype(float)
     load = moment.copy()
     load[:, j] -= stop
-    residual = np.concatenate([
-        load - np.pad(load[:, 1:], ((0, 0), (0, 1))) + force[:, :1] * north - force[:, 1:] * east,
-        np.stack([east.sum(-1), north.sum(-1) - b.pendulum], axis=-1),
-        np.where(held > 0, bounds(b, p.side) - e[:, j], stop)], axis=-1)
+    residual = np.concatenate(
+        [
+            load
+            - np.pad(load[:, 1:], ((0, 0), (0, 1)))
+            + force[:, :1] * north
+            - force[:, 1:] * east,
+            np.stack([east.sum(-1), north.sum(-1) - b.pendulum], axis=-1),
+            np.where(held > 0, bounds(b, p.side) - e[:, j], stop),
+        ],
+        axis=-1,
+    )
     matrix = np.zeros((*residual.shape, residual.shape[-1]))
     i, after = np.arange(n), np.pad(slope[:, 1:], ((0, 0), (0, 1)))
     matrix[:, i, i] = slope + after - force[:, :1] * east - force[:, 1:] * north
@@ -178,7 +185,7 @@ def margins(b: Balancer, p: Point) -> Array:
     The way to the nearer stop [rad] of a joint that is free, the stop's push [N m] of one held.
     """
     j, n = list(b.stopped), b.segments
-    e, push = windings(b, p.alpha, p.unknowns[:, :n])[:, j], p.unknowns[:, n + 2:]
+    e, push = windings(b, p.alpha, p.unknowns[:, :n])[:, j], p.unknowns[:, n + 2 :]
     way = np.minimum(e - b.low[:, j], b.high[:, j] - e)
     return np.where(p.side == 0, way, -p.side * push)
 

@@ -105,8 +105,10 @@ def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Tar
         def within(angle: Array) -> Array:
             bad = ~((angle >= x[0]) & (angle <= x[-1]))
             if bad.any():
-                raise ValueError(f"{name}: angle {angle[bad].flat[0]:.6g} rad is outside its range "
-                                 f"{x[0]:.6g} to {x[-1]:.6g} rad")
+                raise ValueError(
+                    f"{name}: angle {angle[bad].flat[0]:.6g} rad is outside its range "
+                    f"{x[0]:.6g} to {x[-1]:.6g} rad"
+                )
             return curve(angle)
 
         return within
@@ -116,14 +118,18 @@ def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Tar
 
 def _check_table(name: str, x: Array, y: Array) -> None:
     if x.ndim != 1 or x.shape != y.shape or x.size < 2:
-        raise ValueError(f"{name}: angles and moments must be two columns of one size, at least 2, "
-                         f"got {x.shape} and {y.shape}")
+        raise ValueError(
+            f"{name}: angles and moments must be two columns of one size, at least 2, "
+            f"got {x.shape} and {y.shape}"
+        )
     for column, values in (("angles", x), ("moments", y)):
         for row in np.flatnonzero(~np.isfinite(values)):
             raise ValueError(f"{name}: {column} must be finite, row {row} is {values[row]}")
     for row in np.flatnonzero(np.diff(x) <= 0.0):
-        raise ValueError(f"{name}: angles must rise strictly, row {row + 1} is {x[row + 1]:.6g} rad"
-                         f" after {x[row]:.6g} rad")
+        raise ValueError(
+            f"{name}: angles must rise strictly, row {row + 1} is {x[row + 1]:.6g} rad"
+            f" after {x[row]:.6g} rad"
+        )
 
 
 def _progressive_degressive(angle: Array) -> Array:
@@ -143,14 +149,17 @@ def _degressive_progressive_energy(angle: Array) -> Array:
     return -0.5 * angle + np.log(np.cos(1.5 * (angle - np.pi / 4.0))) / (3.0 * STEEP)
 
 
-TARGETS = {each.name: each for each in (
-    Target("sine", np.sin, np.cos),
-    Target("progressive", lambda a: 1.0 - np.cos(a), lambda a: np.sin(a) - a),
-    Target("progressive-degressive", _progressive_degressive, _progressive_degressive_energy),
-    Target("degressive-progressive", _degressive_progressive, _degressive_progressive_energy),
-    Target("laevo", np.poly1d(LAEVO), lambda a: 1.0 - np.polyint(np.poly1d(LAEVO))(a)),
-    Target("sine180", lambda a: np.sin(2.0 * a), lambda a: 0.5 * np.cos(2.0 * a)),
-)}
+TARGETS = {
+    each.name: each
+    for each in (
+        Target("sine", np.sin, np.cos),
+        Target("progressive", lambda a: 1.0 - np.cos(a), lambda a: np.sin(a) - a),
+        Target("progressive-degressive", _progressive_degressive, _progressive_degressive_energy),
+        Target("degressive-progressive", _degressive_progressive, _degressive_progressive_energy),
+        Target("laevo", np.poly1d(LAEVO), lambda a: 1.0 - np.polyint(np.poly1d(LAEVO))(a)),
+        Target("sine180", lambda a: np.sin(2.0 * a), lambda a: 0.5 * np.cos(2.0 * a)),
+    )
+}
 
 
 HALVINGS = 40  # of the kinks' search: from a sample's distance to rounding
@@ -373,8 +382,12 @@ def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
     if trail.reach[0] == 0.0:
         return found
     path = along(b, trail, np.linspace(0.0, trail.reach[0], int(abs(trail.reach[0]) / STEP) + 2))
-    return [*found, *straightened(path), *untouched(b.low[0], b.high[0], path, trail),
-            *overwound(path, b.stiffness[0], b.quadratic[0])]
+    return [
+        *found,
+        *straightened(path),
+        *untouched(b.low[0], b.high[0], path, trail),
+        *overwound(path, b.stiffness[0], b.quadratic[0]),
+    ]
 
 
 def straightened(path: Path) -> list[str]:
@@ -385,11 +398,14 @@ def straightened(path: Path) -> list[str]:
     crossed = np.flatnonzero(np.diff(np.sign(bend)) != 0)
     if crossed.size:
         at = np.degrees(path.alpha[crossed[0] + 1])
-        return [f"segments {n - 1} and {n} straighten at {at:.1f} deg and pass into the other "
-                f"elbow"]
+        return [
+            f"segments {n - 1} and {n} straighten at {at:.1f} deg and pass into the other elbow"
+        ]
     if abs(bend[least]) < STRAIGHT:
-        return [f"segments {n - 1} and {n} are straight but for {abs(bend[least]):.3f} rad at "
-                f"{np.degrees(path.alpha[least]):.1f} deg: nearly singular"]
+        return [
+            f"segments {n - 1} and {n} are straight but for {abs(bend[least]):.3f} rad at "
+            f"{np.degrees(path.alpha[least]):.1f} deg: nearly singular"
+        ]
     return []
 
 
@@ -400,8 +416,9 @@ def untouched(low: Array, high: Array, path: Path, trail: BalancerPaths) -> list
     found = []
     for k in range(len(low)):
         if low[k] == 0.0 and k + 1 not in left and (path.side[0, :, k] < 0).all():
-            found.append(f"joint {k + 1} never leaves its preload: M1 = k1 alpha as far as it is "
-                         f"locked")
+            found.append(
+                f"joint {k + 1} never leaves its preload: M1 = k1 alpha as far as it is locked"
+            )
         if np.isfinite(high[k]) and high[k] > 0 and k + 1 not in met:
             found.append(f"joint {k + 1} never touches its stop at {high[k]:g} rad")
     return found
@@ -413,8 +430,9 @@ def overwound(path: Path, stiffness: Array, quadratic: Array) -> list[str]:
     for k in range(len(stiffness)):
         far = path.winding[0, :, k]
         if np.abs(far).max() > RANGE * (1 + 1e-9) and k:
-            found.append(f"spring {k + 1} is wound by {np.abs(far).max():.2f} rad, more than a "
-                         f"quarter turn")
+            found.append(
+                f"spring {k + 1} is wound by {np.abs(far).max():.2f} rad, more than a quarter turn"
+            )
         if (stiffness[k] + 2 * quadratic[k] * far < 0).any():
             at = np.degrees(path.alpha[(stiffness[k] + 2 * quadratic[k] * far < 0).argmax()])
             found.append(f"spring {k + 1} is past its largest moment from {at:.1f} deg on")
@@ -455,12 +473,15 @@ def facts(**parameters: Any) -> dict[str, str]:
     """
     b = chain_of(parameters)
     trail = follow(b, ALL)
-    found = {"rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
-             + " from the upright, clockwise"}
+    found = {
+        "rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
+        + " from the upright, clockwise"
+    }
     found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in marks(**parameters).items()}
     if not trail.why[0]:
-        found |= measured(b, str(parameters.get("target", "")),
-                          float(parameters.get("target_moment", 1.0)))
+        found |= measured(
+            b, str(parameters.get("target", "")), float(parameters.get("target_moment", 1.0))
+        )
     warnings = flags(**{k: v for k, v in parameters.items() if not k.startswith("target")})
     return found | ({"mind": "; ".join(warnings)} if warnings else {})
 
@@ -476,9 +497,10 @@ def measured(b: Balancer, target: str, scale: float) -> dict[str, str]:
         wanted = scale * TARGETS[target](angle)
         found |= {
             "error": f"{float(rmse(moment, wanted, scale=scale)):.5f} m g r, root mean square at "
-                     f"{angle.size} angles",
+            f"{angle.size} angles",
             "work reduction": f"{float(work_reduction(moment, wanted, angle)):.2f} % against the "
-                              f"{target}",
+            f"{target}",
             "energy spread": f"{float(energy_spread(*energy.T, scale=scale)):.3f} m g r between "
-                             f"springs"}
+            f"springs",
+        }
     return found

@@ -166,8 +166,10 @@ class Balancer:
 
     def energies(self, winding: Array) -> Array:
         """Energy [J] that each spring holds at windings (..., n), that of its preload included."""
-        m, k, a, v = (self.wide(p, winding)
-                      for p in (self.preload, self.stiffness, self.quadratic, self.stored))
+        m, k, a, v = (
+            self.wide(p, winding)
+            for p in (self.preload, self.stiffness, self.quadratic, self.stored)
+        )
         return v + winding * (m + winding * (k / 2 + a * winding / 3))
 
     def wide(self, values: Array, like: Array) -> Array:
@@ -207,17 +209,39 @@ def balancers(**parameters: ArrayLike) -> Balancer:
     flat = {key: np.atleast_1d(np.asarray(value, float)) for key, value in parameters.items()}
     one_of((1, -1), mode=float(flat.get("mode", np.ones(1))[0]))
     size = max(v.size for v in flat.values())
-    table = {name: np.stack([np.broadcast_to(flat.get(f"{name}{i}", PLAIN.get(name, 0.0)), size)
-                             for i in range(1, n + 1)], axis=-1) for name in NUMBERED}
+    table = {
+        name: np.stack(
+            [
+                np.broadcast_to(flat.get(f"{name}{i}", PLAIN.get(name, 0.0)), size)
+                for i in range(1, n + 1)
+            ],
+            axis=-1,
+        )
+        for name in NUMBERED
+    }
     single = {k: np.broadcast_to(flat.get(k, v), size) for k, v in OTHERS.items()}
     check(table, single)
-    rest = close(single["pendulum"], table["length"], np.stack(
-        [single["rest_angle"], single["rest_angle2"]][: n - 2], axis=-1), single["mode"])
+    rest = close(
+        single["pendulum"],
+        table["length"],
+        np.stack([single["rest_angle"], single["rest_angle2"]][: n - 2], axis=-1),
+        single["mode"],
+    )
     stiff, _, stored = preloaded(table["stiffness"], table["quadratic"], table["preload"])
     there = np.isfinite(table["low"]) | np.isfinite(table["high"])
-    return Balancer(single["pendulum"], single["weight"], table["length"], rest, stiff,
-                    table["quadratic"], table["preload"], stored, table["low"], table["high"],
-                    tuple(np.flatnonzero(there.any(axis=0)).tolist()))
+    return Balancer(
+        single["pendulum"],
+        single["weight"],
+        table["length"],
+        rest,
+        stiff,
+        table["quadratic"],
+        table["preload"],
+        stored,
+        table["low"],
+        table["high"],
+        tuple(np.flatnonzero(there.any(axis=0)).tolist()),
+    )
 
 
 def first(bad: Array) -> tuple[int, int]:
@@ -230,12 +254,17 @@ def check(table: dict[str, Array], single: dict[str, Array]) -> None:
     """ValueError for the first parameter that is out of its domain."""
     whole = {**table, **{k: v[:, None] for k, v in single.items()}}
     low, high, preload = table["low"], table["high"], table["preload"]
-    faults = [(name, np.isnan(v) if name in ("low", "high") else ~np.isfinite(v), "must be finite")
-              for name, v in whole.items()]
+    faults = [
+        (name, np.isnan(v) if name in ("low", "high") else ~np.isfinite(v), "must be finite")
+        for name, v in whole.items()
+    ]
     faults += [(name, whole[name] <= 0, "must be positive [m]") for name in ("length", "pendulum")]
     faults += [
-        ("stiffness", (table["stiffness"] < 0) & (table["quadratic"] == 0),
-         "must not be negative [N m/rad]"),
+        (
+            "stiffness",
+            (table["stiffness"] < 0) & (table["quadratic"] == 0),
+            "must not be negative [N m/rad]",
+        ),
         ("low", low > 0, "must not be above 0, the rest posture [rad]"),
         ("high", high < 0, "must not be below 0, the rest posture [rad]"),
         ("high", ~(low < high), "must be above low [rad]"),
@@ -257,14 +286,18 @@ def check_reach(b: Balancer) -> None:
     if np.isnan(b.rest).any():
         at, _ = first(np.isnan(b.rest))
         lengths = ", ".join(f"{length:g}" for length in b.length[at])
-        raise ValueError(f"length: segments of {lengths} m cannot reach the tip of a pendulum of "
-                         f"{b.pendulum[at]:g} m from rest_angle = {b.rest[at, 0]:g} rad")
+        raise ValueError(
+            f"length: segments of {lengths} m cannot reach the tip of a pendulum of "
+            f"{b.pendulum[at]:g} m from rest_angle = {b.rest[at, 0]:g} rad"
+        )
 
 
 def check_preload(b: Balancer) -> None:
     """ValueError for the first preload that its spring never carries."""
     if np.isnan(b.stiffness).any():
         at, joint = first(np.isnan(b.stiffness))
-        raise ValueError(f"preload{joint} is more than its spring can carry, got "
-                         f"{b.preload[at, joint - 1]:g} N m; at most -stiffness{joint}^2/"
-                         f"(4 quadratic{joint})")
+        raise ValueError(
+            f"preload{joint} is more than its spring can carry, got "
+            f"{b.preload[at, joint - 1]:g} N m; at most -stiffness{joint}^2/"
+            f"(4 quadratic{joint})"
+        )

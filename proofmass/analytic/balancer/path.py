@@ -171,10 +171,19 @@ class PathWalk:
         which, first, last = np.concatenate(design), Point.join(start), Point.join(end)
         order = np.lexsort((self.sense * last.alpha, which))
         order = order[(first.alpha != last.alpha)[order]]
-        pieces = Pieces(which[order], first[order], last[order], np.concatenate(out)[order],
-                        np.concatenate(into)[order])
-        return BalancerPaths(pieces, sorted(self.switches, key=lambda s: (s[0], self.sense * s[2])),
-                     self.at.alpha, list(self.why))
+        pieces = Pieces(
+            which[order],
+            first[order],
+            last[order],
+            np.concatenate(out)[order],
+            np.concatenate(into)[order],
+        )
+        return BalancerPaths(
+            pieces,
+            sorted(self.switches, key=lambda s: (s[0], self.sense * s[2])),
+            self.at.alpha,
+            list(self.why),
+        )
 
 
 def meet(b: Balancer, here: Point, there: Point) -> tuple[Point, Which]:
@@ -257,9 +266,16 @@ def along(b: Balancer, trail: BalancerPaths, alpha: Array) -> Path:
         out[known] = values
         return out.reshape(count, width, values.shape[-1])
 
-    return Path(alpha, spread(psi + found.alpha[:, None]), spread(e), spread(each.moments(e)),
-                spread(each.energies(e)), spread(1.0 + rates[:, :n]),
-                spread(found.unknowns[:, n:n + 2]), spread(side))
+    return Path(
+        alpha,
+        spread(psi + found.alpha[:, None]),
+        spread(e),
+        spread(each.moments(e)),
+        spread(each.energies(e)),
+        spread(1.0 + rates[:, :n]),
+        spread(found.unknowns[:, n : n + 2]),
+        spread(side),
+    )
 
 
 def guess(trail: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:

@@ -102,16 +102,24 @@ class Variant:
             raise ValueError(f"springs must be one of {', '.join(SPRINGS)}, got {self.springs!r}")
         for name, (low, high) in self.narrowed.items():
             if name not in self.usual:
-                raise ValueError(f"bound of {name!r}: no such parameter; there are "
-                                 f"{', '.join(self.usual)}")
+                raise ValueError(
+                    f"bound of {name!r}: no such parameter; there are {', '.join(self.usual)}"
+                )
             if not -np.inf < low < high < np.inf:
                 raise ValueError(f"bound of {name!r} must rise, got {low:g} to {high:g}")
 
     @property
     def option(self) -> str:
         """The thesis's word for what is free besides springs and lengths."""
-        words = [w for w, on in (("contact", self.contact), ("rest angle", self.free_angle),
-                                 ("relaxed lengths", self.relaxed)) if on]
+        words = [
+            w
+            for w, on in (
+                ("contact", self.contact),
+                ("rest angle", self.free_angle),
+                ("relaxed lengths", self.relaxed),
+            )
+            if on
+        ]
         return " and ".join(words) or "standard"
 
     @property
@@ -151,16 +159,24 @@ class Variant:
         found: dict[str, Array] = {}
         for name, values in zip(self.usual, np.asarray(vectors, float).T, strict=True):
             shared = name in ("stiffness", "quadratic")
-            found |= {f"{name}{i}": values for i in range(1, self.segments + 1)} if shared else {
-                name: values}
+            found |= (
+                {f"{name}{i}": values for i in range(1, self.segments + 1)}
+                if shared
+                else {name: values}
+            )
             if name.startswith("preload"):
                 found[f"low{name[-1]}"] = np.zeros_like(values)
         return found | ({"mode": np.full(len(vectors), -1.0)} if self.mode == -1 else {})
 
     def vector(self, parameters: Mapping[str, float]) -> Array:
         """The design vector (d,) of a balancer's parameters."""
-        return np.array([parameters[f"{name}1" if name in ("stiffness", "quadratic") else name]
-                         for name in self.usual], float)
+        return np.array(
+            [
+                parameters[f"{name}1" if name in ("stiffness", "quadratic") else name]
+                for name in self.usual
+            ],
+            float,
+        )
 
 
 def thesis() -> list[Variant]:
@@ -179,17 +195,32 @@ def left_out() -> list[Variant]:
     56
     """
     targets, options = (list(dict.fromkeys(words)) for words in zip(*FIGURES, strict=True))
-    return [variant for target in targets for option in options if (target, option) not in FIGURES
-            for variant in variants(target, option)]
+    return [
+        variant
+        for target in targets
+        for option in options
+        if (target, option) not in FIGURES
+        for variant in variants(target, option)
+    ]
 
 
 def variants(target: str, option: str) -> list[Variant]:
     """All springs and numbers of segments that the thesis has for an option."""
     fixed = option in ("standard", "relaxed lengths")
-    return [Variant(target, segments, springs, preload, "rest" in option, "contact" in option,
-                    "relaxed" in option)
-            for segments in ((3, 4) if fixed else (3,))
-            for springs in ("linear", "nonlinear") for preload in (False, True)]
+    return [
+        Variant(
+            target,
+            segments,
+            springs,
+            preload,
+            "rest" in option,
+            "contact" in option,
+            "relaxed" in option,
+        )
+        for segments in ((3, 4) if fixed else (3,))
+        for springs in ("linear", "nonlinear")
+        for preload in (False, True)
+    ]
 
 
 POINTS = {3: 90, 4: 15}  # of the thesis, by segments
@@ -296,8 +327,11 @@ class Synthesis:
         """Figures of designs (B, d) at all points."""
         moment, energy = self.curves(vectors, self.angles)
         wanted = self.target(self.angles)
-        return Figures(rmse(moment, wanted), work_reduction(moment, wanted, self.angles),
-                       energy_spread(*np.moveaxis(energy, -1, 0)))
+        return Figures(
+            rmse(moment, wanted),
+            work_reduction(moment, wanted, self.angles),
+            energy_spread(*np.moveaxis(energy, -1, 0)),
+        )
 
     def curves(self, vectors: Array, angle: Array, bent: float = BENT) -> tuple[Array, Array]:
         """Balancing moments (B, A) [N m] and energies (B, A, n) [J]; NaN where not buildable."""

@@ -35,9 +35,18 @@ WORKING_MODES = (1, -1)
 
 
 def solve_inverse(
-    tip: ArrayLike, velocity: ArrayLike = 0.0, acceleration: ArrayLike = 0.0, *,
-    left_crank: float, left_coupler: float, right_coupler: float, right_crank: float,
-    left_x: float, right_x: float, left_mode: int = 1, right_mode: int = 1,
+    tip: ArrayLike,
+    velocity: ArrayLike = 0.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+    left_mode: int = 1,
+    right_mode: int = 1,
 ) -> dict[str, Array]:
     r"""Crank motions of a five-bar linkage whose tip motion is given (inverse kinematics).
 
@@ -91,9 +100,16 @@ def solve_inverse(
     >>> [round(float(np.degrees(pose[side])), 6) for side in ("left", "right")]
     [90.0, 131.11209]
     """
-    check(left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
-          right_crank=right_crank, left_x=left_x, right_x=right_x,
-          left_mode=left_mode, right_mode=right_mode)
+    check(
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+        left_mode=left_mode,
+        right_mode=right_mode,
+    )
     motion = inputs(tip, velocity, acceleration)
     left, a = _side("left", motion, left_x, left_crank, left_coupler, left_mode)
     right, b = _side("right", motion, right_x, right_crank, right_coupler, right_mode)
@@ -107,8 +123,15 @@ def _side(
     """Angle, rate and acceleration of one crank, and the vector of its coupler."""
     tip, v, dv = (x + 1j * y for x, y in motion)
     s = tip - base
-    area = twice_area(np.abs(s), crank, coupler, float(np.abs(base)), motion[0],
-                      "tip out of reach at ({:.9g}, {:.9g}) m", f"{name} crank and coupler")
+    area = twice_area(
+        np.abs(s),
+        crank,
+        coupler,
+        float(np.abs(base)),
+        motion[0],
+        "tip out of reach at ({:.9g}, {:.9g}) m",
+        f"{name} crank and coupler",
+    )
     square = np.abs(s) ** 2
     side = 0.5 * (square + crank**2 - coupler**2)
     p = (side + 1j * mode * area) * s / square
@@ -122,8 +145,13 @@ def _side(
 
 
 def jacobians(
-    angle: ArrayLike, tip: ArrayLike, *, left_crank: float, right_crank: float,
-    left_x: float, right_x: float,
+    angle: ArrayLike,
+    tip: ArrayLike,
+    *,
+    left_crank: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
 ) -> tuple[Array, Array]:
     """Matrices A and B of the velocity equation A v = B w, (..., 2, 2) each.
 
@@ -149,8 +177,13 @@ def jacobians(
 
 
 def twice_area(
-    distance: Array, one: float, two: float, size: float, pose: Array,
-    open_at: str, whose: str,
+    distance: Array,
+    one: float,
+    two: float,
+    size: float,
+    pose: Array,
+    open_at: str,
+    whose: str,
 ) -> Array:
     """Twice the area of triangles with these three sides, or ValueError at the first open one.
 
@@ -163,8 +196,10 @@ def twice_area(
     if not good.all():
         bad = np.unravel_index(np.argmin(good), good.shape)
         miss = f"miss by {gap[bad]:.6g} m"
-        raise ValueError(f"{open_at.format(*(row[bad] for row in pose))}: the circles of {whose} "
-                         + ("coincide, so they leave it open" if gap[bad] <= slack else miss))
+        raise ValueError(
+            f"{open_at.format(*(row[bad] for row in pose))}: the circles of {whose} "
+            + ("coincide, so they leave it open" if gap[bad] <= slack else miss)
+        )
     heron = (far + distance) * (far - distance) * (distance + near) * (distance - near)
     return np.asarray(0.5 * np.sqrt(np.maximum(heron, 0.0)))
 
@@ -202,8 +237,14 @@ def cross(a: Complex, b: Complex) -> Array:
 
 
 def margin(
-    tip: ArrayLike, *, left_crank: float, left_coupler: float, right_coupler: float,
-    right_crank: float, left_x: float, right_x: float,
+    tip: ArrayLike,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
 ) -> Array:
     """How far the tip is inside the reach of both sides [m], negative where it is outside.
 
@@ -215,18 +256,37 @@ def margin(
     >>> margin([[0.0, 0.0], [0.0, 9.0]], **link).round(6).tolist()
     [2.0, -0.486833]
     """
-    check(left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
-          right_crank=right_crank, left_x=left_x, right_x=right_x)
-    (x, y), = inputs(tip)
+    check(
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+    )
+    ((x, y),) = inputs(tip)
     left, right = np.hypot(x - left_x, y), np.hypot(x - right_x, y)
-    return np.asarray(np.minimum.reduce([
-        left - abs(left_crank - left_coupler), left_crank + left_coupler - left,
-        right - abs(right_crank - right_coupler), right_crank + right_coupler - right]))
+    return np.asarray(
+        np.minimum.reduce(
+            [
+                left - abs(left_crank - left_coupler),
+                left_crank + left_coupler - left,
+                right - abs(right_crank - right_coupler),
+                right_crank + right_coupler - right,
+            ]
+        )
+    )
 
 
 def boundary(
-    n: int = 361, *, left_crank: float, left_coupler: float, right_coupler: float,
-    right_crank: float, left_x: float, right_x: float,
+    n: int = 361,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
 ) -> Array:
     """Points (4, 2, n) on the boundary of the reach: the type 1 singularities of the tip [m].
 
@@ -238,12 +298,22 @@ def boundary(
     >>> boundary(5, **link)[0].round(3).tolist()  # left stretched, seen from the left base
     [[6.0, nan, nan, nan, 6.0], [0.0, nan, nan, nan, -0.0]]
     """
-    lengths = {"left_crank": left_crank, "left_coupler": left_coupler,
-               "right_coupler": right_coupler, "right_crank": right_crank}
+    lengths = {
+        "left_crank": left_crank,
+        "left_coupler": left_coupler,
+        "right_coupler": right_coupler,
+        "right_crank": right_crank,
+    }
     check(**lengths, left_x=left_x, right_x=right_x)
     base = np.array([left_x, left_x, right_x, right_x])[:, None]
-    radius = np.array([left_crank + left_coupler, abs(left_crank - left_coupler),
-                       right_crank + right_coupler, abs(right_crank - right_coupler)])[:, None]
+    radius = np.array(
+        [
+            left_crank + left_coupler,
+            abs(left_crank - left_coupler),
+            right_crank + right_coupler,
+            abs(right_crank - right_coupler),
+        ]
+    )[:, None]
     turn = np.linspace(0.0, 2.0 * np.pi, n)
     points = np.stack([base + radius * np.cos(turn), radius * np.sin(turn)])
     inside = margin(points, **lengths, left_x=left_x, right_x=right_x)
@@ -252,8 +322,14 @@ def boundary(
 
 
 def in_line(
-    left: ArrayLike, *, left_crank: float, left_coupler: float, right_coupler: float,
-    right_crank: float, left_x: float, right_x: float,
+    left: ArrayLike,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
 ) -> Array:
     """Right crank angles (4, n) [rad] that put the couplers in line: type 2 singularities.
 
@@ -266,14 +342,21 @@ def in_line(
     >>> in_line(0.5, **link).round(6).tolist()
     [nan, nan, 1.312845, 2.328748]
     """
-    check(left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
-          right_crank=right_crank, left_x=left_x, right_x=right_x)
+    check(
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+    )
     s = left_x - right_x + left_crank * np.exp(1j * np.asarray(left, float))
     rows = []
     for apart in (left_coupler + right_coupler, abs(left_coupler - right_coupler)):
         with np.errstate(divide="ignore", invalid="ignore"):  # no such angle: nan, as documented
-            open_by = np.arccos((np.abs(s) ** 2 + right_crank**2 - apart**2)
-                                / (2.0 * np.abs(s) * right_crank))
+            open_by = np.arccos(
+                (np.abs(s) ** 2 + right_crank**2 - apart**2) / (2.0 * np.abs(s) * right_crank)
+            )
         rows += [np.angle(s) - open_by, np.angle(s) + open_by]
     return np.stack(rows)
 
@@ -294,8 +377,13 @@ def pin_distances(
 
 
 def unassembled_share(
-    *, left_crank: float, left_coupler: float, right_coupler: float, right_crank: float,
-    left_x: float, right_x: float,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
 ) -> float:
     """Share [-] of all pairs of crank angles that cannot be assembled.
 
@@ -307,10 +395,18 @@ def unassembled_share(
     ...                         right_crank=1.0, left_x=0.0, right_x=2.0), 8)
     0.02126519
     """
-    check(left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
-          right_crank=right_crank, left_x=left_x, right_x=right_x)
-    ground, limits = abs(right_x - left_x), (left_coupler + right_coupler,
-                                             abs(left_coupler - right_coupler))
+    check(
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+    )
+    ground, limits = (
+        abs(right_x - left_x),
+        (left_coupler + right_coupler, abs(left_coupler - right_coupler)),
+    )
     bends = np.array([right_crank + sign * x for x in limits for sign in (1, -1)])
     with np.errstate(divide="ignore"):  # ground = 0: S is constant, no bends
         cosines = (ground**2 + left_crank**2 - bends**2) / (2.0 * ground * left_crank)
@@ -320,8 +416,10 @@ def unassembled_share(
     half = 0.5 * np.diff(knots)[:, None]
     angle = knots[:-1, None] + half * (1.0 - np.cos(u))
     s = np.abs(ground - left_crank * np.exp(1j * angle))
-    over, under = (np.arccos(np.clip((s**2 + right_crank**2 - x**2) / (2.0 * s * right_crank),
-                                     -1.0, 1.0)) for x in limits)
+    over, under = (
+        np.arccos(np.clip((s**2 + right_crank**2 - x**2) / (2.0 * s * right_crank), -1.0, 1.0))
+        for x in limits
+    )
     assembled = np.sum((over - under) / np.pi * half * np.sin(u) * weights) / 2.0
     return float(1.0 - assembled)
 
@@ -330,12 +428,24 @@ MODES = (1, -1)
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    left_crank: float, left_coupler: float, right_coupler: float, right_crank: float,
-    left_x: float, right_x: float, mode: int = 1,
-    left_crank_mass: float = 0.0, left_coupler_mass: float = 0.0,
-    right_coupler_mass: float = 0.0, right_crank_mass: float = 0.0,
-    gravity: float = 9.81, force_x: float = 0.0, force_y: float = 0.0,
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+    mode: int = 1,
+    left_crank_mass: float = 0.0,
+    left_coupler_mass: float = 0.0,
+    right_coupler_mass: float = 0.0,
+    right_crank_mass: float = 0.0,
+    gravity: float = 9.81,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
 ) -> dict[str, Array]:
     r"""Motion of a five-bar linkage whose two crank motions are given (direct kinematics).
 
@@ -411,15 +521,29 @@ def solve(
     >>> [round(float(pose[name]), 8) for name in ("tip_x", "tip_y", "tip_vx", "tip_vy")]
     [-0.9068351, 2.66749129, 0.52591296, 0.98486894]
     """
-    check(left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
-          right_crank=right_crank, left_x=left_x, right_x=right_x, mode=mode)
+    check(
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+        mode=mode,
+    )
     theta, w, dw = inputs(angle, rate, acceleration)
     turned = np.exp(1j * theta)  # vectors are complex numbers, J is 1j
     p, q = left_crank * turned[0], right_crank * turned[1]
     d = right_x + q - left_x - p
     reach = abs(right_x - left_x) + left_crank + right_crank
-    area = mode * twice_area(np.abs(d), left_coupler, right_coupler, reach, theta,
-                             "loop cannot close at angles ({:.9g}, {:.9g}) rad", "the couplers")
+    area = mode * twice_area(
+        np.abs(d),
+        left_coupler,
+        right_coupler,
+        reach,
+        theta,
+        "loop cannot close at angles ({:.9g}, {:.9g}) rad",
+        "the couplers",
+    )
     square, excess = np.abs(d) ** 2, left_coupler**2 - right_coupler**2
     a = (0.5 * (square + excess) + 1j * area) * d / square
     b, left_lever, right_lever = a - d, cross(p, a), cross(q, a - d)
@@ -431,21 +555,36 @@ def solve(
         ddalpha = (dot(dvq - dvp, b) + alpha**2 * rest - beta**2 * right_coupler**2) / area
         ddbeta = (dot(dvq - dvp, a) + alpha**2 * left_coupler**2 - beta**2 * rest) / area
         left_moment, right_moment = _moments(
-            p, q, -1j * b * left_lever / area, 1j * a * right_lever / area,
-            force_x + 1j * force_y, gravity, left_crank_mass=left_crank_mass,
-            left_coupler_mass=left_coupler_mass, right_coupler_mass=right_coupler_mass,
-            right_crank_mass=right_crank_mass)
+            p,
+            q,
+            -1j * b * left_lever / area,
+            1j * a * right_lever / area,
+            force_x + 1j * force_y,
+            gravity,
+            left_crank_mass=left_crank_mass,
+            left_coupler_mass=left_coupler_mass,
+            right_coupler_mass=right_coupler_mass,
+            right_crank_mass=right_crank_mass,
+        )
         tip, v = left_x + p + a, vp + 1j * alpha * a
         dv = dvp + (1j * ddalpha - alpha**2) * a
     curves = {
-        "tip_x": tip.real, "tip_y": tip.imag, "tip_vx": v.real, "tip_vy": v.imag,
-        "tip_ax": dv.real, "tip_ay": dv.imag,
+        "tip_x": tip.real,
+        "tip_y": tip.imag,
+        "tip_vx": v.real,
+        "tip_vy": v.imag,
+        "tip_ax": dv.real,
+        "tip_ay": dv.imag,
         "left_coupler_angle": unwrapped(np.atleast_1d(np.angle(a))),
-        "left_coupler_rate": alpha, "left_coupler_acceleration": ddalpha,
+        "left_coupler_rate": alpha,
+        "left_coupler_acceleration": ddalpha,
         "right_coupler_angle": unwrapped(np.atleast_1d(np.angle(b))),
-        "right_coupler_rate": beta, "right_coupler_acceleration": ddbeta,
-        "left_moment": left_moment, "right_moment": right_moment,
-        "pin_distance": np.abs(d), "assembly": area / (left_coupler * right_coupler),
+        "right_coupler_rate": beta,
+        "right_coupler_acceleration": ddbeta,
+        "left_moment": left_moment,
+        "right_moment": right_moment,
+        "pin_distance": np.abs(d),
+        "assembly": area / (left_coupler * right_coupler),
         "left_working": -left_lever / (left_crank * left_coupler),
         "right_working": -right_lever / (right_crank * right_coupler),
     }
@@ -453,7 +592,12 @@ def solve(
 
 
 def _moments(
-    p: Complex, q: Complex, by_left: Complex, by_right: Complex, force: complex, gravity: float,
+    p: Complex,
+    q: Complex,
+    by_left: Complex,
+    by_right: Complex,
+    force: complex,
+    gravity: float,
     **masses: float,
 ) -> tuple[Array, Array]:
     """Moments that hold the cranks; `by_left`, `by_right` move the tip at unit crank rates."""
@@ -466,7 +610,12 @@ def _moments(
 
 
 def circle(
-    time: ArrayLike, *, center_x: float, center_y: float, radius: float, rate: float,
+    time: ArrayLike,
+    *,
+    center_x: float,
+    center_y: float,
+    radius: float,
+    rate: float,
     **linkage: Any,
 ) -> tuple[Array, Array, Array]:
     """Crank motions that lead the tip round a circle at constant speed: a drive law.
@@ -486,18 +635,35 @@ def circle(
     """
     spin = radius * np.exp(1j * rate * np.asarray(time, float))
     tip, v, dv = center_x + 1j * center_y + spin, 1j * rate * spin, -(rate**2) * spin
-    pose = solve_inverse(
-        *([vector.real, vector.imag] for vector in (tip, v, dv)), **linkage)
-    angle, speed, change = (np.stack([pose[f"left{part}"], pose[f"right{part}"]])
-                            for part in ("", "_rate", "_acceleration"))
+    pose = solve_inverse(*([vector.real, vector.imag] for vector in (tip, v, dv)), **linkage)
+    angle, speed, change = (
+        np.stack([pose[f"left{part}"], pose[f"right{part}"]])
+        for part in ("", "_rate", "_acceleration")
+    )
     return angle, speed, change
 
 
-def facts(*, left_crank: float, left_coupler: float, right_coupler: float, right_crank: float,
-          left_x: float, right_x: float, **_: float) -> dict[str, str]:
+def facts(
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+    **_: float,
+) -> dict[str, str]:
     """Which crank angles can be assembled, in words, for a report."""
     share = unassembled_share(
-        left_crank=left_crank, left_coupler=left_coupler, right_coupler=right_coupler,
-        right_crank=right_crank, left_x=left_x, right_x=right_x)
-    return {"crank angles": "any two can be assembled" if share < 1e-12 else
-            f"{100 * share:.2f} % of all pairs cannot be assembled"}
+        left_crank=left_crank,
+        left_coupler=left_coupler,
+        right_coupler=right_coupler,
+        right_crank=right_crank,
+        left_x=left_x,
+        right_x=right_x,
+    )
+    return {
+        "crank angles": "any two can be assembled"
+        if share < 1e-12
+        else f"{100 * share:.2f} % of all pairs cannot be assembled"
+    }

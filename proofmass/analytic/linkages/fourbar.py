@@ -22,11 +22,22 @@ MODES = (1, -1)
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    crank: float, coupler: float, rocker: float, ground: float, mode: int = 1,
-    point_along: float = 0.0, point_across: float = 0.0,
-    crank_mass: float = 0.0, coupler_mass: float = 0.0, rocker_mass: float = 0.0,
-    rocker_load: float = 0.0, gravity: float = 9.81,
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    crank: float,
+    coupler: float,
+    rocker: float,
+    ground: float,
+    mode: int = 1,
+    point_along: float = 0.0,
+    point_across: float = 0.0,
+    crank_mass: float = 0.0,
+    coupler_mass: float = 0.0,
+    rocker_mass: float = 0.0,
+    rocker_load: float = 0.0,
+    gravity: float = 9.81,
 ) -> dict[str, Array]:
     r"""Motion of a four-bar linkage whose crank motion is given.
 
@@ -113,22 +124,32 @@ def solve(
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     with np.errstate(divide="ignore", invalid="ignore"):  # in line: inf or nan, as documented
         (ax, ay, a1, a2), (bx, by, b1, b2), cross, dot = _close(
-            theta, ground - px, -py, **lengths, mode=mode)
+            theta, ground - px, -py, **lengths, mode=mode
+        )
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
         along, across = point_along / coupler, point_across / coupler
-        moment = 0.5 * gravity * (
-            crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx
-        ) - rocker_load * b1
+        moment = (
+            0.5
+            * gravity
+            * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
+            - rocker_load * b1
+        )
         curves = {
             "coupler_angle": unwrapped(np.arctan2(ay, ax)),
-            "coupler_rate": a_motion[0], "coupler_acceleration": a_motion[1],
+            "coupler_rate": a_motion[0],
+            "coupler_acceleration": a_motion[1],
             "rocker_angle": unwrapped(np.arctan2(by, bx)),
-            "rocker_rate": b_motion[0], "rocker_acceleration": b_motion[1],
+            "rocker_rate": b_motion[0],
+            "rocker_acceleration": b_motion[1],
             **_tip("pin", (bx, by, *b_motion), start=ground),
-            **_tip("point", (px, py, w, dw),
-                   (along * ax - across * ay, along * ay + across * ax, *a_motion)),
+            **_tip(
+                "point",
+                (px, py, w, dw),
+                (along * ax - across * ay, along * ay + across * ax, *a_motion),
+            ),
             "transmission_angle": np.arctan2(np.abs(cross), dot),
-            "holding_moment": moment, "mechanical_advantage": 1.0 / b1,
+            "holding_moment": moment,
+            "mechanical_advantage": 1.0 / b1,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
 
@@ -144,8 +165,10 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
     def difference(x: float, y: float) -> float:
         return 0.0 if abs(x - y) <= slack else (x - y) * (x + y)
 
-    return (difference(coupler + rocker, crank + ground),
-            difference(abs(crank - ground), abs(coupler - rocker)))
+    return (
+        difference(coupler + rocker, crank + ground),
+        difference(abs(crank - ground), abs(coupler - rocker)),
+    )
 
 
 def _slack(crank: float, coupler: float, rocker: float, ground: float) -> float:
@@ -154,8 +177,15 @@ def _slack(crank: float, coupler: float, rocker: float, ground: float) -> float:
 
 
 def _close(
-    theta: Array, dx: Array, dy: Array, *,
-    crank: float, coupler: float, rocker: float, ground: float, mode: int,
+    theta: Array,
+    dx: Array,
+    dy: Array,
+    *,
+    crank: float,
+    coupler: float,
+    rocker: float,
+    ground: float,
+    mode: int,
 ) -> tuple[tuple[Array, ...], tuple[Array, ...], Array, Array]:
     """Coupler and rocker as vectors with first and second turn, their cross and dot product."""
     k = 2.0 * np.sqrt(crank * ground)
@@ -209,15 +239,29 @@ def _reach(theta: Array, distance: Array, coupler: float, rocker: float, slack: 
 
 def _tip(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, Array]:
     """Position, velocity and acceleration at the end of arms (x, y, rate, acceleration)."""
-    x, y, vx, vy, ax, ay = (sum(terms) for terms in zip(*(
-        (x, y, -w * y, w * x, -dw * y - w**2 * x, dw * x - w**2 * y) for x, y, w, dw in arms
-    ), strict=True))
-    return {f"{name}_x": start + x, f"{name}_y": y, f"{name}_vx": vx, f"{name}_vy": vy,
-            f"{name}_ax": ax, f"{name}_ay": ay}
+    x, y, vx, vy, ax, ay = (
+        sum(terms)
+        for terms in zip(
+            *((x, y, -w * y, w * x, -dw * y - w**2 * x, dw * x - w**2 * y) for x, y, w, dw in arms),
+            strict=True,
+        )
+    )
+    return {
+        f"{name}_x": start + x,
+        f"{name}_y": y,
+        f"{name}_vx": vx,
+        f"{name}_vy": vy,
+        f"{name}_ax": ax,
+        f"{name}_ay": ay,
+    }
 
 
-SHORTEST = {"crank": "crank-rocker", "coupler": "double rocker", "rocker": "rocker-crank",
-            "ground": "double crank"}
+SHORTEST = {
+    "crank": "crank-rocker",
+    "coupler": "double rocker",
+    "rocker": "rocker-crank",
+    "ground": "double crank",
+}
 
 
 def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
@@ -238,8 +282,10 @@ def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float
     shortest, p, q, longest = sorted(lengths.values())
     if longest > shortest + p + q:
         name = max(lengths, key=lambda bar: lengths[bar])
-        raise ValueError(f"{name} must not be longer than the other bars together: the loop cannot "
-                         f"close, they miss by {longest - (shortest + p + q):.6g} m")
+        raise ValueError(
+            f"{name} must not be longer than the other bars together: the loop cannot "
+            f"close, they miss by {longest - (shortest + p + q):.6g} m"
+        )
     room = (p + q) - (shortest + longest)
     return room if abs(room) > _slack(**lengths) else 0.0
 
@@ -386,8 +432,9 @@ def transmission_range(
     return _limits(inner, outer, 4.0 * coupler * rocker)
 
 
-def facts(*, crank: float, coupler: float, rocker: float, ground: float,
-          **_: float) -> dict[str, str]:
+def facts(
+    *, crank: float, coupler: float, rocker: float, ground: float, **_: float
+) -> dict[str, str]:
     """What a drawing's lengths amount to, in words and degrees, for a report.
 
     >>> facts(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)["time ratio"]
@@ -396,10 +443,13 @@ def facts(*, crank: float, coupler: float, rocker: float, ground: float,
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
     low, high = np.degrees(crank_range(**lengths))
     least, most = np.degrees(transmission_range(**lengths))
-    found = {"Grashof class": f"{classify(**lengths)}, margin {grashof_margin(**lengths):.4g} m",
-             "crank": "turns fully" if (low, high) == (0.0, 180.0) else
-             f"reaches {low:.2f}° to {high:.2f}° on either side",
-             "transmission angle": f"{least:.2f}° to {most:.2f}°"}
+    found = {
+        "Grashof class": f"{classify(**lengths)}, margin {grashof_margin(**lengths):.4g} m",
+        "crank": "turns fully"
+        if (low, high) == (0.0, 180.0)
+        else f"reaches {low:.2f}° to {high:.2f}° on either side",
+        "transmission angle": f"{least:.2f}° to {most:.2f}°",
+    }
     if classify(**lengths) == "crank-rocker":
         found["rocker swings"] = f"{np.degrees(swing(**lengths)):.2f}°"
         found["time ratio"] = f"{time_ratio(**lengths):.4f}"

@@ -9,8 +9,15 @@ MODES = (1, -1)
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, *,
-    crank: float, coupler: float, offset: float, mode: int = 1, cutting_force: float = 0.0,
+    angle: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
+    mode: int = 1,
+    cutting_force: float = 0.0,
 ) -> dict[str, Array]:
     r"""Motion of the hacksaw linkage whose crank motion is given, in the report's nine curves.
 
@@ -85,13 +92,18 @@ def solve(
         a = -px * w**2 - py * dw - q * w3**2 - e * dw3
         r1 = -np.sqrt(square)
         curves = {
-            "r1": r1, "theta1": np.arctan2(-offset, -x), "r1_rate": x * v / r1,
+            "r1": r1,
+            "theta1": np.arctan2(-offset, -x),
+            "r1_rate": x * v / r1,
             "r1_acceleration": (x * a + (v * offset) ** 2 / square) / r1,
             "theta1_rate": -offset * v / square,
             "theta1_acceleration": offset * (2.0 * x * v**2 / square - a) / square,
             "theta3": np.arctan2(e, np.abs(q)) if mode < 0 else np.pi - np.arctan2(e, np.abs(q)),
-            "theta3_rate": w3, "theta3_acceleration": dw3,
-            "slider_x": x, "slider_velocity": v, "slider_acceleration": a,
+            "theta3_rate": w3,
+            "theta3_acceleration": dw3,
+            "slider_x": x,
+            "slider_velocity": v,
+            "slider_acceleration": a,
             "holding_moment": cutting_force * (py - e * px / q),
         }
     return {name: np.asarray(curve) for name, curve in curves.items()}
@@ -101,8 +113,11 @@ def _close(
     theta: Array, crank: float, coupler: float, offset: float, mode: int
 ) -> tuple[Array, Array, Array]:
     """Crank pin and horizontal run of the coupler, or ValueError where it misses the guide."""
-    for name, value, least in (("crank", crank, 0.0), ("coupler", coupler, 0.0),
-                               ("offset", offset, -np.inf)):
+    for name, value, least in (
+        ("crank", crank, 0.0),
+        ("coupler", coupler, 0.0),
+        ("offset", offset, -np.inf),
+    ):
         if not least < value < np.inf:
             raise ValueError(f"{name} must be finite and above {least} [m], got {value}")
     if mode not in MODES:
@@ -112,8 +127,10 @@ def _close(
     slack = 1e-15 * (crank + coupler + abs(offset))  # rounding of gap
     if not gap.max(initial=0.0) <= slack:
         bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
-        raise ValueError(f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
-                         f"the guide by {gap[bad]:.6g} m")
+        raise ValueError(
+            f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
+            f"the guide by {gap[bad]:.6g} m"
+        )
     return px, py, -mode * np.sqrt(np.maximum((coupler + rise) * (coupler - rise), 0.0))
 
 
@@ -153,6 +170,7 @@ def motor(time: ArrayLike, *, peak: float = 5.0) -> tuple[Array, Array, Array]:
     rise, hold, fall = (np.clip(t - k * third, 0.0, third) for k in range(3))  # time in each part
     jerk = peak / third
     angle = jerk * (rise**3 - fall**3) / 6.0 + peak * (
-        (hold**2 + fall**2) / 2.0 + third * (0.5 * hold + 1.5 * fall + 2.0 * cruise))
+        (hold**2 + fall**2) / 2.0 + third * (0.5 * hold + 1.5 * fall + 2.0 * cruise)
+    )
     rate = jerk * (rise**2 - fall**2) / 2.0 + peak * (hold + fall)
     return np.asarray(angle), np.asarray(rate), np.asarray(jerk * (rise - fall))

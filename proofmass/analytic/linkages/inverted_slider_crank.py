@@ -14,10 +14,21 @@ MODES = (1, -1)
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    crank: float, bar: float, rod: float, ground_x: float, ground_y: float = 0.0, mode: int = 1,
-    crank_mass: float = 0.0, bar_mass: float = 0.0, rod_mass: float = 0.0,
-    slider_mass: float = 0.0, gravity: float = 9.81,
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    crank: float,
+    bar: float,
+    rod: float,
+    ground_x: float,
+    ground_y: float = 0.0,
+    mode: int = 1,
+    crank_mass: float = 0.0,
+    bar_mass: float = 0.0,
+    rod_mass: float = 0.0,
+    slider_mass: float = 0.0,
+    gravity: float = 9.81,
 ) -> dict[str, Array]:
     r"""Motion of an inverted slider-crank whose crank and bar motions are given.
 
@@ -83,8 +94,12 @@ def solve(
     >>> [round(float(pose[name]), 8) for name in ("end_x", "end_y", "end_vx", "end_vy")]
     [4.66110172, 0.21351053, -1.31819903, 0.35413793]
     """
-    masses = {"crank_mass": crank_mass, "bar_mass": bar_mass, "rod_mass": rod_mass,
-              "slider_mass": slider_mass}
+    masses = {
+        "crank_mass": crank_mass,
+        "bar_mass": bar_mass,
+        "rod_mass": rod_mass,
+        "slider_mass": slider_mass,
+    }
     positive(crank=crank, rod=rod)
     not_negative(**masses)
     finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
@@ -104,13 +119,17 @@ def solve(
     end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
     swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
     curves = {
-        "slide": s, "slide_rate": v, "slide_acceleration": slip2.real + s * w**2,
-        "rod_angle": rod_angle, "rod_rate": w, "rod_acceleration": dw,
+        "slide": s,
+        "slide_rate": v,
+        "slide_acceleration": slip2.real + s * w**2,
+        "rod_angle": rod_angle,
+        "rod_rate": w,
+        "rod_acceleration": dw,
         "slide_margin": np.minimum(s, rod - s),
-        "holding_moment": gravity * (
-            (0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
-        "holding_moment_bar": gravity * (
-            (0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
+        "holding_moment": gravity
+        * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
+        "holding_moment_bar": gravity
+        * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
     }
     for name, point in (("end", end), ("slider", slider)):
         for part, value in zip(("", "v", "a"), point, strict=True):
@@ -147,7 +166,9 @@ def _inputs(*given: ArrayLike) -> tuple[Array, ...]:
     return np.broadcast_arrays(*(a.reshape(a.shape + (1,) * (axes - a.ndim)) for a in arrays))
 
 
-def _arm(length: float, angle: Array, rate: Array, acceleration: Array) -> tuple[ComplexPoints, ...]:
+def _arm(
+    length: float, angle: Array, rate: Array, acceleration: Array
+) -> tuple[ComplexPoints, ...]:
     """Complex vector of a turning arm, its velocity and its acceleration."""
     arm = length * np.exp(1j * angle)
     return arm, 1j * rate * arm, (1j * acceleration - rate**2) * arm
@@ -158,6 +179,8 @@ def _direction(apart: ComplexPoints, slack: float, a1: Array, a2: Array) -> Comp
     distance = np.abs(apart)
     if not distance.min(initial=np.inf) > slack:
         bad = np.argmin(distance > slack)
-        raise ValueError(f"the crank pin meets the slider at crank angle {a1[bad]:.9g} rad and bar "
-                         f"angle {a2[bad]:.9g} rad: the rod has no direction")
+        raise ValueError(
+            f"the crank pin meets the slider at crank angle {a1[bad]:.9g} rad and bar "
+            f"angle {a2[bad]:.9g} rad: the rod has no direction"
+        )
     return apart / distance

@@ -9,10 +9,21 @@ MODES = (1, -1)
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
-    guide_angle: float = 0.0, mode: int = 1, crank_mass: float = 0.0, coupler_mass: float = 0.0,
-    slider_mass: float = 0.0, slider_load: float = 0.0, gravity: float = 9.81,
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    crank: float,
+    coupler: float,
+    guide_x: float = 0.0,
+    guide_y: float = 0.0,
+    guide_angle: float = 0.0,
+    mode: int = 1,
+    crank_mass: float = 0.0,
+    coupler_mass: float = 0.0,
+    slider_mass: float = 0.0,
+    slider_load: float = 0.0,
+    gravity: float = 9.81,
 ) -> dict[str, Array]:
     r"""Motion of a slider-crank whose crank motion is given.
 
@@ -105,11 +116,18 @@ def solve(
         lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
         lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
         curves = {
-            "slide": s, "slide_rate": v, "slide_acceleration": a,
-            "slider_x": guide_x + s * cos, "slider_y": guide_y + s * sin,
-            "slider_vx": v * cos, "slider_vy": v * sin, "slider_ax": a * cos, "slider_ay": a * sin,
+            "slide": s,
+            "slide_rate": v,
+            "slide_acceleration": a,
+            "slider_x": guide_x + s * cos,
+            "slider_y": guide_y + s * sin,
+            "slider_vx": v * cos,
+            "slider_vy": v * sin,
+            "slider_ax": a * cos,
+            "slider_ay": a * sin,
             "coupler_angle": unwrapped(np.arctan2(ay, ax)),
-            "coupler_rate": k1 * w, "coupler_acceleration": k1 * dw + k2 * w**2,
+            "coupler_rate": k1 * w,
+            "coupler_acceleration": k1 * dw + k2 * w**2,
             "transmission_angle": np.arctan2(np.abs(q), -h),
             "holding_moment": gravity * lift - slider_load * s1,
         }
@@ -117,8 +135,13 @@ def solve(
 
 
 def dead_points(
-    *, crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
-    guide_angle: float = 0.0, mode: int = 1,
+    *,
+    crank: float,
+    coupler: float,
+    guide_x: float = 0.0,
+    guide_y: float = 0.0,
+    guide_angle: float = 0.0,
+    mode: int = 1,
 ) -> tuple[Array, Array]:
     r"""Crank angles [rad] and slides [m], each (2,), at which crank and coupler are in line.
 
@@ -142,32 +165,52 @@ def dead_points(
     start, offset = _guide(guide_x, guide_y, guide_angle)
     reach = np.array([coupler + crank, coupler - crank])
     if reach[1] == 0.0 or abs(offset) > abs(reach[1]) + _slack(crank, coupler, start, offset):
-        raise ValueError(f"no folded dead point: the slider would be {abs(reach[1]):.6g} m from "
-                         f"the crank axis, the guide is {abs(offset):.6g} m from it")
+        raise ValueError(
+            f"no folded dead point: the slider would be {abs(reach[1]):.6g} m from "
+            f"the crank axis, the guide is {abs(offset):.6g} m from it"
+        )
     sine = np.clip(offset / reach, -1.0, 1.0)
     angle, run = np.array([0.0, np.pi]) + np.arcsin(sine), reach * np.sqrt(1.0 - sine**2)
     return guide_angle + (angle if mode > 0 else np.pi - angle), mode * run - start
 
 
-def facts(*, crank: float, coupler: float, guide_x: float = 0.0, guide_y: float = 0.0,
-          guide_angle: float = 0.0, mode: int = 1, **_: float) -> dict[str, str]:
+def facts(
+    *,
+    crank: float,
+    coupler: float,
+    guide_x: float = 0.0,
+    guide_y: float = 0.0,
+    guide_angle: float = 0.0,
+    mode: int = 1,
+    **_: float,
+) -> dict[str, str]:
     """Stroke and dead points in words and degrees, for a report.
 
     >>> facts(crank=1.0, coupler=2.0)["stroke"]
     '2 m'
     """
-    angles, slides = dead_points(crank=crank, coupler=coupler, guide_x=guide_x, guide_y=guide_y,
-                                 guide_angle=guide_angle, mode=mode)
+    angles, slides = dead_points(
+        crank=crank,
+        coupler=coupler,
+        guide_x=guide_x,
+        guide_y=guide_y,
+        guide_angle=guide_angle,
+        mode=mode,
+    )
     first, second = np.degrees(angles)
-    return {"stroke": f"{abs(slides[0] - slides[1]):.6g} m",
-            "dead points": f"crank at {first:.2f}° and {second:.2f}°"}
+    return {
+        "stroke": f"{abs(slides[0] - slides[1]):.6g} m",
+        "dead points": f"crank at {first:.2f}° and {second:.2f}°",
+    }
 
 
 def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
     """Place of the guide's point along the guide, and distance of the guide to the left of A."""
     finite(guide_x=x, guide_y=y, guide_angle=angle)
-    return (float(x * np.cos(angle) + y * np.sin(angle)),
-            float(y * np.cos(angle) - x * np.sin(angle)))
+    return (
+        float(x * np.cos(angle) + y * np.sin(angle)),
+        float(y * np.cos(angle) - x * np.sin(angle)),
+    )
 
 
 def _slack(*lengths: float) -> float:
@@ -176,7 +219,12 @@ def _slack(*lengths: float) -> float:
 
 
 def _couple(
-    theta: Array, guide_angle: float, crank: float, coupler: float, offset: float, mode: int,
+    theta: Array,
+    guide_angle: float,
+    crank: float,
+    coupler: float,
+    offset: float,
+    mode: int,
     slack: float,
 ) -> tuple[Array, Array, Array]:
     """Run q of the coupler along the guide, and slopes k1, k2 of its angle; or ValueError."""
@@ -186,11 +234,14 @@ def _couple(
     gap = -np.minimum(*(m + x * x for m, x in zip(margins, swings, strict=True)))
     if not gap.max(initial=0.0) <= slack:
         bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
-        raise ValueError(f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
-                         f"the guide by {gap[bad]:.6g} m")
+        raise ValueError(
+            f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
+            f"the guide by {gap[bad]:.6g} m"
+        )
     (one, k_one, b_one), (two, k_two, b_two) = (
         _root(margin if abs(margin) > slack else 0.0, swing)
-        for margin, swing in zip(margins, swings, strict=True))
+        for margin, swing in zip(margins, swings, strict=True)
+    )
     bend = 0.5 * (swings[1] * k_two * b_one - swings[0] * k_one * b_two)
     return mode * one * two, -mode * k_one * k_two, mode * bend
 

@@ -10,9 +10,18 @@ MODES = inverted_slider_crank.MODES
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    crank: float, rod: float, pivot_x: float, pivot_y: float = 0.0, mode: int = 1,
-    crank_mass: float = 0.0, rod_mass: float = 0.0, gravity: float = 9.81,
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    crank: float,
+    rod: float,
+    pivot_x: float,
+    pivot_y: float = 0.0,
+    mode: int = 1,
+    crank_mass: float = 0.0,
+    rod_mass: float = 0.0,
+    gravity: float = 9.81,
 ) -> dict[str, Array]:
     r"""Motion of a swinging-block linkage whose crank motion is given.
 
@@ -62,11 +71,22 @@ def solve(
     """
     inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
     pose = inverted_slider_crank.solve(
-        *(np.stack([value, np.zeros_like(value)]) for value in inputs), crank=crank, bar=0.0,
-        rod=rod, ground_x=pivot_x, ground_y=pivot_y, mode=mode, crank_mass=crank_mass,
-        rod_mass=rod_mass, gravity=gravity)
-    return {name: curve for name, curve in pose.items()
-            if not name.startswith("slider") and name != "holding_moment_bar"}
+        *(np.stack([value, np.zeros_like(value)]) for value in inputs),
+        crank=crank,
+        bar=0.0,
+        rod=rod,
+        ground_x=pivot_x,
+        ground_y=pivot_y,
+        mode=mode,
+        crank_mass=crank_mass,
+        rod_mass=rod_mass,
+        gravity=gravity,
+    )
+    return {
+        name: curve
+        for name, curve in pose.items()
+        if not name.startswith("slider") and name != "holding_moment_bar"
+    }
 
 
 def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Array, Array]:
@@ -86,8 +106,12 @@ def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Arr
     """
     distance, direction = np.hypot(pivot_x, pivot_y), np.arctan2(pivot_y, pivot_x)
     if not 0.0 < crank < distance:
-        raise ValueError(f"crank must be positive and shorter than the {distance:.6g} m to the "
-                         f"pivot for the rod to rock, got {crank}")
+        raise ValueError(
+            f"crank must be positive and shorter than the {distance:.6g} m to the "
+            f"pivot for the rod to rock, got {crank}"
+        )
     side = np.array([-1.0, 1.0])
-    return (direction + side * np.arccos(crank / distance),
-            direction - side * np.arcsin(crank / distance))
+    return (
+        direction + side * np.arccos(crank / distance),
+        direction - side * np.arcsin(crank / distance),
+    )

@@ -25,8 +25,16 @@ CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])  # of the platform 
 
 
 def solve_inverse(
-    pose: ArrayLike, rate: ArrayLike = 0.0, acceleration: ArrayLike = 0.0, *,
-    side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float, mode: int = 1,
+    pose: ArrayLike,
+    rate: ArrayLike = 0.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
+    mode: int = 1,
 ) -> dict[str, Array]:
     r"""Motion of the three sliders that gives the platform a wanted motion.
 
@@ -95,15 +103,24 @@ def solve_inverse(
         rates = dot(e, v) / lean
         accelerations = (dot(e, a) + np.abs(v - rates * GUIDES) ** 2) / lean
     curves = {"singularity": determinant(e, dot(e, 1j * arm)) / (leg**3 * side)}
-    for name, rows in {"slider_{}": d.real - signs * along, "slider_{}_rate": rates,
-                       "slider_{}_acceleration": accelerations, "lean_{}": lean / leg}.items():
+    for name, rows in {
+        "slider_{}": d.real - signs * along,
+        "slider_{}_rate": rates,
+        "slider_{}_acceleration": accelerations,
+        "lean_{}": lean / leg,
+    }.items():
         curves |= {name.format(k + 1): row for k, row in enumerate(rows)}
     return {name: curve.reshape(shape) for name, curve in curves.items()}
 
 
 def reachable(
-    pose: ArrayLike, *,
-    side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float,
+    pose: ArrayLike,
+    *,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
 ) -> NDArray[np.bool_]:
     """Whether each leg reaches its guide: the workspace on a grid of poses.
 
@@ -140,8 +157,15 @@ def determinant(e: Complex, moment: Array) -> Array:
     return np.sum(moment * cross(np.roll(e, -1, 0), np.roll(e, -2, 0)), axis=0)
 
 
-def check(side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float,
-          mode: int = 1, modes: tuple[int, ...] = WORKING_MODES) -> None:
+def check(
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
+    mode: int = 1,
+    modes: tuple[int, ...] = WORKING_MODES,
+) -> None:
     """ValueError that names the first parameter out of its domain."""
     positive(side=side, leg=leg)
     finite(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
@@ -159,8 +183,9 @@ def three(value: ArrayLike, *derivatives: ArrayLike) -> tuple[tuple[int, ...], l
     return arrays[0].shape[1:], [x.reshape(3, -1) for x in arrays]
 
 
-def _motion(pose: ArrayLike, rate: ArrayLike, acceleration: ArrayLike
-            ) -> tuple[tuple[int, ...], list[Complex], list[Array]]:
+def _motion(
+    pose: ArrayLike, rate: ArrayLike, acceleration: ArrayLike
+) -> tuple[tuple[int, ...], list[Complex], list[Array]]:
     """Shape, then P and psi, each with its derivatives."""
     shape, arrays = three(pose, rate, acceleration)
     return shape, [x + 1j * y for x, y, _ in arrays], [psi for *_, psi in arrays]
@@ -173,8 +198,10 @@ def _along(d: Complex, leg: float, pose: ArrayLike) -> Array:
     if not gap.max(initial=0.0) <= slack:
         n, k = np.unravel_index(np.argmin((gap <= slack).T), gap.T.shape)
         x, y, psi = np.asarray(pose, float).reshape(3, -1)[:, n]
-        raise ValueError(f"pose ({x:.9g} m, {y:.9g} m, {psi:.9g} rad) is out of reach: leg {k + 1} "
-                         f"is too short by {gap[k, n]:.6g} m")
+        raise ValueError(
+            f"pose ({x:.9g} m, {y:.9g} m, {psi:.9g} rad) is out of reach: leg {k + 1} "
+            f"is too short by {gap[k, n]:.6g} m"
+        )
     return np.sqrt(np.maximum((leg + d.imag) * (leg - d.imag), 0.0))
 
 
@@ -184,13 +211,19 @@ MISSING = complex(np.nan, np.nan)
 ORDERS = np.arange(-3, 4)[:, None]
 SAMPLES = np.exp(2j * np.pi * np.arange(7) / 7)[:, None]
 # column k: (1 + it)^(3 + k) (1 - it)^(3 - k) = (1 + t^2)^3 e^(i k psi), highest power first
-HALF_ANGLE = np.transpose([np.poly([1j] * (3 + k) + [-1j] * (3 - k)) * (-1) ** (k % 2)
-                           for k in ORDERS.ravel()])
+HALF_ANGLE = np.transpose(
+    [np.poly([1j] * (3 + k) + [-1j] * (3 - k)) * (-1) ** (k % 2) for k in ORDERS.ravel()]
+)
 
 
 def poses(
-    sliders: ArrayLike, *,
-    side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float,
+    sliders: ArrayLike,
+    *,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
 ) -> dict[str, NDArray]:
     r"""All poses of the platform, none to six, for given sliders.
 
@@ -256,9 +289,13 @@ def poses(
     point, psi = _merged(_polished(starts, c, side, leg), leg + side)
     e, arm = legs(c[:, None], point, psi, side)
     apart = np.abs(np.diff(e[PAIRS], axis=1)[:, 0])
-    curves = {"x": point.real, "y": point.imag, "psi": psi,
-              "singularity": determinant(e, cross(arm, e)) / (leg**3 * side),
-              "parallel": np.any(apart < NEAR * (leg + side), axis=0)}
+    curves = {
+        "x": point.real,
+        "y": point.imag,
+        "psi": psi,
+        "singularity": determinant(e, cross(arm, e)) / (leg**3 * side),
+        "parallel": np.any(apart < NEAR * (leg + side), axis=0),
+    }
     return {name: curve.reshape(6, *shape) for name, curve in curves.items()}
 
 
@@ -276,8 +313,15 @@ def inverse_jacobian(e: Complex, arm: Complex) -> tuple[Complex, Array]:
     return 1j * (m1 * e2 - m2 * e1) / total, cross(e1, e2) / total
 
 
-def lacking(sliders: ArrayLike, *, side: float, leg: float, guide2_x: float, guide3_x: float,
-            guide3_y: float) -> float:
+def lacking(
+    sliders: ArrayLike,
+    *,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
+) -> float:
     """By how much [m] the legs are too short (too long: negative) at a triple without a pose."""
     c = origins(guide2_x, guide3_x, guide3_y) + np.reshape(sliders, (3, 1)) * GUIDES
     s, area = _triangle(c, side, np.exp(1j * np.linspace(-np.pi, np.pi, 3600)))
@@ -362,10 +406,23 @@ MODES = (1, -1, 2, -2, 3, -3)
 
 
 def solve(
-    sliders: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *,
-    side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float, mode: int = 1,
-    platform_mass: float = 0.0, leg_mass: float = 0.0, slider_mass: float = 0.0,
-    load_x: float = 0.0, load_y: float = 0.0, load_moment: float = 0.0, gravity: float = 9.81,
+    sliders: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
+    mode: int = 1,
+    platform_mass: float = 0.0,
+    leg_mass: float = 0.0,
+    slider_mass: float = 0.0,
+    load_x: float = 0.0,
+    load_y: float = 0.0,
+    load_moment: float = 0.0,
+    gravity: float = 9.81,
 ) -> dict[str, Array]:
     r"""Motion of the platform whose three slider motions are given.
 
@@ -430,8 +487,13 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("x", "y", "psi")]
     [2.21711, 0.976147, -0.250967]
     """
-    where = {"side": side, "leg": leg, "guide2_x": guide2_x, "guide3_x": guide3_x,
-             "guide3_y": guide3_y}
+    where = {
+        "side": side,
+        "leg": leg,
+        "guide2_x": guide2_x,
+        "guide3_x": guide3_x,
+        "guide3_y": guide3_y,
+    }
     check(**where, mode=mode, modes=MODES)
     not_negative(platform_mass=platform_mass, leg_mass=leg_mass, slider_mass=slider_mass)
     shape, (s, ds, dds) = three(sliders, rate, acceleration)
@@ -450,13 +512,22 @@ def solve(
         hold = -slide * (dot(move, force) + turn * moment)
         hold += gravity * (slider_mass + 0.5 * leg_mass) * GUIDES.imag
     curves = {
-        "x": point.real, "x_rate": v.real, "x_acceleration": a.real,
-        "y": point.imag, "y_rate": v.imag, "y_acceleration": a.imag,
-        "psi": psi, "psi_rate": w, "psi_acceleration": dw, "singularity": singularity,
+        "x": point.real,
+        "x_rate": v.real,
+        "x_acceleration": a.real,
+        "y": point.imag,
+        "y_rate": v.imag,
+        "y_acceleration": a.imag,
+        "psi": psi,
+        "psi_rate": w,
+        "psi_acceleration": dw,
+        "singularity": singularity,
     }
     for name, rows in {
-        "leg_angle_{}": np.angle(e), "leg_angle_{}_rate": cross(e, de) / leg**2,
-        "leg_angle_{}_acceleration": cross(e, dde) / leg**2, "holding_force_{}": hold,
+        "leg_angle_{}": np.angle(e),
+        "leg_angle_{}_rate": cross(e, de) / leg**2,
+        "leg_angle_{}_acceleration": cross(e, dde) / leg**2,
+        "holding_force_{}": hold,
     }.items():
         curves |= {name.format(k + 1): row for k, row in enumerate(rows)}
     curves = {name: curve.reshape(shape) for name, curve in curves.items()}
@@ -471,16 +542,23 @@ def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Arra
     there = hits[mode].any(axis=0)
     if not there.all():
         n = int(np.argmin(there))
-        others = [f"{m:+d} at psi {found['psi'][hit[:, n], n][0]:.6g} rad"
-                  for m, hit in hits.items() if hit[:, n].any()]
+        others = [
+            f"{m:+d} at psi {found['psi'][hit[:, n], n][0]:.6g} rad"
+            for m, hit in hits.items()
+            if hit[:, n].any()
+        ]
         triple = ", ".join(f"{x:.9g}" for x in s[:, n])
         short = lacking(s[:, n], **where) if not others else 0.0
-        why = f"there are: {', '.join(others)}" if others else (
-            f"the legs are too {'short' if short > 0 else 'long'} by {abs(short):.6g} m")
+        why = (
+            f"there are: {', '.join(others)}"
+            if others
+            else (f"the legs are too {'short' if short > 0 else 'long'} by {abs(short):.6g} m")
+        )
         raise ValueError(f"mode {mode:+.0f} is not there at sliders ({triple}) m; {why}")
     row = np.argmax(hits[mode], axis=0)[None]
-    x, y, psi, singularity = (np.take_along_axis(found[name], row, 0)[0]
-                              for name in ("x", "y", "psi", "singularity"))
+    x, y, psi, singularity = (
+        np.take_along_axis(found[name], row, 0)[0] for name in ("x", "y", "psi", "singularity")
+    )
     return x + 1j * y, psi, singularity
 
 
@@ -491,9 +569,20 @@ def _hit(singularity: Array, mode: int) -> NDArray[np.bool_]:
 
 
 def circle(
-    time: ArrayLike, *, centre_x: float, centre_y: float, radius: float, period: float,
-    psi: float = 0.0, swing: float = 0.0, side: float, leg: float, guide2_x: float,
-    guide3_x: float, guide3_y: float, leg_mode: int = 1,
+    time: ArrayLike,
+    *,
+    centre_x: float,
+    centre_y: float,
+    radius: float,
+    period: float,
+    psi: float = 0.0,
+    swing: float = 0.0,
+    side: float,
+    leg: float,
+    guide2_x: float,
+    guide3_x: float,
+    guide3_y: float,
+    leg_mode: int = 1,
 ) -> tuple[Array, Array, Array]:
     r"""Slider motions that lead the platform's centre around a circle while the platform swings.
 
@@ -518,14 +607,30 @@ def circle(
     w = 2.0 * np.pi / period
     turn = np.exp(1j * w * np.asarray(time, float))
     swung = swing * turn
-    angle = psi + swung.imag, w * swung.real, -w**2 * swung.imag
-    centre = centre_x + 1j * centre_y + radius * turn, 1j * w * radius * turn, -w**2 * radius * turn
+    angle = psi + swung.imag, w * swung.real, -(w**2) * swung.imag
+    centre = (
+        centre_x + 1j * centre_y + radius * turn,
+        1j * w * radius * turn,
+        -(w**2) * radius * turn,
+    )
     arm = side * CORNERS.mean() * np.exp(1j * angle[0])  # from P to the centre
-    point = (centre[0] - arm, centre[1] - 1j * angle[1] * arm,
-             centre[2] - (1j * angle[2] - angle[1] ** 2) * arm)
+    point = (
+        centre[0] - arm,
+        centre[1] - 1j * angle[1] * arm,
+        centre[2] - (1j * angle[2] - angle[1] ** 2) * arm,
+    )
     motion = (np.array([p.real, p.imag, a]) for p, a in zip(point, angle, strict=True))
-    found = solve_inverse(*motion, side=side, leg=leg, guide2_x=guide2_x,
-                                   guide3_x=guide3_x, guide3_y=guide3_y, mode=leg_mode)
-    value, rate, acceleration = (np.array([found[f"slider_{k}{part}"] for k in (1, 2, 3)])
-                                 for part in ("", "_rate", "_acceleration"))
+    found = solve_inverse(
+        *motion,
+        side=side,
+        leg=leg,
+        guide2_x=guide2_x,
+        guide3_x=guide3_x,
+        guide3_y=guide3_y,
+        mode=leg_mode,
+    )
+    value, rate, acceleration = (
+        np.array([found[f"slider_{k}{part}"] for k in (1, 2, 3)])
+        for part in ("", "_rate", "_acceleration")
+    )
     return value, rate, acceleration

@@ -29,8 +29,17 @@ from proofmass.analytic.planar.mechanism import (
 )
 from proofmass.analytic.planar.quantities import quantities
 
-__all__ = ["Branch", "CannotAssemble", "CannotMove", "Mechanism", "Mirrored", "Overconstrained",
-           "SingularHere", "read", "solve"]
+__all__ = [
+    "Branch",
+    "CannotAssemble",
+    "CannotMove",
+    "Mechanism",
+    "Mirrored",
+    "Overconstrained",
+    "SingularHere",
+    "read",
+    "solve",
+]
 
 PART, OFF = 0.1, 0.382
 """Knots begin and end at whole numbers and `OFF` of it [rad, or sizes].  A motion that begins or
@@ -39,8 +48,15 @@ REACH = SHARE * (1 + 1e-9)
 """Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
 
 
-def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *, model: Any,
-          start: str = "start", joints: tuple[str, ...] = ()) -> dict[str, Array]:
+def solve(
+    value: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    model: Any,
+    start: str = "start",
+    joints: tuple[str, ...] = (),
+) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
     ::
@@ -104,8 +120,9 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     if joints:
         values = np.atleast_2d(np.asarray(value, float))
         q, d = _swept(mechanism, joints, values.shape, values.tobytes())
-        moving = (np.broadcast_to(np.asarray(x, float), values.shape).T
-                  for x in (rate, acceleration))
+        moving = (
+            np.broadcast_to(np.asarray(x, float), values.shape).T for x in (rate, acceleration)
+        )
         v, a = rates(mechanism, q, d, *moving)
         moments = dict(zip(joints, holding(mechanism, q, d).T, strict=True))
         own = {"condition": condition(mechanism, q, d)}
@@ -116,15 +133,18 @@ def solve(value: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
     for k, joint in enumerate(mechanism.joints):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
-            raise ValueError(f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                             f"{int(np.argmax(out))}; stops are not covered")
+            raise ValueError(
+                f"joint {joint.name!r} leaves its range {joint.range} at sample "
+                f"{int(np.argmax(out))}; stops are not covered"
+            )
     found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a), moments)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 
 @lru_cache(maxsize=32)
-def _swept(mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int],
-           values: bytes) -> tuple[Array, Drives]:
+def _swept(
+    mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int], values: bytes
+) -> tuple[Array, Drives]:
     """Closed poses over the drives' values; kept, since a report asks for them again."""
     inputs = np.frombuffer(values).reshape(shape).T
     if len(joints) == 1 and (found := _on_the_way(mechanism, joints, inputs)) is not None:
@@ -136,14 +156,15 @@ def _swept(mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int]
     return q, branch.d
 
 
-def _on_the_way(mechanism: Mechanism, joints: tuple[str, ...],
-                inputs: Array) -> tuple[Array, Drives] | None:
+def _on_the_way(
+    mechanism: Mechanism, joints: tuple[str, ...], inputs: Array
+) -> tuple[Array, Drives] | None:
     """Closed poses from knots that do not depend on where the samples are, if these reach them all.
 
     What an engine's drive really did is beside the motion that was asked for and takes the same
     knots, so that it takes no steps of its own; and no pose depends on what was solved before.
     """
-    place, = Drives.of(mechanism, joints).driven
+    (place,) = Drives.of(mechanism, joints).driven
     begin, part = mechanism.start[place], PART * mechanism.scale[place]
     low = (np.floor(inputs.min(initial=begin) / part - OFF) + OFF) * part
     high = (np.ceil(inputs.max(initial=begin) / part - OFF) + OFF) * part
@@ -157,8 +178,9 @@ def _on_the_way(mechanism: Mechanism, joints: tuple[str, ...],
 
 
 @lru_cache(maxsize=8)
-def _knots(mechanism: Mechanism, joints: tuple[str, ...], low: float,
-           high: float) -> tuple[Branch, list[Knot]]:
+def _knots(
+    mechanism: Mechanism, joints: tuple[str, ...], low: float, high: float
+) -> tuple[Branch, list[Knot]]:
     """A branch at its start pose, and the knots of it between two values of its only drive."""
     down, up = (Branch(mechanism, joints).reach(end) for end in (low, high))
     return Branch(mechanism, joints), [*down[:0:-1], *up]

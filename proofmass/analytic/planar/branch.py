@@ -87,14 +87,18 @@ class Branch:
         q = nearest(m, m.start)
         free = freedoms(m, q)
         if free != len(names):
-            raise SingularHere(f"the mechanism has {free} freedom(s), and {len(names)} driven "
-                               f"joint(s): {', '.join(names)}")
+            raise SingularHere(
+                f"the mechanism has {free} freedom(s), and {len(names)} driven "
+                f"joint(s): {', '.join(names)}"
+            )
         self.bound = lipschitz(m, q)
         self.scale = m.scale[self.d.driven]
         self.knot = self.last = self.at(q)
         if not self.knot.radius > UNSURE:
-            raise SingularHere(f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
-                               f"chooses no branch: start elsewhere")
+            raise SingularHere(
+                f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
+                f"chooses no branch: start elsewhere"
+            )
 
     def follow(self, inputs: Array) -> tuple[Array, CannotMove | None]:
         """Follow the branch over inputs (n, drives).
@@ -107,13 +111,13 @@ class Branch:
             Why it ended.
         """
         knots, failure = self.walk(inputs)
-        return self.close(inputs[:len(knots)], knots), failure
+        return self.close(inputs[: len(knots)], knots), failure
 
     def walk(self, inputs: Array) -> tuple[list[Knot], CannotMove | None]:
         """A knot that reaches it for each of the inputs (n, drives) that the branch goes to."""
         knots, failure, leap_at, room = list[Knot](), None, CREEP, 16
         while (done := len(knots)) < len(inputs):
-            window = inputs[done:done + room]
+            window = inputs[done : done + room]
             near = self.far(window) <= SHARE * self.knot.radius
             count = len(near) if near.all() else int(np.argmin(near))
             room = min(max(16, 2 * count), BLOCK)  # one step reaches about as far as the last
@@ -152,8 +156,9 @@ class Branch:
 
         And the lengths of these moves, in own units (n,), and how far each is proven (n,).
         """
-        at, tangent, proven = (np.array([getattr(knot, name) for knot in knots])
-                               for name in ("q", "tangent", "radius"))
+        at, tangent, proven = (
+            np.array([getattr(knot, name) for knot in knots]) for name in ("q", "tangent", "radius")
+        )
         ahead = (inputs - at[:, self.d.driven]) / self.scale
         move = np.einsum("njd,nd->nj", tangent, ahead)
         guess = at + move * self.m.scale
@@ -172,8 +177,13 @@ class Branch:
         tangent[d.following] = -np.linalg.solve(matrix[:, d.following], matrix[:, d.driven])
         bound = self.bound if m.hinges.all() else lipschitz(m, q)
         sign, logarithm = np.linalg.slogdet(matrix[:, d.following])
-        return Knot(q, tangent, 0.5 * least / bound if bound else np.inf, float(sign),
-                    float(np.exp(logarithm)))
+        return Knot(
+            q,
+            tangent,
+            0.5 * least / bound if bound else np.inf,
+            float(sign),
+            float(np.exp(logarithm)),
+        )
 
     def predict(self, inputs: Array) -> Array:
         """Poses (n, joints) that the tangent predicts at inputs (n, drives)."""
@@ -197,8 +207,10 @@ class Branch:
             if self.leap(inputs, way):
                 return CREEP
             if part * way < STUCK:
-                raise SingularHere(f"limit position at {self.spoken(here)}: the branch goes no "
-                                   f"further in this direction")
+                raise SingularHere(
+                    f"limit position at {self.spoken(here)}: the branch goes no "
+                    f"further in this direction"
+                )
             leap_at *= 0.1
         self.step(inputs if part == 1.0 else here + part * (inputs - here))
         return leap_at
@@ -236,7 +248,8 @@ class Branch:
             return False
         kink = np.linalg.norm((after - v - a) / self.m.scale)
         if kink > KINK * np.linalg.norm(v / self.m.scale) or (
-                knot.orientation == self.knot.orientation):
+            knot.orientation == self.knot.orientation
+        ):
             return False
         self.last = self.knot = knot
         return True

@@ -40,15 +40,19 @@ Carried = list[tuple[int, Complex, Array]]
 def carriers(m: Mechanism, motion: BodyMotion) -> Carried:
     """Bodies with inertia: number, Jacobian of the centre (n, joints), of the turn (joints,)."""
     turning = m.moved_by * m.hinges * m.signs
-    return [(b, jacobian(m, motion, b, motion.point(b, body.centre)), turning[b])
-            for b, body in enumerate(m.bodies) if b and (body.mass or body.moment)]
+    return [
+        (b, jacobian(m, motion, b, motion.point(b, body.centre)), turning[b])
+        for b, body in enumerate(m.bodies)
+        if b and (body.mass or body.moment)
+    ]
 
 
 def applied(m: Mechanism, carried: Carried, q: Array, v: Array | float = 0.0) -> Array:
     """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
     rest, stiffness, damping, load = (
         np.array([getattr(j, key) for j in m.joints])
-        for key in ("rest", "stiffness", "damping", "load"))
+        for key in ("rest", "stiffness", "damping", "load")
+    )
     force = load - stiffness * (q - rest) - damping * v
     for b, centre, _ in carried:
         force = force + m.bodies[b].mass * (centre.conj() * m.gravity).real
@@ -86,8 +90,7 @@ def holding(m: Mechanism, q: Array, d: Drives) -> Array:
     force[:, d.driven] -= [m.joints[j].load for j in d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     tangent = -np.linalg.solve(matrix[..., d.following], matrix[..., d.driven])
-    return np.asarray(-force[:, d.driven]
-                      - np.einsum("nfd,nf->nd", tangent, force[:, d.following]))
+    return np.asarray(-force[:, d.driven] - np.einsum("nfd,nf->nd", tangent, force[:, d.following]))
 
 
 def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
@@ -102,8 +105,10 @@ def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
     """Energy of motion [J] (n,)."""
     energy = sum(0.5 * j.armature * v[:, k] ** 2 for k, j in enumerate(m.joints))
     for b, body in enumerate(m.bodies):
-        energy = energy + 0.5 * (body.mass * np.abs(motion.point(b, body.centre, 1)) ** 2
-                                 + body.moment * motion.turn[1][b] ** 2)
+        energy = energy + 0.5 * (
+            body.mass * np.abs(motion.point(b, body.centre, 1)) ** 2
+            + body.moment * motion.turn[1][b] ** 2
+        )
     return np.asarray(energy)
 
 
@@ -123,7 +128,7 @@ class TangentChart:
 
     def __init__(self, m: Mechanism, q: Array):
         self.m, self.q, self.at = m, q, q
-        self.normal = np.linalg.svd(scaled_jacobian(m, q[None])[0])[2][m.rows:]
+        self.normal = np.linalg.svd(scaled_jacobian(m, q[None])[0])[2][m.rows :]
         self.into: Array = self.normal.T * m.scale[:, None]
         self.stretch = 1.0
         self.z = np.zeros(len(self.normal))
@@ -133,8 +138,9 @@ class TangentChart:
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
         while True:
             motion = move(m, q[None])
-            wrong = np.append(residual(m, motion, q[None])[0] / m.size,
-                              self.normal @ ((q - self.q) / m.scale) - z)
+            wrong = np.append(
+                residual(m, motion, q[None])[0] / m.size, self.normal @ ((q - self.q) / m.scale) - z
+            )
             size = np.abs(wrong).max()
             if not size < 0.5 * last or size < ROUNDING:
                 break
@@ -156,12 +162,12 @@ class TangentChart:
         z, u = np.split(y, 2)
         q, motion = self.close(z)
         inverse = np.linalg.inv(self.matrix(q, motion))
-        self.stretch = float(np.linalg.norm(inverse[:, m.rows:], 2))
+        self.stretch = float(np.linalg.norm(inverse[:, m.rows :], 2))
         inverse *= m.scale[:, None]
-        self.into = into = np.asarray(inverse[:, m.rows:])
+        self.into = into = np.asarray(inverse[:, m.rows :])
         v = into @ u
         still = move(m, q[None], v[None], np.zeros((1, v.size)))
-        gamma = -inverse[:, :m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
+        gamma = -inverse[:, : m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
         drift = move(m, q[None], v[None], gamma[None])
         carried = carriers(m, drift)
         force = applied(m, carried, q[None], v[None]) - inertial(m, carried, drift, gamma[None])
@@ -174,7 +180,7 @@ class TangentChart:
 
     def slope(self, _: float, y: Array) -> Array:
         """Rate of the state."""
-        return np.concatenate([y[y.size // 2:], self.motion(y)[3]])
+        return np.concatenate([y[y.size // 2 :], self.motion(y)[3]])
 
 
 def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
@@ -203,7 +209,14 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
         q, v, _, _ = chart.motion(solver.y)
         if chart.stretch > TILT and solver.status == "running":
             chart = TangentChart(m, q)
-            solver = DOP853(chart.slope, solver.t, chart.state(v), times[-1], rtol=ACCURACY,
-                            atol=ACCURACY, first_step=min(solver.h_abs, times[-1] - solver.t))
+            solver = DOP853(
+                chart.slope,
+                solver.t,
+                chart.state(v),
+                times[-1],
+                rtol=ACCURACY,
+                atol=ACCURACY,
+                first_step=min(solver.h_abs, times[-1] - solver.t),
+            )
     q, v, a = (np.array(part) for part in zip(*found, strict=True))
     return q, v, a

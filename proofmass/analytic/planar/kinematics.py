@@ -76,8 +76,16 @@ def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None)
     return BodyMotion((w[0], w[1], w[2]), (t[0], t[1], t[2]), (turn[0], turn[1], turn[2]), place)
 
 
-def _hinge(m: Mechanism, j: int, b: int, moved: list[Array], w: list[Complex],
-           t: list[Complex], turn: list[Array], place: Complex) -> None:
+def _hinge(
+    m: Mechanism,
+    j: int,
+    b: int,
+    moved: list[Array],
+    w: list[Complex],
+    t: list[Complex],
+    turn: list[Array],
+    place: Complex,
+) -> None:
     at, sign, orders = m.joints[j].place, m.joints[j].sign, len(moved)
     before = [w[k][b] * at + t[k][b] for k in range(orders)]
     for k in range(orders):
@@ -92,8 +100,16 @@ def _hinge(m: Mechanism, j: int, b: int, moved: list[Array], w: list[Complex],
         t[k][b] = before[k] - w[k][b] * at
 
 
-def _slide(m: Mechanism, j: int, b: int, moved: list[Array], w: list[Complex],
-           t: list[Complex], turn: list[Array], place: Complex) -> None:
+def _slide(
+    m: Mechanism,
+    j: int,
+    b: int,
+    moved: list[Array],
+    w: list[Complex],
+    t: list[Complex],
+    turn: list[Array],
+    place: Complex,
+) -> None:
     along = [w[k][b] * m.joints[j].place for k in range(len(moved))]
     place[j] = along[0]
     t[0][b] += along[0] * moved[0]
@@ -112,14 +128,21 @@ def jacobian(m: Mechanism, motion: BodyMotion, body: int, point: Complex) -> Com
 
 def residual(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """How far the loops are open (n, rows): x and y of each pin [m], then the couplings."""
-    return _stack(m, [_apart(m, motion, k, 0) for k in range(len(m.pins))],
-                  [_coupling(m, q, k) for k in range(len(m.couplings))], len(q))
+    return _stack(
+        m,
+        [_apart(m, motion, k, 0) for k in range(len(m.pins))],
+        [_coupling(m, q, k) for k in range(len(m.couplings))],
+        len(q),
+    )
 
 
 def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Derivatives of the residual by the joints (n, rows, joints)."""
-    pins = [jacobian(m, motion, p.one, motion.point(p.one, p.on_one))
-            - jacobian(m, motion, p.two, motion.point(p.two, p.on_two)) for p in m.pins]
+    pins = [
+        jacobian(m, motion, p.one, motion.point(p.one, p.on_one))
+        - jacobian(m, motion, p.two, motion.point(p.two, p.on_two))
+        for p in m.pins
+    ]
     couplings = []
     for c in m.couplings:
         row = np.zeros_like(q)
@@ -136,16 +159,19 @@ def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
     couplings = []
     for c in m.couplings:
         bend = np.polynomial.Polynomial(c.polynomial).deriv(2)
-        couplings.append(-bend(q[:, c.two] - m.joints[c.two].zero) * v[:, c.two] ** 2
-                         if c.two >= 0 else np.zeros(len(q)))
+        couplings.append(
+            -bend(q[:, c.two] - m.joints[c.two].zero) * v[:, c.two] ** 2
+            if c.two >= 0
+            else np.zeros(len(q))
+        )
     return _stack(m, [_apart(m, motion, k, 2) for k in range(len(m.pins))], couplings, len(q))
 
 
 def gap(m: Mechanism, q: Array) -> tuple[float, str]:
     """The widest open loop of one pose: by how much [m, or rad of a coupling], and its name."""
     r = residual(m, move(m, q[None]), q[None])[0]
-    pins = np.hypot(r[0:2 * len(m.pins):2], r[1:2 * len(m.pins):2])
-    open_by = np.append(pins, np.abs(r[2 * len(m.pins):]))
+    pins = np.hypot(r[0 : 2 * len(m.pins) : 2], r[1 : 2 * len(m.pins) : 2])
+    open_by = np.append(pins, np.abs(r[2 * len(m.pins) :]))
     worst = int(np.argmax(open_by))
     return float(open_by[worst]), m.loop_names[worst]
 
@@ -179,12 +205,12 @@ def _coupling(m: Mechanism, q: Array, k: int) -> Array:
     c, other = m.couplings[k], np.zeros(len(q))
     if c.two >= 0:
         other = q[:, c.two] - m.joints[c.two].zero
-    return np.asarray(q[:, c.one] - m.joints[c.one].zero
-                      - np.polynomial.Polynomial(c.polynomial)(other))
+    return np.asarray(
+        q[:, c.one] - m.joints[c.one].zero - np.polynomial.Polynomial(c.polynomial)(other)
+    )
 
 
-def _stack(m: Mechanism, pins: list[Complex], couplings: list[Array], n: int,
-           *more: int) -> Array:
+def _stack(m: Mechanism, pins: list[Complex], couplings: list[Array], n: int, *more: int) -> Array:
     rows = np.empty((n, m.rows, *more))
     for k, apart in enumerate(pins):
         rows[:, 2 * k], rows[:, 2 * k + 1] = apart.real, apart.imag
@@ -238,7 +264,7 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
     """
     q = q.copy()
     for k in range(0, len(q), BLOCK):
-        _close(m, q[k:k + BLOCK], d, steps)
+        _close(m, q[k : k + BLOCK], d, steps)
     return q
 
 
@@ -274,8 +300,10 @@ def nearest(m: Mechanism, q: Array) -> Array:
 
         best = least_squares(lambda q: residual(m, move(m, q[None]), q[None])[0], m.start)
         open_by, name = gap(m, best.x)
-        raise CannotAssemble(f"cannot be assembled from the start pose: loop {name!r} stays open "
-                             f"by {open_by:.3g} m at best")
+        raise CannotAssemble(
+            f"cannot be assembled from the start pose: loop {name!r} stays open "
+            f"by {open_by:.3g} m at best"
+        )
     return q
 
 
@@ -303,12 +331,15 @@ def freedoms(m: Mechanism, q: Array) -> int:
             return len(m.joints) - m.rows
         q = nearest(m, q + 0.03 * directions[rank:].sum(axis=0) * m.scale)
     names = ", ".join(map(repr, m.loop_names))
-    raise Overconstrained(f"over-constrained: the loops {names} give {m.rows} equations, of which "
-                          f"only {rank} are independent; take a loop or a part out")
+    raise Overconstrained(
+        f"over-constrained: the loops {names} give {m.rows} equations, of which "
+        f"only {rank} are independent; take a loop or a part out"
+    )
 
 
-def rates(m: Mechanism, q: Array, d: Drives, rate: Array,
-          acceleration: Array) -> tuple[Array, Array]:
+def rates(
+    m: Mechanism, q: Array, d: Drives, rate: Array, acceleration: Array
+) -> tuple[Array, Array]:
     """Rates and accelerations of all joints (n, joints) in closed poses, from the drives' own.
 
     Raises
@@ -319,7 +350,7 @@ def rates(m: Mechanism, q: Array, d: Drives, rate: Array,
     v, a = np.zeros_like(q), np.zeros_like(q)
     v[:, d.driven], a[:, d.driven] = rate, acceleration
     for k in range(0, len(q), BLOCK):
-        _rates(m, d, *(x[k:k + BLOCK] for x in (q, v, a)))
+        _rates(m, d, *(x[k : k + BLOCK] for x in (q, v, a)))
     return v, a
 
 

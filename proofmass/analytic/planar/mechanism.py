@@ -235,24 +235,34 @@ class Reader:
         """Joint number j, with the constant loads that motors give it."""
         model, dof, adr = self.model, self.model.jnt_dofadr[j], self.model.jnt_qposadr[j]
         hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
-        place = (self.point(model.jnt_bodyid[j], model.jnt_pos[j]) if hinge
-                 else self.flat(self.axes[j]))
+        place = (
+            self.point(model.jnt_bodyid[j], model.jnt_pos[j]) if hinge else self.flat(self.axes[j])
+        )
         return PlanarJoint(
-            model.joint(j).name, bool(hinge), place,
+            model.joint(j).name,
+            bool(hinge),
+            place,
             float(np.sign(self.axes[j] @ self.normal)) if hinge else 1.0,
-            float(model.qpos0[adr]), self.unless(OFF.mjDSBL_SPRING, model.jnt_stiffness[j]),
-            float(model.qpos_spring[adr]), self.unless(OFF.mjDSBL_DAMPER, model.dof_damping[dof]),
-            float(model.dof_armature[dof]), self.load(j, ctrl),
-            (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1])) if model.jnt_limited[j]
-            and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
-            else (-np.inf, np.inf))
+            float(model.qpos0[adr]),
+            self.unless(OFF.mjDSBL_SPRING, model.jnt_stiffness[j]),
+            float(model.qpos_spring[adr]),
+            self.unless(OFF.mjDSBL_DAMPER, model.dof_damping[dof]),
+            float(model.dof_armature[dof]),
+            self.load(j, ctrl),
+            (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
+            if model.jnt_limited[j] and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
+            else (-np.inf, np.inf),
+        )
 
     def load(self, j: int, ctrl: Array) -> float:
         """What the motors on joint number j do, as far as its range of forces lets them."""
         model, load = self.model, 0.0
         if not disabled(model, OFF.mjDSBL_ACTUATION):
-            load = sum(self.motor(a, ctrl) for a in range(model.nactuator)
-                       if model.actuator_trnid[a, 0] == j and joined(model, a))
+            load = sum(
+                self.motor(a, ctrl)
+                for a in range(model.nactuator)
+                if model.actuator_trnid[a, 0] == j and joined(model, a)
+            )
         limited = model.jnt_actfrclimited[j]
         return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
 
@@ -279,8 +289,14 @@ class Reader:
         moment = float((self.normal @ frame) ** 2 @ model.body_inertia[b])
         first = model.body_jntadr[b]
         joints = tuple(range(first, first + model.body_jntnum[b])) if first >= 0 else ()
-        return Body(model.body(b).name, int(model.body_parentid[b]), joints,
-                    float(model.body_mass[b]), self.point(b, model.body_ipos[b]), moment)
+        return Body(
+            model.body(b).name,
+            int(model.body_parentid[b]),
+            joints,
+            float(model.body_mass[b]),
+            self.point(b, model.body_ipos[b]),
+            moment,
+        )
 
     def pin(self, e: int) -> Pin:
         """Connect equality number e."""
@@ -290,14 +306,23 @@ class Reader:
         if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
             places = model.site_pos[one], model.site_pos[two]
             one, two = model.site_bodyid[one], model.site_bodyid[two]
-        return Pin(model.equality(e).name, int(one), self.point(one, places[0]),
-                   int(two), self.point(two, places[1]))
+        return Pin(
+            model.equality(e).name,
+            int(one),
+            self.point(one, places[0]),
+            int(two),
+            self.point(two, places[1]),
+        )
 
     def coupling(self, e: int) -> Coupling:
         """Joint equality number e."""
         model = self.model
-        return Coupling(model.equality(e).name, int(model.eq_obj1id[e]), int(model.eq_obj2id[e]),
-                        tuple(float(c) for c in model.eq_data[e, :5]))
+        return Coupling(
+            model.equality(e).name,
+            int(model.eq_obj1id[e]),
+            int(model.eq_obj2id[e]),
+            tuple(float(c) for c in model.eq_data[e, :5]),
+        )
 
 
 def disabled(model: Any, *flags: int) -> bool:
@@ -307,8 +332,10 @@ def disabled(model: Any, *flags: int) -> bool:
 
 def joined(model: Any, a: int) -> bool:
     """Whether actuator number a acts on a joint."""
-    return int(model.actuator_trntype[a]) in (mujoco.mjtTrn.mjTRN_JOINT,
-                                              mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    return int(model.actuator_trntype[a]) in (
+        mujoco.mjtTrn.mjTRN_JOINT,
+        mujoco.mjtTrn.mjTRN_JOINTINPARENT,
+    )
 
 
 def rotation(quaternion: Array) -> Array:
@@ -344,8 +371,11 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
     key = names.index(start) if names else -1
     ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
-    active = [] if disabled(model, OFF.mjDSBL_EQUALITY, OFF.mjDSBL_CONSTRAINT) else [
-        e for e in range(model.neq) if model.eq_active0[e]]
+    active = (
+        []
+        if disabled(model, OFF.mjDSBL_EQUALITY, OFF.mjDSBL_CONSTRAINT)
+        else [e for e in range(model.neq) if model.eq_active0[e]]
+    )
     connects = [e for e in active if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT]
     gravity = reader.unless(OFF.mjDSBL_GRAVITY, 1.0) * model.opt.gravity
     return Mechanism(
@@ -355,32 +385,42 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         tuple(reader.coupling(e) for e in active if e not in connects),
         reader.flat(gravity),
         np.array(model.key_qpos[key] if names else model.qpos0),
-        np.array(model.key_qvel[key] if names else np.zeros(model.nv))), reader
+        np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
+    ), reader
 
 
 def refuse(model: Any) -> None:
     """Raise NotCovered, by name, for what a planar mechanism here does not have."""
     for j in range(model.njnt):
-        if mujoco.mjtJoint(model.jnt_type[j]) not in (mujoco.mjtJoint.mjJNT_HINGE,
-                                                      mujoco.mjtJoint.mjJNT_SLIDE):
+        if mujoco.mjtJoint(model.jnt_type[j]) not in (
+            mujoco.mjtJoint.mjJNT_HINGE,
+            mujoco.mjtJoint.mjJNT_SLIDE,
+        ):
             raise NotCovered(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[j].any():
             raise NotCovered(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
-        if model.dof_frictionloss[j] > 0 and not disabled(model, OFF.mjDSBL_FRICTIONLOSS,
-                                                          OFF.mjDSBL_CONSTRAINT):
+        if model.dof_frictionloss[j] > 0 and not disabled(
+            model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT
+        ):
             raise NotCovered(f"joint {model.joint(j).name!r} has friction")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
             raise NotCovered(f"equality {model.equality(e).name!r} is neither connect nor joint")
     for a in range(model.nactuator):
-        motor = (model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-                 and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
-                 and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE)
+        motor = (
+            model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
+            and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
+        )
         if not (motor and joined(model, a)):
             raise NotCovered(f"actuator {model.actuator(a).name!r} is no motor on a joint")
-    for what, there in {"a tendon": model.ntendon, "a flex": model.nflex, "a mocap body":
-                        model.nmocap, "a fluid": model.opt.density + model.opt.viscosity}.items():
+    for what, there in {
+        "a tendon": model.ntendon,
+        "a flex": model.nflex,
+        "a mocap body": model.nmocap,
+        "a fluid": model.opt.density + model.opt.viscosity,
+    }.items():
         if there:
             raise NotCovered(f"it has {what}")
 
@@ -389,6 +429,8 @@ def refuse_contacts(model: Any) -> None:
     """Raise NotCovered if bodies of the model may touch, which a free motion does not cover."""
     touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
     if not disabled(model, OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT) and (
-            np.unique(touchable).size > 1 or model.npair):
-        raise NotCovered('contacts are not covered by a free motion: give <option> a '
-                         '<flag contact="disable"/>')
+        np.unique(touchable).size > 1 or model.npair
+    ):
+        raise NotCovered(
+            'contacts are not covered by a free motion: give <option> a <flag contact="disable"/>'
+        )

@@ -14,8 +14,13 @@ TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
 FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
 
 
-def quantities(reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array],
-               moments: dict[str, Array]) -> dict[str, Array]:
+def quantities(
+    reader: Reader,
+    m: Mechanism,
+    motion: BodyMotion,
+    joint: tuple[Array, Array, Array],
+    moments: dict[str, Array],
+) -> dict[str, Array]:
     """Curves (n,) by channel name: ``sensor``, ``sensor.x``, ``.y``, ``.z``, ``sensor.angle``.
 
     Parameters
@@ -78,14 +83,19 @@ def seat(reader: Reader, s: int) -> tuple[int, Array, Array]:
         OBJ.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
         OBJ.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),
     }[kind]()
-    return int(body), reader.at[body] + reader.turn[body] @ at, reader.turn[body] @ rotation(
-        quaternion)
+    return (
+        int(body),
+        reader.at[body] + reader.turn[body] @ at,
+        reader.turn[body] @ rotation(quaternion),
+    )
 
 
 def spread(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]:
     """World components of what lies in the plane and along its normal."""
-    return {part: reader.e1[k] * flat.real + reader.e2[k] * flat.imag + reader.normal[k] * up
-            for k, part in enumerate("xyz")}
+    return {
+        part: reader.e1[k] * flat.real + reader.e2[k] * flat.imag + reader.normal[k] * up
+        for k, part in enumerate("xyz")
+    }
 
 
 def effort(reader: Reader, m: Mechanism, s: int, moments: dict[str, Array]) -> Array | None:

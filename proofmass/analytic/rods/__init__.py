@@ -12,17 +12,35 @@ from proofmass.analytic.rods.buckling import buckling, imperfect
 from proofmass.analytic.rods.cantilever import equilibria, pseudo_rigid, solve
 from proofmass.analytic.rods.column import critical, elastica, ends_meet, self_buckling
 from proofmass.analytic.rods.elastica import (
-           bounds,
-           modulus,
-           of_load,
-           of_shape,
-           relative,
-           shape,
-           tip,
+    bounds,
+    modulus,
+    of_load,
+    of_shape,
+    relative,
+    shape,
+    tip,
 )
 from proofmass.analytic.rods.rod_pinned import pinned
 from proofmass.analytic.rods.shooting import from_tip, integrate
 
-__all__ = ["bounds", "buckling", "critical", "elastica", "ends_meet", "equilibria", "from_tip",
-           "imperfect", "integrate", "modulus", "of_load", "of_shape", "pinned", "pseudo_rigid",
-           "relative", "self_buckling", "shape", "solve", "tip"]
+__all__ = [
+    "bounds",
+    "buckling",
+    "critical",
+    "elastica",
+    "ends_meet",
+    "equilibria",
+    "from_tip",
+    "imperfect",
+    "integrate",
+    "modulus",
+    "of_load",
+    "of_shape",
+    "pinned",
+    "pseudo_rigid",
+    "relative",
+    "self_buckling",
+    "shape",
+    "solve",
+    "tip",
+]

@@ -80,8 +80,9 @@ def largest(s: RodState, modes: Sequence[int]) -> float:
     excess = unit * alpha * (alpha * (slack / a.length)[:, None] - held)
     spare = np.hypot(*s.load[:2]) * (a.length + away).min()
     room = spare - excess.min(axis=1).sum() + excess.min(axis=1)
-    last = max(alpha[np.flatnonzero(row <= most)[-1]]
-               for row, most in zip(excess, room, strict=True))
+    last = max(
+        alpha[np.flatnonzero(row <= most)[-1]] for row, most in zip(excess, room, strict=True)
+    )
     step = POSE_BOUND_MOST / POSE_BOUND_SAMPLES
     return float(last + step) if last < POSE_BOUND_MOST else float(np.inf)
 
@@ -90,8 +91,9 @@ def hold(alpha: Array, mode: int) -> Array:
     """4 mode E(k) of the least bent rod of a mode: that with K = alpha/(2 mode), or straight."""
     q = np.linspace(0.0, 20.0, 4001)
     rest = 1.0 / np.cosh(q) ** 2
-    return np.asarray(4.0 * mode * np.interp(alpha / (2.0 * mode), ellipkm1(rest),
-                                             ellipe(1.0 - rest)))
+    return np.asarray(
+        4.0 * mode * np.interp(alpha / (2.0 * mode), ellipkm1(rest), ellipe(1.0 - rest))
+    )
 
 
 WITHIN = 1.1  # of the largest bound of single poses that the bound may be
@@ -122,10 +124,19 @@ class Boxes:
     def halved(self, flat: bool) -> "Boxes":
         """Four or eight for each."""
         sides = np.array([-0.5, 0.5])
-        x, y, phi = (part.ravel()[:, None] for part in np.meshgrid(
-            sides * self.half, sides * self.half, [0.0] if flat else sides * self.turn))
-        return Boxes((self.where + x + 1j * y).ravel(), (self.phi + phi).ravel(), self.half / 2.0,
-                     self.turn / 2.0, np.tile(self.motion, (x.size, 1)))
+        x, y, phi = (
+            part.ravel()[:, None]
+            for part in np.meshgrid(
+                sides * self.half, sides * self.half, [0.0] if flat else sides * self.turn
+            )
+        )
+        return Boxes(
+            (self.where + x + 1j * y).ravel(),
+            (self.phi + phi).ravel(),
+            self.half / 2.0,
+            self.turn / 2.0,
+            np.tile(self.motion, (x.size, 1)),
+        )
 
 
 def bound(s: RodState, modes: Sequence[int]) -> float:
@@ -174,20 +185,28 @@ def first(s: RodState) -> Boxes:
     """Boxes that hold all poses which pins can be brought to."""
     a, clamp = s.assembly, clamps(s)[1]
     reach, edge = a.length + np.abs(a.arm), FIRST_EDGE * a.length.min()
-    x, y = (np.arange((part - reach).max(), (part + reach).min() + edge, edge)
-            for part in (clamp.real, clamp.imag))
+    x, y = (
+        np.arange((part - reach).max(), (part + reach).min() + edge, edge)
+        for part in (clamp.real, clamp.imag)
+    )
     count = int(np.ceil(TURN * np.abs(a.arm).max() / edge)) if a.freedoms == 3 else 1
     east, north, phi = (part.ravel() for part in np.meshgrid(x, y, TURN / count * np.arange(count)))
-    return Boxes(east + 1j * north, phi, edge / 2.0,
-                 np.pi / count if a.freedoms == 3 else 0.0, np.zeros((phi.size, 3)))
+    return Boxes(
+        east + 1j * north,
+        phi,
+        edge / 2.0,
+        np.pi / count if a.freedoms == 3 else 0.0,
+        np.zeros((phi.size, 3)),
+    )
 
 
 def moved(s: RodState, boxes: Boxes) -> Boxes:
     """The same with motions that make the least s_i of their centres as large as possible."""
     parts = (slice(i, i + BOXES_AT_ONCE) for i in range(0, boxes.phi.size, BOXES_AT_ONCE))
     motion = [best(s, boxes.where[i], boxes.phi[i], boxes.motion[i]) for i in parts]
-    return Boxes(boxes.where, boxes.phi, boxes.half, boxes.turn,
-                 np.concatenate([np.empty((0, 3)), *motion]))
+    return Boxes(
+        boxes.where, boxes.phi, boxes.half, boxes.turn, np.concatenate([np.empty((0, 3)), *motion])
+    )
 
 
 def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
@@ -219,8 +238,10 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
             mean = np.einsum("kn,knj->nj", weight, slope)
             bend = (np.eye(2) - way[..., :, None] * way[..., None, :]) / size[..., None, None]
             matrix = np.einsum("kn,knai,knab,knbj->nij", weight, lever, bend, lever, optimize=True)
-            matrix += sharp * (np.einsum("kn,kni,knj->nij", weight, slope, slope)
-                               - mean[:, :, None] * mean[:, None, :])
+            matrix += sharp * (
+                np.einsum("kn,kni,knj->nij", weight, slope, slope)
+                - mean[:, :, None] * mean[:, None, :]
+            )
             matrix += 1e-9 * np.eye(unknown)  # three equal loads leave a motion free
             step = np.linalg.solve(matrix, mean[..., None])[..., 0]
             longest = np.abs(step).max(axis=1, keepdims=True)
@@ -228,8 +249,9 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
     return out
 
 
-def limits(s: RodState, boxes: Boxes, modes: Sequence[int],
-           whole: bool = True) -> tuple[Array, NDArray[np.bool_]]:
+def limits(
+    s: RodState, boxes: Boxes, modes: Sequence[int], whole: bool = True
+) -> tuple[Array, NDArray[np.bool_]]:
     """alpha (n,) that no rod exceeds in a box, or at its centre; and whether all pins get there."""
     a = s.assembly
     arm, length = np.exp(1j * boxes.phi) * a.arm[:, None], a.length[:, None]
@@ -243,11 +265,13 @@ def limits(s: RodState, boxes: Boxes, modes: Sequence[int],
     out, held = np.full(w.size, np.inf), reached & (slack > SLACK[0]).all(axis=0)
     slack, given = slack[:, held], given[held]
     unit = (a.stiffness / a.length)[:, None]
-    low = unit * np.stack([np.interp(part, SLACK, lowest(mode))
-                           for part, mode in zip(slack, modes, strict=True)])
+    low = unit * np.stack(
+        [np.interp(part, SLACK, lowest(mode)) for part, mode in zip(slack, modes, strict=True)]
+    )
     room = (given - low.sum(axis=0) + low) / unit
-    out[held] = np.max([largest_root(*part) for part in zip(slack, room, modes, strict=True)],
-                       axis=0)
+    out[held] = np.max(
+        [largest_root(*part) for part in zip(slack, room, modes, strict=True)], axis=0
+    )
     return out, reached
 
 
@@ -304,7 +328,8 @@ def drawn(s: RodState, modes: Sequence[int], least: float, most: float) -> tuple
     alpha = size * np.exp(random.uniform(np.log(least), np.log(most), n))
     delta = theta[:, None] - np.angle(along) + random.normal(0.0, SWAY, alpha.shape)
     return charts(alpha, delta, np.array(modes)[:, None], random), np.stack(
-        [where.real, where.imag, phi])
+        [where.real, where.imag, phi]
+    )
 
 
 def ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
@@ -315,8 +340,9 @@ def ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
     return np.maximum(np.where(random.random(along.shape[1]) < 0.5, best, any_other), LEAST_SHARE)
 
 
-def charts(alpha: Array, delta: Array, modes: NDArray[np.int_],
-           random: np.random.Generator) -> Array:
+def charts(
+    alpha: Array, delta: Array, modes: NDArray[np.int_], random: np.random.Generator
+) -> Array:
     """Charts (k, 2, n) of rods with random loops; of light ones half anywhere in the chart."""
     side, loops = random.choice([-1.0, 1.0], alpha.shape), random.integers(0, modes, alpha.shape)
     cosine = -((-1.0) ** loops) * np.cos((side * delta) % TURN / 2.0)
@@ -325,7 +351,6 @@ def charts(alpha: Array, delta: Array, modes: NDArray[np.int_],
     any_other = random.uniform(-1.0, 1.0, alpha.shape) * (alpha + 3.0)
     light = (alpha < LIGHT) & (random.random(alpha.shape) < 0.5)
     return np.stack([alpha, np.where(light, any_other, q)], axis=1)
-
 
 
 STRAIGHT = 8.0  # K - alpha: a rod stretched along its clamp's tangent but for 4 exp(-8)
@@ -383,8 +408,10 @@ def ragged(counts: Index) -> tuple[Index, Index]:
 
 def boxes(point: Complex) -> Index:
     """Number of the bin that a point is in."""
-    column, row = (np.clip(((part + 1.05) * BINS / 2.1).astype(int), 0, BINS - 1)
-                   for part in (point.real, point.imag))
+    column, row = (
+        np.clip(((part + 1.05) * BINS / 2.1).astype(int), 0, BINS - 1)
+        for part in (point.real, point.imag)
+    )
     return np.asarray(column * BINS + row)
 
 
@@ -393,8 +420,12 @@ def mesh(modes: int, most: float, size: float) -> Mesh:
     """The rods of the first `modes` modes with loads up to most^2 EI/L^2, in steps of `size` L."""
     alpha, q = corners(modes, most, size)
     grid = np.arange(alpha.size).reshape(alpha.shape)
-    a, b, c, d = (grid[:-1, :-1].ravel(), grid[1:, :-1].ravel(), grid[:-1, 1:].ravel(),
-                  grid[1:, 1:].ravel())
+    a, b, c, d = (
+        grid[:-1, :-1].ravel(),
+        grid[1:, :-1].ravel(),
+        grid[:-1, 1:].ravel(),
+        grid[1:, 1:].ravel(),
+    )
     corner = np.concatenate([np.stack([a, b, c], -1), np.stack([d, c, b], -1)])
     half = np.stack([alpha.ravel()[corner], q.ravel()[corner]], axis=-1)
     chart = np.concatenate([half, half * [1.0, -1.0]])
@@ -466,18 +497,26 @@ class Ways:
     chart: Array
 
     def __getitem__(self, which: Index) -> "Ways":
-        return Ways(self.force[which], self.along[which], self.across[which],
-                    self.chart[:, which])
+        return Ways(self.force[which], self.along[which], self.across[which], self.chart[:, which])
 
 
-def starts(s: RodState, modes: Sequence[int], largest: float,
-           poses: int) -> Iterator[tuple[Array, Array]]:
+def starts(
+    s: RodState, modes: Sequence[int], largest: float, poses: int
+) -> Iterator[tuple[Array, Array]]:
     """Batches of starts: charts (k, 2, n) and poses (3, n)."""
     a, (angle, clamp, _) = s.assembly, clamps(s)
     where, phi = lattice(s, poses)
     arm = np.exp(1j * phi) * a.arm[:, None]
-    found = [reaching(mesh(modes[i], largest, MESH), where + arm[i] - clamp[i], angle[i],
-                      a.length[i], a.stiffness[i]) for i in range(a.rods)]
+    found = [
+        reaching(
+            mesh(modes[i], largest, MESH),
+            where + arm[i] - clamp[i],
+            angle[i],
+            a.length[i],
+            a.stiffness[i],
+        )
+        for i in range(a.rods)
+    ]
     counts = np.array([count for count, _ in found])
     begin = np.cumsum(counts, axis=1) - counts
     blocks = np.cumsum(counts.prod(axis=0)) // CHOICES_AT_ONCE
@@ -489,8 +528,10 @@ def starts(s: RodState, modes: Sequence[int], largest: float,
             place, own = np.divmod(place, counts[i, at])
             chosen.append(ways[begin[i, at] + own])
         near = np.flatnonzero(balanced(s, chosen, arm[:, at]))
-        yield (np.stack([ways.chart[:, near] for ways in chosen]),
-               np.stack([where.real, where.imag, phi])[:, at[near]])
+        yield (
+            np.stack([ways.chart[:, near] for ways in chosen]),
+            np.stack([where.real, where.imag, phi])[:, at[near]],
+        )
 
 
 def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
@@ -504,8 +545,10 @@ def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
         if keep.sum() >= poses:
             return where[keep], phi[keep]
         if not keep.any() and cell < FINEST * a.length.min():
-            raise ValueError(f"inputs {s.inputs.tolist()} put the clamps further apart than rods "
-                             "and platform reach")
+            raise ValueError(
+                f"inputs {s.inputs.tolist()} put the clamps further apart than rods "
+                "and platform reach"
+            )
         cell /= 1.2
 
 
@@ -513,15 +556,18 @@ def around(s: RodState, cell: float) -> tuple[Complex, Array]:
     """Poses `cell` [m] apart, in a box around all that the pins can be brought to."""
     a, clamp = s.assembly, clamps(s)[1]
     reach = RIM * a.length + np.abs(a.arm)
-    east, north = (np.arange((part - reach).max(), (part + reach).min() + cell, cell)
-                   for part in (clamp.real, clamp.imag))
+    east, north = (
+        np.arange((part - reach).max(), (part + reach).min() + cell, cell)
+        for part in (clamp.real, clamp.imag)
+    )
     turns = int(np.ceil(2.0 * np.pi / 3.0 * a.length.min() / cell)) if a.freedoms == 3 else 1
     x, y, phi = np.meshgrid(east, north, np.arange(turns) * 2.0 * np.pi / turns)
     return (x + 1j * y).ravel(), phi.ravel()
 
 
-def reaching(sheet: Mesh, off: Complex, angle: float, length: float,
-             stiffness: float) -> tuple[Index, Ways]:
+def reaching(
+    sheet: Mesh, off: Complex, angle: float, length: float, stiffness: float
+) -> tuple[Index, Ways]:
     """How many ways a rod has to bring its tip `off` (n,) [m] from its clamp, and all of them."""
     point = off * np.exp(-1j * angle) / length
     which, triangle, share = sheet.reaching(point / np.maximum(1.0, np.abs(point) / DRAWN))
@@ -532,13 +578,15 @@ def reaching(sheet: Mesh, off: Complex, angle: float, length: float,
         unit * np.exp(1j * angle) * (share * sheet.force[triangle]).sum(axis=-1),
         unit / length * sheet.along[triangle],
         unit / length * np.exp(2j * angle) * sheet.across[triangle],
-        np.einsum("ns,nsc->cn", share, sheet.chart[triangle]))
+        np.einsum("ns,nsc->cn", share, sheet.chart[triangle]),
+    )
 
 
 def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bool_]:
     """Whether the step to equilibrium is short (n,), by Cramer's rule."""
-    force, along, across = (sum(getattr(ways, name) for ways in chosen)
-                            for name in ("force", "along", "across"))
+    force, along, across = (
+        sum(getattr(ways, name) for ways in chosen) for name in ("force", "along", "across")
+    )
     side, bend, moment = 0.0 * along, 0.0 * along.real, 0.0 * along.real
     for ways, r in zip(chosen, arm, strict=True):
         push, load = 1j * (ways.along * r - ways.across * r.conj()), r.conj() * ways.force
@@ -547,15 +595,20 @@ def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bo
     if s.assembly.freedoms == 2:
         bend = bend + 1.0
     given = np.append(s.load, 0.0)
-    first, second, third = np.array([
-        [(along + across).real, across.imag, side.real],
-        [across.imag, (along - across).real, side.imag],
-        [side.real, side.imag, bend]])
-    one, two, three = (np.cross(u, v, axis=0) for u, v in (
-        (second, third), (third, first), (first, second)))
+    first, second, third = np.array(
+        [
+            [(along + across).real, across.imag, side.real],
+            [across.imag, (along - across).real, side.imag],
+            [side.real, side.imag, bend],
+        ]
+    )
+    one, two, three = (
+        np.cross(u, v, axis=0) for u, v in ((second, third), (third, first), (first, second))
+    )
     size = np.abs((first * one).sum(axis=0))
-    x, y, turn = np.abs((force.real - given[0]) * one + (force.imag - given[1]) * two
-                        + (moment - given[2]) * three)
+    x, y, turn = np.abs(
+        (force.real - given[0]) * one + (force.imag - given[1]) * two + (moment - given[2]) * three
+    )
     near = NEAR[0] * s.assembly.length.min()
     return np.asarray((np.hypot(x, y) < near * size) & (turn < NEAR[1] * size))
 
@@ -574,9 +627,12 @@ def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex,
     a = s.assembly
     turn = np.exp(1j * clamps(s)[0])[:, None]
     length, unit = a.length[:, None] * turn, (a.stiffness / a.length**2)[:, None] * turn
-    return (length * found.tip, unit * found.force,
-            np.moveaxis(length * found.tip_slope, 0, 1),
-            np.moveaxis(unit * found.force_slope, 0, 1))
+    return (
+        length * found.tip,
+        unit * found.force,
+        np.moveaxis(length * found.tip_slope, 0, 1),
+        np.moveaxis(unit * found.force_slope, 0, 1),
+    )
 
 
 def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
@@ -590,18 +646,21 @@ def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     for i in range(k):
         own = slice(2 * i, 2 * i + 2)
         matrix[:, i, own], matrix[:, k + i, own] = tips[i].real.T, tips[i].imag.T
-        matrix[:, 2 * k:, own] = np.moveaxis(wrench(forces[i][None], arm[i][None, None])[:p], -1, 0)
-    matrix[:, :k, 2 * k] = matrix[:, k: 2 * k, 2 * k + 1] = -1.0
+        matrix[:, 2 * k :, own] = np.moveaxis(
+            wrench(forces[i][None], arm[i][None, None])[:p], -1, 0
+        )
+    matrix[:, :k, 2 * k] = matrix[:, k : 2 * k, 2 * k + 1] = -1.0
     if p == 3:
-        matrix[:, :k, -1], matrix[:, k: 2 * k, -1] = arm.imag.T, -arm.real.T
+        matrix[:, :k, -1], matrix[:, k : 2 * k, -1] = arm.imag.T, -arm.real.T
         matrix[:, -1, -1] = -(arm.conj() * force).real.sum(axis=0)
     return np.concatenate([np.atleast_2d(row) for row in residual]).T, matrix
 
 
 def wrench(force: Complex, arm: Complex) -> Array:
     """Sum of forces (k, ...) and of their moments about P: (3, ...)."""
-    return np.stack([force.real.sum(axis=0), force.imag.sum(axis=0),
-                     (arm.conj() * force).imag.sum(axis=0)])
+    return np.stack(
+        [force.real.sum(axis=0), force.imag.sum(axis=0), (arm.conj() * force).imag.sum(axis=0)]
+    )
 
 
 def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
@@ -613,7 +672,7 @@ def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
         step = solved(*system(s, *split(x[:, left], k))).T
         size = lengths(s, x[:, left], step).max(axis=0)
         x[:, left] -= step / np.maximum(size, 1.0)
-        x[: 2 * k: 2] = np.maximum(x[: 2 * k: 2], LEAST)
+        x[: 2 * k : 2] = np.maximum(x[: 2 * k : 2], LEAST)
         done[left] = size < STILL
         left = left[np.isfinite(size) & ~done[left] & inside(x[:, left], k)]
         if not left.size:
@@ -628,12 +687,12 @@ def lengths(s: RodState, x: Array, step: Array) -> Array:
     alpha - n K does, with n K next to the clamp and K = q + ln 2.
     """
     k = s.assembly.rods
-    alpha, q = x[: 2 * k: 2], x[1: 2 * k: 2]
+    alpha, q = x[: 2 * k : 2], x[1 : 2 * k : 2]
     nearest = 2.0 * np.floor(0.5 * alpha / ellipkm1(1.0 / np.cosh(q) ** 2)) + 1.0
     size = np.abs(step) / LONGEST
-    size[2 * k: 2 * k + 2] /= s.assembly.scale[0]
-    size[1: 2 * k: 2] = np.abs(step[: 2 * k: 2] - nearest * np.sign(q) * step[1: 2 * k: 2])
-    size[: 2 * k: 2] /= np.maximum(1.0, SHARE * alpha)
+    size[2 * k : 2 * k + 2] /= s.assembly.scale[0]
+    size[1 : 2 * k : 2] = np.abs(step[: 2 * k : 2] - nearest * np.sign(q) * step[1 : 2 * k : 2])
+    size[: 2 * k : 2] /= np.maximum(1.0, SHARE * alpha)
     return size
 
 
@@ -645,7 +704,7 @@ def inside(x: Array, k: int) -> NDArray[np.bool_]:
 def split(x: Array, k: int) -> tuple[Array, Array]:
     """Charts (k, 2, n) and poses (3, n) from the unknowns; the phi of a pin is zero."""
     pose = np.zeros((3, x.shape[1]))
-    pose[: len(x) - 2 * k] = x[2 * k:]
+    pose[: len(x) - 2 * k] = x[2 * k :]
     return x[: 2 * k].reshape(k, 2, -1), pose
 
 
@@ -676,8 +735,9 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     arm = np.exp(1j * pose[2]) * a.arm[:, None]
     whole, pinned = np.zeros((pose.shape[1], a.freedoms, a.freedoms)), 0
     for i in range(a.rods):
-        move, pull = (np.stack([slope.real, slope.imag]).T.swapaxes(1, 2)
-                      for slope in (tips[i], forces[i]))
+        move, pull = (
+            np.stack([slope.real, slope.imag]).T.swapaxes(1, 2) for slope in (tips[i], forces[i])
+        )
         stiff = pull @ np.linalg.inv(move)
         pinned = pinned + (np.linalg.eigvalsh(stiff) < 0.0).sum(axis=-1)
         lever = np.zeros((pose.shape[1], 2, 3))
@@ -744,8 +804,13 @@ class Solutions:
 
 
 def solutions(
-    a: Assembly, *, inputs: ArrayLike = 0.0, load: ArrayLike = 0.0,
-    modes: int | Sequence[int] = 1, most_load: float | None = None, poses: int = POSES,
+    a: Assembly,
+    *,
+    inputs: ArrayLike = 0.0,
+    load: ArrayLike = 0.0,
+    modes: int | Sequence[int] = 1,
+    most_load: float | None = None,
+    poses: int = POSES,
 ) -> Solutions:
     r"""All equilibria whose rods have no more inflections than asked for.
 
@@ -799,9 +864,9 @@ def solutions(
     random (`tight`), which finds 57 more and one more; ten times as many starts from another
     seed find the same.
 
-    `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, and an error grows by up
-    to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments, potential
-    and stability are of the closed form, and have their digits.
+    `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, and an error grows
+    by up to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments,
+    potential and stability are of the closed form, and have their digits.
 
     Source: Pérez Gámiz 2018, eqs 103-105 and 113-115 and text lines 1149-1161, searches a grid of
     (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  Departs
@@ -835,21 +900,28 @@ def solutions(
     return described(given, chart[..., kept], pose[:, kept], cap, bound)
 
 
-def checked(s: RodState, modes: int | Sequence[int], most_load: float | None,
-            poses: int) -> list[int]:
+def checked(
+    s: RodState, modes: int | Sequence[int], most_load: float | None, poses: int
+) -> list[int]:
     """The largest mode of each rod; ValueError for what cannot be searched."""
-    upto = np.broadcast_to(modes, s.assembly.rods) if np.size(modes) in (
-        1, s.assembly.rods) else np.zeros(1)
+    upto = (
+        np.broadcast_to(modes, s.assembly.rods)
+        if np.size(modes) in (1, s.assembly.rods)
+        else np.zeros(1)
+    )
     if not (np.all(upto >= 1) and np.all(upto == np.rint(upto))):
-        raise ValueError(f"modes must be 1, 2 .. for all or for each of {s.assembly.rods} rods, "
-                         f"got {modes!r}")
+        raise ValueError(
+            f"modes must be 1, 2 .. for all or for each of {s.assembly.rods} rods, got {modes!r}"
+        )
     if most_load is not None and not 1.0 <= most_load <= FURTHEST_ITERATE:
         raise ValueError(f"most_load must lie within [1, {FURTHEST_ITERATE:g}], got {most_load}")
     if not 1 <= poses <= 1_000_000:
         raise ValueError(f"poses must lie within [1, 1000000], got {poses}")
     if s.assembly.prolongation.any():
-        raise ValueError("rods must have no rigid ends: their tips would carry a moment, got "
-                         f"prolongation {s.assembly.prolongation.tolist()}")
+        raise ValueError(
+            "rods must have no rigid ends: their tips would carry a moment, got "
+            f"prolongation {s.assembly.prolongation.tolist()}"
+        )
     if s.vector.ndim != 1:
         raise ValueError(f"inputs and load must be those of one problem, got {s.vector.shape}")
     return [int(mode) for mode in upto]
@@ -859,8 +931,15 @@ def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) ->
     """One of each group of arrivals that are the same in tips, loads and clamp moments."""
     found = rods(*np.moveaxis(chart[..., which], 1, 0))
     size = 1.0 + np.abs(found.force)
-    say = np.concatenate([found.tip.real, found.tip.imag, found.force.real / size,
-                          found.force.imag / size, found.moment / size]).T
+    say = np.concatenate(
+        [
+            found.tip.real,
+            found.tip.imag,
+            found.force.real / size,
+            found.force.imag / size,
+            found.moment / size,
+        ]
+    ).T
     _, first = np.unique((say / SAME).round(), axis=0, return_index=True)
     apart: list[int] = []
     for i in first:  # neighbours that rounding has told apart
@@ -876,12 +955,25 @@ def described(s: RodState, chart: Array, pose: Array, up_to: float, bound: float
     energy = ((a.stiffness / a.length)[:, None] * found.energy).sum(axis=0)
     potential = energy - s.load @ pose[: a.freedoms]
     order = np.argsort(potential)
-    states = state(a, inputs=s.inputs, load=s.load, pose=pose[: a.freedoms].T,
-                   moment=(a.stiffness / a.length) * found.moment.T,
-                   force=np.stack([force.real, force.imag], axis=-1))
+    states = state(
+        a,
+        inputs=s.inputs,
+        load=s.load,
+        pose=pose[: a.freedoms].T,
+        moment=(a.stiffness / a.length) * found.moment.T,
+        force=np.stack([force.real, force.imag], axis=-1),
+    )
     psi = -np.angle(found.delta) % TURN
     k = np.copysign(np.tanh(chart[:, 1]), found.moment)
-    return Solutions(states[order], (np.floor(found.waves).astype(int) + 1).T[order],
-                     psi.T[order], relative(psi, k).T[order], potential[order],
-                     negative(s, chart, pose)[order],
-                     chart[:, 0].T[order], (1.0 / np.cosh(chart[:, 1])).T[order], up_to, bound)
+    return Solutions(
+        states[order],
+        (np.floor(found.waves).astype(int) + 1).T[order],
+        psi.T[order],
+        relative(psi, k).T[order],
+        potential[order],
+        negative(s, chart, pose)[order],
+        chart[:, 0].T[order],
+        (1.0 / np.cosh(chart[:, 1])).T[order],
+        up_to,
+        bound,
+    )

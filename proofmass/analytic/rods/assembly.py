@@ -54,8 +54,13 @@ class Assembly:
 
 
 def assembly(
-    clamp: ArrayLike, *, length: ArrayLike = 1.0, stiffness: ArrayLike = 1.0,
-    arm: ArrayLike = (0.0, 0.0), angle: ArrayLike = 0.0, guide: ArrayLike | None = None,
+    clamp: ArrayLike,
+    *,
+    length: ArrayLike = 1.0,
+    stiffness: ArrayLike = 1.0,
+    arm: ArrayLike = (0.0, 0.0),
+    angle: ArrayLike = 0.0,
+    guide: ArrayLike | None = None,
     prolongation: ArrayLike = 0.0,
 ) -> Assembly:
     r"""Clamped rods with their tips pinned to one rigid platform.
@@ -111,8 +116,15 @@ def assembly(
     if arms.size not in (1, count):
         raise wrong_shape("arm", arm, count)
     guides = None if guide is None else np.exp(1j * each("guide", guide, count))
-    a = Assembly(points, each("angle", angle, count), lengths, stiff,
-                 np.broadcast_to(arms, (count,)), rigid, guides)
+    a = Assembly(
+        points,
+        each("angle", angle, count),
+        lengths,
+        stiff,
+        np.broadcast_to(arms, (count,)),
+        rigid,
+        guides,
+    )
     if guides is None:
         near_enough(a)
     return a
@@ -126,8 +138,9 @@ def plane(name: str, points: ArrayLike) -> Complex:
     return given @ np.array([1.0, 1.0j])
 
 
-def each(name: str, value: ArrayLike, count: int, *, above: float = -np.inf,
-         least: float = -np.inf) -> Array:
+def each(
+    name: str, value: ArrayLike, count: int, *, above: float = -np.inf, least: float = -np.inf
+) -> Array:
     """One finite number for each rod, above or not below a bound."""
     given = np.asarray(value, float)
     if given.shape not in ((), (count,)):
@@ -151,8 +164,10 @@ def near_enough(a: Assembly) -> None:
             apart = abs(a.clamp[i] - a.clamp[j])
             bridge = reach[i] + reach[j] + abs(a.arm[i] - a.arm[j])
             if apart > bridge:
-                raise ValueError(f"clamps {j + 1} and {i + 1} are {apart:.6g} m apart, and their "
-                                 f"rods reach {bridge:.6g} m")
+                raise ValueError(
+                    f"clamps {j + 1} and {i + 1} are {apart:.6g} m apart, and their "
+                    f"rods reach {bridge:.6g} m"
+                )
 
 
 def triangle(side: float) -> Array:
@@ -182,8 +197,10 @@ def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
     """
     points = np.asarray(pins, float) @ np.array([1.0, 1.0j])
     if a.freedoms < 3 or points.shape[-1:] != (a.rods,):
-        raise ValueError(f"pins must be those of a platform with {a.rods} arms, (..., {a.rods}, 2)"
-                         f", got {np.shape(pins)}")
+        raise ValueError(
+            f"pins must be those of a platform with {a.rods} arms, (..., {a.rods}, 2)"
+            f", got {np.shape(pins)}"
+        )
     return np.asarray(area(points) * area(a.arm) < 0.0)
 
 

@@ -61,13 +61,19 @@ def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
         free += [*both_sides(*of_free(mode), f"mode {mode}")]
         held += [*both_sides(*of_pinned(mode), f"mode {mode}")]
     return Chart(
-        ("deflection", "m"), ("load over π² EI/4 L²", ""),
-        tuple(Panel(tuple(scaled(line, length) for line in lines), title=title)
-              for lines, title in ((free, "clamped and free: its tip"),
-                                   (held, "clamped and pinned: its middle"))),
+        ("deflection", "m"),
+        ("load over π² EI/4 L²", ""),
+        tuple(
+            Panel(tuple(scaled(line, length) for line in lines), title=title)
+            for lines, title in (
+                (free, "clamped and free: its tip"),
+                (held, "clamped and pinned: its middle"),
+            )
+        ),
         "Bold is stable under a dead load. The free column's first mode holds more the further it "
         "bends; the pinned one's has a largest load, beyond which it snaps. Higher modes are "
-        "passes between valleys from their beginning.")
+        "passes between valleys from their beginning.",
+    )
 
 
 def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.02) -> Chart:
@@ -96,14 +102,17 @@ def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.0
         k_rel = side * np.tanh(np.geomspace(1e-9, LEANT, 401))
         found += [*parted(*of_free(1, k_rel, share), f"with {share:.3g} across", NEAR)]
     return Chart(
-        ("deflection of the tip", "m"), ("load over π² EI/4 L²", ""),
+        ("deflection of the tip", "m"),
+        ("load over π² EI/4 L²", ""),
         (Panel(tuple(scaled(line, length) for line in found)),),
         "A column that is pushed a little to one side bends to it from the first load on, and has "
-        "no critical load. The other side is left as an island, which begins in a fold above it.")
+        "no critical load. The other side is left as an island, which begins in a fold above it.",
+    )
 
 
-def of_free(mode: int, k_rel: Array | None = None, share: float = 0.0
-            ) -> tuple[Array, Array, Array]:
+def of_free(
+    mode: int, k_rel: Array | None = None, share: float = 0.0
+) -> tuple[Array, Array, Array]:
     """Tip's deflection, load along, and directions to fall in, of a clamped and free column."""
     k = np.tanh(np.linspace(1e-3, FURTHEST, 601)) if k_rel is None else k_rel
     rod = tip(np.pi - np.arctan(share), k, mode)
@@ -137,8 +146,17 @@ def pinned_waves() -> list[float]:
     >>> [round(z**2, 5) for z in pinned_waves()]
     [20.19073, 59.67952, 118.89987]
     """
-    return [float(brentq(lambda z: np.sin(z) - z * np.cos(z), (j + 0.25) * np.pi,
-                         (j + 0.5) * np.pi, xtol=1e-15)) for j in (1, 2, 3)]
+    return [
+        float(
+            brentq(
+                lambda z: np.sin(z) - z * np.cos(z),
+                (j + 0.25) * np.pi,
+                (j + 0.5) * np.pi,
+                xtol=1e-15,
+            )
+        )
+        for j in (1, 2, 3)
+    ]
 
 
 def straight(loads: list[float], most: float = MOST) -> Iterator[ChartLine]:
@@ -147,15 +165,17 @@ def straight(loads: list[float], most: float = MOST) -> Iterator[ChartLine]:
     return parted(0.0 * load, load, (load[:, None] > loads).sum(axis=1), "straight", most)
 
 
-def both_sides(deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
-               ) -> Iterator[ChartLine]:
+def both_sides(
+    deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
+) -> Iterator[ChartLine]:
     """A mode and its mirror image."""
     for side in (1, -1):
         yield from parted(side * deflection, load, negative, label, most)
 
 
-def parted(deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
-           ) -> Iterator[ChartLine]:
+def parted(
+    deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
+) -> Iterator[ChartLine]:
     """The stable parts of a branch and the others, up to the largest load that is drawn."""
     ratio, falls = load / critical(), negative > 0
     reach = falls.copy()  # to the stable part's end

@@ -40,9 +40,12 @@ def _refined(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
     """The grid with points added around the lowest |f| of a sign."""
     size, low = np.abs(f), np.zeros(x.size, bool)
     here, before, after = size[1:-1], size[:-2], size[2:]
-    low[1:-1] = ((here <= np.minimum(before, after)) & (f[1:-1] * f[:-2] > 0.0)
-                 & (f[1:-1] * f[2:] > 0.0)
-                 & (here <= np.maximum(before, after) - here))  # a parabola dips less than this
+    low[1:-1] = (
+        (here <= np.minimum(before, after))
+        & (f[1:-1] * f[:-2] > 0.0)
+        & (f[1:-1] * f[2:] > 0.0)
+        & (here <= np.maximum(before, after) - here)
+    )  # a parabola dips less than this
     cells = np.flatnonzero(low[1:] | low[:-1])
     if not cells.size:
         return x, f
@@ -92,14 +95,17 @@ class Load:
     @property
     def keywords(self) -> dict[str, Any]:
         """What `from_tip` and `stability` ask for by name."""
-        return {"weight_x": self.weight.real, "weight_y": self.weight.imag,
-                "length": self.length, "stiffness": self.stiffness}
+        return {
+            "weight_x": self.weight.real,
+            "weight_y": self.weight.imag,
+            "length": self.length,
+            "stiffness": self.stiffness,
+        }
 
     @property
     def elliptic(self) -> bool:
         """Whether the tip is an inflection and the load does not pull straight along the rod."""
-        return (self.moment == 0.0 and self.weight == 0.0
-                and abs(np.sin(0.5 * self.psi)) > 1e-100)
+        return self.moment == 0.0 and self.weight == 0.0 and abs(np.sin(0.5 * self.psi)) > 1e-100
 
     @property
     def psi(self) -> float:
@@ -112,10 +118,19 @@ class Load:
 
 
 def solve(
-    s: ArrayLike, *, length: float = 1.0, stiffness: float = 1.0,
-    force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0,
-    weight_x: float = 0.0, weight_y: float = 0.0,
-    x0: float = 0.0, y0: float = 0.0, theta0: float = 0.0, branch: int = 1,
+    s: ArrayLike,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    moment: float = 0.0,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    x0: float = 0.0,
+    y0: float = 0.0,
+    theta0: float = 0.0,
+    branch: int = 1,
 ) -> dict[str, Array]:
     r"""Shape of a clamped rod under dead loads at arc lengths `s` from the clamp.
 
@@ -165,25 +180,41 @@ def solve(
     >>> [round(float(tip[name]), 10) for name in ("x", "y", "theta")]
     [0.4450044022, 0.8106090249, 1.4302855388]
     """
-    load = _load(length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y),
-                 theta0)
+    load = _load(
+        length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y), theta0
+    )
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
         raise ValueError(f"s must lie within [0, {length}] [m]")
     found = _tips(load)
     if not 1 <= branch <= found["tip"].size:
         raise ValueError(f"branch must be from 1 to {found['tip'].size}, got {branch}")
-    place, theta, m = (v[0].reshape(arc.shape) for v in _shape(
-        load, found["tip"][branch - 1:branch], arc.ravel()))
+    place, theta, m = (
+        v[0].reshape(arc.shape)
+        for v in _shape(load, found["tip"][branch - 1 : branch], arc.ravel())
+    )
     place = complex(x0, y0) + place * np.exp(1j * theta0)
     beyond = complex(force_x, force_y) + complex(weight_x, weight_y) * (length - arc)
-    return {"x": place.real, "y": place.imag, "theta": theta + theta0, "m": m,
-            "force_x": beyond.real, "force_y": beyond.imag}
+    return {
+        "x": place.real,
+        "y": place.imag,
+        "theta": theta + theta0,
+        "m": m,
+        "force_x": beyond.real,
+        "force_y": beyond.imag,
+    }
 
 
 def equilibria(
-    *, length: float = 1.0, stiffness: float = 1.0, force_x: float = 0.0, force_y: float = 0.0,
-    moment: float = 0.0, weight_x: float = 0.0, weight_y: float = 0.0, theta0: float = 0.0,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    moment: float = 0.0,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    theta0: float = 0.0,
 ) -> dict[str, Array]:
     """All equilibria of the rod of `solve`, by rising potential energy.
 
@@ -203,22 +234,35 @@ def equilibria(
     >>> found["theta"].round(4).tolist(), found["unstable"].tolist()
     ([1.2245, -1.2245, 0.0], [0, 0, 1])
     """
-    load = _load(length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y),
-                 theta0)
+    load = _load(
+        length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y), theta0
+    )
     found = _tips(load)
     place = found.pop("place") * np.exp(1j * theta0)
     state = stability(load.force.real, load.force.imag, found["theta"], moment, **load.keywords)
     del found["tip"]
-    return {**found, "theta": found["theta"] + theta0, "x": place.real, "y": place.imag,
-            "unstable": state.free}
+    return {
+        **found,
+        "theta": found["theta"] + theta0,
+        "x": place.real,
+        "y": place.imag,
+        "unstable": state.free,
+    }
 
 
-def _load(length: float, stiffness: float, force: complex, moment: float, weight: complex,
-          theta0: float) -> Load:
+def _load(
+    length: float, stiffness: float, force: complex, moment: float, weight: complex, theta0: float
+) -> Load:
     positive(length=length)
     stiff(stiffness)
-    finite(force_x=force.real, force_y=force.imag, moment=moment, weight_x=weight.real,
-           weight_y=weight.imag, theta0=theta0)
+    finite(
+        force_x=force.real,
+        force_y=force.imag,
+        moment=moment,
+        weight_x=weight.real,
+        weight_y=weight.imag,
+        theta0=theta0,
+    )
     turn = np.exp(-1j * theta0)
     return Load(length, stiffness, complex(force * turn), moment, complex(weight * turn))
 
@@ -231,8 +275,14 @@ def _tips(load: Load) -> dict[str, Array]:
     step = arc[1]
     energy = romb(m**2, step) / (2.0 * load.stiffness)
     work = (np.conj(load.force) * place[:, -1] + romb(np.conj(load.weight) * place, step)).real
-    found = {"tip": tip, "theta": theta[:, -1], "place": place[:, -1], "m0": m[:, 0],
-             "energy": energy, "potential": energy - work - load.moment * theta[:, -1]}
+    found = {
+        "tip": tip,
+        "theta": theta[:, -1],
+        "place": place[:, -1],
+        "m0": m[:, 0],
+        "energy": energy,
+        "potential": energy - work - load.moment * theta[:, -1],
+    }
     scale = load.stiffness / load.length
     order = np.lexsort((-found["theta"], np.round(found["potential"] / scale, 9)))
     return {name: value[order] for name, value in found.items()}
@@ -246,8 +296,11 @@ def _grid(load: Load) -> Array:
     if load.elliptic:
         most = load.waves + 40.0 - np.log(np.sin(0.5 * load.psi))
         return np.linspace(-most, most, 801 + int(10.0 * load.waves * most))
-    mean = (abs(load.moment) + abs(load.force) * load.length / 2.0
-            + abs(load.weight) * load.length**2 / 6.0)
+    mean = (
+        abs(load.moment)
+        + abs(load.force) * load.length / 2.0
+        + abs(load.weight) * load.length**2 / 6.0
+    )
     reach = mean * load.length / load.stiffness
     even = np.linspace(-reach - 0.01, reach + 0.013, 801 + int(40.0 * reach))
     near = np.geomspace(1e-13, 1.0, 53)
@@ -275,8 +328,9 @@ def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
     """The same by shooting from tips of given angle."""
     back = load.length - arc
     nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, STEPS + 1), back]))
-    rods = from_tip(load.force.real, load.force.imag, tip, load.moment, **load.keywords,
-                    nodes=nodes)
+    rods = from_tip(
+        load.force.real, load.force.imag, tip, load.moment, **load.keywords, nodes=nodes
+    )
     at = np.searchsorted(nodes, back)
     place = rods.x + 1j * rods.y
     return (place[-1] - place[at]).T, rods.theta[at].T, -rods.m[at].T
@@ -287,8 +341,12 @@ STIFFNESS = 2.65  # coefficient K_Theta
 
 
 def pseudo_rigid(
-    force: ArrayLike, *, length: float = 1.0, stiffness: float = 1.0,
-    radius: float = RADIUS, coefficient: float = STIFFNESS,
+    force: ArrayLike,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    radius: float = RADIUS,
+    coefficient: float = STIFFNESS,
 ) -> dict[str, Array]:
     r"""Tip of a cantilever under a dead load across it, by the pseudo-rigid-body model.
 
@@ -327,5 +385,8 @@ def pseudo_rigid(
     turn = np.arctan(drive)
     for _ in range(50):  # Newton on a monotone function, from between root and pi/2
         turn = turn - (turn - drive * np.cos(turn)) / (1.0 + drive * np.sin(turn))
-    return {"x": length * (1.0 - radius * (1.0 - np.cos(turn))),
-            "y": length * radius * np.sin(turn), "turn": turn}
+    return {
+        "x": length * (1.0 - radius * (1.0 - np.cos(turn))),
+        "y": length * radius * np.sin(turn),
+        "turn": turn,
+    }

@@ -87,9 +87,13 @@ def elastica(
     count = QUARTERS[ends]
     arcs = 2.0 if ends == "clamped-clamped" else 1.0
     span = 2.0 * second / quarter - 1.0
-    return {"span": length * span, "rise": length * arcs * 2.0 * k / (count * quarter),
-            "angle": 2.0 * np.arctan2(k, other), "k": k,
-            "energy": ratio * scale * length * (span + 2.0 * k * k - 1.0)}
+    return {
+        "span": length * span,
+        "rise": length * arcs * 2.0 * k / (count * quarter),
+        "angle": 2.0 * np.arctan2(k, other),
+        "k": k,
+        "energy": ratio * scale * length * (span + 2.0 * k * k - 1.0),
+    }
 
 
 def ends_meet() -> tuple[float, float]:
@@ -98,6 +102,7 @@ def ends_meet() -> tuple[float, float]:
     >>> [round(value, 10) for value in ends_meet()]
     [0.9089085575, 2.1833790462]
     """
+
     def gap(other: float) -> float:
         quarter, second = whole(np.array(other))
         return float(2.0 * second - quarter)

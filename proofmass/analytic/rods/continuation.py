@@ -38,8 +38,9 @@ class PathStep:
     Coordinates are the free unknowns over their sizes and, last, the way along the line.
     """
 
-    def __init__(self, start: RodState, free: Columns, line: Array, stride: float,
-                 sense: float = 1.0):
+    def __init__(
+        self, start: RodState, free: Columns, line: Array, stride: float, sense: float = 1.0
+    ):
         self.a, self.free, self.start = start.assembly, free, start.vector
         self.rows, self.scale = sizes(self.a)
         line = np.where(np.isin(np.arange(line.size), free), 0.0, line)
@@ -114,6 +115,7 @@ class PathStep:
 
     def singular(self, there: Array, back: bool, top: float, bottom: float) -> Array:
         """Note the fold or branch point within a stride, unless the line ends before it."""
+
         def regular(stride: float) -> float:
             vector = self.ahead(stride)  # none in a branch point, where the corrector is singular
             return 0.0 if vector is None else self.along(vector, self.tangent)[1]
@@ -201,8 +203,14 @@ class EquilibriumPath:
     crossed: Array
 
 
-def follow(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike | None = None,
-           load: ArrayLike | None = None, stride: float = STRIDE) -> WaypointPath:
+def follow(
+    start: RodState,
+    *,
+    inputs: ArrayLike | None = None,
+    pose: ArrayLike | None = None,
+    load: ArrayLike | None = None,
+    stride: float = STRIDE,
+) -> WaypointPath:
     r"""Follow an equilibrium along straight lines between way points; a fold ends it.
 
     Parameters
@@ -255,16 +263,29 @@ def follow(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike 
             why = walk.why or f"fold: {name} singularity"
             last = RodState(start.assembly, walk.folds[-1][1] if walk.folds else here)
             part = walk.folds[-1][0] if walk.folds else walk.part
-            return WaypointPath(RodState(start.assembly, found), j + part, last, why,
-                         np.array(crossed))
+            return WaypointPath(
+                RodState(start.assembly, found), j + part, last, why, np.array(crossed)
+            )
         found[j] = here
-    return WaypointPath(RodState(start.assembly, found), float(len(way)), RodState(start.assembly, here), "",
-                 np.array(crossed))
+    return WaypointPath(
+        RodState(start.assembly, found),
+        float(len(way)),
+        RodState(start.assembly, here),
+        "",
+        np.array(crossed),
+    )
 
 
-def trace(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike | None = None,
-          load: ArrayLike | None = None, to: tuple[float, float], most: int = 400,
-          stride: float = STRIDE) -> EquilibriumPath:
+def trace(
+    start: RodState,
+    *,
+    inputs: ArrayLike | None = None,
+    pose: ArrayLike | None = None,
+    load: ArrayLike | None = None,
+    to: tuple[float, float],
+    most: int = 400,
+    stride: float = STRIDE,
+) -> EquilibriumPath:
     r"""Trace the equilibria over one parameter, round its folds.
 
     Parameters
@@ -283,9 +304,13 @@ def trace(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike |
     Branch
         Folds are found to rounding: zeros of the parameter's part of the tangent over arc length.
     """
-    free, way = _given(start, *(None if rate is None else np.asarray(rate, float)[None] + base
-                                for rate, base in ((inputs, start.inputs), (pose, start.pose),
-                                                   (load, start.load))))
+    free, way = _given(
+        start,
+        *(
+            None if rate is None else np.asarray(rate, float)[None] + base
+            for rate, base in ((inputs, start.inputs), (pose, start.pose), (load, start.load))
+        ),
+    )
     walk = PathStep(start, free, way[0] - start.vector, stride, 1.0 if to[1] > 0 else -1.0)
     points = [(0.0, start.vector)]
     while to[0] <= walk.part <= to[1] and not walk.why and len(points) < most:
@@ -297,22 +322,33 @@ def trace(start: RodState, *, inputs: ArrayLike | None = None, pose: ArrayLike |
         walk.why = walk.why or f"{most} points did not reach the end"
     a, (at, vectors) = start.assembly, zip(*points, strict=True)
     turns = np.array([vector for _, vector in walk.folds]).reshape(-1, start.vector.size)
-    return EquilibriumPath(RodState(a, np.array(vectors)), np.array(at), RodState(a, turns),
-                  np.array([part for part, _ in walk.folds]), walk.why, np.array(walk.crossed))
+    return EquilibriumPath(
+        RodState(a, np.array(vectors)),
+        np.array(at),
+        RodState(a, turns),
+        np.array([part for part, _ in walk.folds]),
+        walk.why,
+        np.array(walk.crossed),
+    )
 
 
-def _given(start: RodState, inputs: ArrayLike | None, pose: ArrayLike | None, load: ArrayLike | None
-           ) -> tuple[Columns, Array]:
+def _given(
+    start: RodState, inputs: ArrayLike | None, pose: ArrayLike | None, load: ArrayLike | None
+) -> tuple[Columns, Array]:
     """Columns that are found, and vectors (t, columns) whose others are the way points."""
     if start.vector.ndim != 1:
         raise ValueError(f"start must be one state, got a batch {start.vector.shape[:-1]}")
     if (inputs is not None) == (pose is not None) and (load is None or inputs is not None):
-        raise ValueError("give way points of inputs, of pose or of load, not of both inputs and "
-                         "pose")
+        raise ValueError(
+            "give way points of inputs, of pose or of load, not of both inputs and pose"
+        )
     if pose is not None:
         square(start)
-    parts = {name: np.atleast_2d(np.asarray(value, float)) for name, value in
-             (("inputs", inputs), ("pose", pose), ("load", load)) if value is not None}
+    parts = {
+        name: np.atleast_2d(np.asarray(value, float))
+        for name, value in (("inputs", inputs), ("pose", pose), ("load", load))
+        if value is not None
+    }
     way = start.replaced(**parts).vector
     free = columns(start.assembly, "rods", "inputs" if pose is not None else "pose")
     return free, np.atleast_2d(way)

@@ -162,8 +162,12 @@ BLOCK = 16384  # poses at once: their arrays stay in the processor's cache
 
 
 def tip(
-    psi: ArrayLike, k_rel: ArrayLike, mode: ArrayLike = 1, *,
-    length: float = 1.0, stiffness: float = 1.0,
+    psi: ArrayLike,
+    k_rel: ArrayLike,
+    mode: ArrayLike = 1,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
 ) -> dict[str, Array]:
     r"""Load, tip and moment of an inextensible rod that is clamped, with a moment-free tip.
 
@@ -229,11 +233,20 @@ def tip(
     for start in range(0, p.size, BLOCK):
         part = slice(start, start + BLOCK)
         found[:, part] = _unit(*(v[part] for v in flat))
-    scale = (stiffness / length**2, length, length, 1.0, stiffness / length,
-             stiffness / length, 1.0)
+    scale = (
+        stiffness / length**2,
+        length,
+        length,
+        1.0,
+        stiffness / length,
+        stiffness / length,
+        1.0,
+    )
     names = ("R", "x", "y", "theta", "m0", "energy", "k")
-    return {name: (row * unit).reshape(p.shape)
-            for name, row, unit in zip(names, found, scale, strict=True)}
+    return {
+        name: (row * unit).reshape(p.shape)
+        for name, row, unit in zip(names, found, scale, strict=True)
+    }
 
 
 def _unit(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
@@ -249,14 +262,25 @@ def _unit(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
     bend = second - k**2 * sine * apex[0] + waves * whole_second
     along, across = (2.0 * bend - reach) / reach, 2.0 * k * cosine / reach
     end = k * (1.0 - 2.0 * ((mode - 1.0) % 2.0))
-    return (reach**2, -along * np.cos(psi) + across * np.sin(psi),
-            -along * np.sin(psi) - across * np.cos(psi), psi - 2.0 * np.arctan2(other, end),
-            2.0 * k * reach * cosine, 2.0 * reach * (bend - other**2 * reach), k)
+    return (
+        reach**2,
+        -along * np.cos(psi) + across * np.sin(psi),
+        -along * np.sin(psi) - across * np.cos(psi),
+        psi - 2.0 * np.arctan2(other, end),
+        2.0 * k * reach * cosine,
+        2.0 * reach * (bend - other**2 * reach),
+        k,
+    )
 
 
 def shape(
-    psi: ArrayLike, k_rel: ArrayLike, mode: ArrayLike, fraction: ArrayLike, *,
-    length: float = 1.0, stiffness: float = 1.0,
+    psi: ArrayLike,
+    k_rel: ArrayLike,
+    mode: ArrayLike,
+    fraction: ArrayLike,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
 ) -> dict[str, Array]:
     """The rod of `tip` at fractions of its length from the clamp, in [0, 1].
 
@@ -278,8 +302,12 @@ def shape(
     end = k * (1.0 - 2.0 * ((q - 1.0) % 2.0))
     x, y, theta, m = from_inflection(p, end, other, (1.0 - f) * length / unit)
     tip_x, tip_y, _, _ = from_inflection(p, end, other, length / unit)
-    return {"x": unit * (tip_x - x), "y": unit * (tip_y - y), "theta": theta,
-            "m": stiffness / unit * m}
+    return {
+        "x": unit * (tip_x - x),
+        "y": unit * (tip_y - y),
+        "theta": theta,
+        "m": stiffness / unit * m,
+    }
 
 
 def from_inflection(
@@ -298,8 +326,12 @@ def from_inflection(
     sn, cn, dn, epsilon = jacobi(v, complement)
     m = 2.0 * k * complement * sn / dn
     along = v - 2.0 * epsilon + 2.0 * k * k * sn * cn / dn
-    return (along * np.cos(psi) + m * np.sin(psi), along * np.sin(psi) - m * np.cos(psi),
-            psi - 2.0 * np.arctan2(complement, k * cn), m)
+    return (
+        along * np.cos(psi) + m * np.sin(psi),
+        along * np.sin(psi) - m * np.cos(psi),
+        psi - 2.0 * np.arctan2(complement, k * cn),
+        m,
+    )
 
 
 def modulus(psi: ArrayLike, k_rel: ArrayLike) -> tuple[Array, Array]:
@@ -332,15 +364,16 @@ def _moduli(least: Array, room: Array, k_rel: Array) -> tuple[Array, Array, Arra
 def bounds(psi: ArrayLike) -> tuple[Array, Array]:
     """k_min = |cos(psi/2)| and 1 - k_min, the latter without cancellation, for 0 < psi < 2 pi."""
     angle = np.asarray(psi, float)
-    return (np.abs(np.cos(0.5 * angle)),
-            2.0 * np.sin(0.25 * np.minimum(angle, TURN - angle)) ** 2)
+    return (np.abs(np.cos(0.5 * angle)), 2.0 * np.sin(0.25 * np.minimum(angle, TURN - angle)) ** 2)
 
 
 def domain(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array]:
     """The arguments of `tip`, or a ValueError that names the first one out of its domain."""
-    checks = (("psi", psi, (psi > 0.0) & (psi < TURN), "within (0, 2 pi) [rad]"),
-              ("k_rel", k_rel, (np.abs(k_rel) < 1.0) & (k_rel != 0.0), "within (-1, 0) or (0, 1)"),
-              ("mode", mode, (mode >= 1) & (mode == np.rint(mode)), "a whole number from 1"))
+    checks = (
+        ("psi", psi, (psi > 0.0) & (psi < TURN), "within (0, 2 pi) [rad]"),
+        ("k_rel", k_rel, (np.abs(k_rel) < 1.0) & (k_rel != 0.0), "within (-1, 0) or (0, 1)"),
+        ("mode", mode, (mode >= 1) & (mode == np.rint(mode)), "a whole number from 1"),
+    )
     for name, value, good, what in checks:
         if not good.all():
             raise ValueError(f"{name} must be {what}, got {value[~good].flat[0]}")
@@ -357,8 +390,13 @@ INFLECTION = 1e-6  # how far the tip may be from one, of a half wave
 
 
 def of_load(
-    n_x: ArrayLike, n_y: ArrayLike, m0: ArrayLike, *,
-    theta0: ArrayLike = 0.0, length: float = 1.0, stiffness: float = 1.0,
+    n_x: ArrayLike,
+    n_y: ArrayLike,
+    m0: ArrayLike,
+    *,
+    theta0: ArrayLike = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
     apart: float = INFLECTION,
 ) -> tuple[Array, Array, Array]:
     r"""psi, k_rel and mode of a rod with moment-free tip: the inverse of `tip`.
@@ -398,8 +436,7 @@ def of_load(
     """
     positive(length=length)
     stiff(stiffness)
-    fx, fy, m, turn = np.broadcast_arrays(
-        *(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
+    fx, fy, m, turn = np.broadcast_arrays(*(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
     size, psi = np.hypot(fx, fy), (np.arctan2(fy, fx) - turn) % TURN
     least, room = bounds(psi)
     excess = m * m / (4.0 * size * stiffness)
@@ -416,13 +453,20 @@ def of_load(
     whole = np.maximum(np.rint(mode), 1.0)
     off = np.abs(mode - whole)
     if not np.all(off <= apart):
-        raise ValueError(f"the tip carries a moment: it is {np.max(off):.3g} of a half wave away "
-                         f"from an inflection")
+        raise ValueError(
+            f"the tip carries a moment: it is {np.max(off):.3g} of a half wave away "
+            f"from an inflection"
+        )
     return psi, k_rel, whole
 
 
 def of_shape(
-    s: ArrayLike, x: ArrayLike, y: ArrayLike, theta: ArrayLike, *, stiffness: float = 1.0,
+    s: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    theta: ArrayLike,
+    *,
+    stiffness: float = 1.0,
 ) -> tuple[Array, Array, Array]:
     """psi, k_rel and mode of a rod sampled from clamp to tip, arc lengths s (n,), to O(spacing^2).
 
@@ -439,8 +483,15 @@ def of_shape(
     m = stiffness * np.gradient(angle, arc, edge_order=2)
     arms = np.stack([py - py[-1], px[-1] - px], axis=1)
     n = np.linalg.lstsq(arms, m, rcond=None)[0]
-    return of_load(n[0], n[1], arms[0] @ n, theta0=angle[0], length=float(arc[-1] - arc[0]),
-                   stiffness=stiffness, apart=0.25)
+    return of_load(
+        n[0],
+        n[1],
+        arms[0] @ n,
+        theta0=angle[0],
+        length=float(arc[-1] - arc[0]),
+        stiffness=stiffness,
+        apart=0.25,
+    )
 
 
 @dataclass(frozen=True)
@@ -484,14 +535,22 @@ def rods(alpha: Array, q: Array) -> ElasticaRods:
     rise = 2.0 * k * rest * sn / dn
     turn = -2.0 * rest * field  # d delta/dq
     z = alpha - 2.0 * second + 2.0 * k**2 * sn * cn / dn + 1j * rise
-    z_slope = (2.0 * alpha * k * rest**2 - 0.5 * rise * turn
-               - 2j * rest * (cn / dn**2 * drift - rest**2 * sn / dn))
+    z_slope = (
+        2.0 * alpha * k * rest**2
+        - 0.5 * rise * turn
+        - 2j * rest * (cn / dn**2 * drift - rest**2 * sn / dn)
+    )
     back = delta.conj()
     tip, force = back * z / alpha, alpha**2 * back
     spin = np.stack([rise, turn])
     return ElasticaRods(
-        tip, force,
+        tip,
+        force,
         np.stack([(1.0 - tip) / alpha, back * z_slope / alpha]) - 1j * spin * tip,
         np.stack([2.0 * force / alpha, 0.0 * force]) - 1j * spin * force,
-        -alpha * rise, alpha**2 * (k**2 - rest**2) - (tip * force.conj()).real,
-        delta, 0.5 * alpha / ellipkm1(rest**2), field)
+        -alpha * rise,
+        alpha**2 * (k**2 - rest**2) - (tip * force.conj()).real,
+        delta,
+        0.5 * alpha / ellipkm1(rest**2),
+        field,
+    )

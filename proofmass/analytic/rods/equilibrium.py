@@ -47,15 +47,33 @@ def _halved(first: list[float]) -> tuple[float, ...]:
     return (*half, *half[::-1])
 
 
-HINGES = _mirrored([0.0378593198406116, 0.102635633102435, -0.0258678882665587, 0.314241403071447,
-                    -0.130144459517415, 0.106417700369543, -0.00879424312851058])
+HINGES = _mirrored(
+    [
+        0.0378593198406116,
+        0.102635633102435,
+        -0.0258678882665587,
+        0.314241403071447,
+        -0.130144459517415,
+        0.106417700369543,
+        -0.00879424312851058,
+    ]
+)
 MOST_STEPS = 500  # five times what eight inflections need; the solution of more is lost
-SEGMENTS = _halved([0.09171915262446165, 0.183983170005006, -0.05653436583288827,
-                    0.004914688774712854, 0.143761127168358, 0.328567693746804])
+SEGMENTS = _halved(
+    [
+        0.09171915262446165,
+        0.183983170005006,
+        -0.05653436583288827,
+        0.004914688774712854,
+        0.143761127168358,
+        0.328567693746804,
+    ]
+)
 
 
-def flow(angle: ArrayLike, moment: ArrayLike, force: ArrayLike, length: ArrayLike,
-         stiffness: ArrayLike) -> tuple[Complex, Array]:
+def flow(
+    angle: ArrayLike, moment: ArrayLike, force: ArrayLike, length: ArrayLike, stiffness: ArrayLike
+) -> tuple[Complex, Array]:
     r"""Tip of planar inextensible rods, with derivatives with respect to m0, n_x and n_y.
 
     ::
@@ -94,7 +112,8 @@ def flow(angle: ArrayLike, moment: ArrayLike, force: ArrayLike, length: ArrayLik
     ((1+1j), 1.570796327)
     """
     angle, m0, n, length, stiffness = np.broadcast_arrays(
-        np.asarray(angle, float), moment, np.asarray(force, complex), length, stiffness)
+        np.asarray(angle, float), moment, np.asarray(force, complex), length, stiffness
+    )
     fixed = np.zeros((4, *angle.shape))
     fixed[0], fixed[1] = m0, 1.0
     arm = np.zeros((4, *angle.shape), complex)
@@ -153,8 +172,10 @@ class RodState:
         for name, value in parts.items():
             where = columns(self.assembly, name)
             given = _rows(name, value, where.size)
-            vector = np.broadcast_to(vector, (*np.broadcast_shapes(
-                given.shape[:-1], vector.shape[:-1]), vector.shape[-1])).copy()
+            vector = np.broadcast_to(
+                vector,
+                (*np.broadcast_shapes(given.shape[:-1], vector.shape[:-1]), vector.shape[-1]),
+            ).copy()
             vector[..., where] = given
         return RodState(self.assembly, vector)
 
@@ -216,8 +237,15 @@ def columns(a: Assembly, *names: str) -> Columns:
     return np.concatenate([parts[name] for name in names])
 
 
-def state(a: Assembly, *, inputs: ArrayLike = 0.0, pose: ArrayLike = 0.0, load: ArrayLike = 0.0,
-          moment: ArrayLike = 0.0, force: ArrayLike = 0.0) -> RodState:
+def state(
+    a: Assembly,
+    *,
+    inputs: ArrayLike = 0.0,
+    pose: ArrayLike = 0.0,
+    load: ArrayLike = 0.0,
+    moment: ArrayLike = 0.0,
+    force: ArrayLike = 0.0,
+) -> RodState:
     """A state, or a first guess of one, from its parts; all may be batches (...).
 
     Parameters
@@ -236,10 +264,17 @@ def state(a: Assembly, *, inputs: ArrayLike = 0.0, pose: ArrayLike = 0.0, load: 
     if n.shape[-2:] != (k, 2):
         raise ValueError(f"force must hold x, y of {k} rods, (..., {k}, 2), got {n.shape}")
     shape = np.broadcast_shapes(n.shape[:-2], *(part.shape[:-1] for part in parts.values()))
-    rods = np.concatenate([np.broadcast_to(parts["moment"], (*shape, k))[..., None],
-                           np.broadcast_to(n, (*shape, k, 2))], axis=-1).reshape(*shape, 3 * k)
-    rest = [np.broadcast_to(parts[name], (*shape, given[name][1])) for name in
-            ("pose", "inputs", "load")]
+    rods = np.concatenate(
+        [
+            np.broadcast_to(parts["moment"], (*shape, k))[..., None],
+            np.broadcast_to(n, (*shape, k, 2)),
+        ],
+        axis=-1,
+    ).reshape(*shape, 3 * k)
+    rest = [
+        np.broadcast_to(parts[name], (*shape, given[name][1]))
+        for name in ("pose", "inputs", "load")
+    ]
     return RodState(a, np.concatenate([rods, *rest], axis=-1))
 
 
@@ -337,11 +372,13 @@ def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
 def sizes(a: Assembly) -> tuple[Array, Array]:
     """Sizes of the residuals (3 k + p,) and of a state's vector (4 k + 2 p,), to compare units."""
     length, force, moment = a.scale
-    rods, pose = np.tile([moment, force, force], a.rods), [length, length, 1.0][:a.freedoms]
-    load = [force, force, moment][:a.freedoms]
+    rods, pose = np.tile([moment, force, force], a.rods), [length, length, 1.0][: a.freedoms]
+    load = [force, force, moment][: a.freedoms]
     inputs = np.full(a.rods, 1.0 if a.guide is None else length)
-    return (np.concatenate([np.tile([moment, length, length], a.rods), load]),
-            np.concatenate([rods, pose, inputs, load]))
+    return (
+        np.concatenate([np.tile([moment, length, length], a.rods), load]),
+        np.concatenate([rods, pose, inputs, load]),
+    )
 
 
 def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodState, Array]:
@@ -371,7 +408,8 @@ def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodStat
         near = np.linalg.norm((trial - s.vector[left]) / scale, axis=-1) <= within[left]
         keep = near & (part > SMALLEST)
         left, here, part, norm, step, trial = (
-            values[keep] for values in (left, here, part, norm, step, trial))
+            values[keep] for values in (left, here, part, norm, step, trial)
+        )
         if not left.size:
             break
         now, onward = _step(a, trial, free)
@@ -460,9 +498,11 @@ def settled(guess: RodState, found: str) -> RodState:
     if lost.any():
         first = RodState(guess.assembly, flat[np.argmax(lost)])
         given = first.inputs if found == "pose" else first.pose
-        raise ValueError(f"no equilibrium is found from the guess at "
-                         f"{'inputs' if found == 'pose' else 'pose'} {given.tolist()}, load "
-                         f"{first.load.tolist()}: begin nearer, or follow a path to it")
+        raise ValueError(
+            f"no equilibrium is found from the guess at "
+            f"{'inputs' if found == 'pose' else 'pose'} {given.tolist()}, load "
+            f"{first.load.tolist()}: begin nearer, or follow a path to it"
+        )
     return RodState(guess.assembly, result.vector.reshape(guess.vector.shape))
 
 
@@ -510,13 +550,14 @@ def square(s: RodState) -> None:
     """ValueError unless there are as many inputs as freedoms."""
     a = s.assembly
     if a.rods != a.freedoms:
-        raise ValueError(f"the inverse problem needs as many rods as freedoms, got {a.rods} rods "
-                         f"and {a.freedoms} freedoms")
+        raise ValueError(
+            f"the inverse problem needs as many rods as freedoms, got {a.rods} rods "
+            f"and {a.freedoms} freedoms"
+        )
 
 
 def within_reach(s: RodState) -> None:
-    """ValueError for the first pose whose pin is further from a clamp or guide than a rod is long.
-    """
+    """ValueError for the first pose whose pin is beyond the rods' reach."""
     a, (x, y, *phi) = s.assembly, np.moveaxis(s.pose, -1, 0)
     arm = a.arm * np.exp(1j * phi[0])[..., None] if phi else 0.0
     apart = (x + 1j * y)[..., None] + arm - a.clamp
@@ -525,8 +566,9 @@ def within_reach(s: RodState) -> None:
     if short.max(initial=0.0) > 0.0:
         which, rod = np.unravel_index(np.argmax(short > 0.0), short.shape)
         pose = s.pose.reshape(-1, a.freedoms)[which].tolist()
-        raise ValueError(f"pose {pose} is out of reach: rod {rod + 1} is too short by "
-                         f"{short[which, rod]:.6g} m")
+        raise ValueError(
+            f"pose {pose} is out of reach: rod {rod + 1} is too short by {short[which, rod]:.6g} m"
+        )
 
 
 @dataclass(frozen=True)
@@ -580,18 +622,20 @@ def derivatives(s: RodState) -> Derivatives:
     a, (_, jacobian) = s.assembly, closure(s)
     rods, pose, inputs = (columns(a, name) for name in ("rods", "pose", "inputs"))
     free, k, p = columns(a, "rods", "pose"), a.rods, a.freedoms
-    follow = ratio(jacobian, free, inputs)[..., 3 * k:, :]
+    follow = ratio(jacobian, free, inputs)[..., 3 * k :, :]
     back, inverse = np.full((*follow.shape[:-2], k, p), np.nan), np.nan * follow[..., 0, 0]
     if k == p:
         held = columns(a, "rods", "inputs")
-        back = ratio(jacobian, held, pose)[..., 3 * k:, :]
-        order = np.concatenate([[*rods[3 * i:3 * i + 3], inputs[i]] for i in range(k)])
+        back = ratio(jacobian, held, pose)[..., 3 * k :, :]
+        order = np.concatenate([[*rods[3 * i : 3 * i + 3], inputs[i]] for i in range(k)])
         inverse = determinant(jacobian[..., order])
-    own = jacobian[..., :3 * k, :]
+    own = jacobian[..., : 3 * k, :]
     carried = ratio(own, rods, pose)
-    balance = jacobian[..., 3 * k:, :]
+    balance = jacobian[..., 3 * k :, :]
     stiffness = balance[..., rods] @ carried + balance[..., pose]
-    own = np.stack([determinant(own[..., 3 * i:3 * i + 3, 3 * i:3 * i + 3]) for i in range(k)], -1)
+    own = np.stack(
+        [determinant(own[..., 3 * i : 3 * i + 3, 3 * i : 3 * i + 3]) for i in range(k)], -1
+    )
     return Derivatives(follow, back, stiffness, determinant(jacobian[..., free]), own, inverse)
 
 
@@ -599,6 +643,7 @@ def ratio(jacobian: Array, unknown: Columns, given: Columns) -> Array:
     """Derivatives of unknown columns by given ones, where the rows stay zero; NaN if singular."""
     matrix, right = jacobian[..., unknown], -jacobian[..., given]
     rows, width = right.shape[-2:]
-    flat = [solve(matrix.reshape(-1, rows, rows), right[..., i].reshape(-1, rows))
-            for i in range(width)]
+    flat = [
+        solve(matrix.reshape(-1, rows, rows), right[..., i].reshape(-1, rows)) for i in range(width)
+    ]
     return np.stack(flat, axis=-1).reshape(*right.shape[:-2], matrix.shape[-1], width)

@@ -29,13 +29,20 @@ from proofmass.analytic.rods.workspace import (
 
 __all__ = ["equilibria", "motor_angles", "solve", "workspace"]
 
+
 def pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assembly:
     """Clamps at (-d/2, 0) and (d/2, 0) [m], each rod of length L [m] and stiffness EI [N m^2]."""
     return assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
 
 
-def at_rest(a: Assembly, inputs: ArrayLike, load: ArrayLike, pin: ArrayLike, moment: ArrayLike,
-            push: ArrayLike) -> RodState:
+def at_rest(
+    a: Assembly,
+    inputs: ArrayLike,
+    load: ArrayLike,
+    pin: ArrayLike,
+    moment: ArrayLike,
+    push: ArrayLike,
+) -> RodState:
     """The equilibrium that a first guess leads to.
 
     Parameters
@@ -45,8 +52,16 @@ def at_rest(a: Assembly, inputs: ArrayLike, load: ArrayLike, pin: ArrayLike, mom
     pin, moment, push : first guess of the pin [m], the moments at the clamps [N m], and the force
         on the tip of the first rod [N]
     """
-    return direct(state(a, inputs=inputs, load=load, pose=pin, moment=moment,
-                        force=np.array([push, np.subtract(load, push)])))
+    return direct(
+        state(
+            a,
+            inputs=inputs,
+            load=load,
+            pose=pin,
+            moment=moment,
+            force=np.array([push, np.subtract(load, push)]),
+        )
+    )
 
 
 POINTS = 61  # of a rod
@@ -54,8 +69,15 @@ MANY = 9  # directions to fall in: those with as many or more share a panel
 
 
 def equilibria(
-    *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
-    length: float = 1.0, stiffness: float = 1.0, modes: int = 3,
+    *,
+    distance: float,
+    theta1: float,
+    theta2: float,
+    force_x: float,
+    force_y: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    modes: int = 3,
 ) -> Chart:
     r"""All equilibria, the stable ones by their energy, the others by the ways in which they fall.
 
@@ -99,8 +121,12 @@ def equilibria(
     >>> [line.label for line in chart.lines][:2]
     ['stable at 0.2416 J, modes 1 and 1', 'stable at 0.78 J, modes 1 and 1']
     """
-    found = solutions(pair(distance, length, stiffness), inputs=[theta1, theta2],
-                      load=[force_x, force_y], modes=modes)
+    found = solutions(
+        pair(distance, length, stiffness),
+        inputs=[theta1, theta2],
+        load=[force_x, force_y],
+        modes=modes,
+    )
     if not len(found):
         raise ValueError(f"no equilibrium with modes up to {modes}")
     panels = tuple(panel(found, which) for which in sharing(found.negative))
@@ -115,8 +141,12 @@ def sharing(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
     """
     families = [np.flatnonzero(np.minimum(negative, MANY) == k) for k in range(MANY + 1)]
     for few in count(4):
-        panels = [part for family in families if family.size
-                  for part in np.array_split(family, -(-family.size // few))]
+        panels = [
+            part
+            for family in families
+            if family.size
+            for part in np.array_split(family, -(-family.size // few))
+        ]
         if len(panels) <= MOST:
             return panels
     raise AssertionError("unreachable: a panel may hold all")
@@ -137,8 +167,10 @@ def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
 
 def posture(found: Solutions, i: int, rank: int) -> ChartLine:
     """Both rods of one equilibrium, out to the pin and back."""
-    x, y = (np.append(one[0], one[1, -2::-1]) for one in found.state[i].shape(
-        np.linspace(0.0, 1.0, POINTS))[:2])
+    x, y = (
+        np.append(one[0], one[1, -2::-1])
+        for one in found.state[i].shape(np.linspace(0.0, 1.0, POINTS))[:2]
+    )
     if found.negative[i]:
         return ChartLine(x, y, f"unstable, no. {rank} in its panel", stable=False)
     modes = " and ".join(map(str, found.modes[i]))
@@ -157,25 +189,43 @@ def directions(ways: int) -> str:
 def caption(found: Solutions, modes: int) -> str:
     """How many there are, and their energies V."""
     stable = found.potential[found.negative == 0]
-    words = [f"{len(found)} equilibria whose rods have up to {modes} inflection"
-             f"{'s' * (modes > 1)}, the tip included: {stable.size} stable"]
+    words = [
+        f"{len(found)} equilibria whose rods have up to {modes} inflection"
+        f"{'s' * (modes > 1)}, the tip included: {stable.size} stable"
+    ]
     if stable.size:
         words.append(f", V = {', '.join(f'{V:.4g}' for V in stable)} J")
     ways = np.minimum(found.negative, MANY)
     for k in np.unique(ways[ways > 0]).tolist():
         fallen = found.potential[ways == k]
-        words.append(f"; {fallen.size} that fall in {directions(k)}, the lowest at "
-                     f"{fallen[0]:.4g} J")
-    limit = (f"No rod of any other carries more than R = {found.bound:.3g}² EI/L², by proof; up to "
-             "there all were searched for" if found.bounded else
-             f"Searched up to R = {found.up_to:.3g}² EI/L² on each rod")
+        words.append(
+            f"; {fallen.size} that fall in {directions(k)}, the lowest at {fallen[0]:.4g} J"
+        )
+    limit = (
+        f"No rod of any other carries more than R = {found.bound:.3g}² EI/L², by proof; up to "
+        "there all were searched for"
+        if found.bounded
+        else f"Searched up to R = {found.up_to:.3g}² EI/L² on each rod"
+    )
     return f"{''.join(words)}. V is the energy of bending less F·P. {limit}."
 
 
 def workspace(
-    *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
-    pin_x: float, pin_y: float, moment1: float, moment2: float, push_x: float, push_y: float,
-    length: float = 1.0, stiffness: float = 1.0, nodes: int = 25,
+    *,
+    distance: float,
+    theta1: float,
+    theta2: float,
+    force_x: float,
+    force_y: float,
+    pin_x: float,
+    pin_y: float,
+    moment1: float,
+    moment2: float,
+    push_x: float,
+    push_y: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    nodes: int = 25,
 ) -> Chart:
     r"""The sheet of poses that are reached from the case's equilibrium by turning the motors.
 
@@ -222,15 +272,34 @@ def workspace(
     >>> [panel.field.unit for panel in chart.panels]
     ['rad²/m²', 'N/m']
     """
-    start = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
-                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
+    start = at_rest(
+        pair(distance, length, stiffness),
+        [theta1, theta2],
+        [force_x, force_y],
+        [pin_x, pin_y],
+        [moment1, moment2],
+        [push_x, push_y],
+    )
     return over_poses(start, sheet(start, nodes), "rad²/m²")
 
 
 def motor_angles(
-    *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
-    pin_x: float, pin_y: float, moment1: float, moment2: float, push_x: float, push_y: float,
-    length: float = 1.0, stiffness: float = 1.0, span: float = np.pi, nodes: int = 25,
+    *,
+    distance: float,
+    theta1: float,
+    theta2: float,
+    force_x: float,
+    force_y: float,
+    pin_x: float,
+    pin_y: float,
+    moment1: float,
+    moment2: float,
+    push_x: float,
+    push_y: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    span: float = np.pi,
+    nodes: int = 25,
 ) -> Chart:
     r"""How far the motors turn before the case's equilibrium folds and the pin jumps.
 
@@ -268,26 +337,51 @@ def motor_angles(
     """
     positive(span=span)
     several(nodes)
-    start = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
-                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
-    m = spread(start, *(through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs),
-               name="inputs")
-    lines = (*line(m, rim(m)[0], "direct singularity"),
-             *line(m, loci(m, "inverse"), "inverse singularity"),
-             ChartLine(start.inputs[:1], start.inputs[1:], "here", points=True))
+    start = at_rest(
+        pair(distance, length, stiffness),
+        [theta1, theta2],
+        [force_x, force_y],
+        [pin_x, pin_y],
+        [moment1, moment2],
+        [push_x, push_y],
+    )
+    m = spread(
+        start, *(through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs), name="inputs"
+    )
+    lines = (
+        *line(m, rim(m)[0], "direct singularity"),
+        *line(m, loci(m, "inverse"), "inverse singularity"),
+        ChartLine(start.inputs[:1], start.inputs[1:], "here", points=True),
+    )
     slopes, (_, torn) = derivatives(m.states).direct, joined(m)
     panel = Panel(lines, field(m, torn, slopes, "det(dP/dq)", "m²/rad²"))
-    return Chart(("theta1", "rad"), ("theta2", "rad"), (panel,),
-                 f"Motor angles that this equilibrium can be followed to, {m.reached.mean():.0%} "
-                 "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
-                 "inverse singularity the motors cannot move the pin in some direction. White "
-                 "bands part equilibria: which one is there depends on the way.")
+    return Chart(
+        ("theta1", "rad"),
+        ("theta2", "rad"),
+        (panel,),
+        f"Motor angles that this equilibrium can be followed to, {m.reached.mean():.0%} "
+        "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
+        "inverse singularity the motors cannot move the pin in some direction. White "
+        "bands part equilibria: which one is there depends on the way.",
+    )
 
 
 def solve(
-    s: ArrayLike, *, distance: float, theta1: float, theta2: float, force_x: float, force_y: float,
-    pin_x: float, pin_y: float, moment1: float, moment2: float, push_x: float, push_y: float,
-    length: float = 1.0, stiffness: float = 1.0,
+    s: ArrayLike,
+    *,
+    distance: float,
+    theta1: float,
+    theta2: float,
+    force_x: float,
+    force_y: float,
+    pin_x: float,
+    pin_y: float,
+    moment1: float,
+    moment2: float,
+    push_x: float,
+    push_y: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
 ) -> dict[str, Array]:
     r"""Shapes of both rods at arc lengths `s` from their clamps.
 
@@ -337,11 +431,22 @@ def solve(
     [0.18884, 0.86287, 0.18884, 0.86287]
     """
     arc = np.asarray(s, float)
-    found = at_rest(pair(distance, length, stiffness), [theta1, theta2], [force_x, force_y],
-                    [pin_x, pin_y], [moment1, moment2], [push_x, push_y])
+    found = at_rest(
+        pair(distance, length, stiffness),
+        [theta1, theta2],
+        [force_x, force_y],
+        [pin_x, pin_y],
+        [moment1, moment2],
+        [push_x, push_y],
+    )
     known: dict[str, Array] = {}
     for name, rods in zip("xytm", found.shape(arc.ravel() / length), strict=True):
         known |= {f"{name}{k}": rod.reshape(arc.shape) for k, rod in enumerate(rods, 1)}
-    ends = {"pin_x": found.pose[0], "pin_y": found.pose[1], "hold1": -found.moment[0],
-            "hold2": -found.moment[1], "energy": found.energy.sum()}
+    ends = {
+        "pin_x": found.pose[0],
+        "pin_y": found.pose[1],
+        "hold1": -found.moment[0],
+        "hold2": -found.moment[1],
+        "energy": found.energy.sum(),
+    }
     return known | {name: np.full(arc.shape, value) for name, value in ends.items()}

@@ -13,9 +13,21 @@ PairNumbers = tuple[float, ...]
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 0.0, acceleration: ArrayLike = 0.0, *, distance: float,
-    pin_x: float, pin_y: float, moment1: float, moment2: float, push_x: float, push_y: float,
-    force_x: float = 0.0, force_y: float = 0.0, length: float = 1.0, stiffness: float = 1.0,
+    angle: ArrayLike,
+    rate: ArrayLike = 0.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    distance: float,
+    pin_x: float,
+    pin_y: float,
+    moment1: float,
+    moment2: float,
+    push_x: float,
+    push_y: float,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
 ) -> dict[str, Array]:
     r"""Equilibria of two rods on one pin, followed along the motions of their motors.
 
@@ -91,7 +103,9 @@ def solve(
 
 
 @nearby
-def branch(path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: PairNumbers) -> RodState:
+def branch(
+    path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: PairNumbers
+) -> RodState:
     """Equilibria (n,) along a path of the motors, NaN behind a fold.
 
     Newton's method goes on from there to problems of more digits, of which sensitivities want many.
@@ -103,13 +117,16 @@ def branch(path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: Pai
 
 
 @nearby
-def followed(path: tuple[tuple[float, ...], ...], problem: PairNumbers, first: PairNumbers) -> RodState:
+def followed(
+    path: tuple[tuple[float, ...], ...], problem: PairNumbers, first: PairNumbers
+) -> RodState:
     """The same from an equilibrium, to which many guesses lead."""
     return follow(begun(np.array(first), *problem), inputs=path).states
 
 
-def begun(vector: Array, distance: float, length: float, stiffness: float, force_x: float,
-          force_y: float) -> RodState:
+def begun(
+    vector: Array, distance: float, length: float, stiffness: float, force_x: float, force_y: float
+) -> RodState:
     """States of a pair of rods with these vectors, under its load."""
     return RodState(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
 
@@ -119,8 +136,17 @@ def described(s: RodState, rate: Array) -> dict[str, Array]:
     slopes = derivatives(s)
     velocity = np.einsum("npk,kn->pn", slopes.direct, rate)
     tips = s.shape([1.0])[2][..., 0]
-    return {"pin_x": s.pose[:, 0], "pin_y": s.pose[:, 1], "pin_vx": velocity[0],
-            "pin_vy": velocity[1], "tip1": tips[:, 0], "tip2": tips[:, 1],
-            "hold1": -s.moment[:, 0], "hold2": -s.moment[:, 1],
-            "push_x": s.force[:, 0, 0], "push_y": s.force[:, 0, 1], "energy": s.energy.sum(axis=1),
-            "pin_stiffness": np.linalg.eigvalsh(slopes.stiffness)[:, 0]}
+    return {
+        "pin_x": s.pose[:, 0],
+        "pin_y": s.pose[:, 1],
+        "pin_vx": velocity[0],
+        "pin_vy": velocity[1],
+        "tip1": tips[:, 0],
+        "tip2": tips[:, 1],
+        "hold1": -s.moment[:, 0],
+        "hold2": -s.moment[:, 1],
+        "push_x": s.force[:, 0, 0],
+        "push_y": s.force[:, 0, 1],
+        "energy": s.energy.sum(axis=1),
+        "pin_stiffness": np.linalg.eigvalsh(slopes.stiffness)[:, 0],
+    }

@@ -29,9 +29,17 @@ class Shot:
 
 
 def pinned(
-    x: float, y: float, guess: ArrayLike, *,
-    theta0: float = 0.0, length: float = 1.0, stiffness: float = 1.0,
-    nodes: int = 81, scheme: str = "dop853", exact: bool = True, tolerance: float = 1e-12,
+    x: float,
+    y: float,
+    guess: ArrayLike,
+    *,
+    theta0: float = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    nodes: int = 81,
+    scheme: str = "dop853",
+    exact: bool = True,
+    tolerance: float = 1e-12,
 ) -> Shot:
     r"""Force and clamp moment that bring the moment-free tip of a rod to (x, y).
 
@@ -70,8 +78,9 @@ def pinned(
     """
     if not np.hypot(x, y) <= length:
         raise ValueError(f"length must reach the pin, {np.hypot(x, y):.6g} m away, got {length}")
-    shoot = partial(integrate, theta0=theta0, length=length, stiffness=stiffness, nodes=nodes,
-                    scheme=scheme)
+    shoot = partial(
+        integrate, theta0=theta0, length=length, stiffness=stiffness, nodes=nodes, scheme=scheme
+    )
     target = np.array([x, y, 0.0])
 
     def miss(unknowns: Array) -> Array:
@@ -80,8 +89,7 @@ def pinned(
 
     def system(unknowns: Array) -> tuple[Array, Array]:
         rod = shoot(*unknowns, slopes=True)
-        return (np.array([rod.x[-1], rod.y[-1], rod.m[-1]]) - target,
-                rod.slope[-1][[2, 3, 1], :3])
+        return (np.array([rod.x[-1], rod.y[-1], rod.m[-1]]) - target, rod.slope[-1][[2, 3, 1], :3])
 
     start = np.array(guess, float)
     root, count, size = newton(miss, system if exact else differences(miss), start, tolerance)
@@ -90,6 +98,7 @@ def pinned(
 
 def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
     """Residual and Jacobian by forward differences."""
+
     def system(x: Array) -> tuple[Array, Array]:
         f = miss(x)
         return f, np.column_stack([(miss(x + step * unit) - f) / step for unit in np.eye(x.size)])
@@ -97,8 +106,9 @@ def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
     return system
 
 
-def newton(miss: Callable[[Array], Array], system: System, x: Array, tolerance: float,
-           most: int = 200) -> tuple[Array, int, float]:
+def newton(
+    miss: Callable[[Array], Array], system: System, x: Array, tolerance: float, most: int = 200
+) -> tuple[Array, int, float]:
     """The document's iteration: root, steps taken, and the largest residual left there."""
     f, jacobian = system(x)
     size = np.abs(f).max()
@@ -118,8 +128,16 @@ def newton(miss: Callable[[Array], Array], system: System, x: Array, tolerance: 
 
 
 def solve(
-    s: ArrayLike, *, pin_x: float, pin_y: float, force_x: float, force_y: float, moment: float,
-    length: float = 1.0, stiffness: float = 1.0, theta0: float = 0.0,
+    s: ArrayLike,
+    *,
+    pin_x: float,
+    pin_y: float,
+    force_x: float,
+    force_y: float,
+    moment: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    theta0: float = 0.0,
 ) -> dict[str, Array]:
     r"""Shape of a rod clamped at the origin with its tip pinned to a place, at arc lengths `s`.
 
@@ -160,14 +178,23 @@ def solve(
     [0.8, 0.1, 1.254165]
     """
     arc = np.asarray(s, float)
-    found = pinned(pin_x, pin_y, (force_x, force_y, moment), length=length, stiffness=stiffness,
-                   theta0=theta0)
+    found = pinned(
+        pin_x, pin_y, (force_x, force_y, moment), length=length, stiffness=stiffness, theta0=theta0
+    )
     if not found.converged:
-        raise ValueError(f"force_x, force_y, moment = {force_x:g}, {force_y:g}, {moment:g} lead to "
-                         f"no equilibrium; give a nearer guess")
+        raise ValueError(
+            f"force_x, force_y, moment = {force_x:g}, {force_y:g}, {moment:g} lead to "
+            f"no equilibrium; give a nearer guess"
+        )
     n = complex(*found.unknowns[:2])
     place, theta = flow(theta0, found.unknowns[2], n, arc, stiffness)
     m = found.unknowns[2] + (np.conj(n) * place[0]).imag
-    return {"x": place[0].real, "y": place[0].imag, "theta": theta[0], "m": m,
-            "force_x": np.full(arc.shape, n.real), "force_y": np.full(arc.shape, n.imag),
-            "hold": np.full(arc.shape, -found.unknowns[2])}
+    return {
+        "x": place[0].real,
+        "y": place[0].imag,
+        "theta": theta[0],
+        "m": m,
+        "force_x": np.full(arc.shape, n.real),
+        "force_y": np.full(arc.shape, n.imag),
+        "hold": np.full(arc.shape, -found.unknowns[2]),
+    }

@@ -19,9 +19,21 @@ Three = tuple[float, float, float]
 
 
 def solve(
-    s: ArrayLike, *, side: float, theta1: float, theta2: float, theta3: float, radius: float = 1.0,
-    force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0, mode: int = 1,
-    inflections: int = 1, length: float = 1.0, stiffness: float = 1.0, prolongation: float = 0.0,
+    s: ArrayLike,
+    *,
+    side: float,
+    theta1: float,
+    theta2: float,
+    theta3: float,
+    radius: float = 1.0,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    moment: float = 0.0,
+    mode: int = 1,
+    inflections: int = 1,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    prolongation: float = 0.0,
 ) -> dict[str, Array]:
     r"""Shapes of the three rods at arc lengths `s` from their clamps.
 
@@ -83,9 +95,21 @@ def solve(
     [0.006759, 0.011078, -1.394088, 0.075531]
     """
     arc = np.asarray(s, float)
-    found = standing(PlatformProblem(side, radius, length, stiffness, (theta1, theta2, theta3), None,
-                             (0.0, 0.0, 0.0), (force_x, force_y, moment), inflections),
-                     mode, prolongation)
+    found = standing(
+        PlatformProblem(
+            side,
+            radius,
+            length,
+            stiffness,
+            (theta1, theta2, theta3),
+            None,
+            (0.0, 0.0, 0.0),
+            (force_x, force_y, moment),
+            inflections,
+        ),
+        mode,
+        prolongation,
+    )
     known: dict[str, Array] = {}
     for name, rods in zip("xytm", found.shape(arc.ravel() / length), strict=True):
         known |= {f"{name}{k}": rod.reshape(arc.shape) for k, rod in enumerate(rods, 1)}
@@ -115,17 +139,24 @@ class PlatformProblem(NamedTuple):
     def assembly(self) -> Assembly:
         """Rods and platform."""
         positive(radius=self.radius)
-        return assembly(triangle(np.sqrt(3.0) * self.radius), length=self.length,
-                        stiffness=self.stiffness, arm=triangle(self.side), angle=self.theta,
-                        guide=self.guide)
+        return assembly(
+            triangle(np.sqrt(3.0) * self.radius),
+            length=self.length,
+            stiffness=self.stiffness,
+            arm=triangle(self.side),
+            angle=self.theta,
+            guide=self.guide,
+        )
 
 
 def standing(problem: PlatformProblem, mode: int, prolongation: float = 0.0) -> RodState:
     """The equilibrium of that mode, with rigid ends if there are any."""
     there = stable(problem)
     if mode not in range(1, 1 + len(there.vector)):
-        raise ValueError(f"mode {mode} is not there; there are: {spoken(there)}, with loads up to "
-                         f"R = {LARGEST:g}² EI/L²")
+        raise ValueError(
+            f"mode {mode} is not there; there are: {spoken(there)}, with loads up to "
+            f"R = {LARGEST:g}² EI/L²"
+        )
     near = RodState(problem.assembly, there[int(mode) - 1].vector)
     return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
 
@@ -133,15 +164,22 @@ def standing(problem: PlatformProblem, mode: int, prolongation: float = 0.0) -> 
 @nearby
 def stable(problem: PlatformProblem) -> RodState:
     """All stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
-    found = solutions(problem.assembly, inputs=problem.inputs, load=problem.load,
-                      modes=problem.inflections, most_load=LARGEST)
+    found = solutions(
+        problem.assembly,
+        inputs=problem.inputs,
+        load=problem.load,
+        modes=problem.inflections,
+        most_load=LARGEST,
+    )
     return found.state[found.negative == 0]
 
 
 def spoken(found: RodState) -> str:
     """Modes by their poses."""
-    poses = (f"{k} at ({x:.3g}, {y:.3g}) m, {np.degrees(phi):.4g} degrees"
-             for k, (x, y, phi) in enumerate(found.pose, 1))
+    poses = (
+        f"{k} at ({x:.3g}, {y:.3g}) m, {np.degrees(phi):.4g} degrees"
+        for k, (x, y, phi) in enumerate(found.pose, 1)
+    )
     return "; ".join(poses) or "none"
 
 
@@ -153,6 +191,8 @@ def with_ends(found: RodState, prolongation: float) -> RodState:
         robot = replace(found.assembly, prolongation=np.full(3, rigid))
         found = direct(RodState(robot, found.vector))
         if sign * derivatives(found).direct_determinant < 0.0:
-            raise ValueError(f"prolongation must be less than {rigid:.3g} m, where this "
-                             f"equilibrium becomes unstable, got {prolongation}")
+            raise ValueError(
+                f"prolongation must be less than {rigid:.3g} m, where this "
+                f"equilibrium becomes unstable, got {prolongation}"
+            )
     return found

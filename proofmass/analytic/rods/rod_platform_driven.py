@@ -18,12 +18,28 @@ from proofmass.analytic.rods.workspace import over_poses, sheet
 
 __all__ = ["MODES", "constant_orientation", "solve"]
 
+
 def constant_orientation(
-    *, side: float, theta1: float = 0.0, theta2: float = 0.0, theta3: float = 0.0,
-    guide1: float | None = None, guide2: float | None = None, guide3: float | None = None,
-    radius: float = 1.0, force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0,
-    mode: int = 1, inflections: int = 1, length: float = 1.0, stiffness: float = 1.0,
-    prolongation: float = 0.0, input1: float = 0.0, input2: float = 0.0, input3: float = 0.0,
+    *,
+    side: float,
+    theta1: float = 0.0,
+    theta2: float = 0.0,
+    theta3: float = 0.0,
+    guide1: float | None = None,
+    guide2: float | None = None,
+    guide3: float | None = None,
+    radius: float = 1.0,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    moment: float = 0.0,
+    mode: int = 1,
+    inflections: int = 1,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    prolongation: float = 0.0,
+    input1: float = 0.0,
+    input2: float = 0.0,
+    input3: float = 0.0,
     nodes: int = 25,
 ) -> Chart:
     r"""Where the platform gets to without turning, from one of its stable equilibria.
@@ -66,23 +82,52 @@ def constant_orientation(
     ['m/rad', 'N/m']
     """
     guide = None if guide1 is None or guide2 is None or guide3 is None else (guide1, guide2, guide3)
-    problem = PlatformProblem(side, radius, length, stiffness, (theta1, theta2, theta3), guide,
-                      (input1, input2, input3), (force_x, force_y, moment), inflections)
+    problem = PlatformProblem(
+        side,
+        radius,
+        length,
+        stiffness,
+        (theta1, theta2, theta3),
+        guide,
+        (input1, input2, input3),
+        (force_x, force_y, moment),
+        inflections,
+    )
     start = standing(problem, mode, prolongation)
     chart = over_poses(start, sheet(start, nodes), "rad²/m²" if guide is None else "m/rad")
-    return Chart(chart.x, chart.y, chart.panels,
-                 f"The platform held at {np.degrees(start.pose[2]):.4g}°. {chart.caption}", True)
+    return Chart(
+        chart.x,
+        chart.y,
+        chart.panels,
+        f"The platform held at {np.degrees(start.pose[2]):.4g}°. {chart.caption}",
+        True,
+    )
 
 
 NAMES = ("x", "y", "phi", "x_rate", "y_rate", "phi_rate", "hold1", "hold2", "hold3", "energy")
 
 
 def solve(
-    inputs: ArrayLike, rate: ArrayLike = 1.0, acceleration: ArrayLike = 0.0, *, side: float,
-    theta1: float = 0.0, theta2: float = 0.0, theta3: float = 0.0, guide1: float | None = None,
-    guide2: float | None = None, guide3: float | None = None, radius: float = 1.0,
-    force_x: float = 0.0, force_y: float = 0.0, moment: float = 0.0, mode: int = 1,
-    inflections: int = 1, length: float = 1.0, stiffness: float = 1.0, prolongation: float = 0.0,
+    inputs: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    side: float,
+    theta1: float = 0.0,
+    theta2: float = 0.0,
+    theta3: float = 0.0,
+    guide1: float | None = None,
+    guide2: float | None = None,
+    guide3: float | None = None,
+    radius: float = 1.0,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    moment: float = 0.0,
+    mode: int = 1,
+    inflections: int = 1,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    prolongation: float = 0.0,
 ) -> dict[str, Array]:
     r"""Equilibria along a path of the inputs, each the continuation of the one before.
 
@@ -143,9 +188,17 @@ def solve(
     if q.shape[:1] != (3,):
         raise ValueError(f"inputs must be those of three rods, (3, ...), got {q.shape}")
     path = q.reshape(3, -1).T
-    problem = PlatformProblem(side, radius, length, stiffness, (theta1, theta2, theta3),
-                      guides(guide1, guide2, guide3), tuple(path[0].tolist()),
-                      (force_x, force_y, moment), inflections)
+    problem = PlatformProblem(
+        side,
+        radius,
+        length,
+        stiffness,
+        (theta1, theta2, theta3),
+        guides(guide1, guide2, guide3),
+        tuple(path[0].tolist()),
+        (force_x, force_y, moment),
+        inflections,
+    )
     near = branch(problem, tuple(map(tuple, path.tolist())), mode, prolongation).vector
     there = np.isfinite(near[:, 0])
     robot = replace(problem.assembly, prolongation=np.full(3, prolongation))
@@ -169,7 +222,9 @@ def guides(*angle: float | None) -> Three | None:
 
 
 @nearby
-def branch(problem: PlatformProblem, path: tuple[Three, ...], mode: int, prolongation: float) -> RodState:
+def branch(
+    problem: PlatformProblem, path: tuple[Three, ...], mode: int, prolongation: float
+) -> RodState:
     """Equilibria (n,) along a path of inputs; NaN from the first that is not stable."""
     trail = follow(standing(problem, mode, prolongation), inputs=path)
     vector = trail.states.vector

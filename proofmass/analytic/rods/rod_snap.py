@@ -64,8 +64,9 @@ class SnapFamily:
         """alpha and q (n,) of the stable shapes at angles (n,) of the clamp, not below -a*."""
         table = slice(self.folds[0], None, -1)
         above = np.sqrt(self.angle[table] + self.fold)  # the line is smooth in it, up to the fold
-        u = np.stack([np.interp(np.sqrt(angle + self.fold), above, column[table])
-                      for column in self.place.T])
+        u = np.stack(
+            [np.interp(np.sqrt(angle + self.fold), above, column[table]) for column in self.place.T]
+        )
         for _ in range(STEPS):
             value, slope = log_tip(u)
             step = _solved(slope, np.log(self.distance * np.exp(-1j * angle - value)))
@@ -84,8 +85,10 @@ def family(length: float, distance: float) -> SnapFamily:
     """
     positive(length=length, distance=distance)
     if not NEAREST * length <= distance <= FURTHEST * length:
-        raise ValueError(f"distance must be from {NEAREST:g} to {FURTHEST:g} of the length, "
-                         f"{length:g} m, got {distance:g}")
+        raise ValueError(
+            f"distance must be from {NEAREST:g} to {FURTHEST:g} of the length, "
+            f"{length:g} m, got {distance:g}"
+        )
     start = arch(distance / length)
     sense = float(np.sign(turning(start)))
     wound = walk(start, -sense, lambda u: float(-log_tip(u)[0].imag) % TURN > np.pi)
@@ -99,13 +102,15 @@ def family(length: float, distance: float) -> SnapFamily:
     return SnapFamily(distance / length, place, angle, before + 1 + np.arange(before.size))
 
 
-def shape(alpha: Array, q: Array, distance: Array | float, fraction: Array
-          ) -> tuple[Complex, Array, Complex]:
+def shape(
+    alpha: Array, q: Array, distance: Array | float, fraction: Array
+) -> tuple[Complex, Array, Complex]:
     """Shapes of unit rods (n,) with the clamp at 0 and the pin at `distance`, on the x axis.
 
     Returns places x + iy at fractions (m,) of the length from the clamp and tangents [rad] from the
     load's direction, (m, n), and that direction e^(i psi), (n,).
     """
+
     def seen(arc: Array) -> tuple[Complex, Array]:
         x, y, turn, _ = from_inflection(np.zeros(()), -np.tanh(q), 1.0 / np.cosh(q), arc)
         return np.asarray((x + 1j * y) / alpha), turn
@@ -117,6 +122,7 @@ def shape(alpha: Array, q: Array, distance: Array | float, fraction: Array
 
 def arch(distance: float) -> Array:
     """log(alpha), log(q) of the rod between two pins, 2 E/K - 1 = d."""
+
     def integrals(log_q: float) -> tuple[Array, Array]:
         return whole(1.0 / np.cosh(np.exp(np.array(log_q))))
 
@@ -201,28 +207,45 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
     alpha, q = np.exp(of.place.T)
     moment = -unit * rods(alpha, q).moment
     near = np.abs(of.angle) < 2.0 * of.fold
-    lines = [line for side, word in ((1, "left"), (-1, "right"))
-             for line in pieces(of, side * of.angle, side * moment, near, word)]
+    lines = [
+        line
+        for side, word in ((1, "left"), (-1, "right"))
+        for line in pieces(of, side * of.angle, side * moment, near, word)
+    ]
     after = float(-unit * rods(*of.at(np.array([of.fold]))).moment[0])
     for side in (1, -1):
-        lines.append(ChartLine(-side * np.full(2, of.fold), side * np.array(
-            [moment[of.folds[0]], -after]), "before and after a snap", points=True))
+        lines.append(
+            ChartLine(
+                -side * np.full(2, of.fold),
+                side * np.array([moment[of.folds[0]], -after]),
+                "before and after a snap",
+                points=True,
+            )
+        )
     return Chart(
-        ("motor", "rad"), ("holding moment", "N m"), (Panel(tuple(lines)),),
+        ("motor", "rad"),
+        ("holding moment", "N m"),
+        (Panel(tuple(lines)),),
         f"Each side's branch ends in a fold, at ∓{np.degrees(of.fold):.2f}°, from where the rod "
         f"snaps to the other side. Beyond the fold the branch goes back as a pass between valleys, "
-        f"and beyond the next one with two directions to fall in.")
+        f"and beyond the next one with two directions to fall in.",
+    )
 
 
-def pieces(of: SnapFamily, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
-           ) -> Iterator[ChartLine]:
+def pieces(
+    of: SnapFamily, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
+) -> Iterator[ChartLine]:
     """A branch between its folds, as far as it is near."""
     ends = [0, *of.folds[:2], angle.size - 1]
     for count, first, last in zip(COUNTS, ends[:-1], ends[1:], strict=True):
-        part = np.arange(first, last + 1)[near[first: last + 1]]
+        part = np.arange(first, last + 1)[near[first : last + 1]]
         label = f"{count} direction{'s' * (count == 'two')} to fall in"
-        yield ChartLine(angle[part], moment[part], f"stable, bent to the {word}" if count == "no"
-                   else label, stable=count == "no")
+        yield ChartLine(
+            angle[part],
+            moment[part],
+            f"stable, bent to the {word}" if count == "no" else label,
+            stable=count == "no",
+        )
 
 
 def shapes(*, length: float = 1.0, distance: float) -> Chart:
@@ -243,15 +266,22 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
     a = np.radians(np.linspace(80.0, -np.degrees(of.fold), 6))
     before = drawn(of, a, length)
     landed = drawn(of, np.array([of.fold]), length)[0].conj()
-    way = tuple(ChartLine(p.real, p.imag, f"{angle:.1f}°") for p, angle in
-                zip(before, np.degrees(a), strict=True))
-    snap = (ChartLine(before[-1].real, before[-1].imag, "before the snap", stable=False),
-            ChartLine(landed.real, landed.imag, "after it"))
+    way = tuple(
+        ChartLine(p.real, p.imag, f"{angle:.1f}°")
+        for p, angle in zip(before, np.degrees(a), strict=True)
+    )
+    snap = (
+        ChartLine(before[-1].real, before[-1].imag, "before the snap", stable=False),
+        ChartLine(landed.real, landed.imag, "after it"),
+    )
     return Chart(
-        ("x", "m"), ("y", "m"),
+        ("x", "m"),
+        ("y", "m"),
         (Panel(way, title="the motor turns down"), Panel(snap, title="it snaps")),
         "The arch gives way to the dip at its clamp, until none of it holds any more; it then "
-        "jumps to the mirrored side.", alike=True)
+        "jumps to the mirrored side.",
+        alike=True,
+    )
 
 
 def drawn(of: SnapFamily, angle: Array, length: float) -> Complex:
@@ -264,8 +294,14 @@ SIDES = {"left": 1, "right": -1}
 
 
 def solve(
-    angle: ArrayLike, rate: ArrayLike = 0.0, acceleration: ArrayLike = 0.0, *,
-    length: float = 1.0, stiffness: float = 1.0, distance: float, side: str = "left",
+    angle: ArrayLike,
+    rate: ArrayLike = 0.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    distance: float,
+    side: str = "left",
 ) -> dict[str, Array]:
     r"""Equilibrium of a buckled rod that a motor turns at its clamp, followed through its snaps.
 
@@ -330,10 +366,18 @@ def solve(
     push = unit / length * alpha**2 * load
     snaps = np.cumsum(now != np.append(SIDES[side], now[:-1]))
     energy, lost = unit * rod.energy, unit * drop(family_) * snaps
-    return {"mid_x": length * place[1].real, "mid_y": now * length * place[1].imag,
-            "tip_angle": a + now * (turn[2] - turn[0]), "holding_moment": -now * unit * rod.moment,
-            "force_x": push.real, "force_y": now * push.imag, "energy": energy, "lost": lost,
-            "work": energy + lost - energy[0] - lost[0], "side": now}
+    return {
+        "mid_x": length * place[1].real,
+        "mid_y": now * length * place[1].imag,
+        "tip_angle": a + now * (turn[2] - turn[0]),
+        "holding_moment": -now * unit * rod.moment,
+        "force_x": push.real,
+        "force_y": now * push.imag,
+        "energy": energy,
+        "lost": lost,
+        "work": energy + lost - energy[0] - lost[0],
+        "side": now,
+    }
 
 
 def sides(angle: Array, fold: float, side: int) -> Array:
@@ -361,8 +405,9 @@ def marks(*, length: float = 1.0, distance: float, **_: object) -> dict[str, flo
     return {"snaps to the right": -fold, "snaps to the left": fold}
 
 
-def facts(*, length: float = 1.0, stiffness: float = 1.0, distance: float, **_: object
-          ) -> dict[str, str]:
+def facts(
+    *, length: float = 1.0, stiffness: float = 1.0, distance: float, **_: object
+) -> dict[str, str]:
     """What the parameters amount to, for the report's page.
 
     >>> facts(distance=0.8)["lost in a snap"]
@@ -371,6 +416,8 @@ def facts(*, length: float = 1.0, stiffness: float = 1.0, distance: float, **_: 
     of, unit = family(length, distance), stiffness / length
     ends = rods(*of.at(of.fold * np.array([-1.0, 1.0])))
     before, after = unit * np.abs(ends.moment)
-    return {"snaps at": f"±{np.degrees(of.fold):.3f}°",
-            "holding moment": f"{before:.4g} N m before a snap, {after:.4g} N m after it",
-            "lost in a snap": f"{unit * drop(of):.4g} J of {unit * ends.energy[0]:.4g} J"}
+    return {
+        "snaps at": f"±{np.degrees(of.fold):.3f}°",
+        "holding moment": f"{before:.4g} N m before a snap, {after:.4g} N m after it",
+        "lost in a snap": f"{unit * drop(of):.4g} J of {unit * ends.energy[0]:.4g} J",
+    }

@@ -15,8 +15,10 @@ from scipy.integrate import DOP853
 from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.elastica import stiff
 
-RK4 = (np.array([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], float),
-       np.array([1, 2, 2, 1]) / 6.0)
+RK4 = (
+    np.array([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], float),
+    np.array([1, 2, 2, 1]) / 6.0,
+)
 SCHEMES = {"rk4": RK4, "dop853": (DOP853.A[:12, :12], DOP853.B)}
 
 
@@ -40,11 +42,20 @@ class ShotRods:
 
 
 def integrate(
-    n_x: ArrayLike, n_y: ArrayLike, m0: ArrayLike, *,
-    theta0: ArrayLike = 0.0, x0: float = 0.0, y0: float = 0.0,
-    weight_x: float = 0.0, weight_y: float = 0.0,
-    length: float = 1.0, stiffness: float = 1.0,
-    nodes: int | Array = 41, scheme: str = "dop853", slopes: bool = False,
+    n_x: ArrayLike,
+    n_y: ArrayLike,
+    m0: ArrayLike,
+    *,
+    theta0: ArrayLike = 0.0,
+    x0: float = 0.0,
+    y0: float = 0.0,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    nodes: int | Array = 41,
+    scheme: str = "dop853",
+    slopes: bool = False,
 ) -> ShotRods:
     r"""Rods from clamp to tip with load n on the tip and moment m0 at the clamp.
 
@@ -100,16 +111,26 @@ def integrate(
         force[0, 1] = force[1, 2] = state[1, 3] = state[0, 4] = 1.0
     weight = np.zeros((2, width) + (1,) * fx.ndim)
     weight[:, 0] = np.reshape((weight_x, weight_y), (2,) + (1,) * fx.ndim)
-    path = march(lambda at, z: _slope(z, force + weight * (length - at), stiffness), state, s,
-                 scheme)
+    path = march(
+        lambda at, z: _slope(z, force + weight * (length - at), stiffness), state, s, scheme
+    )
     theta, moment, x, y = np.moveaxis(path[:, :, 0], 1, 0)
     return ShotRods(s, theta, moment, x, y, path[:, :, 1:])
 
 
 def from_tip(
-    n_x: ArrayLike, n_y: ArrayLike, theta: ArrayLike, moment: ArrayLike = 0.0, *,
-    weight_x: float = 0.0, weight_y: float = 0.0, length: float = 1.0, stiffness: float = 1.0,
-    nodes: int | Array = 41, scheme: str = "dop853", slopes: bool = False,
+    n_x: ArrayLike,
+    n_y: ArrayLike,
+    theta: ArrayLike,
+    moment: ArrayLike = 0.0,
+    *,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    nodes: int | Array = 41,
+    scheme: str = "dop853",
+    slopes: bool = False,
 ) -> ShotRods:
     """Rods followed backwards from a tip of known angle [rad], with a moment [N m] on it.
 
@@ -123,9 +144,19 @@ def from_tip(
     (True, True)
     """
     root_x, root_y = np.asarray(n_x) + weight_x * length, np.asarray(n_y) + weight_y * length
-    return integrate(root_x, root_y, -np.asarray(moment, float), theta0=theta,
-                     weight_x=-weight_x, weight_y=-weight_y, length=length, stiffness=stiffness,
-                     nodes=nodes, scheme=scheme, slopes=slopes)
+    return integrate(
+        root_x,
+        root_y,
+        -np.asarray(moment, float),
+        theta0=theta,
+        weight_x=-weight_x,
+        weight_y=-weight_y,
+        length=length,
+        stiffness=stiffness,
+        nodes=nodes,
+        scheme=scheme,
+        slopes=slopes,
+    )
 
 
 def march(rate: Callable[[float, Array], Array], state: Array, s: Array, scheme: str) -> Array:
@@ -168,9 +199,16 @@ class Stability:
 
 
 def stability(
-    n_x: ArrayLike, n_y: ArrayLike, theta: ArrayLike, moment: ArrayLike = 0.0, *,
-    weight_x: float = 0.0, weight_y: float = 0.0,
-    length: float = 1.0, stiffness: float = 1.0, nodes: int = 201,
+    n_x: ArrayLike,
+    n_y: ArrayLike,
+    theta: ArrayLike,
+    moment: ArrayLike = 0.0,
+    *,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    nodes: int = 201,
 ) -> Stability:
     r"""Negative directions of the second variation at an equilibrium, known by its tip.
 
@@ -209,8 +247,18 @@ def stability(
     >>> column.free.tolist(), column.pinned.tolist()
     ([0, 1, 1, 2], [0, 0, 1, 1])
     """
-    rods = from_tip(n_x, n_y, theta, moment, weight_x=weight_x, weight_y=weight_y, length=length,
-                    stiffness=stiffness, nodes=nodes, slopes=True)
+    rods = from_tip(
+        n_x,
+        n_y,
+        theta,
+        moment,
+        weight_x=weight_x,
+        weight_y=weight_y,
+        length=length,
+        stiffness=stiffness,
+        nodes=nodes,
+        slopes=True,
+    )
     field, end = rods.slope[:, 0, 3], rods.slope[-1]
     compliance = end[2:, :2] - end[2:, 3:] * (end[:1, :2] / end[0, 3])
     free = np.sum(np.signbit(field[1:]) != np.signbit(field[:-1]), axis=0)

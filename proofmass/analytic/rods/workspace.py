@@ -64,8 +64,14 @@ class Map:
         return np.isfinite(self.states.vector[..., 0])
 
 
-def spread(start: RodState, first: ArrayLike, second: ArrayLike, *, name: str = "pose",
-           axes: tuple[int, int] = (0, 1)) -> Map:
+def spread(
+    start: RodState,
+    first: ArrayLike,
+    second: ArrayLike,
+    *,
+    name: str = "pose",
+    axes: tuple[int, int] = (0, 1),
+) -> Map:
     r"""Spread a sheet of equilibria from one state over a grid, without jumping.
 
     ::
@@ -106,15 +112,17 @@ def spread(start: RodState, first: ArrayLike, second: ArrayLike, *, name: str = 
     grid = np.asarray(first, float), np.asarray(second, float)
     shape = grid[0].size, grid[1].size
     at = columns(start.assembly, name)[list(axes)]
-    root = tuple(int(np.abs(line - start.vector[i]).argmin()) for line, i in
-                 zip(grid, at, strict=True))
+    root = tuple(
+        int(np.abs(line - start.vector[i]).argmin()) for line, i in zip(grid, at, strict=True)
+    )
     goal = start.part(name).copy()
     goal[list(axes)] = grid[0][root[0]], grid[1][root[1]]
     way = goal[None]
     trail = follow(start, pose=way) if name == "pose" else follow(start, inputs=way)
     if trail.why:
-        raise ValueError(f"the start cannot be followed to the grid's node {goal.tolist()}: "
-                         f"{trail.why}")
+        raise ValueError(
+            f"the start cannot be followed to the grid's node {goal.tolist()}: {trail.why}"
+        )
     vectors = np.full((*shape, start.vector.size), np.nan)
     vectors[root] = trail.last.vector
     front = np.array([root])
@@ -123,8 +131,14 @@ def spread(start: RodState, first: ArrayLike, second: ArrayLike, *, name: str = 
     return Map(name, axes, *grid, RodState(start.assembly, vectors))
 
 
-def _advance(start: RodState, vectors: Array, front: Columns, grid: tuple[Array, Array],
-             at: Columns, name: str) -> Columns:
+def _advance(
+    start: RodState,
+    vectors: Array,
+    front: Columns,
+    grid: tuple[Array, Array],
+    at: Columns,
+    name: str,
+) -> Columns:
     """Solve the neighbours of a front of nodes; the new front."""
     old = np.repeat(front, len(ASIDE), axis=0)
     new = old + np.tile(ASIDE, (len(front), 1))
@@ -141,8 +155,9 @@ def _advance(start: RodState, vectors: Array, front: Columns, grid: tuple[Array,
     return np.unique(new[good], axis=0)
 
 
-def onward(here: RodState, goal: Array, at: Columns, name: str, halvings: int = HALVINGS
-           ) -> tuple[RodState, NDArray[np.bool_]]:
+def onward(
+    here: RodState, goal: Array, at: Columns, name: str, halvings: int = HALVINGS
+) -> tuple[RodState, NDArray[np.bool_]]:
     """States (n,) moved to other values (n, 2) of two columns; and whether on the same sheet.
 
     Where one stride does not do, two halves are tried, and four quarters.
@@ -157,7 +172,9 @@ def onward(here: RodState, goal: Array, at: Columns, name: str, halvings: int = 
     return there, good
 
 
-def stride(here: RodState, goal: Array, at: Columns, name: str) -> tuple[RodState, NDArray[np.bool_]]:
+def stride(
+    here: RodState, goal: Array, at: Columns, name: str
+) -> tuple[RodState, NDArray[np.bool_]]:
     """One stride along the tangent and one correction; and whether it can be trusted."""
     a, scale = here.assembly, sizes(here.assembly)[1]
     free = columns(a, "rods", "inputs" if name == "pose" else "pose")
@@ -170,8 +187,9 @@ def stride(here: RodState, goal: Array, at: Columns, name: str) -> tuple[RodStat
     guess[:, at] = goal
     there, _ = newton(RodState(a, guess), free, STRAY * way)
     good = np.isfinite(there.vector[:, 0])
-    before, after = (determinant(matrix[..., free]) for matrix in (
-        jacobian[good], closure(there[good])[1]))
+    before, after = (
+        determinant(matrix[..., free]) for matrix in (jacobian[good], closure(there[good])[1])
+    )
     good[good] = before * after > 0.0
     return there, good
 
@@ -211,8 +229,13 @@ def _edges(m: Map) -> tuple[RodState, RodState]:
     """Both ends of the edges of a grid within the sheet."""
     v = m.states.vector
     pairs = (v[:-1], v[1:]), (v[:, :-1], v[:, 1:])
-    low, high = (RodState(m.states.assembly, np.concatenate(
-        [pair[end].reshape(-1, v.shape[-1]) for pair in pairs])) for end in (0, 1))
+    low, high = (
+        RodState(
+            m.states.assembly,
+            np.concatenate([pair[end].reshape(-1, v.shape[-1]) for pair in pairs]),
+        )
+        for end in (0, 1)
+    )
     there = np.isfinite(low.vector[:, 0]) & np.isfinite(high.vector[:, 0])
     low, high = low[there], high[there]
     at = columns(m.states.assembly, m.name)[list(m.axes)]
@@ -243,12 +266,21 @@ def sheet(start: RodState, nodes: int) -> Map:
     widest = np.stack([(at - reach).max(axis=1), (at + reach).min(axis=1)])
     window = widest
     for _ in range(FITS):
-        m = spread(start, *(through(x, low, high, nodes) for x, (low, high) in
-                            zip(start.pose, window.T.tolist(), strict=False)))
+        m = spread(
+            start,
+            *(
+                through(x, low, high, nodes)
+                for x, (low, high) in zip(start.pose, window.T.tolist(), strict=False)
+            ),
+        )
         step = (window[1] - window[0]) / (nodes - 1)
         seen = m.states.pose[m.reached][:, :2]
-        fitted = np.stack([np.maximum(widest[0], seen.min(axis=0) - MARGIN * step),
-                           np.minimum(widest[1], seen.max(axis=0) + MARGIN * step)])
+        fitted = np.stack(
+            [
+                np.maximum(widest[0], seen.min(axis=0) - MARGIN * step),
+                np.minimum(widest[1], seen.max(axis=0) + MARGIN * step),
+            ]
+        )
         if LOOSE <= np.prod((fitted[1] - fitted[0]) / (window[1] - window[0])) <= 1.0:
             break
         window = fitted
@@ -272,18 +304,34 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
     """A sheet of poses with what parts it, and how stiff it is where the start belongs to."""
     (edges, torn), (ends, ways) = joined(m), rim(m)
     own = aspect(m, edges, start)
-    lines = (*line(m, loci(m, "direct"), "direct singularity"),
-             *line(m, ends, "inverse singularity"), *posture(start))
-    panels = (Panel(lines, field(m, torn, derivatives(m.states).inverse, "det(dq/dP)", unit),
-                    "Singularities"),
-              Panel(lines, Field(m.first, m.second, stiffness_of(m, own), "least stiffness", "N/m"),
-                    "Stiffness, to the first singularity"))
-    return Chart(("x", "m"), ("y", "m"), panels,
-                 f"Poses that are reached from here: {area(m, ends, ways):.3g} m², of which "
-                 f"{own.sum() / m.reached.sum():.0%} without a singularity on the way. In an "
-                 "inverse singularity some motion of the platform needs infinite rates of the "
-                 "motors; in a direct one it gives way with the motors held. White bands within "
-                 "part inputs: which ones hold a pose depends on the way to it.", alike=True)
+    lines = (
+        *line(m, loci(m, "direct"), "direct singularity"),
+        *line(m, ends, "inverse singularity"),
+        *posture(start),
+    )
+    panels = (
+        Panel(
+            lines,
+            field(m, torn, derivatives(m.states).inverse, "det(dq/dP)", unit),
+            "Singularities",
+        ),
+        Panel(
+            lines,
+            Field(m.first, m.second, stiffness_of(m, own), "least stiffness", "N/m"),
+            "Stiffness, to the first singularity",
+        ),
+    )
+    return Chart(
+        ("x", "m"),
+        ("y", "m"),
+        panels,
+        f"Poses that are reached from here: {area(m, ends, ways):.3g} m², of which "
+        f"{own.sum() / m.reached.sum():.0%} without a singularity on the way. In an "
+        "inverse singularity some motion of the platform needs infinite rates of the "
+        "motors; in a direct one it gives way with the motors held. White bands within "
+        "part inputs: which ones hold a pose depends on the way to it.",
+        alike=True,
+    )
 
 
 def stiffness_of(m: Map, own: NDArray[np.bool_]) -> Array:
@@ -298,8 +346,13 @@ def aspect(m: Map, edges: Columns, start: RodState) -> NDArray[np.bool_]:
     """Nodes of a sheet that no singularity parts from the one it began at."""
     sign = np.sign(derivatives(m.states).direct_determinant).ravel()
     at = start.vector[columns(start.assembly, m.name)[list(m.axes)]]
-    root = np.ravel_multi_index([int(np.abs(values - x).argmin()) for values, x in
-                                 zip((m.first, m.second), at, strict=True)], m.reached.shape)
+    root = np.ravel_multi_index(
+        [
+            int(np.abs(values - x).argmin())
+            for values, x in zip((m.first, m.second), at, strict=True)
+        ],
+        m.reached.shape,
+    )
     low, high = edges[sign[edges[:, 0]] == sign[edges[:, 1]]].T
     graph = coo_array((np.ones(low.size), (low, high)), (sign.size, sign.size))
     parts = connected_components(graph, directed=False)[1]
@@ -312,8 +365,12 @@ def joined(m: Map) -> tuple[Columns, NDArray[np.bool_]]:
     A sheet that lies over itself shows one part, then another: it is torn between them.
     """
     number = np.arange(m.reached.size).reshape(m.reached.shape)
-    ends = np.concatenate([np.stack([number[:-1], number[1:]], axis=-1).reshape(-1, 2),
-                           np.stack([number[:, :-1], number[:, 1:]], axis=-1).reshape(-1, 2)])
+    ends = np.concatenate(
+        [
+            np.stack([number[:-1], number[1:]], axis=-1).reshape(-1, 2),
+            np.stack([number[:, :-1], number[:, 1:]], axis=-1).reshape(-1, 2),
+        ]
+    )
     ends = ends[m.reached.ravel()[ends].all(axis=1)]
     at = columns(m.states.assembly, m.name)[list(m.axes)]
     flat, good = m.states.vector.reshape(m.reached.size, -1), np.zeros(len(ends), bool)
@@ -340,8 +397,14 @@ def rim(m: Map) -> tuple[RodState, Columns]:
     out = ~padded[tuple((nodes + ways + 1).T)]
     nodes, ways = nodes[out], ways[out]
     border = (nodes + ways < 0) | (nodes + ways >= m.reached.shape)
-    step = np.stack([np.mean(np.diff(m.first)) * ways[:, 0], np.mean(np.diff(m.second)) * ways[:, 1]
-                     ], axis=1) * ~border / 2.0
+    step = (
+        np.stack(
+            [np.mean(np.diff(m.first)) * ways[:, 0], np.mean(np.diff(m.second)) * ways[:, 1]],
+            axis=1,
+        )
+        * ~border
+        / 2.0
+    )
     at = columns(m.states.assembly, m.name)[list(m.axes)]
     last = RodState(m.states.assembly, m.states.vector[tuple(nodes.T)])
     for _ in range(TRIES):
@@ -362,11 +425,15 @@ def area(m: Map, ends: RodState, ways: Columns) -> float:
 
 
 def line(m: Map, points: RodState, text: str) -> tuple[ChartLine, ...]:
-    """Points on lines of a grid, joined two by two across its cells; nothing where there are none.
-    """
+    """Points on lines of a grid, joined two by two across its cells; nothing if there are none."""
     at = columns(points.assembly, m.name)[list(m.axes)]
-    place = np.stack([np.interp(points.vector[:, i], values, np.arange(values.size))
-                      for i, values in zip(at, (m.first, m.second), strict=True)], axis=1)
+    place = np.stack(
+        [
+            np.interp(points.vector[:, i], values, np.arange(values.size))
+            for i, values in zip(at, (m.first, m.second), strict=True)
+        ],
+        axis=1,
+    )
     on = np.abs(place - place.round()) < ON_LINE
     low = np.where(on, place.round() - 1.0, np.floor(place)).astype(int)
     cells: dict[tuple[int, ...], list[int]] = {}
@@ -374,8 +441,9 @@ def line(m: Map, points: RodState, text: str) -> tuple[ChartLine, ...]:
         for cell in (low[i], low[i] + on[i]):
             cells.setdefault(tuple(cell.tolist()), []).append(int(i))
     pairs = np.array([pair for pair in cells.values() if len(pair) == 2], int).reshape(-1, 2)
-    xy = np.pad(points.vector[:, at][pairs], ((0, 0), (0, 1), (0, 0)),
-                constant_values=np.nan).reshape(-1, 2)
+    xy = np.pad(
+        points.vector[:, at][pairs], ((0, 0), (0, 1), (0, 0)), constant_values=np.nan
+    ).reshape(-1, 2)
     return (ChartLine(xy[:, 0], xy[:, 1], text),) if len(xy) else ()
 
 
@@ -385,7 +453,9 @@ def posture(s: RodState) -> tuple[ChartLine, ChartLine]:
     pins = s.pose @ [1.0, 1.0j, 0.0][: s.pose.size] + np.exp(1j * s.pose[-1]) * s.assembly.arm
     z = np.concatenate([x + 1j * y, pins[:, None], np.full((len(x), 1), np.nan)], axis=1).ravel()
     z, clamp = np.concatenate([z, pins, pins[:1]]), clamps(s)[1]
-    return ChartLine(z.real, z.imag, "here"), ChartLine(clamp.real, clamp.imag, "clamps", points=True)
+    return ChartLine(z.real, z.imag, "here"), ChartLine(
+        clamp.real, clamp.imag, "clamps", points=True
+    )
 
 
 def field(m: Map, torn: NDArray[np.bool_], matrix: Array, name: str, unit: str) -> Field:

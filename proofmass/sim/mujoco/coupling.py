@@ -57,11 +57,11 @@ def constraint_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
         return np.zeros((0, model.nv))
     if not mujoco.mj_isSparse(model):
         # rows of what turned out to move nothing are left at its end
-        return np.asarray(data.efc_J).ravel()[:data.nefc * model.nv].reshape(data.nefc, model.nv)
+        return np.asarray(data.efc_J).ravel()[: data.nefc * model.nv].reshape(data.nefc, model.nv)
     dense = np.zeros((data.nefc, model.nv))
     values, columns = data.efc_J.ravel(), data.efc_J_colind.ravel()
     for k, (first, n) in enumerate(zip(data.efc_J_rowadr, data.efc_J_rownnz, strict=True)):
-        dense[k, columns[first:first + n]] = values[first:first + n]
+        dense[k, columns[first : first + n]] = values[first : first + n]
     return dense
 
 
@@ -70,8 +70,9 @@ def tendon_bodies(model: mujoco.MjModel) -> list[list[int]]:
     found = []
     for first, n in zip(model.tendon_adr, model.tendon_num, strict=True):
         bodies = []
-        for kind, k in zip(model.wrap_type[first:first + n], model.wrap_objid[first:first + n],
-                           strict=True):
+        for kind, k in zip(
+            model.wrap_type[first : first + n], model.wrap_objid[first : first + n], strict=True
+        ):
             if kind == WRAP.mjWRAP_JOINT:
                 bodies.append(int(model.jnt_bodyid[k]))
             elif kind == WRAP.mjWRAP_SITE:
@@ -88,16 +89,25 @@ def actuator_bodies(model: mujoco.MjModel) -> list[list[int]]:
     One on a tendon acts where the tendon does, one on a joint or a body on a single tree.
     """
     two = (mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
-    return [model.site_bodyid[sites].tolist()
-            for kind, sites in zip(model.actuator_trntype, model.actuator_trnid, strict=True)
-            if int(kind) in two and min(sites) >= 0]
+    return [
+        model.site_bodyid[sites].tolist()
+        for kind, sites in zip(model.actuator_trntype, model.actuator_trnid, strict=True)
+        if int(kind) in two and min(sites) >= 0
+    ]
 
 
 def flex_bodies(model: mujoco.MjModel) -> list[list[int]]:
     """The bodies that carry each flex."""
-    return [[*model.flex_vertbodyid[v:v + m].tolist(), *model.flex_nodebodyid[a:a + n].tolist()]
-            for v, m, a, n in zip(model.flex_vertadr, model.flex_vertnum, model.flex_nodeadr,
-                                  model.flex_nodenum, strict=True)]
+    return [
+        [*model.flex_vertbodyid[v : v + m].tolist(), *model.flex_nodebodyid[a : a + n].tolist()]
+        for v, m, a, n in zip(
+            model.flex_vertadr,
+            model.flex_vertnum,
+            model.flex_nodeadr,
+            model.flex_nodenum,
+            strict=True,
+        )
+    ]
 
 
 def join(joined: np.ndarray, trees: np.ndarray) -> None:

@@ -89,12 +89,26 @@ def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if run.drives:
         rows = record.rows
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
-    return Curves(run.x, record.curves(), missing, drive=state, gap=gap, seconds=seconds,
-                  steps=times.size - 1, settings=stepped_with(model))
+    return Curves(
+        run.x,
+        record.curves(),
+        missing,
+        drive=state,
+        gap=gap,
+        seconds=seconds,
+        steps=times.size - 1,
+        settings=stepped_with(model),
+    )
 
 
-def step_through(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, torque: Array,
-                 instant: Array, dofs: NDArray[np.int32]) -> None:
+def step_through(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    record: Recorder,
+    torque: Array,
+    instant: Array,
+    dofs: NDArray[np.int32],
+) -> None:
     """Step over all samples; `torque` (intervals, steps, drives) has what each step applies.
 
     A forward pass at a sample applies the `instant` torque, which is the law's own there; a step
@@ -143,8 +157,11 @@ def check(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, times: A
         raise Diverged(f"{warning}; lost at {when}")
     if not finite.all():
         k = int(np.argmin(finite))
-        raise Diverged(f"not finite at {when}" if not np.isfinite(pose[k]).all()
-                       else f"a loop came open by {gaps[k]:.3g} m at {when}")
+        raise Diverged(
+            f"not finite at {when}"
+            if not np.isfinite(pose[k]).all()
+            else f"a loop came open by {gaps[k]:.3g} m at {when}"
+        )
     return float(gaps.max(initial=0.0))
 
 
@@ -175,8 +192,13 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     rows[-1] = data.sensordata
     seconds = time.perf_counter() - began
     check_finite(data, rows, run.x)
-    return Curves(run.x, channels(model, rows), seconds=seconds, steps=count * (run.x.size - 1),
-                  settings=stepped_with(model))
+    return Curves(
+        run.x,
+        channels(model, rows),
+        seconds=seconds,
+        steps=count * (run.x.size - 1),
+        settings=stepped_with(model),
+    )
 
 
 def check_finite(data: mujoco.MjData, rows: Array, times: Array) -> None:

@@ -91,8 +91,10 @@ def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> Non
     if gaps.size and not gaps.max() <= NOT_ASSEMBLED * model.stat.extent:
         loops = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT]
         name = model.equality(loops[int(gaps.argmax())]).name
-        raise BadModel(f"start pose of key {key!r} is not assembled: loop {name!r} is open by "
-                       f"{gaps.max():.3g} m")
+        raise BadModel(
+            f"start pose of key {key!r} is not assembled: loop {name!r} is open by "
+            f"{gaps.max():.3g} m"
+        )
 
 
 class Mujoco(Engine):

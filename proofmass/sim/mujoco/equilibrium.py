@@ -116,8 +116,10 @@ class LimitedJoints:
         joints = np.flatnonzero(model.jnt_limited & ~np.isin(model.jnt_dofadr, driven))
         for j in joints:
             if model.jnt_type[j] not in COVERED:
-                raise Unsupported(f"range of joint {model.joint(j).name!r} in a sweep with freedoms"
-                                  " left; ranges of hinges and slides are covered")
+                raise Unsupported(
+                    f"range of joint {model.joint(j).name!r} in a sweep with freedoms"
+                    " left; ranges of hinges and slides are covered"
+                )
         self.names = [model.joint(j).name for j in joints]
         self.dofs, self.adr = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
         self.low, self.high = model.jnt_range[joints].T
@@ -158,7 +160,7 @@ class LimitedJoints:
         on = self.side != 0
         state = self.beyond(pose[self.adr] + move[self.dofs])
         state[on] = self.side[on]
-        pull = self.side[on] * pushes[pushes.size - on.sum():]
+        pull = self.side[on] * pushes[pushes.size - on.sum() :]
         state[np.flatnonzero(on)[pull > PULLS * scale]] = 0
         wrong = np.flatnonzero(state != self.side)[: None if turn < BLOCKS else 1]
         self.side[wrong] = state[wrong]
@@ -207,8 +209,14 @@ class Resting(Linkage):
     The start pose is no further from it than `far`.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...],
-                 free: int, far: float = FAR):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        joints: tuple[str, ...],
+        free: int,
+        far: float = FAR,
+    ):
         super().__init__(model, data, joints)
         for field, what in REFUSED.items():
             if getattr(model, field).any():
@@ -323,14 +331,18 @@ class Resting(Linkage):
             self.stiffness = self.lagrangian(pushes[: gap.size])
         for turn in range(self.stops.turns):
             past, bars = self.stops.held(pose)
-            self.balance = Balance(np.vstack([jacobian, self.units, bars]),
-                                   np.concatenate([gap, pose[self.adr] - values, past]),
-                                   force, self.stiffness)
+            self.balance = Balance(
+                np.vstack([jacobian, self.units, bars]),
+                np.concatenate([gap, pose[self.adr] - values, past]),
+                force,
+                self.stiffness,
+            )
             if past.size and self.balance.left_open() > CLOSED:
                 raise BadModel(f"the stops of {self.stops.spoken()} are in the way")
             move = self.balance.step(descend)
-            if not self.stops.switch(pose, move, self.balance.pushes(move), np.abs(force).max(),
-                                     turn):
+            if not self.stops.switch(
+                pose, move, self.balance.pushes(move), np.abs(force).max(), turn
+            ):
                 break
         self.driven = slice(gap.size, gap.size + values.size)
         return turn == 0, move

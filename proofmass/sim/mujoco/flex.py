@@ -90,12 +90,12 @@ def fixed(one: Chain) -> int:
 
 def moments(bends: Array) -> Array:
     """Moments of bends [rad], over EI/h."""
-    return np.asarray(2.0 * np.tan(bends / 2) / np.cos(bends / 2)**2)
+    return np.asarray(2.0 * np.tan(bends / 2) / np.cos(bends / 2) ** 2)
 
 
 def tempo(rod: Rod) -> float:
     """sqrt(m L^3 / EI) [s]: how slow it is."""
-    return float(((rod.mass or LIGHT) * rod.length**3 / rod.stiffness)**0.5)
+    return float(((rod.mass or LIGHT) * rod.length**3 / rod.stiffness) ** 0.5)
 
 
 def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
@@ -106,16 +106,25 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
     turn, bodies = np.zeros(9), []
     mujoco.mju_quat2Mat(turn, site.quat)
     for k, s in enumerate(stations(one)):
-        bodies.append(parent.add_body(name=f"{rod.name}.{k}", quat=site.quat,
-                                      pos=site.pos + s * turn[::3]))
+        bodies.append(
+            parent.add_body(name=f"{rod.name}.{k}", quat=site.quat, pos=site.pos + s * turn[::3])
+        )
         if k >= fixed(one):
             free(bodies[-1], rod, one.lengths[-1])
     tip, radius = bodies[-1].add_site(name=f"{rod.name}.tip"), THICK * rod.length
     spec.add_flex(
-        name=rod.name, dim=1, young=4 * rod.stiffness / (np.pi * radius**4), poisson=0.0,
-        radius=radius, damping=CALM * tempo(rod), contype=0, conaffinity=0,
-        vertbody=[body.name for body in bodies], vert=np.zeros(3 * len(bodies)),
-        elem=np.stack([range(len(bodies) - 1), range(1, len(bodies))], axis=1).ravel())
+        name=rod.name,
+        dim=1,
+        young=4 * rod.stiffness / (np.pi * radius**4),
+        poisson=0.0,
+        radius=radius,
+        damping=CALM * tempo(rod),
+        contype=0,
+        conaffinity=0,
+        vertbody=[body.name for body in bodies],
+        vert=np.zeros(3 * len(bodies)),
+        elem=np.stack([range(len(bodies) - 1), range(1, len(bodies))], axis=1).ravel(),
+    )
     spec.add_equality(name=f"{rod.name}.edges", type=mujoco.mjtEq.mjEQ_FLEX, name1=rod.name)
     if rod.end is not None:
         connect(spec, rod.name, tip.name, rod.end)
@@ -126,8 +135,9 @@ def free(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
     body.mass, body.explicitinertial = (rod.mass or LIGHT) * length / rod.length, True
     body.inertia = np.full(3, body.mass * length**2 / 12)
     for name, axis in zip("xyz", np.eye(3), strict=True):
-        body.add_joint(name=f"{body.name}.{name}", type=SLIDE, axis=axis, stiffness=[0, 0, 0],
-                       **PLAIN)
+        body.add_joint(
+            name=f"{body.name}.{name}", type=SLIDE, axis=axis, stiffness=[0, 0, 0], **PLAIN
+        )
 
 
 S = mujoco.mjtSensor
@@ -175,14 +185,23 @@ def rest(path: Path, run: Run) -> Curves:
     for channel, (rod, part) in of_rods(run).items():
         one, shape = poses[rod.name]
         curves[channel] = curve(one, part, shape, run.x)
-    return Curves(run.x, curves, missing, gap=float(record.gaps().max(initial=0.0)),
-                  seconds=time.perf_counter() - began, steps=steps,
-                  settings={**stepped_with(model), "stretch": max(
-                      stretch(one, shape) for one, shape in poses.values())})
+    return Curves(
+        run.x,
+        curves,
+        missing,
+        gap=float(record.gaps().max(initial=0.0)),
+        seconds=time.perf_counter() - began,
+        steps=steps,
+        settings={
+            **stepped_with(model),
+            "stretch": max(stretch(one, shape) for one, shape in poses.values()),
+        },
+    )
 
 
-def recorder(model: mujoco.MjModel, data: mujoco.MjData,
-             run: Run) -> tuple[Recorder, dict[str, str]]:
+def recorder(
+    model: mujoco.MjModel, data: mujoco.MjData, run: Run
+) -> tuple[Recorder, dict[str, str]]:
     """What reads the sensors, and the channels that are not read, with the reason."""
     sensors = tuple(c for c in run.channels if c not in of_rods(run))
     missing = {channel: NO_TURN for channel in sensors if channel.endswith(".angle")}
@@ -248,26 +267,34 @@ def tune(model: mujoco.MjModel, run: Run) -> None:
     configure(model, own | {key: value for key, value in run.settings.items() if key != "flex"})
 
 
-def put(model: mujoco.MjModel, data: mujoco.MjData, bare: mujoco.MjModel, begin: mujoco.MjData,
-        chains: list[Chain]) -> None:
+def put(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bare: mujoco.MjModel,
+    begin: mujoco.MjData,
+    chains: list[Chain],
+) -> None:
     """The model's own joints as they are in `begin`, the rods as arcs that reach their ends."""
-    added = {model.joint(f"{one.rod.name}.{k}.{axis}").id for one in chains
-             for k in range(fixed(one), one.vertices.size) for axis in "xyz"}
+    added = {
+        model.joint(f"{one.rod.name}.{k}.{axis}").id
+        for one in chains
+        for k in range(fixed(one), one.vertices.size)
+        for axis in "xyz"
+    }
     own = [j not in added for j in range(model.njnt)]
     data.qpos[np.repeat(own, np.diff(np.append(model.jnt_qposadr, model.nq)))] = begin.qpos
     bends = start_poses(bare, begin, chains)
     for one in chains:
         turn = np.cumsum([bends.get(name, 0.0) for name in one.names])
         x, y = np.cumsum(one.lengths * [np.cos(turn), np.sin(turn)], axis=1)
-        for k, s in list(enumerate(stations(one)))[fixed(one):]:
+        for k, s in list(enumerate(stations(one)))[fixed(one) :]:
             first = model.joint(f"{one.rod.name}.{k}.x").qposadr[0]
-            data.qpos[first:first + 2] = x[k - 1] - s, y[k - 1]
+            data.qpos[first : first + 2] = x[k - 1] - s, y[k - 1]
 
 
 def pose(data: mujoco.MjData, one: Chain, plane: MotionPlane) -> RodPose:
     """Vertices of a rod's links, their angles, and bends with which EI/h gives the moments."""
-    places = np.array([data.body(f"{one.rod.name}.{k}").xpos
-                       for k in range(one.vertices.size)])
+    places = np.array([data.body(f"{one.rod.name}.{k}").xpos for k in range(one.vertices.size)])
     places[0] = data.site(one.rod.start).xpos
     x, y = plane.flat(np.diff(places, axis=0)).T
     angles = np.unwrap(np.arctan2(y, x))

@@ -16,8 +16,10 @@ from proofmass.sim.protocol import BadModel, Unsupported
 
 EQ = mujoco.mjtEq
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-LIMITS = {"joint": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT),
-          "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)}
+LIMITS = {
+    "joint": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT),
+    "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON),
+}
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
 TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its range
 NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
@@ -58,8 +60,11 @@ class Linkage:
                 word = f"{kind.name[5:].lower()} {model.equality(i).name!r}"
                 raise Unsupported(f"equality <{word}> in a sweep; connect and joint are covered")
             if data.eq_active[i]:
-                spans += [model.stat.extent] * 3 if kind == EQ.mjEQ_CONNECT else [
-                    self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]]]
+                spans += (
+                    [model.stat.extent] * 3
+                    if kind == EQ.mjEQ_CONNECT
+                    else [self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]]]
+                )
         self.spans = np.array([*spans, *self.sizes[self.dofs]])
         self.shares = self.sizes / self.spans[:, None]
 
@@ -70,8 +75,9 @@ class Linkage:
         if not mujoco.mj_isSparse(self.model):
             return data.efc_pos[keep], data.efc_J.reshape(data.nefc, self.model.nv)[keep]
         rows = np.zeros((data.nefc, self.model.nv))
-        mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr,
-                                data.efc_J_colind)
+        mujoco.mju_sparse2dense(
+            rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+        )
         return data.efc_pos[keep], rows[keep]
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
@@ -115,8 +121,10 @@ class Linkage:
         gaps = residual / self.spans[: residual.size]
         if not np.abs(gaps).max(initial=0.0) < CLOSED:
             open_by = loop_gap(self.model, self.data).max(initial=0.0)
-            raise BadModel(f"cannot be assembled at {self.spoken(values)}: "
-                           f"the loop stays open by {open_by:.3g} m")
+            raise BadModel(
+                f"cannot be assembled at {self.spoken(values)}: "
+                f"the loop stays open by {open_by:.3g} m"
+            )
         self.inverse = self.invert(jacobian)
         return self.inverse[:, residual.size :]
 
@@ -142,8 +150,10 @@ class Linkage:
             past = (self.data.efc_type == kind) & (self.data.efc_pos < -TOUCHES)
             if past.any():
                 name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
-                raise BadModel(f"{word} {name!r} is beyond its range at "
-                               f"{self.spoken(self.data.qpos[self.adr])}")
+                raise BadModel(
+                    f"{word} {name!r} is beyond its range at "
+                    f"{self.spoken(self.data.qpos[self.adr])}"
+                )
 
     def freedoms(self) -> int:
         """Freedoms left at the present pose when the drives are held."""
@@ -172,7 +182,8 @@ class Linkage:
             raise Unsupported(
                 f"{self.model.nv - rank} degree(s) of freedom left when "
                 f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
-                f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose")
+                f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose"
+            )
         inverse = (right.T / values) @ left.T
         self.lever = float(np.abs(inverse).max())
         return np.asarray(inverse * self.shares.T)
@@ -180,8 +191,12 @@ class Linkage:
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
         mujoco.mj_fwdVelocity(self.model, self.data)
-        drift = [-part for i in range(self.model.neq) if self.data.eq_active[i]
-                 for part in self.row_drift(i, velocity)]
+        drift = [
+            -part
+            for i in range(self.model.neq)
+            if self.data.eq_active[i]
+            for part in self.row_drift(i, velocity)
+        ]
         return np.asarray(self.inverse @ [*drift, *values])
 
     def row_drift(self, i: int, velocity: Array) -> Array:

@@ -64,8 +64,11 @@ def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
     """The id of a named element, or an error that lists the names there are."""
     index = mujoco.mj_name2id(model, kind, name)
     if index < 0:
-        count = {mujoco.mjtObj.mjOBJ_JOINT: model.njnt, mujoco.mjtObj.mjOBJ_KEY: model.nkey,
-                 mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor}[kind]
+        count = {
+            mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
+            mujoco.mjtObj.mjOBJ_KEY: model.nkey,
+            mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
+        }[kind]
         there = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
         raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, there))}")
     return index
@@ -76,13 +79,16 @@ def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
 
     At rest it may be anything between its two bounds, so that no pose and no moment is determined.
     """
-    for word, values, name in (("joint", model.dof_frictionloss, lambda d: model.joint(
-            model.dof_jntid[d]).name), ("tendon", model.tendon_frictionloss,
-                                        lambda t: model.tendon(t).name)):
+    for word, values, name in (
+        ("joint", model.dof_frictionloss, lambda d: model.joint(model.dof_jntid[d]).name),
+        ("tendon", model.tendon_frictionloss, lambda t: model.tendon(t).name),
+    ):
         if values.any():
             first = name(int(np.flatnonzero(values)[0]))
-            raise Unsupported(f"frictionloss of {word} {first!r} in a {kind}: at rest dry friction "
-                              f"is not determined")
+            raise Unsupported(
+                f"frictionloss of {word} {first!r} in a {kind}: at rest dry friction "
+                f"is not determined"
+            )
 
 
 def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
@@ -96,8 +102,10 @@ def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
 
 def is_acceleration(model: mujoco.MjModel, sensor: int) -> bool:
     """Whether a sensor stands for the acceleration of a joint, for which MJCF has none."""
-    return bool(model.sensor_type[sensor] == S.mjSENS_USER
-                and model.sensor_objtype[sensor] == mujoco.mjtObj.mjOBJ_JOINT)
+    return bool(
+        model.sensor_type[sensor] == S.mjSENS_USER
+        and model.sensor_objtype[sensor] == mujoco.mjtObj.mjOBJ_JOINT
+    )
 
 
 class Recorder:
@@ -108,8 +116,9 @@ class Recorder:
     acceleration of the point, with the gravity that MuJoCo adds to it taken off.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, channels: tuple[str, ...],
-                 samples: int):
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, channels: tuple[str, ...], samples: int
+    ):
         if channels and model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
             raise Unsupported('<flag sensor="disable"/>: MuJoCo then leaves all channels at zero')
         self.model = model

@@ -24,9 +24,11 @@ from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled
 from proofmass.sim.program_text import TEMPLATES, escaped
 from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported
 
-IMPOSED = (Imposed("flywheel"),
-           *(Imposed("servo", gain) for gain in (2.0, 1.0, 0.5, 0.2)),
-           *(Imposed("equality", gain) for gain in (0.5, 0.25, 0.1)))
+IMPOSED = (
+    Imposed("flywheel"),
+    *(Imposed("servo", gain) for gain in (2.0, 1.0, 0.5, 0.2)),
+    *(Imposed("equality", gain) for gain in (0.5, 0.25, 0.1)),
+)
 """How a program may impose a motion: by a flywheel on the joint that nothing in the model can
 disturb, with the torque that moves it; by a position servo, of the natural frequency gain / step
 and critically damped; or by an equality that holds the joint at its target, of the time constant
@@ -41,12 +43,22 @@ CARRIED = 1_000_000
 """Bytes of meshes and the like that a program holds; if there are more it reads them by path."""
 WIDE = 100
 """Columns of a program; only what cannot be broken is wider."""
-ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder",
-             "muscle", "adhesion", "dcmotor", "plugin")
+ACTUATORS = (
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
+)
 
 
-def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
-                  ) -> str:
+def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]) -> str:
     """Write a run in time as a program.
 
     Parameters
@@ -76,8 +88,9 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
         written in the file as elements, as those of a replicated body.
     """
     if run.rods:
-        raise Unsupported("a program for a model with rods: MuJoCo writes their links with six "
-                          "digits")
+        raise Unsupported(
+            "a program for a model with rods: MuJoCo writes their links with six digits"
+        )
     model, data = load(path, run)
     ctrl, fresh = data.ctrl.copy(), mujoco.MjData(model)
     count, step = run.steps(model.opt.timestep)
@@ -98,26 +111,43 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     return TEMPLATES.get_template("mujoco.py.jinja").render(
-        head=escaped(head.strip()), model=escaped(model_text(root).strip()), files=files,
-        step=repr(step), per=count, samples=run.x.size, first=repr(float(run.x[0])),
+        head=escaped(head.strip()),
+        model=escaped(model_text(root).strip()),
+        files=files,
+        step=repr(step),
+        per=count,
+        samples=run.x.size,
+        first=repr(float(run.x[0])),
         target=target(drive.kind, moves, by_stage) if run.drives else "",
-        motion=motion.strip() if run.drives else "", joints=json.dumps(list(linkage.joints),
-                                                                   ensure_ascii=False),
-        drive=drive.kind if run.drives else "", steady=not moves,
+        motion=motion.strip() if run.drives else "",
+        joints=json.dumps(list(linkage.joints), ensure_ascii=False),
+        drive=drive.kind if run.drives else "",
+        steady=not moves,
         middle=by_stage,
         parts={name.rpartition(".")[2] for name in recorder.sensors},
-        qpos=listed(data.qpos), qvel=listed(data.qvel), ctrl=ctrl.tolist(),
-        more={name: listed(getattr(data, name).ravel()) for name in MORE
-              if (getattr(data, name) != getattr(fresh, name)).any()},
-        curves={json.dumps(name, ensure_ascii=False): curve_of(recorder, name)
-                for name in recorder.sensors}, **values)
+        qpos=listed(data.qpos),
+        qvel=listed(data.qvel),
+        ctrl=ctrl.tolist(),
+        more={
+            name: listed(getattr(data, name).ravel())
+            for name in MORE
+            if (getattr(data, name) != getattr(fresh, name)).any()
+        },
+        curves={
+            json.dumps(name, ensure_ascii=False): curve_of(recorder, name)
+            for name in recorder.sensors
+        },
+        **values,
+    )
 
 
 def target(kind: str, moves: bool, by_stage: bool) -> str:
     """What a program sets before each step to move its drives; nothing where it need not."""
-    return {"flywheel": "data.qfrc_applied[dofs]" if moves else "",
-            "servo": "" if by_stage else "data.ctrl[-len(DRIVES):]",
-            "equality": "model.eq_data[holds, 0]"}[kind]
+    return {
+        "flywheel": "data.qfrc_applied[dofs]" if moves else "",
+        "servo": "" if by_stage else "data.ctrl[-len(DRIVES):]",
+        "equality": "model.eq_data[holds, 0]",
+    }[kind]
 
 
 def listed(values: Array) -> str:
@@ -125,17 +155,20 @@ def listed(values: Array) -> str:
     numbers = [repr(value) for value in values.tolist()]
     if len(numbers) <= 4:
         return f"[{', '.join(numbers)}]"
-    rows = [", ".join(numbers[k:k + 4]) for k in range(0, len(numbers), 4)]
+    rows = [", ".join(numbers[k : k + 4]) for k in range(0, len(numbers), 4)]
     return "[\n        " + ",\n        ".join(rows) + "]"
 
 
 def expanded(path: Path) -> Element:
-    """The elements of an MJCF with what it includes, without keys, and with whole names of files.
-    """
+    """The elements of an MJCF with what it includes, without keys, with whole names of files."""
     root = read_tree(path)
     include(root, path.parent)
-    folders = {key: value for compiler in root.iter("compiler")
-               for key, value in compiler.attrib.items() if key.endswith("dir")}
+    folders = {
+        key: value
+        for compiler in root.iter("compiler")
+        for key, value in compiler.attrib.items()
+        if key.endswith("dir")
+    }
     for element in root.iter():
         if (file := element.get("file")) is not None:
             own = FOLDERS.get(element.tag, "assetdir")
@@ -153,8 +186,11 @@ def carried(root: Element) -> dict[str, list[str]]:
     """
     readers = [element for element in root.iter() if element.get("file") is not None]
     paths = {str(element.get("file")): Path(str(element.get("file"))) for element in readers}
-    if not paths or any(element.tag not in FOLDERS for element in readers) or sum(
-            path.stat().st_size for path in paths.values()) > CARRIED:
+    if (
+        not paths
+        or any(element.tag not in FOLDERS for element in readers)
+        or sum(path.stat().st_size for path in paths.values()) > CARRIED
+    ):
         return {}
     for compiler in root.iter("compiler"):
         for key in [key for key in compiler.attrib if key.endswith("dir")]:
@@ -178,7 +214,7 @@ def include(parent: Element, folder: Path) -> None:
         if child.tag == "include":
             there = read_tree(folder / child.get("file", ""))
             include(there, folder)
-            parent[place:place + 1] = list(there)
+            parent[place : place + 1] = list(there)
         else:
             include(child, folder)
 
@@ -212,20 +248,27 @@ def broken_line(line: str) -> list[str]:
 
 def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
     """Write the options and the softness of equalities of a compiled model into its elements."""
-    written = {key for path in ("option", "option/flag") for element in root.iterfind(path)
-               for key in element.attrib}
+    written = {
+        key
+        for path in ("option", "option/flag")
+        for element in root.iterfind(path)
+        for key in element.attrib
+    }
     write_options(root, {**options_of(model, written), "timestep": step})
     loops = root.findall("./equality/*")
     if len(loops) != model.neq:
-        raise Unsupported(f"a program for a model with {model.neq} equalities, of which "
-                          f"{len(loops)} are elements of its file")
+        raise Unsupported(
+            f"a program for a model with {model.neq} equalities, of which "
+            f"{len(loops)} are elements of its file"
+        )
     for i, loop in enumerate(loops):
         for key in SOFTNESS:
             loop.set(key, spelled(getattr(model, f"eq_{key}")[i].tolist()))
 
 
-def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
-           ) -> dict[str, Any]:
+def impose(
+    root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
+) -> dict[str, Any]:
     """Write into the elements of a model what moves its driven joints; numbers of the program."""
     joints = [joint_element(root, name) for name in linkage.joints]
     refuse_disabled(linkage.model, drive)
@@ -247,20 +290,30 @@ def impose(root: Element, linkage: Linkage, wheels: Array, step: float, drive: I
         constant = step / drive.gain
         place = section(root, "equality")
         for name in linkage.joints:
-            ElementTree.SubElement(place, "joint", {
-                "name": f"drive of {name}", "joint1": name, "active": "true",
-                "solref": spelled((constant, 1.0)), "solimp": spelled(STIFFEST)})
+            ElementTree.SubElement(
+                place,
+                "joint",
+                {
+                    "name": f"drive of {name}",
+                    "joint1": name,
+                    "active": "true",
+                    "solref": spelled((constant, 1.0)),
+                    "solimp": spelled(STIFFEST),
+                },
+            )
         return {"lead": repr(2.0 * constant * STIFFEST[1])}
-    raise ValueError(f"a drive by {drive.kind!r}; known: "
-                     f"{', '.join(dict.fromkeys(one.kind for one in IMPOSED))}")
+    raise ValueError(
+        f"a drive by {drive.kind!r}; known: {', '.join(dict.fromkeys(one.kind for one in IMPOSED))}"
+    )
 
 
 def refuse_disabled(model: mujoco.MjModel, drive: Imposed) -> None:
     """Raise `Unsupported` for a drive that the model's options switch off."""
     for name in DISABLING.get(drive.kind, ()):
         if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")):
-            raise Unsupported(f'the drive, {drive.kind}, is off: the model has <flag {name}='
-                              f'"disable"/>')
+            raise Unsupported(
+                f'the drive, {drive.kind}, is off: the model has <flag {name}="disable"/>'
+            )
     if drive.kind == "servo" and model.opt.disableactuator & 1:
         raise Unsupported("the drive, servo, is off: the model disables the actuators of group 0")
 
@@ -276,11 +329,16 @@ def refuse_other_servos(linkage: Linkage) -> None:
         joint, first = joint_of(model, a), model.actuator_actadr[a]
         if joint < 0 or model.jnt_dofadr[joint] not in linkage.dofs:
             continue
-        state = data.act[first:first + model.actuator_actnum[a]] if first >= 0 else np.zeros(0)
-        if (model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE
-                or model.actuator_plugin[a] >= 0 or state.any()):
-            raise Unsupported(f"a servo on joint {model.joint(joint).name!r}, which the model's "
-                              f"actuator {model.actuator(a).name!r} pushes as well")
+        state = data.act[first : first + model.actuator_actnum[a]] if first >= 0 else np.zeros(0)
+        if (
+            model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE
+            or model.actuator_plugin[a] >= 0
+            or state.any()
+        ):
+            raise Unsupported(
+                f"a servo on joint {model.joint(joint).name!r}, which the model's "
+                f"actuator {model.actuator(a).name!r} pushes as well"
+            )
 
 
 def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
@@ -288,10 +346,21 @@ def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
     names = {"name": f"drive of {joint}", "joint": joint}
     if not any(root.find(f".//default/{tag}") is not None for tag in ACTUATORS):
         return Element("position", {**names, "kp": spelled(kp), "kv": spelled(kv)})
-    return Element("general", {
-        **names, "gear": "1 0 0 0 0 0", "ctrllimited": "false", "forcelimited": "false",
-        "actlimited": "false", "dyntype": "none", "gaintype": "fixed", "biastype": "affine",
-        "gainprm": spelled((kp, 0, 0)), "biasprm": spelled((0, -kp, -kv))})
+    return Element(
+        "general",
+        {
+            **names,
+            "gear": "1 0 0 0 0 0",
+            "ctrllimited": "false",
+            "forcelimited": "false",
+            "actlimited": "false",
+            "dyntype": "none",
+            "gaintype": "fixed",
+            "biastype": "affine",
+            "gainprm": spelled((kp, 0, 0)),
+            "biasprm": spelled((0, -kp, -kv)),
+        },
+    )
 
 
 def joint_element(root: Element, name: str) -> Element:
@@ -305,8 +374,9 @@ def joint_element(root: Element, name: str) -> Element:
     for joint in root.iterfind(".//worldbody//joint"):
         if joint.get("name") == name:
             return joint
-    raise Unsupported(f"a program whose drive moves joint {name!r}, which is no element of the "
-                      f"file")
+    raise Unsupported(
+        f"a program whose drive moves joint {name!r}, which is no element of the file"
+    )
 
 
 def curve_of(recorder: Recorder, name: str) -> str:
@@ -334,6 +404,9 @@ def curve_of(recorder: Recorder, name: str) -> str:
 
 def combined(axis: Array, first: int) -> str:
     """A component of recorded vectors along an axis, as Python."""
-    parts = [f"{'' if value == 1 else f'{value!r} * '}sensors[:, {first + k}]"
-             for k, value in enumerate(axis.tolist()) if value]
+    parts = [
+        f"{'' if value == 1 else f'{value!r} * '}sensors[:, {first + k}]"
+        for k, value in enumerate(axis.tolist())
+        if value
+    ]
     return " + ".join(parts)

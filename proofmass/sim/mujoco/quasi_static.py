@@ -75,9 +75,17 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     channels = record.curves()
     channels |= drive_moments(model, linkage, record, moments[:done])
     value, rate, acceleration = (part[:, :done] for part in state)
-    return Curves(run.x[:done], channels, missing, drive=(value, rate, acceleration),
-                  gap=float(record.gaps().max()), seconds=seconds, steps=done, stopped=stopped,
-                  derivatives=1 if isinstance(linkage, Resting) else 2)
+    return Curves(
+        run.x[:done],
+        channels,
+        missing,
+        drive=(value, rate, acceleration),
+        gap=float(record.gaps().max()),
+        seconds=seconds,
+        steps=done,
+        stopped=stopped,
+        derivatives=1 if isinstance(linkage, Resting) else 2,
+    )
 
 
 VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -105,11 +113,18 @@ def rest(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     mujoco.mj_forward(model, data)
     record.sample(0)
     curves = record.curves() | drive_moments(
-        model, linkage, record, linkage.holding_moments(tangent)[None])
+        model, linkage, record, linkage.holding_moments(tangent)[None]
+    )
     curves = {name: np.repeat(values, run.x.size) for name, values in curves.items()}
     curves |= shapes(run, lambda one: pose(model, data, one))
-    return Curves(run.x, curves, missing, gap=float(record.gaps().max()),
-                  seconds=time.perf_counter() - began, steps=1)
+    return Curves(
+        run.x,
+        curves,
+        missing,
+        gap=float(record.gaps().max()),
+        seconds=time.perf_counter() - began,
+        steps=1,
+    )
 
 
 def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
@@ -118,6 +133,10 @@ def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
     ahead = data.xmat[links].reshape(-1, 3, 3)[:, :, 0]
     places = np.vstack([data.xpos[links], data.site(f"{one.rod.name}.tip").xpos])
     x, y = find_plane(model, data).flat(ahead).T
-    bends = np.array([data.joint(name).qpos[0] if jointed else 0.0
-                      for name, jointed in zip(one.names, one.jointed, strict=True)])
+    bends = np.array(
+        [
+            data.joint(name).qpos[0] if jointed else 0.0
+            for name, jointed in zip(one.names, one.jointed, strict=True)
+        ]
+    )
     return places, np.arctan2(y, x), bends

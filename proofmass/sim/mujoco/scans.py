@@ -44,7 +44,10 @@ STAGES = {"RK4": 4}  # evaluations in a step, 1 for the others
 IN_SOLREF = "too few steps in solref"
 """What the step alone moves on a scan whose loops get harder with it."""
 SIZES: dict[str, Callable[[Knob], float]] = {
-    "timestep": leading, "solref": leading, "solimp": lambda d: 1.0 - leading(d)}
+    "timestep": leading,
+    "solref": leading,
+    "solimp": lambda d: 1.0 - leading(d),
+}
 LABELS = {"solref": "time constant of loops, solref [s]", "solimp": "1 − solimp"}
 
 
@@ -71,9 +74,14 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     loops = model.neq > 0
 
     def over(integrator: str, soft: int | None) -> Scan:
-        knobs = tuple({"timestep": h, "integrator": integrator,
-                       **(hard(soft * h) if soft else {"defaults": True})}
-                      for h in about.timesteps(STAGES.get(integrator, 1)))
+        knobs = tuple(
+            {
+                "timestep": h,
+                "integrator": integrator,
+                **(hard(soft * h) if soft else {"defaults": True}),
+            }
+            for h in about.timesteps(STAGES.get(integrator, 1))
+        )
         held = f", solref {soft} steps" if soft else ", default softness"
         return Scan(f"{title} {integrator}{held * loops}", "timestep", knobs)
 
@@ -82,8 +90,12 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     plain: dict[str, Knob] = {"timestep": own, "integrator": "RK4"}
     if may_touch(model):
         for cone in ("pyramidal", "elliptic"):
-            yield scan_over({**plain, "cone": cone}, f"{at}, {cone} cone, impratio", "impratio",
-                            (1.0, 10.0, 100.0))
+            yield scan_over(
+                {**plain, "cone": cone},
+                f"{at}, {cone} cone, impratio",
+                "impratio",
+                (1.0, 10.0, 100.0),
+            )
     if may_touch(model) or rubs(model):
         yield scan_over(plain, f"{at}, noslip_iterations", "noslip_iterations", (1, 3, 10, 30))
     if not loops:
@@ -91,18 +103,35 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     yield from (over(integrator, STEPS_OF_SOLREF) for integrator in INTEGRATORS)
     yield from (over("Euler", 2), over("RK4", 4))
     base = {**plain, **hard(STEPS_OF_SOLREF * own)}
-    yield scan_over(base, f"{at}, solref", "solref",
-                    [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)])
-    yield scan_over({**base, "refsafe": False}, f"{at}, refsafe off, solref", "solref",
-                    [(m * own, 1.0) for m in (1.5, 1.0, 0.75)])  # with it, these would be 2 steps
-    yield scan_over(base, f"{at}, solimp", "solimp",
-                    [(d, d, 0.001) for d in (.9, .99, .999, .9999)])
-    for solver, counts in (("Newton", (1, 2, 4)), ("CG", (1, 2, 4, 8)),
-                           ("PGS", (1, 2, 4, 8, 16, 32, 64))):
-        yield scan_over({**base, "solver": solver, "tolerance": 0.0}, f"{at}, {solver} iterations",
-                        "iterations", counts)
-    yield scan_over({**base, "solver": "CG", "tolerance": 0.0, "warmstart": False},
-                    f"{at}, CG without warm start, iterations", "iterations", (1, 2, 4, 8))
+    yield scan_over(
+        base, f"{at}, solref", "solref", [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)]
+    )
+    yield scan_over(
+        {**base, "refsafe": False},
+        f"{at}, refsafe off, solref",
+        "solref",
+        [(m * own, 1.0) for m in (1.5, 1.0, 0.75)],
+    )  # with it, these would be 2 steps
+    yield scan_over(
+        base, f"{at}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
+    )
+    for solver, counts in (
+        ("Newton", (1, 2, 4)),
+        ("CG", (1, 2, 4, 8)),
+        ("PGS", (1, 2, 4, 8, 16, 32, 64)),
+    ):
+        yield scan_over(
+            {**base, "solver": solver, "tolerance": 0.0},
+            f"{at}, {solver} iterations",
+            "iterations",
+            counts,
+        )
+    yield scan_over(
+        {**base, "solver": "CG", "tolerance": 0.0, "warmstart": False},
+        f"{at}, CG without warm start, iterations",
+        "iterations",
+        (1, 2, 4, 8),
+    )
 
 
 def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
@@ -142,22 +171,36 @@ def causes(knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
         return {**knobs, **changed}
 
     step = known.get("timestep", model.opt.timestep)
-    yield Cause(IN_SOLREF if scaled else STEP,
-                "halving the step" + ", solref as it is" * scaled, but(timestep=step / 2))
+    yield Cause(
+        IN_SOLREF if scaled else STEP,
+        "halving the step" + ", solref as it is" * scaled,
+        but(timestep=step / 2),
+    )
     if not model.neq:
         return
     tau, ratio = known.get("solref", model.eq_solref[0])[:2]
     safe = tau / 2 >= 2 * step  # MuJoCo itself takes no less
-    yield Cause("softness of the loops", "halving solref" if safe else "doubling solref",
-                but(solref=(tau / 2 if safe else 2 * tau, ratio)), safe)
+    yield Cause(
+        "softness of the loops",
+        "halving solref" if safe else "doubling solref",
+        but(solref=(tau / 2 if safe else 2 * tau, ratio)),
+        safe,
+    )
     low, high, *rest = known.get("solimp", model.eq_solimp[0])
     room = 1 - (1 - high) / 2 <= CAP
     factor = 0.5 if room else 2.0
-    yield Cause("softness of the loops, solimp", f"{'halving' if room else 'doubling'} 1 - solimp",
-                but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)), room)
+    yield Cause(
+        "softness of the loops, solimp",
+        f"{'halving' if room else 'doubling'} 1 - solimp",
+        but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
+        room,
+    )
     more = 4 * known.get("iterations", model.opt.iterations)
-    yield Cause("the solver's iterations", "four times as many iterations",
-                but(iterations=more, tolerance=0.0))
+    yield Cause(
+        "the solver's iterations",
+        "four times as many iterations",
+        but(iterations=more, tolerance=0.0),
+    )
 
 
 def recipes(title: str, about: Studied) -> Iterator[Recipe]:
@@ -165,15 +208,17 @@ def recipes(title: str, about: Studied) -> Iterator[Recipe]:
     loops = about.model.neq > 0
 
     def held(integrator: str, soft: int) -> Callable[[float], dict[str, Knob]]:
-        return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0),
-                             "solimp": HARD}
+        return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0), "solimp": HARD}
 
     def by_itself(integrator: str) -> Callable[[float], dict[str, Knob]]:
         return lambda step: {"integrator": integrator, "defaults": True}
 
     for integrator in INTEGRATORS:
-        yield Recipe(f"{title} {integrator}{', default softness' * loops}", by_itself(integrator),
-                     integrator == ENGINE_DEFAULTS["integrator"])
+        yield Recipe(
+            f"{title} {integrator}{', default softness' * loops}",
+            by_itself(integrator),
+            integrator == ENGINE_DEFAULTS["integrator"],
+        )
         if loops:
             for soft in (2, 4, 8):
                 yield Recipe(f"{title} {integrator}, solref {soft} steps", held(integrator, soft))

@@ -20,17 +20,21 @@ def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
     Moments of actuators belong to the pose; limits are the engine's soft ones.
     """
     model = record.model
-    missing = {channel: why for channel, (index, _) in record.sensors.items()
-               if model.sensor_type[index] in LIMITS or is_acceleration(model, index) or (
-                   model.sensor_needstage[index] >= stage
-                   and model.sensor_type[index] not in MOMENTS)}
+    missing = {
+        channel: why
+        for channel, (index, _) in record.sensors.items()
+        if model.sensor_type[index] in LIMITS
+        or is_acceleration(model, index)
+        or (model.sensor_needstage[index] >= stage and model.sensor_type[index] not in MOMENTS)
+    }
     for channel in missing:
         del record.sensors[channel]
     return missing
 
 
-def drive_sensors(model: mujoco.MjModel, linkage: Linkage,
-                  record: Recorder) -> dict[str, tuple[int, float]]:
+def drive_sensors(
+    model: mujoco.MjModel, linkage: Linkage, record: Recorder
+) -> dict[str, tuple[int, float]]:
     """Channels of the force sensors of driven joints: the drive's number, and the motor's gear."""
     dofs, found = linkage.dofs.tolist(), {}
     for channel, (index, _) in record.sensors.items():
@@ -45,19 +49,25 @@ def drive_sensors(model: mujoco.MjModel, linkage: Linkage,
     return found
 
 
-def drive_moments(model: mujoco.MjModel, linkage: Linkage, record: Recorder,
-                  moments: Array) -> dict[str, Array]:
+def drive_moments(
+    model: mujoco.MjModel, linkage: Linkage, record: Recorder, moments: Array
+) -> dict[str, Array]:
     """Holding moments (n, drives) in place of the force sensors of the driven joints."""
-    return {channel: moments[:, drive] / gear
-            for channel, (drive, gear) in drive_sensors(model, linkage, record).items()}
+    return {
+        channel: moments[:, drive] / gear
+        for channel, (drive, gear) in drive_sensors(model, linkage, record).items()
+    }
 
 
 def withhold_drives(model: mujoco.MjModel, linkage: Linkage, record: Recorder) -> dict[str, str]:
     """Take out of a record what flywheels and torques of ideal drives falsify; which, and why."""
     missing = dict.fromkeys(drive_sensors(model, linkage, record), NO_MOMENT)
     if linkage.joints:
-        missing |= {channel: NO_ENERGY for channel, (index, _) in record.sensors.items()
-                    if model.sensor_type[index] == S.mjSENS_E_KINETIC}
+        missing |= {
+            channel: NO_ENERGY
+            for channel, (index, _) in record.sensors.items()
+            if model.sensor_type[index] == S.mjSENS_E_KINETIC
+        }
     for channel in missing:
         del record.sensors[channel]
     return missing

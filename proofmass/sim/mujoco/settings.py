@@ -99,8 +99,10 @@ class MujocoSettings(EngineSettings):
     @classmethod
     def _reference(cls, value: tuple[float, ...]) -> tuple[float, ...]:
         if not (1 <= len(value) <= 2 and (min(value) > 0 or (len(value) == 2 and max(value) <= 0))):
-            raise ValueError("give a time constant [s] and a damping ratio, both positive, or "
-                             "stiffness and damping, both negative")
+            raise ValueError(
+                "give a time constant [s] and a damping ratio, both positive, or "
+                "stiffness and damping, both negative"
+            )
         return value
 
     @field_validator("solimp")
@@ -109,21 +111,28 @@ class MujocoSettings(EngineSettings):
         most = (1.0, 1.0, np.inf, 1.0, np.inf)
         least = (0.0, 0.0, 0.0, 0.0, 1.0)
         if not 1 <= len(value) <= 5 or any(
-                not low <= v <= high for low, v, high in zip(least, value, most, strict=False)):
-            raise ValueError("give up to five numbers: dmin and dmax in [0, 1], width >= 0, "
-                             "midpoint in [0, 1], power >= 1")
+            not low <= v <= high for low, v, high in zip(least, value, most, strict=False)
+        ):
+            raise ValueError(
+                "give up to five numbers: dmin and dmax in [0, 1], width >= 0, "
+                "midpoint in [0, 1], power >= 1"
+            )
         return value
 
 
-ENGINE_DEFAULTS = {key: MujocoSettings.model_fields[key].default
-                   for key in ("timestep", "integrator", "solref", "solimp")}
+ENGINE_DEFAULTS = {
+    key: MujocoSettings.model_fields[key].default
+    for key in ("timestep", "integrator", "solref", "solimp")
+}
 """What ``defaults = True`` puts back."""
 
 
 def named_values(option: str) -> dict[str, int]:
     """The values of an option that has words for them, by their words in small letters."""
-    return {name.partition("_")[2].lower(): value
-            for name, value in PLACES[option].kinds.__members__.items()}
+    return {
+        name.partition("_")[2].lower(): value
+        for name, value in PLACES[option].kinds.__members__.items()
+    }
 
 
 def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
@@ -148,8 +157,11 @@ def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, o
     for key, place in PLACES.items():
         if place.tag == "equality":
             continue
-        value = (not model.opt.disableflags & place.bit if place.tag == "flag"
-                 else getattr(model.opt, key))
+        value = (
+            not model.opt.disableflags & place.bit
+            if place.tag == "flag"
+            else getattr(model.opt, key)
+        )
         if place.kinds:
             value = place.kinds(value).name.partition("_")[2]
         own = spelled(value) == spelled(MujocoSettings.model_fields[key].default)

@@ -33,12 +33,26 @@ FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 def lost(data: mujoco.MjData) -> str:
     """The warning after which MuJoCo went on from a reset pose or with nonsense; empty if none."""
-    return next((f"MuJoCo warning {warning.name[7:].lower()}" for warning in FATAL
-                 if data.warning[warning].number), "")
+    return next(
+        (
+            f"MuJoCo warning {warning.name[7:].lower()}"
+            for warning in FATAL
+            if data.warning[warning].number
+        ),
+        "",
+    )
 
 
-def until_still(model: mujoco.MjModel, data: mujoco.MjData, still: float, *, block: int, most: int,
-                hold: Callable[[], None] = lambda: None, where: str = "") -> int:
+def until_still(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    still: float,
+    *,
+    block: int,
+    most: int,
+    hold: Callable[[], None] = lambda: None,
+    where: str = "",
+) -> int:
     """Step until all speeds are below `still` at two looks in turn; the number of steps.
 
     Parameters
@@ -71,8 +85,10 @@ def until_still(model: mujoco.MjModel, data: mujoco.MjData, still: float, *, blo
             return steps
         before = speed
     joint = model.joint(model.dof_jntid[np.abs(data.qvel).argmax()]).name
-    raise NotSolved(f"not at rest after {steps} steps{where}: joint {joint!r} moves at "
-                    f"{before:.2g} (rad/s or m/s)")
+    raise NotSolved(
+        f"not at rest after {steps} steps{where}: joint {joint!r} moves at "
+        f"{before:.2g} (rad/s or m/s)"
+    )
 
 
 VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -109,9 +125,17 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         record.sample(k)
     seconds = time.perf_counter() - began
     channels = record.curves() | drive_moments(model, linkage, record, moments)
-    return Curves(run.x, channels, missing, (value, rate, acceleration),
-                  float(record.gaps().max(initial=0.0)), seconds, steps,
-                  stepped_with(model), derivatives=0)
+    return Curves(
+        run.x,
+        channels,
+        missing,
+        (value, rate, acceleration),
+        float(record.gaps().max(initial=0.0)),
+        seconds,
+        steps,
+        stepped_with(model),
+        derivatives=0,
+    )
 
 
 def weigh(linkage: Linkage) -> None:
@@ -158,8 +182,15 @@ def calm(linkage: Linkage, values: Array) -> int:
     def hold() -> None:
         data.qpos[linkage.adr], data.qvel[linkage.dofs] = values, 0
 
-    return until_still(linkage.model, data, STILL, block=BLOCK, most=MOST, hold=hold,
-                       where=f" at {linkage.spoken(values)}")
+    return until_still(
+        linkage.model,
+        data,
+        STILL,
+        block=BLOCK,
+        most=MOST,
+        hold=hold,
+        where=f" at {linkage.spoken(values)}",
+    )
 
 
 def holding_moments(linkage: Linkage) -> Array:

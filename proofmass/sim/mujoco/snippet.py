@@ -58,7 +58,7 @@ def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[st
     for key, value in softness.items():
         if {"class", key} & loop.attrib.keys():
             given = value.split()
-            found[key] = " ".join([*given, *loop.get(key, "").split()[len(given):]])
+            found[key] = " ".join([*given, *loop.get(key, "").split()[len(given) :]])
     return found
 
 

@@ -26,24 +26,24 @@ from proofmass.sim.specimens import key, wheel
 def euler(z: float, zeta: float) -> Array:
     """The new velocity, with the damper's force at its end, moves the position."""
     held = 1.0 + 2.0 * zeta * z
-    return np.array([[1.0 - z**2 / held, 1.0 / held], [-z**2 / held, 1.0 / held]])
+    return np.array([[1.0 - z**2 / held, 1.0 / held], [-(z**2) / held, 1.0 / held]])
 
 
 def euler_explicit(z: float, zeta: float) -> Array:
     """The new velocity, with the damper's force at its beginning, moves the position."""
     left = 1.0 - 2.0 * zeta * z
-    return np.array([[1.0 - z**2, left], [-z**2, left]])
+    return np.array([[1.0 - z**2, left], [-(z**2), left]])
 
 
 def discrete(z: float, zeta: float) -> Array:
     """Spring and damper both with their forces at the end of the step."""
     held = 1.0 + 2.0 * zeta * z + z**2
-    return np.array([[1.0 - z**2 / held, 1.0 / held], [-z**2 / held, 1.0 / held]])
+    return np.array([[1.0 - z**2 / held, 1.0 / held], [-(z**2) / held, 1.0 / held]])
 
 
 def rk4(z: float, zeta: float) -> Array:
     """The exponential of the system's matrix to the fourth power."""
-    step = np.array([[0.0, 1.0], [-z**2, -2.0 * zeta * z]])
+    step = np.array([[0.0, 1.0], [-(z**2), -2.0 * zeta * z]])
     a, power = np.eye(2), np.eye(2)
     for k in (1, 2, 3, 4):
         power = power @ step / k
@@ -52,8 +52,11 @@ def rk4(z: float, zeta: float) -> Array:
 
 
 LAWS: dict[StepMap, str] = {  # of the limit of dt omega
-    euler: "2 (ζ + √(1 + ζ²))", euler_explicit: "2 (√(1 + ζ²) − ζ)",
-    rk4: "|R(z (−ζ + i √(1 − ζ²)))| = 1", discrete: "implicit in the spring as well"}
+    euler: "2 (ζ + √(1 + ζ²))",
+    euler_explicit: "2 (√(1 + ζ²) − ζ)",
+    rk4: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
+    discrete: "implicit in the spring as well",
+}
 ONE = (0.0,)
 
 
@@ -63,13 +66,31 @@ def scheme(name: str, step: StepMap, **tried: tuple[float, ...]) -> Scheme:
 
 
 SCHEMES = (
-    scheme("Euler", euler, spring=(0.0, 0.3, 1.0), slide=ONE, chain=(20, 200), pendulum=ONE,
-           swing=(0.05,), fade=(0.05,)),
+    scheme(
+        "Euler",
+        euler,
+        spring=(0.0, 0.3, 1.0),
+        slide=ONE,
+        chain=(20, 200),
+        pendulum=ONE,
+        swing=(0.05,),
+        fade=(0.05,),
+    ),
     scheme("implicit", euler, spring=ONE),
     scheme("implicitfast", euler, spring=(0.0, 0.3, 1.0), whirl=ONE, swing=(0.05,)),
-    scheme("RK4", rk4, spring=(0.0, 0.3, 1.0), slide=ONE, chain=(20,), pendulum=ONE, whirl=ONE,
-           swing=(0.3,), fade=(0.3,)),
-    scheme("discrete", discrete, spring=(0.0, 0.3)))
+    scheme(
+        "RK4",
+        rk4,
+        spring=(0.0, 0.3, 1.0),
+        slide=ONE,
+        chain=(20,),
+        pendulum=ONE,
+        whirl=ONE,
+        swing=(0.3,),
+        fade=(0.3,),
+    ),
+    scheme("discrete", discrete, spring=(0.0, 0.3)),
+)
 
 
 def scheme_of(knobs: Knobs, model: mujoco.MjModel) -> Scheme:
@@ -83,8 +104,16 @@ def specimens() -> Iterator[Specimen]:
     """Springs with explicit damping, velocity servos, and soft loops."""
     for zeta in (0.3, 1.0):
         text = wheel(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
-        yield Specimen(f"spring on a hinge, ζ = {zeta:g}, explicit damping", "Euler", "dt ω",
-                       LAWS[euler_explicit], sprung(text), euler_explicit, zeta, reach=100.0)
+        yield Specimen(
+            f"spring on a hinge, ζ = {zeta:g}, explicit damping",
+            "Euler",
+            "dt ω",
+            LAWS[euler_explicit],
+            sprung(text),
+            euler_explicit,
+            zeta,
+            reach=100.0,
+        )
     yield from servos()
     yield from soft_loops()
 
@@ -113,19 +142,41 @@ def servos() -> Iterator[Specimen]:
 
 def soft_loops() -> Iterator[Specimen]:
     """A constraint is an explicit spring with critical damping, of omega = 1 / timeconst."""
-    for name, step in (("Euler", euler_explicit), ("implicitfast", euler_explicit), ("RK4", rk4),
-                       ("discrete", discrete)):
-        yield Specimen("loop with refsafe off", name, "dt/solref", LAWS[step] + ", ζ = 1",
-                       loop('refsafe="disable"', name), step, 1.0)
-    yield Specimen("loop with refsafe on", "Euler", "dt/solref", "solref is kept to 2 dt",
-                   loop("", "Euler"), theory=inf)
+    for name, step in (
+        ("Euler", euler_explicit),
+        ("implicitfast", euler_explicit),
+        ("RK4", rk4),
+        ("discrete", discrete),
+    ):
+        yield Specimen(
+            "loop with refsafe off",
+            name,
+            "dt/solref",
+            LAWS[step] + ", ζ = 1",
+            loop('refsafe="disable"', name),
+            step,
+            1.0,
+        )
+    yield Specimen(
+        "loop with refsafe on",
+        "Euler",
+        "dt/solref",
+        "solref is kept to 2 dt",
+        loop("", "Euler"),
+        theory=inf,
+    )
 
 
 def loop(flags: str, name: str) -> Stepping:
     """A slide that an equality holds against its weight, stepped by a second at a time."""
-    text = wheel(kind="slide", gravity="1e-3 0 0", flags=flags,
-                 rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>')
+    text = wheel(
+        kind="slide",
+        gravity="1e-3 0 0",
+        flags=flags,
+        rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>',
+    )
 
     def stepped(ratio: float) -> tuple[str, float, dict[str, Knob], str]:
         return text, 1.0, {"integrator": name, "solref": (1.0 / ratio, 1.0)}, "place"
+
     return stepped

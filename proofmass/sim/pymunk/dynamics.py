@@ -77,8 +77,9 @@ def enough(links: Links, poses: Array, left: float) -> int:
     return int(np.ceil(np.log(left) / np.log(share))) if share > 0 else 1
 
 
-def start_motion(links: Links, pose: Array, rate: Array, acceleration: Array
-                 ) -> tuple[Array, Array]:
+def start_motion(
+    links: Links, pose: Array, rate: Array, acceleration: Array
+) -> tuple[Array, Array]:
     """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drives.
 
     Joints without drive start with the keyframe's rates as far as the loops allow.
@@ -90,6 +91,7 @@ def start_motion(links: Links, pose: Array, rate: Array, acceleration: Array
     rate, acceleration : ndarray (drives,)
         Of the drives [rad/s or m/s], [rad/s2 or m/s2].
     """
+
     def held(p: Array) -> Array:
         return bound(links, p)
 
@@ -124,8 +126,9 @@ def _padded(links_only: Array) -> Array:
     return np.append(links_only, np.zeros(3)).reshape(-1, 3)
 
 
-def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
-              drives: Array) -> tuple[Array, Array]:
+def step_back(
+    links: Links, pose: Array, motion: tuple[Array, Array], dt: float, drives: Array
+) -> tuple[Array, Array]:
     """The state one step before the start, as if the engine had been running all along.
 
     Chipmunk meets holds and drives to first order, ``C(x) + dt J(x) v = 0``, so that a moving one
@@ -153,8 +156,11 @@ def step_back(links: Links, pose: Array, motion: tuple[Array, Array], dt: float,
         near = pose + at * velocity + 0.5 * at**2 * acceleration
         before = pose + (at - dt) * velocity + 0.5 * (at - dt) ** 2 * acceleration
         move = dt * (velocity + (at - 0.5 * dt) * acceleration)
-        rest = (bound(links, before + move) - bound(links, before)
-                - along(lambda p: bound(links, p), before, move))
+        rest = (
+            bound(links, before + move)
+            - bound(links, before)
+            - along(lambda p: bound(links, p), before, move)
+        )
         poses.append(close(links, near, value, rest))
     return poses[0], (poses[1] - poses[0]) / dt
 
@@ -170,15 +176,16 @@ def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
     """Step through a run with `per` steps from sample to sample."""
     space, drives, targets, back = prepared(links, run, per, settings)
     record = np.zeros(len(targets), bool)
-    record[::per] = record[per - 1::per] = True
+    record[::per] = record[per - 1 :: per] = True
     buffer = batch.Buffer()
     first = max(SURE, 10 * settings["iterations"])
     step_through(space, settings["timestep"], drives, targets, record, buffer, first)
     return at_samples(*taken(buffer, links), record, per, back)
 
 
-def prepared(links: Links, run: Run, per: int, settings: Settings
-             ) -> tuple[pymunk.Space, list[Motor], Array, Array]:
+def prepared(
+    links: Links, run: Run, per: int, settings: Settings
+) -> tuple[pymunk.Space, list[Motor], Array, Array]:
     """The space one step before the start, its drives, their values after each step (steps,
     drives), and the velocity before the start."""
     space = build(links, settings["iterations"], settings["error_bias"])
@@ -212,8 +219,15 @@ def _one_more(value: Array, acc: Array, dt: float) -> Array:
     return np.vstack([first, value, last])
 
 
-def step_through(space: pymunk.Space, dt: float, drives: list[Motor], targets: Array,
-                 record: Array, buffer: batch.Buffer, first: int) -> None:
+def step_through(
+    space: pymunk.Space,
+    dt: float,
+    drives: list[Motor],
+    targets: Array,
+    record: Array,
+    buffer: batch.Buffer,
+    first: int,
+) -> None:
     """Step once for each row of targets, and append all bodies' state after the marked steps.
 
     The first step, which is marked, takes `first` iterations.
@@ -229,8 +243,7 @@ def step_through(space: pymunk.Space, dt: float, drives: list[Motor], targets: A
                 space.iterations, first = usual, 0
 
 
-def at_samples(pose: Array, velocity: Array, record: Array, per: int,
-               back: Array) -> States:
+def at_samples(pose: Array, velocity: Array, record: Array, per: int, back: Array) -> States:
     """The states at the samples, from the recorded steps and the velocity before the first."""
     place = np.cumsum(record) - 1
     samples = np.arange(0, len(record), per)
@@ -263,8 +276,16 @@ def duration(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
     gap = _checked(links, states[0], run.x)
     curves = {name: unwrapped(name, _curve(links, c, states, dt)) for name, c in channels.items()}
     steps = (len(run.x) - 1) * per + 1
-    return Curves(run.x, curves, {}, _drive_state(links, states, dt), gap,
-                  time.perf_counter() - began, steps, used)
+    return Curves(
+        run.x,
+        curves,
+        {},
+        _drive_state(links, states, dt),
+        gap,
+        time.perf_counter() - began,
+        steps,
+        used,
+    )
 
 
 def _needed(links: Links, pose: Array) -> int:

@@ -175,9 +175,14 @@ def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Ar
         pose = pose - np.append(step, np.zeros(3)).reshape(pose.shape)
     if off > CLOSED:
         missed = _missed(links, best, drives)
-        raise BadModel(f"the loops cannot be closed at {named(links, drives) or 'the start'}" + (
-            f", open by {missed:.2g} m" if missed > CLOSED * links.extent
-            else ": a singular pose before it"))
+        raise BadModel(
+            f"the loops cannot be closed at {named(links, drives) or 'the start'}"
+            + (
+                f", open by {missed:.2g} m"
+                if missed > CLOSED * links.extent
+                else ": a singular pose before it"
+            )
+        )
     return best
 
 
@@ -189,7 +194,7 @@ def named(links: Links, drives: Array) -> str:
 def missing(links: Links, pose: Array, drives: Array) -> Array:
     """How far all that is prescribed is from held (..., rows + drives), of some poses."""
     error = bound(links, pose)
-    error[..., error.shape[-1] - len(drives):] -= drives
+    error[..., error.shape[-1] - len(drives) :] -= drives
     return error
 
 
@@ -199,7 +204,7 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
         return np.inf
     tree = residual(links, pose).size - 2 * len(links.loops)
     weight = 1e4 / links.bounds
-    weight[tree: tree + 2 * len(links.loops)] /= 1e4
+    weight[tree : tree + 2 * len(links.loops)] /= 1e4
     ground = pose[-1:]
 
     def moved(flat: Array) -> Array:
@@ -207,8 +212,13 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
 
     from scipy.optimize import least_squares  # slow to load
 
-    fit = least_squares(lambda flat: weight * missing(links, moved(flat), drives),
-                        pose[:-1].ravel() / links.sizes, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    fit = least_squares(
+        lambda flat: weight * missing(links, moved(flat), drives),
+        pose[:-1].ravel() / links.sizes,
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
+    )
     return float(gaps(links, moved(fit.x)).max())
 
 
@@ -233,8 +243,10 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     """
     table = links.table
     force, moment = _between(links, pose, pull, stops)
-    arms = [turned(pose[..., link, 2], on) @ QUARTER
-            for link, on in ((table.a, table.on_a), (table.b, table.on_b))]
+    arms = [
+        turned(pose[..., link, 2], on) @ QUARTER
+        for link, on in ((table.a, table.on_a), (table.b, table.on_b))
+    ]
     on_a, on_b = (moment + (force * arm).sum(-1) for arm in arms)
     with_a = (force @ QUARTER * apart(table, pose)).sum(-1) * table.slides
     units = np.eye(pose.shape[-2])
@@ -249,8 +261,9 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     return found
 
 
-def _between(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
-             ) -> tuple[Array, Array]:
+def _between(
+    links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
+) -> tuple[Array, Array]:
     """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
     table, slides, rows = links.table, links.table.slides, 2 * len(links.holds)
     efforts = np.zeros((*pose.shape[:-2], len(links.holds)))
@@ -262,8 +275,7 @@ def _between(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...
     signs = np.append([joint.sign for joint in links.joints], np.zeros(len(links.loops)))
     axis = turned(pose[..., table.a, 2], table.axis)
     sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
-    return (np.where(slides[:, None], sliding, held),
-            np.where(slides, held[:, 1], signs * efforts))
+    return (np.where(slides[:, None], sliding, held), np.where(slides, held[:, 1], signs * efforts))
 
 
 NUDGE = 1e-4

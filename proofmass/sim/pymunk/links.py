@@ -135,9 +135,13 @@ class Links:
         """All holds as arrays."""
         holds = self.holds
         axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
-        return HoldTable(np.array([hold.a for hold in holds]), np.array([hold.b for hold in holds]),
-                     np.array([hold.on_a for hold in holds]),
-                     np.array([hold.on_b for hold in holds]), np.array(axes))
+        return HoldTable(
+            np.array([hold.a for hold in holds]),
+            np.array([hold.b for hold in holds]),
+            np.array([hold.on_a for hold in holds]),
+            np.array([hold.on_b for hold in holds]),
+            np.array(axes),
+        )
 
     @cached_property
     def weights(self) -> Array:

@@ -28,8 +28,7 @@ class PymunkSettings(EngineSettings):
 
 
 def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
-    """The links of an MJCF and the settings of a run, as `simulate` has them; it raises the same.
-    """
+    """The links of an MJCF and the settings of a run; raises what `simulate` does."""
     compiled = _compile(model, run)
     links = read_links(compiled, run.start, _driven(compiled, run))
     return links, _settings(run, compiled)
@@ -64,7 +63,9 @@ def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
 def _settings(run: Run, model: mujoco.MjModel) -> Settings:
     given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
     own = given.pop("defaults", False)
-    tuned = {"timestep": float(model.opt.timestep),
-             "iterations": 10 if own else None if run.kind == "duration" else 500,
-             "error_bias": CHIPMUNK_BIAS if own else 0.0}
+    tuned = {
+        "timestep": float(model.opt.timestep),
+        "iterations": 10 if own else None if run.kind == "duration" else 500,
+        "error_bias": CHIPMUNK_BIAS if own else 0.0,
+    }
     return tuned | given

@@ -50,8 +50,9 @@ UNIT = {True: ("rad", "N m"), False: ("m", "N")}
 """Of the coordinate of a hinge or a slide, and of its effort."""
 
 
-def write_program(model: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
-                  ) -> str:
+def write_program(
+    model: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
+) -> str:
     """Write a program that does in pymunk what `proofmass.sim.pymunk.engine.simulate` does.
 
     Parameters
@@ -85,8 +86,9 @@ def write_program(model: Path, run: Run, motion: str, head: str, drive: Imposed 
         See `proofmass.sim.pymunk.engine.simulate`.
     """
     if drive not in IMPOSED:
-        raise ValueError(f"a drive by {drive.kind!r}; known: "
-                         f"{', '.join(one.kind for one in IMPOSED)}")
+        raise ValueError(
+            f"a drive by {drive.kind!r}; known: {', '.join(one.kind for one in IMPOSED)}"
+        )
     if run.kind != "duration":
         raise Unsupported(f"a program that runs a {run.kind} in pymunk: durations only")
     links, settings = read_model(model, run)
@@ -95,21 +97,27 @@ def write_program(model: Path, run: Run, motion: str, head: str, drive: Imposed 
     if drive.kind == "motor":
         for joint in links.drives:
             if joint.hold.axis is not None:
-                raise Unsupported(f"a motor on slide joint '{joint.name}': pymunk has none that "
-                                  f"moves along a line")
+                raise Unsupported(
+                    f"a motor on slide joint '{joint.name}': pymunk has none that "
+                    f"moves along a line"
+                )
     plain = [f"body_{k}_of_{len(links.mass)}" for k in range(len(links.mass) + 1)]
-    taken = {*names_in(_rendered(links, run, settings, motion, head, drive.kind, plain)),
-             *keyword.kwlist} - set(plain)
+    taken = {
+        *names_in(_rendered(links, run, settings, motion, head, drive.kind, plain)),
+        *keyword.kwlist,
+    } - set(plain)
     return _rendered(links, run, settings, motion, head, drive.kind, body_names(links, taken))
 
 
 def names_in(program: str) -> set[str]:
     """All names that stand in a program."""
     tree = list(ast.walk(ast.parse(program)))
-    return {*(node.id for node in tree if isinstance(node, ast.Name)),
-            *(node.arg for node in tree if isinstance(node, ast.arg)),
-            *(node.name for node in tree if isinstance(node, ast.FunctionDef)),
-            *(node.asname or node.name for node in tree if isinstance(node, ast.alias))}
+    return {
+        *(node.id for node in tree if isinstance(node, ast.Name)),
+        *(node.arg for node in tree if isinstance(node, ast.arg)),
+        *(node.name for node in tree if isinstance(node, ast.FunctionDef)),
+        *(node.asname or node.name for node in tree if isinstance(node, ast.alias)),
+    }
 
 
 def body_names(links: Links, taken: Iterable[str]) -> list[str]:
@@ -120,8 +128,10 @@ def body_names(links: Links, taken: Iterable[str]) -> list[str]:
     found: list[str] = []
     for k in range(len(links.mass)):
         body = int(np.flatnonzero(links.of_body == k)[0])
-        name = links.model.body(body).name or links.model.joint(
-            int(links.model.body_jntadr[body])).name
+        name = (
+            links.model.body(body).name
+            or links.model.joint(int(links.model.body_jntadr[body])).name
+        )
         found.append(free_name(name, {*taken, *found}))
     return [*found, free_name("ground", {*taken, *found})]
 
@@ -177,8 +187,18 @@ def summed(terms: Iterable[tuple[float, str]], level: float = 0.0) -> str:
 def wrapped(text: str, first: int = 0, indent: int = 4) -> str:
     """An expression in brackets, without strings in it, broken into lines; tuples remain whole."""
     whole = re.sub(r"(?<!\w)\([^()]*\)", lambda found: found[0].replace(" ", "\0"), text)
-    return fill(whole, WIDE, initial_indent=" " * first, subsequent_indent=" " * indent,
-                break_long_words=False, break_on_hyphens=False).strip().replace("\0", " ")
+    return (
+        fill(
+            whole,
+            WIDE,
+            initial_indent=" " * first,
+            subsequent_indent=" " * indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        .strip()
+        .replace("\0", " ")
+    )
 
 
 def changing(terms: list[tuple[float, str]], level: float) -> str:
@@ -190,8 +210,14 @@ def changing(terms: list[tuple[float, str]], level: float) -> str:
 
 def comment(text: str, indent: int = 0) -> str:
     """A comment in as many lines as it needs."""
-    return fill(text, WIDE, initial_indent=" " * indent + "# ", break_on_hyphens=False,
-                subsequent_indent=" " * indent + "# ", break_long_words=False)
+    return fill(
+        text,
+        WIDE,
+        initial_indent=" " * indent + "# ",
+        break_on_hyphens=False,
+        subsequent_indent=" " * indent + "# ",
+        break_long_words=False,
+    )
 
 
 TEMPLATES.filters["comment"] = comment
@@ -206,36 +232,78 @@ def less(text: str, number: float) -> str:
     return text if number == 0 else f"{text} {'-' if number > 0 else '+'} {digits(abs(number))}"
 
 
-def _rendered(links: Links, run: Run, settings: dict[str, Any], motion: str, head: str,
-              drive: str, names: Sequence[str]) -> str:
+def _rendered(
+    links: Links,
+    run: Run,
+    settings: dict[str, Any],
+    motion: str,
+    head: str,
+    drive: str,
+    names: Sequence[str],
+) -> str:
     writer = Writer(links, tuple(names))
     per, dt = run.steps(settings["timestep"])
     pose, velocity, _ = start_state(links, run, per, dt)
     space = build(links, settings["iterations"], settings["error_bias"])
     motors = add_drives(space, links)
     parts = list(writer.parts(space))
-    channels = {repr(name): writer.channel(name, channel)
-                for name, channel in find_channels(links, run)[0].items()}
+    channels = {
+        repr(name): writer.channel(name, channel)
+        for name, channel in find_channels(links, run)[0].items()
+    }
     asks_energy = any("value(potential)" in text for text in channels.values())
     potential = writer.potential() if asks_energy else None
-    written = "\n".join([*channels.values(), *(line for part in parts for line in part["lines"]),
-                         *(potential["springs"] if potential else ())])
-    drives = [writer.drive(k, joint, motor, drive)
-              for k, (joint, motor) in enumerate(zip(links.drives, motors, strict=True))]
-    needs = {word for word in ("spring_force", "slid", "kinetic", "unwrapped", "value", "rate",
-                               "acceleration") if re.search(rf"\b{word}\(", written)}
+    written = "\n".join(
+        [
+            *channels.values(),
+            *(line for part in parts for line in part["lines"]),
+            *(potential["springs"] if potential else ()),
+        ]
+    )
+    drives = [
+        writer.drive(k, joint, motor, drive)
+        for k, (joint, motor) in enumerate(zip(links.drives, motors, strict=True))
+    ]
+    needs = {
+        word
+        for word in (
+            "spring_force",
+            "slid",
+            "kinetic",
+            "unwrapped",
+            "value",
+            "rate",
+            "acceleration",
+        )
+        if re.search(rf"\b{word}\(", written)
+    }
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
     needs |= {"ahead"} if drive == "motor" else set()
     return TEMPLATES.get_template("pymunk.py.jinja").render(
         docstring=f'"""{escaped(head).strip()}\n"""\n' if head.strip() else "",
         motion=motion.strip("\n"),
-        dt=digits(dt), iterations=settings["iterations"],
+        dt=digits(dt),
+        iterations=settings["iterations"],
         first=max(SURE, 10 * settings["iterations"]),
-        error_bias=digits(settings["error_bias"]), begin=digits(run.x[0]), end=digits(run.x[-1]),
-        samples=len(run.x), per=per, extent=digits(links.extent), gravity=tupled(links.gravity),
-        bodies=writer.bodies(), ground=names[-1], pulls=writer.pulls(), parts=parts,
-        slides=bool(links.table.slides.any()), drives=drives, needs=needs,
-        start=writer.start(pose, velocity), channels=channels, potential=potential, lost=LOST)
+        error_bias=digits(settings["error_bias"]),
+        begin=digits(run.x[0]),
+        end=digits(run.x[-1]),
+        samples=len(run.x),
+        per=per,
+        extent=digits(links.extent),
+        gravity=tupled(links.gravity),
+        bodies=writer.bodies(),
+        ground=names[-1],
+        pulls=writer.pulls(),
+        parts=parts,
+        slides=bool(links.table.slides.any()),
+        drives=drives,
+        needs=needs,
+        start=writer.start(pose, velocity),
+        channels=channels,
+        potential=potential,
+        lost=LOST,
+    )
 
 
 @dataclass(frozen=True)
@@ -247,11 +315,20 @@ class Writer:
 
     def bodies(self) -> list[dict[str, Any]]:
         """Mass, moment and centre of every link."""
-        columns = zip(self.names, self.links.mass, self.links.moment, self.links.centre,
-                      strict=False)
-        return [{"name": name, "mass": digits(mass), "moment": digits(moment),
-                 "x": digits(x), "y": digits(y), "notes": list(self._notes(k))}
-                for k, (name, mass, moment, (x, y)) in enumerate(columns)]
+        columns = zip(
+            self.names, self.links.mass, self.links.moment, self.links.centre, strict=False
+        )
+        return [
+            {
+                "name": name,
+                "mass": digits(mass),
+                "moment": digits(moment),
+                "x": digits(x),
+                "y": digits(y),
+                "notes": list(self._notes(k)),
+            }
+            for k, (name, mass, moment, (x, y)) in enumerate(columns)
+        ]
 
     def _notes(self, k: int) -> Iterator[str]:
         """What is not as the MJCF has it."""
@@ -261,16 +338,19 @@ class Writer:
         if model.dof_armature[dofs].any():
             yield f"the moment of {self.names[k]} is that with the armature of its hinge"
         if abs(self.links.mass[k] / mass - 1.0) > 1e-12:  # rounding of the sum
-            yield (f"{self.names[k]} has {digits(mass)} kg and is nearly a point mass on a pin of "
-                   f"the ground; its small moment would magnify rounding, so this body has more "
-                   f"mass on a shorter arm, and the same moment about the pin")
+            yield (
+                f"{self.names[k]} has {digits(mass)} kg and is nearly a point mass on a pin of "
+                f"the ground; its small moment would magnify rounding, so this body has more "
+                f"mass on a shorter arm, and the same moment about the pin"
+            )
 
     def pulls(self) -> list[str]:
         """Loads on sites, by body; the last one of a body acts first."""
         found: dict[str, list[str]] = {}
         for pull in self.links.pulls:
             found.setdefault(self.names[pull.link], []).insert(
-                0, f"({tupled(pull.at)}, {tupled(pull.force)}, {digits(pull.moment)})")
+                0, f"({tupled(pull.at)}, {tupled(pull.force)}, {digits(pull.moment)})"
+            )
         return [wrapped(f"pull({body}, {', '.join(loads)})") for body, loads in found.items()]
 
     def parts(self, space: pymunk.Space) -> Iterator[dict[str, Any]]:
@@ -292,8 +372,9 @@ class Writer:
                 yield self._hold(owner, constraint, a, b, [together] if together else [])
                 together = ""
 
-    def _spring(self, joint: LinkJoint, constraint: pymunk.Constraint, a: str, b: str, first: bool
-                ) -> dict[str, Any]:
+    def _spring(
+        self, joint: LinkJoint, constraint: pymunk.Constraint, a: str, b: str, first: bool
+    ) -> dict[str, Any]:
         k, square, cube = joint.stiffness
         unit, effort = UNIT[joint.hold.axis is None]
         own = first and bool(any(joint.stiffness) or joint.damping)
@@ -316,41 +397,57 @@ class Writer:
         text = f"pymunk.{make[0]}({', '.join([a, b, *make[1:], digits(k) if linear else '0.0'])}, "
         lines = [wrapped(f"add({text}{damping}))")]
         if not linear:
-            force = (f"{sign}spring_force({less(value, joint.rest)}, {digits(k)}, "
-                     f"{digits(square)}, {digits(cube)})" if own else digits(load))
+            force = (
+                f"{sign}spring_force({less(value, joint.rest)}, {digits(k)}, "
+                f"{digits(square)}, {digits(cube)})"
+                if own
+                else digits(load)
+            )
             whole = f"spring.{setter}: {force}"
-            lines = [wrapped(f"spring = add({text}{damping}))"), *(
-                [whole] if len(whole) <= WIDE else
-                [f"spring.{setter}: (", f"    {wrapped(force, 4, 8)})"])]
+            lines = [
+                wrapped(f"spring = add({text}{damping}))"),
+                *(
+                    [whole]
+                    if len(whole) <= WIDE
+                    else [f"spring.{setter}: (", f"    {wrapped(force, 4, 8)})"]
+                ),
+            ]
         if not own:
             return {"words": f"{called(joint)}: a load of {joint.load:g} {effort}", "lines": lines}
         poly = "".join(f" + {c:g} x^{n}" for n, c in ((2, square), (3, cube)) if c)
         told = [f"a spring, {k:g} x{poly} [{effort}], x = 0 at {joint.rest:g} {unit}"] * any(
-            joint.stiffness) + [f"a damper, {joint.damping:g} {effort} s/{unit}"] * bool(
-            joint.damping)
+            joint.stiffness
+        ) + [f"a damper, {joint.damping:g} {effort} s/{unit}"] * bool(joint.damping)
         return {"words": f"{called(joint)}: {' and '.join(told)}", "lines": lines}
 
-    def _stop(self, joint: LinkJoint | Hold, stop: pymunk.Constraint, a: str, b: str
-              ) -> dict[str, Any]:
+    def _stop(
+        self, joint: LinkJoint | Hold, stop: pymunk.Constraint, a: str, b: str
+    ) -> dict[str, Any]:
         if isinstance(stop, pymunk.RotaryLimitJoint):
             text = f"pymunk.RotaryLimitJoint({a}, {b}, {digits(stop.min)}, {digits(stop.max)})"
         else:
             assert isinstance(stop, pymunk.SlideJoint)
-            text = (f"pymunk.SlideJoint({a}, {b}, {tupled(stop.anchor_a)}, {tupled(stop.anchor_b)},"
-                    f" {digits(stop.min)}, {digits(stop.max)})")
-        return {"words": f"{called(joint)}: its limits; with an error_bias of 0 it would bounce",
-                "lines": [wrapped(f"space.add({text})")]}
+            text = (
+                f"pymunk.SlideJoint({a}, {b}, {tupled(stop.anchor_a)}, {tupled(stop.anchor_b)},"
+                f" {digits(stop.min)}, {digits(stop.max)})"
+            )
+        return {
+            "words": f"{called(joint)}: its limits; with an error_bias of 0 it would bounce",
+            "lines": [wrapped(f"space.add({text})")],
+        }
 
-    def _hold(self, owner: LinkJoint | Hold, hold: pymunk.Constraint, a: str, b: str,
-              before: list[str]) -> dict[str, Any]:
+    def _hold(
+        self, owner: LinkJoint | Hold, hold: pymunk.Constraint, a: str, b: str, before: list[str]
+    ) -> dict[str, Any]:
         if isinstance(hold, pymunk.PivotJoint):
-            text = (f"pymunk.PivotJoint({a}, {b}, {tupled(hold.anchor_a)}, "
-                    f"{tupled(hold.anchor_b)})")
+            text = f"pymunk.PivotJoint({a}, {b}, {tupled(hold.anchor_a)}, {tupled(hold.anchor_b)})"
             words = f"a pin of {a} and {b}"
         else:
             assert isinstance(hold, pymunk.GrooveJoint)
-            text = (f"pymunk.GrooveJoint({a}, {b}, {tupled(hold.groove_a)}, "
-                    f"{tupled(hold.groove_b)}, {tupled(hold.anchor_b)})")
+            text = (
+                f"pymunk.GrooveJoint({a}, {b}, {tupled(hold.groove_a)}, "
+                f"{tupled(hold.groove_b)}, {tupled(hold.anchor_b)})"
+            )
             words = f"{b} moves along a line of {a}, {REACH:g} EXTENT each way, and does not turn"
         return {"words": f"{called(owner)}: {words}", "lines": [*before, wrapped(f"add({text})")]}
 
@@ -359,19 +456,26 @@ class Writer:
         a, b = self.names[joint.hold.a], self.names[joint.hold.b]
         if isinstance(motor, SlideDrive):
             aims = [f"move = {less(f'values[{k}]', motor.start)}"] + [
-                f"drives[{k}].groove_{end} = " + ", ".join(
-                    summed([(d, "move")], p) for p, d in zip(place, motor.axis, strict=True))
-                for end, place in (("a", motor.left), ("b", motor.right))]
+                f"drives[{k}].groove_{end} = "
+                + ", ".join(
+                    summed([(d, "move")], p) for p, d in zip(place, motor.axis, strict=True)
+                )
+                for end, place in (("a", motor.left), ("b", motor.right))
+            ]
             anchor = at(self.links, joint.hold.b, joint.hold.on_b)
-            make = (f"GrooveJoint({a}, {b}, {tupled(motor.left)}, {tupled(motor.right)}, "
-                    f"{tupled(anchor)})")
+            make = (
+                f"GrooveJoint({a}, {b}, {tupled(motor.left)}, {tupled(motor.right)}, "
+                f"{tupled(anchor)})"
+            )
             words = f"{called(joint)}, by a groove across it that moves along"
         elif kind == "motor":
             assert isinstance(motor, HingeDrive)
             now = summed([(motor.sign, f"ahead({a}, {b})")], motor.start)
-            aims = [f"drives[{k}].rate = (" + (
-                f"{now} - values[{k}]" if motor.sign > 0 else f"values[{k}] - ({now})"
-                ) + ") / TIMESTEP"]
+            aims = [
+                f"drives[{k}].rate = ("
+                + (f"{now} - values[{k}]" if motor.sign > 0 else f"values[{k}] - ({now})")
+                + ") / TIMESTEP"
+            ]
             make = f"SimpleMotor({a}, {b}, 0.0)"
             words = f"{called(joint)}, by a motor: Chipmunk's rate is that of {a} against {b}"
         else:
@@ -384,9 +488,10 @@ class Writer:
 
     def start(self, pose: np.ndarray, velocity: np.ndarray) -> list[dict[str, str]]:
         """Pose and velocity of every link."""
-        return [{"name": name, "pose": ", ".join(map(digits, p)),
-                 "velocity": ", ".join(map(digits, v))}
-                for name, p, v in zip(self.names[:-1], pose[:-1], velocity[:-1], strict=True)]
+        return [
+            {"name": name, "pose": ", ".join(map(digits, p)), "velocity": ", ".join(map(digits, v))}
+            for name, p, v in zip(self.names[:-1], pose[:-1], velocity[:-1], strict=True)
+        ]
 
     def channel(self, name: str, channel: Sensor) -> str:
         """The curve of a channel."""
@@ -395,8 +500,11 @@ class Writer:
             return "kinetic(0.5 * (before + after))"
         if isinstance(function, Level):
             return f"np.full(SAMPLES, {digits(function.value)})"
-        text = "potential" if isinstance(function, Potential) else (
-            f"lambda pose: {self._function(function)}")
+        text = (
+            "potential"
+            if isinstance(function, Potential)
+            else (f"lambda pose: {self._function(function)}")
+        )
         text = f"{('value', 'rate', 'acceleration')[channel.order]}({text})"
         text = f"unwrapped({text})" if name.endswith(".angle") else text
         return wrapped(text, 10 + len(repr(name)), 12)
@@ -406,27 +514,37 @@ class Writer:
         if isinstance(function, Value):
             return self._value(function.joint)
         if isinstance(function, Turn):
-            return changing([(function.share, f"angle(pose, {self.names[function.link]})")],
-                            function.start)
+            return changing(
+                [(function.share, f"angle(pose, {self.names[function.link]})")], function.start
+            )
         assert isinstance(function, PointPlace | Direction)
         kind = "point" if isinstance(function, PointPlace) else "direction"
         at_x, at_y = map(digits, function.local)
         text = f"{kind}(pose, {self.names[function.link]}, {at_x}, {at_y})"
         plane, k = function.plane, function.part
         level = float(function.height * plane.normal[k])
-        return changing([(float(plane.e1[k]), f"{text}[0]"), (float(plane.e2[k]), f"{text}[1]")],
-                        level if abs(level) > ZERO * self.links.extent else 0.0)
+        return changing(
+            [(float(plane.e1[k]), f"{text}[0]"), (float(plane.e2[k]), f"{text}[1]")],
+            level if abs(level) > ZERO * self.links.extent else 0.0,
+        )
 
     def _value(self, joint: LinkJoint) -> str:
         hold, ground = joint.hold, len(self.names) - 1
         if hold.axis is None:
-            turns = [(s * joint.sign, f"angle(pose, {self.names[link]})")
-                     for s, link in ((1.0, hold.b), (-1.0, hold.a)) if link != ground]
+            turns = [
+                (s * joint.sign, f"angle(pose, {self.names[link]})")
+                for s, link in ((1.0, hold.b), (-1.0, hold.a))
+                if link != ground
+            ]
             return summed(turns, joint.value)
-        places = [tupled(at(self.links, link, on))
-                  for link, on in ((hold.a, hold.on_a), (hold.b, hold.on_b))]
-        text = (f"slid(pose, {self.names[hold.a]}, {self.names[hold.b]}, {places[0]}, "
-                f"{places[1]}, {tupled(hold.axis)})")
+        places = [
+            tupled(at(self.links, link, on))
+            for link, on in ((hold.a, hold.on_a), (hold.b, hold.on_b))
+        ]
+        text = (
+            f"slid(pose, {self.names[hold.a]}, {self.names[hold.b]}, {places[0]}, "
+            f"{places[1]}, {tupled(hold.axis)})"
+        )
         return summed([(1.0, text)], joint.value)
 
     def potential(self) -> dict[str, Any]:
@@ -435,15 +553,23 @@ class Writer:
         masses = [(mass, place) for mass, place in weights(self.links) if mass]
         up = float(plane.normal @ model.opt.gravity)
         heavy = bool(self.links.gravity.any())
-        springs = [f"{wrapped(less(self._value(joint), joint.rest), 29, 8)}, "
-                   f"{', '.join(map(digits, joint.stiffness))}"
-                   for joint in self.links.joints if any(joint.stiffness)]
-        return {"words": " and ".join(["gravity"] * heavy + ["springs"] * bool(springs))
-                or "nothing", "springs": springs,
-                "level": digits(-sum(mass * place.height * up for mass, place in masses)),
-                "weights": [f"{self.names[place.link]}, {digits(mass)}, "
-                            f"{', '.join(map(digits, place.local))}"
-                            for mass, place in masses] if heavy else []}
+        springs = [
+            f"{wrapped(less(self._value(joint), joint.rest), 29, 8)}, "
+            f"{', '.join(map(digits, joint.stiffness))}"
+            for joint in self.links.joints
+            if any(joint.stiffness)
+        ]
+        return {
+            "words": " and ".join(["gravity"] * heavy + ["springs"] * bool(springs)) or "nothing",
+            "springs": springs,
+            "level": digits(-sum(mass * place.height * up for mass, place in masses)),
+            "weights": [
+                f"{self.names[place.link]}, {digits(mass)}, {', '.join(map(digits, place.local))}"
+                for mass, place in masses
+            ]
+            if heavy
+            else [],
+        }
 
 
 def called(owner: LinkJoint | Hold) -> str:

@@ -110,8 +110,9 @@ NEAR = 1e-4
 from there is wrong by that share of it, while what the engine calls rest stays what it is."""
 
 
-def toward_rest(links: Links, pose: Array, velocity: Array, dt: float, last: Modes | None = None
-                ) -> tuple[Array, Modes]:
+def toward_rest(
+    links: Links, pose: Array, velocity: Array, dt: float, last: Modes | None = None
+) -> tuple[Array, Modes]:
     """The move (links + 1, 3) that the engine's velocity asks for, and the modes behind it.
 
     From standstill a step gives each free motion of unit mass a velocity of dt times its force; a
@@ -130,8 +131,7 @@ def toward_rest(links: Links, pose: Array, velocity: Array, dt: float, last: Mod
         Those of an earlier pose, used again if it is `NEAR` and holds the same joints on stops.
     """
     beyond = tuple(joint for joint in links.joints if way_back(joint, pose))
-    kept = ~_leaving(links, beyond, pose, velocity, dt,
-                     LEAVES * float(sizes(links, velocity)))
+    kept = ~_leaving(links, beyond, pose, velocity, dt, LEAVES * float(sizes(links, velocity)))
     while True:
         stops = tuple(compress(beyond, kept))
         if last is None or last.stops != stops or sizes(links, pose - last.pose) > NEAR:
@@ -155,8 +155,14 @@ def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -
     return closing + fall / max(1.0, _excess(links, pose, fall))
 
 
-def _leaving(links: Links, beyond: tuple[LinkJoint, ...], pose: Array, velocity: Array, dt: float,
-             least: float = 0.0) -> NDArray[np.bool_]:
+def _leaving(
+    links: Links,
+    beyond: tuple[LinkJoint, ...],
+    pose: Array,
+    velocity: Array,
+    dt: float,
+    least: float = 0.0,
+) -> NDArray[np.bool_]:
     """Which joints beyond their stops move back faster than `sim.pymunk.stops.ease` asks."""
     back = np.array([way_back(joint, pose) for joint in beyond])
     rates = along(lambda p: values(beyond, p), pose, velocity)
@@ -252,8 +258,10 @@ class Held:
             small = change * before <= error * (before - change) or before <= change <= error
             if small:
                 return
-        raise NotSolved(f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
-                        f"{PATIENT} iterations")
+        raise NotSolved(
+            f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
+            f"{PATIENT} iterations"
+        )
 
     def _solve(self) -> None:
         """Let the engine step: the velocity as far as its iterations find it."""
@@ -340,12 +348,14 @@ class Held:
         """The error of a pose that is not what it should be: stops are in the way, or nothing."""
         names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
         if names and self._missed(target):
-            return BadModel(f"joint {', '.join(names)} is on its stop before "
-                            f"{named(self.links, target)}")
+            return BadModel(
+                f"joint {', '.join(names)} is on its stop before {named(self.links, target)}"
+            )
         here = named(self.links, values(self.links.drives, self.pose))
-        return kind(f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
-                    f"{gaps(self.links, self.pose).max():.3g} m"
-                    + (f", {here}" if here else ""))
+        return kind(
+            f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
+            f"{gaps(self.links, self.pose).max():.3g} m" + (f", {here}" if here else "")
+        )
 
     def efforts(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
@@ -391,9 +401,16 @@ def hold(links: Links, settings: Settings) -> Held:
     space = build(links, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
-    return Held(links, space, add_drives(space, links), find_stops(links, space),
-                _step(links, pose), len(moves) > 0, links.pose + _beside(links, moves),
-                settings["iterations"])
+    return Held(
+        links,
+        space,
+        add_drives(space, links),
+        find_stops(links, space),
+        _step(links, pose),
+        len(moves) > 0,
+        links.pose + _beside(links, moves),
+        settings["iterations"],
+    )
 
 
 def _beside(links: Links, moves: Array) -> Array:
@@ -408,10 +425,14 @@ def _step(links: Links, pose: Array) -> float:
 
     Springs count as if wound by a radian or an extent: they may be slack where the sweep begins.
     """
-    wound = [abs(joint.stiffness[0]) * (links.extent if joint.hold.axis is not None else 1.0)
-             for joint in links.joints]
-    force = (np.abs(jacobian(lambda p: values(links.joints, p), pose)).T @ wound
-             + np.abs(jacobian(lambda p: potential(links, p), pose))).reshape(-1, 3)
+    wound = [
+        abs(joint.stiffness[0]) * (links.extent if joint.hold.axis is not None else 1.0)
+        for joint in links.joints
+    ]
+    force = (
+        np.abs(jacobian(lambda p: values(links.joints, p), pose)).T @ wound
+        + np.abs(jacobian(lambda p: potential(links, p), pose))
+    ).reshape(-1, 3)
     pull = force / np.column_stack([links.mass, links.mass, links.moment / links.extent])
     return float(np.sqrt(links.extent / pull.max())) if pull.any() else 1.0
 
@@ -428,8 +449,9 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     if not run.drives:
         raise Unsupported("a sweep without a driven joint")
     began = time.perf_counter()
-    laws = np.array([[curve * np.ones(len(run.x)) for curve in drive.law(run.x)]
-                     for drive in run.drives])  # drives, (value, rate, acceleration), samples
+    laws = np.array(
+        [[curve * np.ones(len(run.x)) for curve in drive.law(run.x)] for drive in run.drives]
+    )  # drives, (value, rate, acceleration), samples
     held = hold(links, settings)
     missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
     if held.free:
@@ -437,18 +459,29 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     wanted = {name: c for name, c in channels.items() if name not in missing}
     read, stopped = _follow(held, laws, {c.order for c in wanted.values()})
     pose, velocity, effort = (np.array(part) for part in zip(*read, strict=True))
-    curves = {name: unwrapped(name, _curve(c, links, pose, velocity, effort))
-              for name, c in wanted.items()}
+    curves = {
+        name: unwrapped(name, _curve(c, links, pose, velocity, effort))
+        for name, c in wanted.items()
+    }
     n = len(pose)
     state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
-    return Curves(run.x[:n], curves, missing, state, float(gaps(links, pose).max()),
-                  time.perf_counter() - began, n,
-                  {"iterations": held.most, "error_bias": settings["error_bias"]},
-                  stopped, derivatives=0 if held.free else 1)
+    return Curves(
+        run.x[:n],
+        curves,
+        missing,
+        state,
+        float(gaps(links, pose).max()),
+        time.perf_counter() - began,
+        n,
+        {"iterations": held.most, "error_bias": settings["error_bias"]},
+        stopped,
+        derivatives=0 if held.free else 1,
+    )
 
 
-def _follow(held: Held, laws: Array, orders: set[int]
-            ) -> tuple[list[tuple[Array, Array, Array]], str]:
+def _follow(
+    held: Held, laws: Array, orders: set[int]
+) -> tuple[list[tuple[Array, Array, Array]], str]:
     """Pose, velocity and efforts at each sample, and why the last ones could not be reached."""
     read: list[tuple[Array, Array, Array]] = []
     for value, rate in zip(laws[:, 0].T, laws[:, 1].T, strict=True):
@@ -494,15 +527,25 @@ def rest(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings
     held.settle(start)
     pose = held.pose
     efforts = held.efforts() if any(c.order == -2 for c in channels.values()) else np.empty(0)
-    curves = {name: np.full(run.x.size, efforts[c.drive] * c.factor if c.order == -2
-                            else c.function(pose))
-              for name, c in channels.items() if c.order in (0, -2)}
+    curves = {
+        name: np.full(
+            run.x.size, efforts[c.drive] * c.factor if c.order == -2 else c.function(pose)
+        )
+        for name, c in channels.items()
+        if c.order in (0, -2)
+    }
     curves = {name: unwrapped(name, curve) for name, curve in curves.items()}
     curves |= shapes(run, lambda one: shape(links, pose, one))
     missing = {name: NO_MOTION for name in channels if name not in curves}
-    return Curves(run.x, curves, missing, gap=float(gaps(links, pose).max()),
-                  seconds=time.perf_counter() - began, steps=1,
-                  settings={"iterations": held.most, "error_bias": settings["error_bias"]})
+    return Curves(
+        run.x,
+        curves,
+        missing,
+        gap=float(gaps(links, pose).max()),
+        seconds=time.perf_counter() - began,
+        steps=1,
+        settings={"iterations": held.most, "error_bias": settings["error_bias"]},
+    )
 
 
 def shape(links: Links, pose: Array, one: Chain) -> RodPose:
@@ -513,8 +556,10 @@ def shape(links: Links, pose: Array, one: Chain) -> RodPose:
     places.append(place(links, pose, bodies[-1], links.data.site_xpos[tip]))
     ahead = links.plane.flat(links.data.xmat[bodies].reshape(-1, 3, 3)[:, :, 0])
     angles = np.arctan2(ahead[:, 1], ahead[:, 0]) + pose[links.of_body[bodies], 2]
-    bends = [joint_value(links.joints[links.model.joint(name).id], pose) if jointed else 0.0
-             for name, jointed in zip(one.names, one.jointed, strict=True)]
+    bends = [
+        joint_value(links.joints[links.model.joint(name).id], pose) if jointed else 0.0
+        for name, jointed in zip(one.names, one.jointed, strict=True)
+    ]
     return np.array(places), angles, np.array(bends, float)
 
 

@@ -14,8 +14,14 @@ from proofmass.sim.pymunk.kinematics import along, joint_value, turned
 from proofmass.sim.pymunk.links import LinkJoint, Links
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
-ORDER = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2,
-         S.mjSENS_FRAMEXAXIS: 0, S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
+ORDER = {
+    S.mjSENS_FRAMEPOS: 0,
+    S.mjSENS_FRAMELINVEL: 1,
+    S.mjSENS_FRAMELINACC: 2,
+    S.mjSENS_FRAMEXAXIS: 0,
+    S.mjSENS_FRAMEANGVEL: 1,
+    S.mjSENS_FRAMEANGACC: 2,
+}
 FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
 PoseFunction = Callable[[Array], Array]
 
@@ -121,8 +127,18 @@ def weights(links: Links) -> list[tuple[float, PointPlace]]:
     model, plane, found = links.model, links.plane, []
     for b in range(1, model.nbody):
         link, point = int(links.of_body[b]), links.data.xipos[b]
-        found.append((float(model.body_mass[b]), PointPlace(
-            plane, link, plane.flat(point) - links.centre[link], float(point @ plane.normal), 0)))
+        found.append(
+            (
+                float(model.body_mass[b]),
+                PointPlace(
+                    plane,
+                    link,
+                    plane.flat(point) - links.centre[link],
+                    float(point @ plane.normal),
+                    0,
+                ),
+            )
+        )
     return found
 
 
@@ -149,12 +165,14 @@ def channel(links: Links, name: str) -> Sensor | str:
     sensor, _, part = name.partition(".")
     names = [model.sensor(i).name for i in range(model.nsensor)]
     if sensor not in names:
-        raise BadModel(f"no sensor '{sensor}' for channel '{name}'; "
-                       f"the model has {', '.join(names) or 'none'}")
+        raise BadModel(
+            f"no sensor '{sensor}' for channel '{name}'; the model has {', '.join(names) or 'none'}"
+        )
     s = names.index(sensor)
     kind, wide = S(int(model.sensor_type[s])), model.sensor_dim[s] > 1
     if part not in (("x", "y", "z", "angle") if wide else ("",)) or (
-            part == "angle" and kind != S.mjSENS_FRAMEXAXIS):
+        part == "angle" and kind != S.mjSENS_FRAMEXAXIS
+    ):
         parts = f"{sensor}.x, .y, .z, or .angle of a framexaxis" if wide else sensor
         raise BadModel(f"no channel '{name}'; use {parts}")
     if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
@@ -187,8 +205,11 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor:
     if joint in links.driven:
         gear = 1.0 if of_joint else gear_of_force(model, obj)
         return Sensor(-2, Level(), links.driven.index(joint), 1.0 / gear)
-    force = links.joints[joint].load if of_joint else float(
-        links.data.actuator_force[model.actuator_outadr[obj]])
+    force = (
+        links.joints[joint].load
+        if of_joint
+        else float(links.data.actuator_force[model.actuator_outadr[obj]])
+    )
     return Sensor(0, Level(force))
 
 
@@ -208,10 +229,12 @@ def _frame(links: Links, s: int, part: str) -> PoseFunction:
 def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
     """Link, point on it, height over the plane and orientation of a sensor's object."""
     model, data, obj = links.model, links.data, links.model.sensor_objid[s]
-    place = {OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
-             OBJ.mjOBJ_GEOM: (model.geom_bodyid, data.geom_xpos, data.geom_xmat),
-             OBJ.mjOBJ_BODY: (np.arange(model.nbody), data.xipos, data.ximat),
-             OBJ.mjOBJ_XBODY: (np.arange(model.nbody), data.xpos, data.xmat)}
+    place = {
+        OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
+        OBJ.mjOBJ_GEOM: (model.geom_bodyid, data.geom_xpos, data.geom_xmat),
+        OBJ.mjOBJ_BODY: (np.arange(model.nbody), data.xipos, data.ximat),
+        OBJ.mjOBJ_XBODY: (np.arange(model.nbody), data.xpos, data.xmat),
+    }
     kind = OBJ(int(model.sensor_objtype[s]))
     if kind not in place:
         raise BadModel(f"sensor '{model.sensor(s).name}': object type {kind.name[6:].lower()}")
@@ -223,12 +246,15 @@ def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
 
 def kinetic(links: Links, velocity: Array) -> Array:
     """Kinetic energy [J] (...) of velocities (..., links + 1, 3)."""
-    return 0.5 * ((velocity[..., :-1, :2] ** 2).sum(-1) @ links.mass
-                  + velocity[..., :-1, 2] ** 2 @ links.moment)
+    return 0.5 * (
+        (velocity[..., :-1, :2] ** 2).sum(-1) @ links.mass
+        + velocity[..., :-1, 2] ** 2 @ links.moment
+    )
 
 
-def moving(function: PoseFunction, order: int, pose: Array, before: Array, after: Array,
-           dt: float) -> Array:
+def moving(
+    function: PoseFunction, order: int, pose: Array, before: Array, after: Array, dt: float
+) -> Array:
     """A function of the pose, or its rate or acceleration, from velocities half a step away.
 
     Second order in dt at every sample: Chipmunk's velocity belongs to the interval between two

@@ -1,5 +1,4 @@
-"""A compiled planar MJCF as links for pymunk; what the rebuild does not cover is refused by name.
-"""
+"""A compiled planar MJCF as links for pymunk; what it does not cover is refused by name."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -16,8 +15,9 @@ from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
 MOST = 1e300  # [kg, kg m2] of a link; what is computed with it stays finite
 
 
-def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
-              count: int) -> tuple[Array, Array, Array]:
+def inertias(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, count: int
+) -> tuple[Array, Array, Array]:
     """Centre, mass and moment of every link; bodies without joints belong to their parent's.
 
     Parameters
@@ -59,8 +59,10 @@ def inertias(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_
     for k in range(count):
         if not (0 < mass[k] < MOST and 0 < moment[k] < MOST):
             name = model.body(int(np.flatnonzero(of_body == k)[0])).name
-            raise BadModel(f"body {name!r}: mass {mass[k]:g} kg, moment of inertia with armature "
-                           f"{moment[k]:g} kg m2; both must be positive and less than {MOST:g}")
+            raise BadModel(
+                f"body {name!r}: mass {mass[k]:g} kg, moment of inertia with armature "
+                f"{moment[k]:g} kg m2; both must be positive and less than {MOST:g}"
+            )
     for k, pin in pins.items():
         _swing(centre, mass, moment, k, pin)
     return centre, mass, moment
@@ -97,8 +99,14 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     Unsupported
         With every reason, each naming its element.
     """
-    reasons = [*_joints(model), *_bodies(model), *_equalities(model),
-               *_actuators(model, driven), *_contacts(model), *_others(model)]
+    reasons = [
+        *_joints(model),
+        *_bodies(model),
+        *_equalities(model),
+        *_actuators(model, driven),
+        *_contacts(model),
+        *_others(model),
+    ]
     if reasons:
         raise Unsupported("; ".join(reasons))
 
@@ -135,7 +143,8 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
         if model.dof_dampingpoly[dof].any():
             yield f"polynomial damping of {name}"
         if model.dof_armature[dof] > 0 and not (
-                grounded and model.jnt_type[j] == JOINT.mjJNT_HINGE):
+            grounded and model.jnt_type[j] == JOINT.mjJNT_HINGE
+        ):
             yield f"armature of {name}, which is not a hinge on the ground"
 
 
@@ -162,13 +171,18 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
         joint = joint_of(model, a)
         if joint in driven:
             continue
-        plain = (model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-                 and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
-                 and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
-                 and not model.actuator_damping[a].any() and not model.actuator_armature[a])
+        plain = (
+            model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
+            and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
+            and not model.actuator_damping[a].any()
+            and not model.actuator_armature[a]
+        )
         if not plain or (joint < 0 and not dead_load(model, a)):
-            yield (f"actuator '{model.actuator(a).name}', which is no motor on a joint, nor on a "
-                   f"site with a refsite of the ground")
+            yield (
+                f"actuator '{model.actuator(a).name}', which is no motor on a joint, nor on a "
+                f"site with a refsite of the ground"
+            )
 
 
 def dead_load(model: mujoco.MjModel, actuator: int) -> bool:
@@ -195,19 +209,32 @@ def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
             a, b = sorted((model.geom_bodyid[g], model.geom_bodyid[h]))
             up = (weld[model.body_parentid[weld[a]]], weld[model.body_parentid[weld[b]]])
             family = parents and ((weld[a] and up[1] == weld[a]) or (weld[b] and up[0] == weld[b]))
-            mask = (model.geom_contype[g] & model.geom_conaffinity[h]
-                    | model.geom_contype[h] & model.geom_conaffinity[g])
-            if mask and weld[a] != weld[b] and not family and (
-                    (a << 16) + b not in model.exclude_signature):
+            mask = (
+                model.geom_contype[g] & model.geom_conaffinity[h]
+                | model.geom_contype[h] & model.geom_conaffinity[g]
+            )
+            if (
+                mask
+                and weld[a] != weld[b]
+                and not family
+                and ((a << 16) + b not in model.exclude_signature)
+            ):
                 yield h, g
 
 
 def _others(model: mujoco.MjModel) -> Iterator[str]:
     yield from (f"tendon '{model.tendon(t).name}'" for t in range(model.ntendon))
-    yield from (what for what, there in {
-        "flex": model.nflex, "plugin": model.nplugin, "plastic joint springs": model.nplastic,
-        "option density": model.opt.density, "option viscosity": model.opt.viscosity}.items()
-        if there)
+    yield from (
+        what
+        for what, there in {
+            "flex": model.nflex,
+            "plugin": model.nplugin,
+            "plastic joint springs": model.nplastic,
+            "option density": model.opt.density,
+            "option viscosity": model.opt.viscosity,
+        }.items()
+        if there
+    )
 
 
 OPEN = 0.05
@@ -241,17 +268,32 @@ def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Link
     plane = find_plane(model, data)
     refuse_gravity(model, plane)
     roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
-    of_body = np.array([len(roots) if w == 0 else int(np.searchsorted(roots, w))
-                        for w in model.body_weldid])
+    of_body = np.array(
+        [len(roots) if w == 0 else int(np.searchsorted(roots, w)) for w in model.body_weldid]
+    )
     centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
     pulls = _pulls(model, data, plane, of_body, centre)
-    joints = tuple(_joint(model, data, plane, of_body, centre, j, j in driven)
-                   for j in range(model.njnt))
+    joints = tuple(
+        _joint(model, data, plane, of_body, centre, j, j in driven) for j in range(model.njnt)
+    )
     loops = _loops(model, data, plane, of_body, centre)
     extent = _extent(joints, loops, centre, model)
     _check_closed(loops, centre, extent, key)
-    return Links(model, data, plane, of_body, centre, mass, moment, joints,
-                 driven, loops, pulls, plane.flat(model.opt.gravity), extent)
+    return Links(
+        model,
+        data,
+        plane,
+        of_body,
+        centre,
+        mass,
+        moment,
+        joints,
+        driven,
+        loops,
+        pulls,
+        plane.flat(model.opt.gravity),
+        extent,
+    )
 
 
 def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
@@ -267,8 +309,15 @@ def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
     return data
 
 
-def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
-           centre: Array, j: int, driven: bool) -> LinkJoint:
+def _joint(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+    j: int,
+    driven: bool,
+) -> LinkJoint:
     body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
     a, b = of_body[model.body_parentid[body]], of_body[body]
     point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
@@ -281,32 +330,50 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_bo
         sign = float(np.sign(data.xaxis[j] @ plane.normal))
         hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
     limited = model.jnt_limited[j] and not driven
-    return LinkJoint(hold.name, hold, float(data.qpos[at]), sign, float(data.qvel[dof]),
-                 _stiffness(model, j), float(model.qpos_spring[at]),
-                 float(model.dof_damping[dof]),
-                 0.0 if driven else _load(model, data, j),
-                 tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None)
+    return LinkJoint(
+        hold.name,
+        hold,
+        float(data.qpos[at]),
+        sign,
+        float(data.qvel[dof]),
+        _stiffness(model, j),
+        float(model.qpos_spring[at]),
+        float(model.dof_damping[dof]),
+        0.0 if driven else _load(model, data, j),
+        tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None,
+    )
 
 
 def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     """What the motors on a joint do, as far as its range of forces lets them."""
-    own = sum(float(data.actuator_force[model.actuator_outadr[a]] * gear_of(model, a)[0])
-              for a in range(model.nactuator) if joint_of(model, a) == j)
+    own = sum(
+        float(data.actuator_force[model.actuator_outadr[a]] * gear_of(model, a)[0])
+        for a in range(model.nactuator)
+        if joint_of(model, a) == j
+    )
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 
-def _pulls(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
-           centre: Array) -> tuple[Pull, ...]:
+def _pulls(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
+) -> tuple[Pull, ...]:
     pulls = []
     for a in filter(partial(dead_load, model), range(model.nactuator)):
         site, frame = model.actuator_trnid[a]
         wrench = data.actuator_force[model.actuator_outadr[a]] * (
-            gear_of(model, a).reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T)
+            gear_of(model, a).reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T
+        )
         refuse_wrench(model, a, wrench, plane)
         link = of_body[model.site_bodyid[site]]
         if link < len(centre) - 1:
-            pulls.append(Pull(link, plane.flat(data.site_xpos[site]) - centre[link],
-                              plane.flat(wrench[0]), float(plane.normal @ wrench[1])))
+            pulls.append(
+                Pull(
+                    link,
+                    plane.flat(data.site_xpos[site]) - centre[link],
+                    plane.flat(wrench[0]),
+                    float(plane.normal @ wrench[1]),
+                )
+            )
     return tuple(pulls)
 
 
@@ -315,8 +382,9 @@ def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
     return float(model.jnt_stiffness[j]), square, cube
 
 
-def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array,
-           centre: Array) -> tuple[Hold, ...]:
+def _loops(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
+) -> tuple[Hold, ...]:
     loops = []
     for e in np.flatnonzero(model.eq_active0):
         ids = (model.eq_obj1id[e], model.eq_obj2id[e])
@@ -326,15 +394,17 @@ def _loops(model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_bo
             bodies = np.array(ids)
             local = model.eq_data[e, :6].reshape(2, 3)
             points = data.xpos[bodies] + np.einsum(
-                "bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), local)
+                "bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), local
+            )
         a, b = of_body[bodies]
         flat = plane.flat(points)
         loops.append(Hold(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b]))
     return tuple(loops)
 
 
-def _extent(joints: tuple[LinkJoint, ...], loops: tuple[Hold, ...], centre: Array,
-            model: mujoco.MjModel) -> float:
+def _extent(
+    joints: tuple[LinkJoint, ...], loops: tuple[Hold, ...], centre: Array, model: mujoco.MjModel
+) -> float:
     """Largest distance between two anchors [m]; between any two points if they all coincide."""
     points = np.array([centre[h.a] + h.on_a for h in (*(j.hold for j in joints), *loops)])
     for cloud in (points, np.vstack([points, centre])):
@@ -348,5 +418,7 @@ def _check_closed(loops: tuple[Hold, ...], centre: Array, extent: float, key: st
     for h in loops:
         gap = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
         if gap > OPEN * extent:
-            raise BadModel(f"start pose of key '{key}' is not assembled: "
-                           f"loop '{h.name}' is open by {gap:.2g} m")
+            raise BadModel(
+                f"start pose of key '{key}' is not assembled: "
+                f"loop '{h.name}' is open by {gap:.2g} m"
+            )

@@ -31,7 +31,9 @@ from proofmass.sim.pymunk.model import CHIPMUNK_BIAS
 CLOSED = (0.003, 0.01, 0.03)
 """Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""
 SIZES: dict[str, Callable[[Knob], float]] = {
-    "timestep": leading, "error_bias": lambda share: -1.0 / log(leading(share))}
+    "timestep": leading,
+    "error_bias": lambda share: -1.0 / log(leading(share)),
+}
 LABELS = {"error_bias": "time constant of the bias [s]"}
 
 
@@ -41,12 +43,17 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     at = f"{title} at {1e3 * own:g} ms"
     free: dict[str, Knob] = {"timestep": own, "error_bias": 0.0}
     yield scan_over(free, f"{title}, no bias", "timestep", steps)
-    yield scan_over({**free, "iterations": 30}, f"{title}, no bias, 30 iterations", "timestep",
-                    steps)
+    yield scan_over(
+        {**free, "iterations": 30}, f"{title}, no bias, 30 iterations", "timestep", steps
+    )
     yield scan_over({"defaults": True}, f"{title}, defaults", "timestep", steps)
     yield scan_over(free, f"{at}, iterations", "iterations", (10, 30, 100, 300, 1000))
-    yield scan_over({"timestep": own}, f"{at}, bias", "error_bias",
-                    [CHIPMUNK_BIAS**k for k in (1, 2, 4, 8, 16, 32)])
+    yield scan_over(
+        {"timestep": own},
+        f"{at}, bias",
+        "error_bias",
+        [CHIPMUNK_BIAS**k for k in (1, 2, 4, 8, 16, 32)],
+    )
 
 
 def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
@@ -68,11 +75,16 @@ def causes(knobs: Knobs, about: Studied) -> Iterator[Cause]:
     yield Cause(STEP, "halving the step", {**knobs, "timestep": step / 2})
     own = known.get("defaults")
     if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
-        yield Cause("bias of the loops", "halving its time constant",
-                    {**knobs, "error_bias": bias**2})
+        yield Cause(
+            "bias of the loops", "halving its time constant", {**knobs, "error_bias": bias**2}
+        )
         kept = {k: v for k, v in known.items() if k not in ("defaults", "iterations")}
-        yield Cause("bias of the loops", "taking it away, with iterations enough for that",
-                    {**kept, "error_bias": 0.0}, whole=True)
+        yield Cause(
+            "bias of the loops",
+            "taking it away, with iterations enough for that",
+            {**kept, "error_bias": 0.0},
+            whole=True,
+        )
     more = 4 * known.get("iterations", 10 if own else MOST // 4)
     yield Cause("the solver's iterations", f"{more} iterations", {**knobs, "iterations": more})
 
@@ -87,14 +99,17 @@ def recipes(title: str) -> Iterator[Recipe]:
     yield Recipe(f"{title}, defaults", lambda step: {"defaults": True}, True)
     yield Recipe(f"{title}, no bias", lambda step: {"error_bias": 0.0})
     for iterations in (1, 3, 10, 30, 100, 300):
+
         def knobs(step: float, iterations: int = iterations) -> dict[str, Knob]:
             return {"error_bias": 0.0, "iterations": iterations}
 
         yield Recipe(f"{title}, no bias, {iterations} iterations", knobs)
     for iterations in (3, 10):
         for share in CLOSED:
-            def biased(step: float, iterations: int = iterations, share: float = share
-                       ) -> dict[str, Knob]:
+
+            def biased(
+                step: float, iterations: int = iterations, share: float = share
+            ) -> dict[str, Knob]:
                 return {"error_bias": left_after(share, step), "iterations": iterations}
 
             yield Recipe(f"{title}, bias {share:g} a step, {iterations} iterations", biased)

@@ -24,4 +24,5 @@ def python(knobs: Knobs, steps: int) -> Iterator[str]:
         f"space.step({knobs['timestep']!r})",
         f"space.iterations = {iterations}",
         f"for _ in range({steps - 1}):",
-        f"    space.step({knobs['timestep']!r})")
+        f"    space.step({knobs['timestep']!r})",
+    )

@@ -17,8 +17,12 @@ from proofmass.sim.pymunk.links import Hold, LinkJoint, Links, Pull
 
 Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
-FIELDS = (batch.BodyFields.POSITION | batch.BodyFields.ANGLE
-          | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY)
+FIELDS = (
+    batch.BodyFields.POSITION
+    | batch.BodyFields.ANGLE
+    | batch.BodyFields.VELOCITY
+    | batch.BodyFields.ANGULAR_VELOCITY
+)
 STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
 """Kinds of constraints that stand for a joint's limits, in the order of the joints."""
 REACH = 100.0
@@ -61,13 +65,16 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     return space
 
 
-def constraints(links: Links, bodies: list[pymunk.Body]
-                ) -> Iterator[tuple[LinkJoint | Hold, pymunk.Constraint]]:
+def constraints(
+    links: Links, bodies: list[pymunk.Body]
+) -> Iterator[tuple[LinkJoint | Hold, pymunk.Constraint]]:
     """All constraints but those of drives, in the solver's order, with the joint or the loop each
     belongs to: springs, loads and stops of a joint, what holds it, then the loops."""
     for joint in links.joints:
-        for constraint in (*_springs(joint, links, bodies),
-                           *_hold(joint.hold, links, bodies, joint)):
+        for constraint in (
+            *_springs(joint, links, bodies),
+            *_hold(joint.hold, links, bodies, joint),
+        ):
             yield joint, constraint
     for loop in links.loops:
         for constraint in _hold(loop, links, bodies):
@@ -92,8 +99,9 @@ def at(links: Links, link: int, local: Array) -> tuple[float, float]:
     return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))
 
 
-def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
-          joint: LinkJoint | None = None) -> list[pymunk.Constraint]:
+def _hold(
+    hold: Hold, links: Links, bodies: list[pymunk.Body], joint: LinkJoint | None = None
+) -> list[pymunk.Constraint]:
     a, b = bodies[hold.a], bodies[hold.b]
     limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
     if hold.axis is None:
@@ -106,14 +114,25 @@ def _hold(hold: Hold, links: Links, bodies: list[pymunk.Body],
     stops: list[pymunk.Constraint] = []
     if limits:
         low, high = (reach + limit for limit in limits)
-        stops = [pymunk.SlideJoint(a, b, at(links, hold.a, hold.on_a - reach * hold.axis),
-                                   at(links, hold.b, hold.on_b), low, high)]
+        stops = [
+            pymunk.SlideJoint(
+                a,
+                b,
+                at(links, hold.a, hold.on_a - reach * hold.axis),
+                at(links, hold.b, hold.on_b),
+                low,
+                high,
+            )
+        ]
     start, end = (at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
     # The groove's own solve is only right if neither anchor couples sliding with turning; the
     # anchors of proofmass.sim.pymunk.links are chosen so.  A RotaryLimitJoint would lock one side a
     # step.
-    return [*stops, pymunk.GearJoint(a, b, 0.0, 1.0),
-            pymunk.GrooveJoint(a, b, start, end, at(links, hold.b, hold.on_b))]
+    return [
+        *stops,
+        pymunk.GearJoint(a, b, 0.0, 1.0),
+        pymunk.GrooveJoint(a, b, start, end, at(links, hold.b, hold.on_b)),
+    ]
 
 
 def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
@@ -126,20 +145,31 @@ def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[
     return springs
 
 
-def _spring(joint: LinkJoint, links: Links, bodies: list[pymunk.Body],
-            force: Callable[[float], float], damping: float) -> pymunk.Constraint:
+def _spring(
+    joint: LinkJoint,
+    links: Links,
+    bodies: list[pymunk.Body],
+    force: Callable[[float], float],
+    damping: float,
+) -> pymunk.Constraint:
     """A spring between two links whose force is a function of the joint's value."""
     hold = joint.hold
     a, b = bodies[hold.a], bodies[hold.b]
     if hold.axis is None:
         turning = pymunk.DampedRotarySpring(a, b, 0.0, 0.0, damping)
         # Chipmunk's angle is that of a against b, its torque that on b.
-        turning.torque_func = lambda _, angle: (
-            joint.sign * force(joint.value - joint.sign * angle))
+        turning.torque_func = lambda _, angle: joint.sign * force(joint.value - joint.sign * angle)
         return turning
     far = REACH * links.extent
-    sliding = pymunk.DampedSpring(a, b, at(links, hold.a, hold.on_a - far * hold.axis),
-                                  at(links, hold.b, hold.on_b), far, 0.0, damping)
+    sliding = pymunk.DampedSpring(
+        a,
+        b,
+        at(links, hold.a, hold.on_a - far * hold.axis),
+        at(links, hold.b, hold.on_b),
+        far,
+        0.0,
+        damping,
+    )
     sliding.force_func = lambda _, length: force(joint.value + length - far)
     return sliding
 
@@ -184,11 +214,14 @@ class SlideDrive(pymunk.GrooveJoint):
         hold, axis = joint.hold, joint.hold.axis
         assert axis is not None
         across = links.extent * np.array([-axis[1], axis[0]])
-        self.left, self.right = at(links, hold.a, hold.on_a + across), at(
-            links, hold.a, hold.on_a - across)
+        self.left, self.right = (
+            at(links, hold.a, hold.on_a + across),
+            at(links, hold.a, hold.on_a - across),
+        )
         self.start, self.axis = joint.value, tuple(axis.tolist())
-        super().__init__(bodies[hold.a], bodies[hold.b], self.left, self.right,
-                         at(links, hold.b, hold.on_b))
+        super().__init__(
+            bodies[hold.a], bodies[hold.b], self.left, self.right, at(links, hold.b, hold.on_b)
+        )
         self.error_bias = 0.0
 
     def aim(self, value: float) -> None:
@@ -207,7 +240,8 @@ def add_drives(space: pymunk.Space, links: Links) -> list[Motor]:
     bodies = [*space.bodies, space.static_body]
     drives: list[Motor] = [
         HingeDrive(joint, bodies) if joint.hold.axis is None else SlideDrive(joint, links, bodies)
-        for joint in links.drives]
+        for joint in links.drives
+    ]
     space.add(*drives)
     return drives
 

@@ -16,6 +16,20 @@ def chipmunk(z: float, zeta: float) -> Array:
 
 
 ONE = (0.0,)
-SCHEMES = (Scheme("pymunk", chipmunk, "z² = 2 (1 + exp 2ζz)", half_kick=True, tried={
-    "spring": (0.0, 0.1, 0.3), "slide": ONE, "chain": (5,), "pendulum": ONE, "whirl": ONE,
-    "swing": (0.05,), "fade": (0.05,)}),)
+SCHEMES = (
+    Scheme(
+        "pymunk",
+        chipmunk,
+        "z² = 2 (1 + exp 2ζz)",
+        half_kick=True,
+        tried={
+            "spring": (0.0, 0.1, 0.3),
+            "slide": ONE,
+            "chain": (5,),
+            "pendulum": ONE,
+            "whirl": ONE,
+            "swing": (0.05,),
+            "fade": (0.05,),
+        },
+    ),
+)

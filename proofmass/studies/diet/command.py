@@ -23,13 +23,20 @@ from proofmass.studies.run import pool
 from proofmass.terminal import console
 from proofmass.wording import number
 
-GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain",
-        "matters": "✗ matters"}
+GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain", "matters": "✗ matters"}
 
 
-def run_diet(model: Path, output: Path | None, seconds: float, watch: list[str] | None,
-             error: float | None, keep_options: bool, blind: bool, jobs: int | None,
-             dask: str | None) -> None:
+def run_diet(
+    model: Path,
+    output: Path | None,
+    seconds: float,
+    watch: list[str] | None,
+    error: float | None,
+    keep_options: bool,
+    blind: bool,
+    jobs: int | None,
+    dask: str | None,
+) -> None:
     """What ``proofmass diet`` does; `proofmass.cli` says what it is given."""
     from proofmass.studies.diet.page import write_diet  # matplotlib is slow to load
 
@@ -41,9 +48,14 @@ def run_diet(model: Path, output: Path | None, seconds: float, watch: list[str] 
             read_entries(table)  # what is no table of a diet is not replaced by one
         scene = scene_of(model, seconds, tuple(dict.fromkeys(watch or ())), error)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
-            found = DietSearch(scene, blind, tune=not keep_options, workers=workers,
-                           kept=DietStore(file.parent / "runs"),
-                           progress=lambda what: status.update(what[:70])).run()
+            found = DietSearch(
+                scene,
+                blind,
+                tune=not keep_options,
+                workers=workers,
+                kept=DietStore(file.parent / "runs"),
+                progress=lambda what: status.update(what[:70]),
+            ).run()
         finish(scene, found, file)
     for part in shown(found.table):
         console().print(part, markup=False)
@@ -63,8 +75,11 @@ def finish(scene: DietScene, found: Diet, file: Path) -> None:
         search = DietSearch(scene)
         outcome, _, message = (search.held if found.tuned else search.ran)(models, found.slim)
         if outcome != "harmless":
-            raise InputError(scene.draft.file, "", "cannot be written with all its digits: its "
-                             f"slim model {message or outcome}")
+            raise InputError(
+                scene.draft.file,
+                "",
+                f"cannot be written with all its digits: its slim model {message or outcome}",
+            )
         write(found.slim, half)
         half.replace(file)
     finally:
@@ -77,16 +92,22 @@ def shown(entries: Sequence[Entry]) -> Iterator[str | Table]:
     yield from (f"{text}\n" for text in sentences(entries))
     rows = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("feature", "outcome", "time", "memory", "moves", "most of all"):
-        rows.add_column(name, justify="right" if name in ("time", "memory", "moves") else "left",
-                        no_wrap=name not in ("feature", "most of all"), overflow="fold")
+        rows.add_column(
+            name,
+            justify="right" if name in ("time", "memory", "moves") else "left",
+            no_wrap=name not in ("feature", "most of all"),
+            overflow="fold",
+        )
     for entry in ranked(entries):
         if entry.outcome in GOES:
             rows.add_row(*cells(entry))
     if rows.row_count:
         yield rows
-        yield ("\ntime and memory: saved; time in brackets: interval of the median with 99 %, none "
-               "where 0 is within it; moves: largest change of a channel, or with another option "
-               "its error, of what is allowed")
+        yield (
+            "\ntime and memory: saved; time in brackets: interval of the median with 99 %, none "
+            "where 0 is within it; moves: largest change of a channel, or with another option "
+            "its error, of what is allowed"
+        )
     if needed := [e.title for e in ranked(entries) if e.outcome not in GOES]:
         yield f"\nWithout these it does not run: {'; '.join(needed)}"
 
@@ -97,5 +118,10 @@ def cells(entry: Entry) -> tuple[str, ...]:
     saved = ("–", "–")
     if entry.costs:
         saved = saving(entry), f"{entry.saved_memory:+.1f} KB"
-    return (entry.title, GOES[entry.outcome], *saved, number(share, 2),
-            f"{channel} in {run}" if share else "")
+    return (
+        entry.title,
+        GOES[entry.outcome],
+        *saved,
+        number(share, 2),
+        f"{channel} in {run}" if share else "",
+    )

@@ -71,8 +71,12 @@ class DietStore:
         """
         if not self.folder:
             return make()
-        key = [*map(saved, models), pickle.dumps(runs), repr(versions(NATIVE)).encode(),
-               sources().encode()]
+        key = [
+            *map(saved, models),
+            pickle.dumps(runs),
+            repr(versions(NATIVE)).encode(),
+            sources().encode(),
+        ]
         return once(self.folder / f"{digest(b''.join(key))}.json", make)
 
 
@@ -161,8 +165,11 @@ class DietSearch:
         while left:
             there = list(features(slim, self.scene))
             with ThreadPoolExecutor(ASKING) as threads:
-                fresh = [one for each in threads.map(lambda f, d=slim: self.explored(d, f), there)
-                         for one in each]
+                fresh = [
+                    one
+                    for each in threads.map(lambda f, d=slim: self.explored(d, f), there)
+                    for one in each
+                ]
             self.found |= {(e.kind, e.name): e for _, e in fresh}
             wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
             if left := bool(wanted):
@@ -179,8 +186,9 @@ class DietSearch:
         """The draft with cheaper options, and what came of each that was tried."""
         now, changed = self.changed(slim, COUNTED)
         orders = ORDERS if integrators(now, self.scene) else ORDERS[:1]
-        now, more = min((self.changed(now, order) for order in orders),
-                        key=lambda way: work(way[0]))
+        now, more = min(
+            (self.changed(now, order) for order in orders), key=lambda way: work(way[0])
+        )
         entries = [self.timed(old, new, entry, True) for old, new, entry in (*changed, *more)]
         for make in CLOCKED if self.rounds else ():
             for rung in make(now, self.scene):
@@ -244,8 +252,12 @@ class DietSearch:
             draft = now.without(feature.cut)
             models = [draft.compiled(watch.run.rods) for watch in self.scene.watches]
         except (ValueError, mujoco.FatalError) as error:
-            return now, Entry(feature.kind, feature.name, "needed",
-                              message=" ".join(str(error).removeprefix("Error: ").split()))
+            return now, Entry(
+                feature.kind,
+                feature.name,
+                "needed",
+                message=" ".join(str(error).removeprefix("Error: ").split()),
+            )
         watches = [(w.name, w.run, w.allowed, w.before.channels) for w in self.scene.watches]
         judge: Judge = self.held if tuned else self.ran
         runs = [*watches, *map(key_of, self.scene.watches)] if tuned else watches
@@ -255,25 +267,46 @@ class DietSearch:
     def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Displacements, str]:
         """Outcome, changes and message of a draft's models in the runs of the scene."""
         optional = set() if draft.watch else draft.probes
-        return self.judged(models, draft, SLOWER, lambda watch: watch.run,
-                           lambda watch, curves: moved(watch, curves, optional))
+        return self.judged(
+            models,
+            draft,
+            SLOWER,
+            lambda watch: watch.run,
+            lambda watch, curves: moved(watch, curves, optional),
+        )
 
     def held(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Displacements, str]:
         """The same of errors; of changes where there is nothing to hold a run against."""
         optional = set() if draft.watch else draft.probes
-        return self.judged(models, draft, NOT_CHEAPER, lambda watch: watch.bound.run
-                           if watch.bound else watch.run, lambda watch, curves: strayed(
-                               watch, curves) if watch.bound else moved(watch, curves, optional))
+        return self.judged(
+            models,
+            draft,
+            NOT_CHEAPER,
+            lambda watch: watch.bound.run if watch.bound else watch.run,
+            lambda watch, curves: (
+                strayed(watch, curves) if watch.bound else moved(watch, curves, optional)
+            ),
+        )
 
-    def judged(self, models: list[mujoco.MjModel], draft: Draft, slower: float,
-               run_of: Callable[[Watch], Run],
-               shares_of: Callable[[Watch, Curves], dict[str, float]]) -> tuple[str, Displacements, str]:
+    def judged(
+        self,
+        models: list[mujoco.MjModel],
+        draft: Draft,
+        slower: float,
+        run_of: Callable[[Watch], Run],
+        shares_of: Callable[[Watch, Curves], dict[str, float]],
+    ) -> tuple[str, Displacements, str]:
         """Outcome, shares of what is allowed, and message of a draft's models in some runs."""
         shares: Displacements = {}
         try:
             for watch, model in zip(self.scene.watches, models, strict=True):
-                curves = self.worked(isolated, attempt, model, rodded(run_of(watch), draft),
-                                     timeout=max(LEAST, slower * watch.before.seconds))
+                curves = self.worked(
+                    isolated,
+                    attempt,
+                    model,
+                    rodded(run_of(watch), draft),
+                    timeout=max(LEAST, slower * watch.before.seconds),
+                )
                 shares[watch.name] = shares_of(watch, curves)
         except BadModel as error:
             return "needed", shares, str(error)
@@ -291,8 +324,11 @@ class DietSearch:
         run = replace(run, rods=draft.segmented(watch.run.rods))
         models = [d.compiled(watch.run.rods) for d in (now, draft)]
         limit = self.rounds * SLOWER * max(LEAST, watch.before.seconds)
-        found = self.kept.once(models, (run, self.rounds), lambda: asdict(
-            self.worked(paced, tuple(models), run, self.rounds, limit)))
+        found = self.kept.once(
+            models,
+            (run, self.rounds),
+            lambda: asdict(self.worked(paced, tuple(models), run, self.rounds, limit)),
+        )
         one, two = (Cost(**cost) for cost in found["costs"])
         low, middle, high = found["saved"]
         pace = Pace((one, two), (low, middle, high))
@@ -307,6 +343,7 @@ class DietSearch:
 
 def all_of(wanted: list[Feature]) -> Feature:
     """Many features as one."""
+
     def cut(draft: Draft) -> None:
         for feature in wanted:
             feature.cut(draft)
@@ -323,6 +360,8 @@ def key_of(watch: Watch) -> object:
     """All that a run's errors depend on beside its model, such that it pickles the same again."""
     if (bound := watch.bound) is None:
         return None
-    case = bound.case and (bound.case.reference, sorted(bound.case.parameters.items(),
-                                                        key=lambda item: item[0]))
+    case = bound.case and (
+        bound.case.reference,
+        sorted(bound.case.parameters.items(), key=lambda item: item[0]),
+    )
     return bound.run, bound.allowed, bound.truth, case

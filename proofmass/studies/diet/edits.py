@@ -31,15 +31,35 @@ from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
 Cut = Callable[["Draft"], None]
-NAMED = ("bodies", "joints", "geoms", "sites", "cameras", "lights", "sensors", "actuators",
-         "equalities", "tendons", "pairs", "excludes", "skins", "textures", "keys")
+NAMED = (
+    "bodies",
+    "joints",
+    "geoms",
+    "sites",
+    "cameras",
+    "lights",
+    "sensors",
+    "actuators",
+    "equalities",
+    "tendons",
+    "pairs",
+    "excludes",
+    "skins",
+    "textures",
+    "keys",
+)
 JOINT, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
 PROBES = {  # of each kind of joint: what is read, of the joint or of its body
     JOINT.mjJNT_HINGE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
     JOINT.mjJNT_SLIDE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
     JOINT.mjJNT_BALL: (S.mjSENS_FRAMEQUAT, S.mjSENS_FRAMEANGVEL),
-    JOINT.mjJNT_FREE: (S.mjSENS_FRAMEPOS, S.mjSENS_FRAMEQUAT, S.mjSENS_FRAMELINVEL,
-                       S.mjSENS_FRAMEANGVEL)}
+    JOINT.mjJNT_FREE: (
+        S.mjSENS_FRAMEPOS,
+        S.mjSENS_FRAMEQUAT,
+        S.mjSENS_FRAMELINVEL,
+        S.mjSENS_FRAMEANGVEL,
+    ),
+}
 
 
 FRAME = PROBES[JOINT.mjJNT_FREE]
@@ -76,8 +96,14 @@ class Draft:
         Sensors that were added.
     """
 
-    def __init__(self, file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
-                 cuts: tuple[Cut, ...] = (), watch: tuple[str, ...] = ()):
+    def __init__(
+        self,
+        file: Path,
+        rods: tuple[Rod, ...] = (),
+        probing: bool = False,
+        cuts: tuple[Cut, ...] = (),
+        watch: tuple[str, ...] = (),
+    ):
         self.file, self.rods, self.share = file, rods, 1
         self.source, self.watch = (file, rods, probing), watch
         self.alone = Lock()  # two threads that compile one spec crash
@@ -143,8 +169,9 @@ class Draft:
             self.spec.delete(element)
 
 
-def read(file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
-         watch: tuple[str, ...] = ()) -> Draft:
+def read(
+    file: Path, rods: tuple[Rod, ...] = (), probing: bool = False, watch: tuple[str, ...] = ()
+) -> Draft:
     """A draft of a file as it is.
 
     Raises
@@ -162,15 +189,24 @@ def read(file: Path, rods: tuple[Rod, ...] = (), probing: bool = False,
     there = names(draft.spec)
     for name in watch:
         if name not in there:
-            raise InputError(file, "--watch", f"no joint, body, site or sensor is called {name!r}; "
-                             f"{suggest(name, there)}")
+            raise InputError(
+                file,
+                "--watch",
+                f"no joint, body, site or sensor is called {name!r}; {suggest(name, there)}",
+            )
     return draft
 
 
 def names(spec: mujoco.MjSpec) -> list[str]:
     """The names of all that can be watched."""
-    return list(dict.fromkeys(e.name for kind in WATCHED for e in getattr(spec, kind)
-                              if (kind, e.name) != ("bodies", "world")))
+    return list(
+        dict.fromkeys(
+            e.name
+            for kind in WATCHED
+            for e in getattr(spec, kind)
+            if (kind, e.name) != ("bodies", "world")
+        )
+    )
 
 
 def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
@@ -193,9 +229,12 @@ def probes(spec: mujoco.MjSpec) -> Iterator[str]:
         scalar = joint.type in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE)
         for kind in PROBES[joint.type]:
             name = f"{joint.name} {kind.name[7:].lower()}"
-            spec.add_sensor(name=name, type=kind,
-                            objtype=OBJ.mjOBJ_JOINT if scalar else OBJ.mjOBJ_XBODY,
-                            objname=joint.name if scalar else joint.parent.name)
+            spec.add_sensor(
+                name=name,
+                type=kind,
+                objtype=OBJ.mjOBJ_JOINT if scalar else OBJ.mjOBJ_XBODY,
+                objname=joint.name if scalar else joint.parent.name,
+            )
             yield name
 
 
@@ -330,8 +369,7 @@ def planar(draft: Draft, name: str, normal: Array) -> None:
     axis = turn.T @ normal
     one = turn.T @ np.roll(normal, 1)
     across = [one, np.cross(axis, one)] if free else []
-    poses = [flat_pose(before, key, joint, np.array([*across, axis]))
-             for key in range(before.nkey)]
+    poses = [flat_pose(before, key, joint, np.array([*across, axis])) for key in range(before.nkey)]
     draft.drop("joints", name)
     added = []
     for k, way in enumerate(across):
@@ -418,10 +456,19 @@ def all_digits() -> Iterator[None]:
     The switch is its own, and not one of the bindings.
     """
     folder = Path(mujoco.__file__).parent
-    libraries = [ctypes.CDLL(str(f)) for f in folder.iterdir()
-                 if re.fullmatch(r"(lib)?mujoco[\d.]*\.(so|dylib|dll)[\d.]*", f.name)]
-    switch = next((lib._mjPRIVATE__set_xml_precision for lib in libraries
-                   if hasattr(lib, "_mjPRIVATE__set_xml_precision")), lambda digits: None)
+    libraries = [
+        ctypes.CDLL(str(f))
+        for f in folder.iterdir()
+        if re.fullmatch(r"(lib)?mujoco[\d.]*\.(so|dylib|dll)[\d.]*", f.name)
+    ]
+    switch = next(
+        (
+            lib._mjPRIVATE__set_xml_precision
+            for lib in libraries
+            if hasattr(lib, "_mjPRIVATE__set_xml_precision")
+        ),
+        lambda digits: None,
+    )
     switch(DIGITS)
     try:
         yield
@@ -435,12 +482,19 @@ def shortest(text: str) -> str:
     >>> shortest('<geom rgba="0.40000000596046448 1 1 1" size="0.10000000000000001 1e-05 3"/>')
     '<geom rgba="0.4 1 1 1" size="0.1 1e-05 3"/>'
     """
+
     def short(match: re.Match[str]) -> str:
         name, values = match.groups()
         if not all(NUMBER.fullmatch(value) for value in values.split()):
             return match[0]
-        told = [f"{float(v):.7g}" if name in FLOATS else repr(float(v)).removesuffix(".0")
-                if "." in v else v for v in values.split()]
+        told = [
+            f"{float(v):.7g}"
+            if name in FLOATS
+            else repr(float(v)).removesuffix(".0")
+            if "." in v
+            else v
+            for v in values.split()
+        ]
         return f'{name}="{" ".join(told)}"'
 
     return re.sub(r'(\w+)="([^"]*)"', short, text)
@@ -448,15 +502,18 @@ def shortest(text: str) -> str:
 
 def bare(text: str, rods: tuple[Rod, ...], keys: dict[str, tuple[list[float], list[float]]]) -> str:
     """A completed model as it is without its rods, with its own keys."""
-    root = ElementTree.fromstring(text, ElementTree.XMLParser(
-        target=ElementTree.TreeBuilder(insert_comments=True)))
+    root = ElementTree.fromstring(
+        text, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    )
     roots = {f"{rod.name}.{k}" for rod in rods for k in (0, 1)}
     loops = {rod.name for rod in rods} | {f"{rod.name}.slider" for rod in rods}
     for parent in list(root.iter()):
         for child in list(parent):
-            if (child.tag == "body" and child.get("name") in roots) or (
-                    child.tag == "connect" and child.get("name") in loops) or (
-                    child.tag == "key" and child.get("name") not in keys):
+            if (
+                (child.tag == "body" and child.get("name") in roots)
+                or (child.tag == "connect" and child.get("name") in loops)
+                or (child.tag == "key" and child.get("name") not in keys)
+            ):
                 parent.remove(child)
     for key in root.iter("key"):
         for name, values in zip(("qpos", "qvel"), keys[key.get("name", "")], strict=True):

@@ -41,10 +41,23 @@ CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
 DRAWN = "drawn geom"
 WHOLE = {  # lists of elements that are deleted as they are, and what one of them is called
-    "joints": "joint", "equalities": "equality", "actuators": "actuator", "tendons": "tendon",
-    "pairs": "contact pair", "excludes": "exclude", "lights": "light", "cameras": "camera",
-    "skins": "skin", "sites": "site", "textures": "texture", "meshes": "mesh",
-    "hfields": "height field", "texts": "text", "numerics": "number", "tuples": "tuple"}
+    "joints": "joint",
+    "equalities": "equality",
+    "actuators": "actuator",
+    "tendons": "tendon",
+    "pairs": "contact pair",
+    "excludes": "exclude",
+    "lights": "light",
+    "cameras": "camera",
+    "skins": "skin",
+    "sites": "site",
+    "textures": "texture",
+    "meshes": "mesh",
+    "hfields": "height field",
+    "texts": "text",
+    "numerics": "number",
+    "tuples": "tuple",
+}
 
 
 @dataclass(frozen=True)
@@ -78,8 +91,12 @@ def bundle(kind: str, names: list[str], cut: Callable[[Draft, str], None]) -> It
 
     half = len(names) // 2
     halves = [*bundle(kind, names[:half], cut), *bundle(kind, names[half:], cut)] if half else []
-    yield Feature(kind, names[0] if len(names) == 1 else f"{len(names)}: {', '.join(names)}",
-                  all_of, tuple(halves))
+    yield Feature(
+        kind,
+        names[0] if len(names) == 1 else f"{len(names)}: {', '.join(names)}",
+        all_of,
+        tuple(halves),
+    )
 
 
 def ladder(kind: str, rungs: Iterable[tuple[str, Cut]]) -> Iterator[Feature]:
@@ -110,8 +127,10 @@ def features(draft: Draft, scene: DietScene) -> Iterator[Feature]:
     yield from bundle("mesh, as a box", meshes, enclose)
     bare = [g.name for g in spec.geoms if g.type != MESH and not collides(draft, g)]
     yield from bundle(DRAWN, bare, undraw)
-    yield from ladder("segments of rods", [(f"{k} times fewer", partial(coarser, share=k))
-                                           for k in (8, 4, 2) if fit(draft, k)])
+    yield from ladder(
+        "segments of rods",
+        [(f"{k} times fewer", partial(coarser, share=k)) for k in (8, 4, 2) if fit(draft, k)],
+    )
 
 
 def dropper(kind: str) -> Callable[[Draft, str], None]:
@@ -129,8 +148,12 @@ def contacts(draft: Draft) -> Iterator[Feature]:
     """All contacts at once, by the flag; else geoms that touch nothing."""
     masked = [g.name for g in draft.spec.geoms if collides(draft, g)]
     if masked or (draft.spec.pairs and not draft.spec.option.disableflags & CONTACT):
-        yield Feature("contact", "all", partial(switch_off, bit=CONTACT),
-                      tuple(bundle("contact of geom", masked, masks_off)))
+        yield Feature(
+            "contact",
+            "all",
+            partial(switch_off, bit=CONTACT),
+            tuple(bundle("contact of geom", masked, masks_off)),
+        )
 
 
 def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
@@ -139,18 +162,26 @@ def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
         return
     option = draft.spec.option
     if option.noslip_iterations:
-        yield Feature("solver", "noslip iterations",
-                      partial(set_option, name="noslip_iterations", value=0))
+        yield Feature(
+            "solver", "noslip iterations", partial(set_option, name="noslip_iterations", value=0)
+        )
     if option.enableflags & ~int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
-        yield Feature("flag", "what is enabled beside the defaults",
-                      partial(set_option, name="enableflags", value=0))
+        yield Feature(
+            "flag",
+            "what is enabled beside the defaults",
+            partial(set_option, name="enableflags", value=0),
+        )
 
 
 def subtree(body: mujoco._specs.MjsBody) -> Feature:
     """A body with all that hangs on it; its parts are the bodies that do."""
     name = body.name
-    return Feature("body", name, lambda draft: draft.drop("bodies", name),
-                   tuple(subtree(child) for child in body.bodies))
+    return Feature(
+        "body",
+        name,
+        lambda draft: draft.drop("bodies", name),
+        tuple(subtree(child) for child in body.bodies),
+    )
 
 
 def flat(draft: Draft) -> Iterator[Feature]:
@@ -158,22 +189,29 @@ def flat(draft: Draft) -> Iterator[Feature]:
     for joint in draft.spec.joints:
         if joint.type in (JOINT.mjJNT_FREE, JOINT.mjJNT_BALL):
             kind = "free joint" if joint.type == JOINT.mjJNT_FREE else "ball"
-            yield from ladder(f"{kind} in a plane", [
-                (f"{joint.name} across {axis}", partial(planar, name=joint.name, normal=normal))
-                for axis, normal in zip("zyx", np.eye(3)[::-1], strict=True)])
+            yield from ladder(
+                f"{kind} in a plane",
+                [
+                    (f"{joint.name} across {axis}", partial(planar, name=joint.name, normal=normal))
+                    for axis, normal in zip("zyx", np.eye(3)[::-1], strict=True)
+                ],
+            )
 
 
 def limits(joint: mujoco._specs.MjsJoint) -> bool:
     """Whether a joint has limits."""
     given = bool(np.ptp(joint.range))
-    return bool(joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE
-                or (joint.limited == mujoco.mjtLimited.mjLIMITED_AUTO and given))
+    return bool(
+        joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE
+        or (joint.limited == mujoco.mjtLimited.mjLIMITED_AUTO and given)
+    )
 
 
 def fit(draft: Draft, share: int) -> bool:
     """Whether all rods can be cut into so many times fewer segments."""
-    return bool(draft.rods) and all(rod.segments // share >= 2 and rod.segments % share == 0
-                                    for rod in draft.rods)
+    return bool(draft.rods) and all(
+        rod.segments // share >= 2 and rod.segments % share == 0 for rod in draft.rods
+    )
 
 
 Rungs = Callable[[Draft, DietScene], list[Feature]]
@@ -188,7 +226,8 @@ EVALUATIONS = {INTEGRATOR.mjINT_RK4: 4}
 """Of the forces in a step; 1 where nothing is said."""
 CHEAPER = {  # of each integrator: with fewer evaluations, or fewer derivatives to factorize
     INTEGRATOR.mjINT_RK4: (INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICITFAST),
-    INTEGRATOR.mjINT_IMPLICIT: (INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICITFAST)}
+    INTEGRATOR.mjINT_IMPLICIT: (INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICITFAST),
+}
 
 
 def stepped(scene: DietScene) -> list[Watch]:
@@ -219,11 +258,17 @@ def tolerances(draft: Draft, scene: DietScene) -> list[Feature]:
         return []
     watch = max(watches, key=lambda w: w.before.seconds)
     used = taken(draft, watch, option.tolerance)
-    found = [rung("tolerance", f"tolerance {number(option.tolerance)} to {number(t)}", t)
-             for t in LOOSER if t > option.tolerance]
+    found = [
+        rung("tolerance", f"tolerance {number(option.tolerance)} to {number(t)}", t)
+        for t in LOOSER
+        if t > option.tolerance
+    ]
     if following(scene, "iterations"):
-        found += [rung("iterations", f"iterations {option.iterations} to {n}", n)
-                  for n in FEWER if n < min(used, option.iterations)]
+        found += [
+            rung("iterations", f"iterations {option.iterations} to {n}", n)
+            for n in FEWER
+            if n < min(used, option.iterations)
+        ]
     return found
 
 
@@ -253,19 +298,22 @@ def steps(draft: Draft, scene: DietScene) -> list[Feature]:
     values = [times * now for times in LONGER]
     if widths:  # a sweep that settles at each pose has no time between its samples
         count = max(1, ceil(min(widths) / now - 1e-9))
-        values = [min(widths) / fewer for times in LONGER
-                  if (fewer := ceil(count / times)) < count]
+        values = [min(widths) / fewer for times in LONGER if (fewer := ceil(count / times)) < count]
     # of what is off by rounding no digit is written
     values = list(dict.fromkeys(float(f"{step:.12g}") for step in values))
-    return [rung("timestep", f"time step {number(now)} to {number(step)} s", step)
-            for step in values]
+    return [
+        rung("timestep", f"time step {number(now)} to {number(step)} s", step) for step in values
+    ]
 
 
 def integrators(draft: Draft, scene: DietScene) -> list[Feature]:
     """Integrators that evaluate less in a step."""
     now = INTEGRATOR(draft.spec.option.integrator)
-    return [rung("integrator", f"integrator {told(now)} to {told(other)}", int(other))
-            for other in CHEAPER.get(now, ()) if following(scene, "integrator")]
+    return [
+        rung("integrator", f"integrator {told(now)} to {told(other)}", int(other))
+        for other in CHEAPER.get(now, ())
+        if following(scene, "integrator")
+    ]
 
 
 def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
@@ -273,8 +321,11 @@ def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
     watches, now = following(scene, "solver"), SOLVER(draft.spec.option.solver)
     if not watches or not taken(draft, watches[0], draft.spec.option.tolerance):
         return []
-    return [rung("solver", f"solver {told(now)} to {told(other)}", int(other))
-            for other in (SOLVER.mjSOL_NEWTON, SOLVER.mjSOL_CG, SOLVER.mjSOL_PGS) if other != now]
+    return [
+        rung("solver", f"solver {told(now)} to {told(other)}", int(other))
+        for other in (SOLVER.mjSOL_NEWTON, SOLVER.mjSOL_CG, SOLVER.mjSOL_PGS)
+        if other != now
+    ]
 
 
 def jacobians(draft: Draft, scene: DietScene) -> list[Feature]:
@@ -302,15 +353,27 @@ def told(value: object) -> str:
     'implicitfast'
     """
     word = str(value.name)[6:]  # type: ignore[attr-defined]
-    return word if word in ("CG", "PGS", "RK4") else word.capitalize() if word in (
-        "NEWTON", "EULER") else word.lower()
+    return (
+        word
+        if word in ("CG", "PGS", "RK4")
+        else word.capitalize()
+        if word in ("NEWTON", "EULER")
+        else word.lower()
+    )
 
 
 def taken(draft: Draft, watch: Watch, tolerance: float) -> int:
     """Iterations that a run takes with a tolerance; all that it may, if it fails."""
     try:
-        return int(isolated(most_iterations, draft.compiled(watch.run.rods), watch.brief,
-                            tolerance, timeout=LATEST))
+        return int(
+            isolated(
+                most_iterations,
+                draft.compiled(watch.run.rods),
+                watch.brief,
+                tolerance,
+                timeout=LATEST,
+            )
+        )
     except tuple(FAILURES):
         return int(draft.spec.option.iterations)
 

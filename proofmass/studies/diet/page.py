@@ -35,8 +35,12 @@ ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands ab
 LEAST = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
 LETTERS = 42  # of a feature's name
 SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are told apart
-LOOKS = {"harmless": ("o", FIRST.colour), "drawn": ("o", "white"),
-         NO_GAIN: ("o", "white"), "matters": ("X", "#333333")}
+LOOKS = {
+    "harmless": ("o", FIRST.colour),
+    "drawn": ("o", "white"),
+    NO_GAIN: ("o", "white"),
+    "matters": ("X", "#333333"),
+}
 """Marker and filling by outcome: what goes, what could, what stays."""
 
 
@@ -66,18 +70,27 @@ def diet_sheet(entries: Sequence[Entry]) -> Figure:
     axes[1].set_xlabel("time of a step saved [%]")
     bars(axes[2], entries, places, lambda entry: entry.saved_memory)
     axes[2].set_xlabel("memory saved [KB]")
-    figure.subplots_adjust(left=0.36, right=0.97, bottom=0.42 / height, top=1 - 0.12 / height,
-                           wspace=0.2)
+    figure.subplots_adjust(
+        left=0.36, right=0.97, bottom=0.42 / height, top=1 - 0.12 / height, wspace=0.2
+    )
     return figure
 
 
 def label(ax: Axes, entry: Entry, y: float) -> None:
     """What was taken out, left of the columns."""
     words = entry.title
-    cut = words if len(words) <= LETTERS else f"{words[:LETTERS - 1]}…"
-    ax.annotate(cut, (0, y), xycoords=("axes fraction", "data"), xytext=(-5, 0), fontsize=6.8,
-                textcoords="offset points", ha="right", va="center",
-                fontweight="bold" if entry.kind == WHOLE else "normal")
+    cut = words if len(words) <= LETTERS else f"{words[: LETTERS - 1]}…"
+    ax.annotate(
+        cut,
+        (0, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(-5, 0),
+        fontsize=6.8,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontweight="bold" if entry.kind == WHOLE else "normal",
+    )
 
 
 def change(ax: Axes, entry: Entry, y: float) -> None:
@@ -86,26 +99,41 @@ def change(ax: Axes, entry: Entry, y: float) -> None:
     share = entry.worst[2] if entry.moved else 0.0
     place = min(max(share, SMALL), LARGE) if share == share else LARGE
     ax.plot([SMALL / 3, place], [y, y], color="#c4c4c4", linewidth=0.8, zorder=1)
-    ax.plot(place, y, marker=marker, markersize=5, markerfacecolor=filling, zorder=3,
-            markeredgecolor=FIRST.colour if marker == "o" else "#333333")
+    ax.plot(
+        place,
+        y,
+        marker=marker,
+        markersize=5,
+        markerfacecolor=filling,
+        zorder=3,
+        markeredgecolor=FIRST.colour if marker == "o" else "#333333",
+    )
 
 
-def bars(ax: Axes, entries: Sequence[Entry], places: Sequence[float],
-         value: Callable[[Entry], float]) -> None:
+def bars(
+    ax: Axes, entries: Sequence[Entry], places: Sequence[float], value: Callable[[Entry], float]
+) -> None:
     """What is saved: filled where it goes, only an outline where it stays."""
     for y, entry in zip(places, entries, strict=True):
         if entry.costs:
             goes = entry.outcome == "harmless"
-            ax.barh(y, value(entry), height=0.62, linewidth=0.6,
-                    color=FIRST.colour if goes else "white",
-                    edgecolor=FIRST.colour if entry.outcome != "matters" else "#999999")
+            ax.barh(
+                y,
+                value(entry),
+                height=0.62,
+                linewidth=0.6,
+                color=FIRST.colour if goes else "white",
+                edgecolor=FIRST.colour if entry.outcome != "matters" else "#999999",
+            )
     ax.axvline(0.0, color="#333333", linewidth=0.6)
     ax.set_axisbelow(True)
 
 
-CAPTION = ("What the model can be run without. Left: the channel that moves most, over what it may "
-           "move; filled: goes, ring: drawn, kept for the eye, cross: matters. Right: what a step "
-           "would save, with the interval of the median with 99 %; outlines stay.")
+CAPTION = (
+    "What the model can be run without. Left: the channel that moves most, over what it may "
+    "move; filled: goes, ring: drawn, kept for the eye, cross: matters. Right: what a step "
+    "would save, with the interval of the median with 99 %; outlines stay."
+)
 
 
 def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -123,8 +151,12 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
     prepared(output, (*files, *(f.with_suffix(".xml") for f in files), folder / "diet.columns.md"))
     parts = [part(file, output / "figures") for file in files]
     page = output / "index.html"
-    write_whole(page, environment().get_template("diet.html").render(
-        parts=parts, about=about(), style={}, home=home))
+    write_whole(
+        page,
+        environment()
+        .get_template("diet.html")
+        .render(parts=parts, about=about(), style={}, home=home),
+    )
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
@@ -135,16 +167,28 @@ def part(file: Path, folder: Path) -> dict[str, Any]:
     shown = ranked(entries)
     with rc_context(RC):
         svg = save(diet_sheet([e for e in shown if e.outcome in LOOKS]), folder / stem)
-    return {"name": file.stem, "stem": stem, "table": file.name, "model": f"{file.stem}.xml",
-            "caption": CAPTION, "svg": Markup(inline(svg, stem, f"{file.stem}: {CAPTION}")),
-            "words": list(sentences(entries)), "rows": [cells(e) for e in shown]}
+    return {
+        "name": file.stem,
+        "stem": stem,
+        "table": file.name,
+        "model": f"{file.stem}.xml",
+        "caption": CAPTION,
+        "svg": Markup(inline(svg, stem, f"{file.stem}: {CAPTION}")),
+        "words": list(sentences(entries)),
+        "rows": [cells(e) for e in shown],
+    }
 
 
 def cells(entry: Entry) -> dict[str, str]:
     """A row of the table, every number already a word."""
     run, channel, share = entry.worst
     where = f"{channel} in {run}" if channel and share else ""
-    return {"kind": entry.kind, "name": entry.name, "outcome": entry.outcome,
-            "share": number(share), "where": where or entry.message,
-            "time": saving(entry),
-            "memory": f"{number(entry.saved_memory)} KB" if entry.costs else "—"}
+    return {
+        "kind": entry.kind,
+        "name": entry.name,
+        "outcome": entry.outcome,
+        "share": number(share),
+        "where": where or entry.message,
+        "time": saving(entry),
+        "memory": f"{number(entry.saved_memory)} KB" if entry.costs else "—",
+    }

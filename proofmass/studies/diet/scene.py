@@ -76,10 +76,17 @@ class Bound:
 
     def errors(self, curves: Curves) -> dict[str, float]:
         """Largest error of each channel, over what it may be."""
-        truth = self.truth if self.case is None else bounded(
-            self.case, cast(Kind, self.run.kind), reference_for, self.case, curves).channels
-        return {name: float(np.abs(curves.channels[name] - truth[name]).max()) / most
-                for name, most in self.allowed.items()}
+        truth = (
+            self.truth
+            if self.case is None
+            else bounded(
+                self.case, cast(Kind, self.run.kind), reference_for, self.case, curves
+            ).channels
+        )
+        return {
+            name: float(np.abs(curves.channels[name] - truth[name]).max()) / most
+            for name, most in self.allowed.items()
+        }
 
 
 @dataclass(frozen=True)
@@ -115,14 +122,13 @@ class Watch:
         return self.shortened(self.run)
 
     def shortened(self, run: Run, few: int = FEW) -> Run:
-        """As few samples of one of its runs as have `few` steps or take `BRIEF`, but two at least.
-        """
+        """As few samples of one of its runs as have `few` steps or take `BRIEF`, two at least."""
         length = float(np.ptp(self.before.x)) or 1.0
         samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
         stride = max(1, self.before.steps // (samples + 1))
         if self.before.seconds > 0 and self.before.steps:
             few = min(few, int(BRIEF * self.before.steps / self.before.seconds))
-        return replace(run, x=run.x[:max(2, few // stride)])
+        return replace(run, x=run.x[: max(2, few // stride)])
 
 
 @dataclass(frozen=True)
@@ -154,8 +160,9 @@ class DietScene:
         return max(self.watches, key=lambda w: (by_steps(w.run), w.before.seconds))
 
 
-def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: float | None = None
-             ) -> DietScene:
+def scene_of(
+    file: Path, seconds: float, watch: tuple[str, ...] = (), error: float | None = None
+) -> DietScene:
     """A model with the sidecars beside it that speak of it.
 
     Parameters
@@ -178,24 +185,35 @@ def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: flo
         watched is not there.
     """
     if error is not None and not 0 <= error < np.inf:
-        raise InputError(file, "--error", f"{error:g} is no share of a range; give a number such "
-                         "as 1e-4")
+        raise InputError(
+            file, "--error", f"{error:g} is no share of a range; give a number such as 1e-4"
+        )
     cases = list(sidecars(file)) if file.is_file() else []
     if not cases:
         compile_elsewhere(file)
-    runs = [(case, kind, solver) for case in cases for kind in case.run
-            for solver in solvers_of(case, kind)]
+    runs = [
+        (case, kind, solver)
+        for case in cases
+        for kind in case.run
+        for solver in solvers_of(case, kind)
+    ]
     draft = read(file, next((case.rods for case in cases), ()), not runs, watch)
     if not runs:
         let = let_go(file, draft, seconds)
         keys = {let.run.start, *(case.start for case in cases)} - {""}
         held, why = with_fine_solution(file, draft, let, error)
-        return DietScene(draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why))
+        return DietScene(
+            draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why)
+        )
     if error is not None:
-        raise InputError(file, "--error", "its sidecar states what an error may be; change its "
-                         "tolerances, or leave --error out")
-    watches = [watched(case, plan(case, kind, solver), solver, draft)
-               for case, kind, solver in runs]
+        raise InputError(
+            file,
+            "--error",
+            "its sidecar states what an error may be; change its tolerances, or leave --error out",
+        )
+    watches = [
+        watched(case, plan(case, kind, solver), solver, draft) for case, kind, solver in runs
+    ]
     sensors = {name.partition(".")[0] for case in cases for name in case.channels}
     words = "Watched: the channels of the sidecars, in their runs."
     if watch:
@@ -203,14 +221,28 @@ def scene_of(file: Path, seconds: float, watch: tuple[str, ...] = (), error: flo
         watches = [only(w, read_by) for w in watches if reads(w, read_by)]
         if not watches:
             there = dict.fromkeys(n for w in runs for n in w[0].channels)
-            raise InputError(file, "--watch", f"no channel of the sidecars reads {listed(watch)}; "
-                             f"{suggest(watch[0], there, 'their channels')}")
+            raise InputError(
+                file,
+                "--watch",
+                f"no channel of the sidecars reads {listed(watch)}; "
+                f"{suggest(watch[0], there, 'their channels')}",
+            )
         sensors &= read_by
-        words = (f"Watched: {listed(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
-                 "runs of the sidecars.")
-    return DietScene(draft, tuple(watches), sensors, {case.start for case in cases}, (
-        words, "Options are held against the references of the sidecars: an error may grow by a "
-        "tenth of what it leaves of its tolerance."))
+        words = (
+            f"Watched: {listed(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
+            "runs of the sidecars."
+        )
+    return DietScene(
+        draft,
+        tuple(watches),
+        sensors,
+        {case.start for case in cases},
+        (
+            words,
+            "Options are held against the references of the sidecars: an error may grow by a "
+            "tenth of what it leaves of its tolerance.",
+        ),
+    )
 
 
 def sensors_of(draft: Draft, watch: Collection[str]) -> set[str]:
@@ -234,30 +266,44 @@ def only(watch: Watch, sensors: set[str]) -> Watch:
     """A run of which nothing but the channels of these sensors is looked at."""
     names = reads(watch, sensors)
     run = replace(watch.run, channels=tuple(names))
-    bound = watch.bound and replace(watch.bound, run=run, allowed={
-        n: watch.bound.allowed[n] for n in names})
-    return replace(watch, run=run, allowed={n: watch.allowed[n] for n in names}, bound=bound,
-                   before=replace(watch.before, channels={
-                       n: watch.before.channels[n] for n in names}))
+    bound = watch.bound and replace(
+        watch.bound, run=run, allowed={n: watch.bound.allowed[n] for n in names}
+    )
+    return replace(
+        watch,
+        run=run,
+        allowed={n: watch.allowed[n] for n in names},
+        bound=bound,
+        before=replace(watch.before, channels={n: watch.before.channels[n] for n in names}),
+    )
 
 
 def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
     """What is watched of a model without a sidecar, and what does not act on it."""
-    named = [f"{word} {e.name}" for kind, word in WATCHED.items()
-             for e in getattr(draft.spec, kind) if e.name in draft.watch
-             and e.name not in draft.probes]
+    named = [
+        f"{word} {e.name}"
+        for kind, word in WATCHED.items()
+        for e in getattr(draft.spec, kind)
+        if e.name in draft.watch and e.name not in draft.probes
+    ]
     sensors = [s.name for s in draft.spec.sensors if s.name not in draft.probes]
     if draft.watch:
         yield f"Watched: {listed(named)}, and nothing else."
     elif sensors:
-        yield (f"Watched, since no sidecar and no --watch says what matters: all sensors of the "
-               f"model, {listed(sensors)}.")
+        yield (
+            f"Watched, since no sidecar and no --watch says what matters: all sensors of the "
+            f"model, {listed(sensors)}."
+        )
     else:
-        yield ("Watched, since no sidecar, no sensor and no --watch says what matters: everything "
-               "that moves.")
+        yield (
+            "Watched, since no sidecar, no sensor and no --watch says what matters: everything "
+            "that moves."
+        )
     if watch.level:
-        yield (f"{listed(sorted(watch.level))}: a potential energy is known up to a constant, so "
-               "only its change counts; what does not move adds nothing to it.")
+        yield (
+            f"{listed(sorted(watch.level))}: a potential energy is known up to a constant, so "
+            "only its change counts; what does not move adds nothing to it."
+        )
     try:
         found = isolated(groups, draft.compiled(), watch.run, timeout=LATEST)
     except Exception:  # then nothing is said of it
@@ -265,16 +311,23 @@ def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
     if len(found) < 2 or draft.watch:
         return
     told = "; ".join(", ".join(group) for group in found)
-    yield (f"{len(found)} groups of bodies move without acting on each other in this run, through "
-           f"no contact, equality, tendon or actuator: {told}. All of what is watched of them is "
-           f"kept. --watch NAME, with a joint, body, site or sensor of the group that matters, "
-           f"leaves the others out.")
+    yield (
+        f"{len(found)} groups of bodies move without acting on each other in this run, through "
+        f"no contact, equality, tendon or actuator: {told}. All of what is watched of them is "
+        f"kept. --watch NAME, with a joint, body, site or sensor of the group that matters, "
+        f"leaves the others out."
+    )
 
 
 def solvers_of(case: Case, kind: Kind) -> list[str]:
     """The settings in which a case runs in MuJoCo, but for the engine's defaults and its flexes."""
-    return [s for s in case.run[kind].solvers if s.partition(":")[0] == NATIVE
-            and s != f"{NATIVE}:default" and not case.settings.get(s, {}).get("flex")]
+    return [
+        s
+        for s in case.run[kind].solvers
+        if s.partition(":")[0] == NATIVE
+        and s != f"{NATIVE}:default"
+        and not case.settings.get(s, {}).get("flex")
+    ]
 
 
 def sidecars(file: Path) -> Iterator[Case]:
@@ -334,11 +387,17 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
         left, rounding = SHARE * (most - error), ROUNDING * scale(before, name)
         allowed[name] = np.full(curve.size, max(left, rounding))
         # a tolerance may be narrower than that rounding: no option may lead beyond it
-        largest[name] = error + (max(left, 1e-3 * rounding) if tolerance else
-                                 max(WORSE * error, rounding))
+        largest[name] = error + (
+            max(left, 1e-3 * rounding) if tolerance else max(WORSE * error, rounding)
+        )
     setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
-    return Watch(f"{case.name} {run.kind}{setting}", run, allowed, before,
-                 bound=Bound(run, largest, case=case))
+    return Watch(
+        f"{case.name} {run.kind}{setting}",
+        run,
+        allowed,
+        before,
+        bound=Bound(run, largest, case=case),
+    )
 
 
 def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
@@ -353,22 +412,34 @@ def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
     stride = max(1, steps // (SAMPLES - 1))
     x = model.opt.timestep * stride * np.arange(max(2, steps // stride + 1))
     run = Run(PASSIVE, x, (), start=start)
-    level = frozenset(model.sensor(s).name for s in range(model.nsensor)
-                      if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_E_POTENTIAL)
-    before, beside = (levelled(seen(draft, done(file, model, run, *nudge)), level)
-                      for nudge in ((), (NUDGE,)))
+    level = frozenset(
+        model.sensor(s).name
+        for s in range(model.nsensor)
+        if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_E_POTENTIAL
+    )
+    before, beside = (
+        levelled(seen(draft, done(file, model, run, *nudge)), level) for nudge in ((), (NUDGE,))
+    )
     if not before.channels:
         raise InputError(file, "", "nothing in it moves and nothing is measured; give it a <joint>")
-    grown = {name: np.abs(curve - beside.channels[name]) / scale(before, name)
-             for name, curve in before.channels.items()}
+    grown = {
+        name: np.abs(curve - beside.channels[name]) / scale(before, name)
+        for name, curve in before.channels.items()
+    }
     lost = np.max(list(grown.values()), axis=0) > LOST
     n = int(np.argmax(lost)) if lost.any() else x.size
     if n < min(FEWEST, x.size):
         name = max(grown, key=lambda name: float(grown[name][n]))
-        raise InputError(file, "", f"cannot be followed: {name} is lost in rounding after "
-                         f"{x[n]:.3g} s; give a key that starts further from a collision")
-    allowed = {name: np.maximum(ROUNDING, np.maximum.accumulate(part[:n])) * scale(before, name)
-               for name, part in grown.items()}
+        raise InputError(
+            file,
+            "",
+            f"cannot be followed: {name} is lost in rounding after "
+            f"{x[n]:.3g} s; give a key that starts further from a collision",
+        )
+    allowed = {
+        name: np.maximum(ROUNDING, np.maximum.accumulate(part[:n])) * scale(before, name)
+        for name, part in grown.items()
+    }
     return Watch("let go", replace(run, x=x[:n]), allowed, before, level & before.channels.keys())
 
 
@@ -376,20 +447,32 @@ def seen(draft: Draft, curves: Curves) -> Curves:
     """The curves of the sensors that are watched."""
     if (sensors := own_sensors(draft)) is None:
         return curves
-    return replace(curves, channels={name: curve for name, curve in curves.channels.items()
-                                     if name.partition("[")[0] in sensors})
+    return replace(
+        curves,
+        channels={
+            name: curve
+            for name, curve in curves.channels.items()
+            if name.partition("[")[0] in sensors
+        },
+    )
 
 
 def levelled(curves: Curves, names: Collection[str]) -> Curves:
     """Curves of which some are read as their change since the start."""
     if not names:
         return curves
-    return replace(curves, channels={name: curve - curve[0] if name in names else curve
-                                     for name, curve in curves.channels.items()})
+    return replace(
+        curves,
+        channels={
+            name: curve - curve[0] if name in names else curve
+            for name, curve in curves.channels.items()
+        },
+    )
 
 
-def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | None = None
-                       ) -> tuple[Watch, str]:
+def with_fine_solution(
+    file: Path, draft: Draft, watch: Watch, error: float | None = None
+) -> tuple[Watch, str]:
     """A free motion with what other options of the engine are held against, and that in words.
 
     The truth is the fine solution of the same model: steps that are 8 times shorter, constraints
@@ -405,13 +488,24 @@ def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | No
     while 2 * thin * stride <= LONGER and x.size // (2 * thin) >= SPARSE:
         thin *= 2
     run = replace(watch.run, x=x[::thin])
-    own = {name: curve[:x.size:thin] for name, curve in watch.before.channels.items()}
-    strict = {**FINE, "tolerance": min(1e-14, model.opt.tolerance),
-              "iterations": max(100, model.opt.iterations)}
+    own = {name: curve[: x.size : thin] for name, curve in watch.before.channels.items()}
+    strict = {
+        **FINE,
+        "tolerance": min(1e-14, model.opt.tolerance),
+        "iterations": max(100, model.opt.iterations),
+    }
     no = "Options may move a channel by no more than a feature may, for there is no fine solution "
     try:
-        coarse, fine = (levelled(seen(draft, done(file, model, replace(
-            run, settings={**strict, "timestep": step / k}))), watch.level).channels for k in FINER)
+        coarse, fine = (
+            levelled(
+                seen(
+                    draft,
+                    done(file, model, replace(run, settings={**strict, "timestep": step / k})),
+                ),
+                watch.level,
+            ).channels
+            for k in FINER
+        )
     except InputError as wrong:
         return watch, f"{no}to hold them against: {wrong.wrong}."
     sizes = {name: scale(watch.before, name) for name in own}
@@ -420,31 +514,46 @@ def with_fine_solution(file: Path, draft: Draft, watch: Watch, error: float | No
     if lost.any():
         k = int(np.argmax(lost))
         name = max(off, key=lambda name: float(off[name][k]))
-        return watch, (f"{no}to hold them against: {name} is off it by a tenth of its size after "
-                       f"{number(float(run.x[k]))} s; --seconds ends the run before that.")
+        return watch, (
+            f"{no}to hold them against: {name} is off it by a tenth of its size after "
+            f"{number(float(run.x[k]))} s; --seconds ends the run before that."
+        )
     allowed, free = dict[str, float](), error or 0.0
-    ranges = {name: max(float(np.ptp(c)) for other, c in fine.items()
-                        if other.partition("[")[0] == name.partition("[")[0]) for name in own}
+    ranges = {
+        name: max(
+            float(np.ptp(c))
+            for other, c in fine.items()
+            if other.partition("[")[0] == name.partition("[")[0]
+        )
+        for name in own
+    }
     for name, size in sizes.items():
         most = max((1 + WORSE) * float(off[name].max()), ROUNDING, free * ranges[name] / size)
         if float(np.abs(coarse[name] - fine[name]).max()) / size > most / 2:
-            return watch, (f"{no}to hold them against: {name} still changes between steps of "
-                           f"{number(step / FINER[0])} s and {number(step / FINER[1])} s.")
+            return watch, (
+                f"{no}to hold them against: {name} still changes between steps of "
+                f"{number(step / FINER[0])} s and {number(step / FINER[1])} s."
+            )
         allowed[name] = most * size
     return replace(watch, bound=Bound(run, allowed, fine)), (
         f"Options are held against the fine solution of the same model, with steps of "
         f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
         f"first {number(float(run.x[-1]))} s: no channel may be off it by more than 1.1 times "
         f"what it is off with the options as they are, {number(ROUNDING)} of its size"
-        + (f" or {number(free)} of its range, whichever is most." if free else
-           ", whichever is more; --error SHARE allows more."))
+        + (
+            f" or {number(free)} of its range, whichever is most."
+            if free
+            else ", whichever is more; --error SHARE allows more."
+        )
+    )
 
 
 def scale(curves: Curves, name: str) -> float:
     """Largest value of all the numbers of a channel's sensor; 1 where all of them are rounding."""
     sensor = name.partition("[")[0]
-    largest = max(float(np.abs(v).max()) for n, v in curves.channels.items()
-                  if n.partition("[")[0] == sensor)
+    largest = max(
+        float(np.abs(v).max()) for n, v in curves.channels.items() if n.partition("[")[0] == sensor
+    )
     return largest if largest > ROUNDING else 1.0
 
 
@@ -455,8 +564,9 @@ def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Cur
     except BadModel as error:
         raise InputError(file, "", str(error)) from None
     except tuple(FAILURES) as error:
-        raise InputError(file, "", f"as it is, its run {FAILURES[type(error)]}: {error}; give a "
-                         "model that runs") from None
+        raise InputError(
+            file, "", f"as it is, its run {FAILURES[type(error)]}: {error}; give a model that runs"
+        ) from None
 
 
 def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
@@ -470,8 +580,11 @@ def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
         allowed, after = watch.allowed[name], curves.channels.get(name)
         if after is None and name.partition("[")[0] in optional:
             after = np.full(allowed.size, before[0])
-        found[name] = np.inf if after is None or after.size != allowed.size else float(
-            (np.abs(after - before[:allowed.size]) / allowed).max())
+        found[name] = (
+            np.inf
+            if after is None or after.size != allowed.size
+            else float((np.abs(after - before[: allowed.size]) / allowed).max())
+        )
     return found
 
 

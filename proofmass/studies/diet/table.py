@@ -26,21 +26,21 @@ WHOLE = "all of these"
 """The kind of the last entry: all that goes, taken out together."""
 COLUMNS = {
     "kind": f"what was taken out; option: what was changed; {SAID}: the message is a sentence on "
-            f"what is watched; the last rows, {WHOLE}: all that is harmless at once",
+    f"what is watched; the last rows, {WHOLE}: all that is harmless at once",
     "feature": "which",
     "outcome": "harmless: it goes; drawn: it could, but a picture needs it; no gain: it could, and "
-               "saves no time that is measured; matters: it changes a channel; needed: something "
-               "else names it; otherwise how the model fails without it",
+    "saves no time that is measured; matters: it changes a channel; needed: something "
+    "else names it; otherwise how the model fails without it",
     "run": "of the scene: case and run; or the motion from the key",
     "channel": "of that run",
     "moved_over_allowed": "largest change of that channel over what it may change; once options "
-                          "were changed, largest error over what it may be [1]",
+    "were changed, largest error over what it may be [1]",
     "seconds_before": "processor time of a step of the model with it, median of the rounds [s]; "
-                      "what goes is gone from later trials, and for the last rows it is all there",
+    "what goes is gone from later trials, and for the last rows it is all there",
     "seconds_after": "the same without it; of a longer step the time of what a step was before [s]",
     "seconds_saved": "share of the time that is saved, median of pairs of runs [1]",
     "seconds_saved_least": "lower end of the interval that holds that median with a probability of "
-                           "0.99, whatever the noise, if that is independent from pair to pair [1]",
+    "0.99, whatever the noise, if that is independent from pair to pair [1]",
     "seconds_saved_most": "upper end of it [1]; no change is measured if 0 is within",
     "bytes_before": "memory of the model and of the state it is stepped with",
     "bytes_after": "the same without the feature",
@@ -104,9 +104,15 @@ class Entry:
     @property
     def worst(self) -> tuple[str, str, float]:
         """Run and channel that move most, and how far over what they may."""
-        return max(((run, name, share) for run, shares in self.moved.items()
-                    for name, share in shares.items()), key=lambda w: w[2],
-                   default=("", "", float("nan")))
+        return max(
+            (
+                (run, name, share)
+                for run, shares in self.moved.items()
+                for name, share in shares.items()
+            ),
+            key=lambda w: w[2],
+            default=("", "", float("nan")),
+        )
 
 
 def write_entries(entries: Iterable[Entry], file: Path) -> None:
@@ -115,13 +121,27 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for entry in entries:
-        costs = [*(c.seconds for c in entry.costs), *ordered(entry.saved),
-                 *(c.size for c in entry.costs)]
-        moved = [(run, name, str(share)) for run, shares in entry.moved.items()
-                 for name, share in shares.items()]
+        costs = [
+            *(c.seconds for c in entry.costs),
+            *ordered(entry.saved),
+            *(c.size for c in entry.costs),
+        ]
+        moved = [
+            (run, name, str(share))
+            for run, shares in entry.moved.items()
+            for name, share in shares.items()
+        ]
         for row in moved or [("", "", "")]:
-            writer.writerow((entry.kind, entry.name, entry.outcome, *row,
-                             *(costs if entry.costs else EMPTY), entry.message))
+            writer.writerow(
+                (
+                    entry.kind,
+                    entry.name,
+                    entry.outcome,
+                    *row,
+                    *(costs if entry.costs else EMPTY),
+                    entry.message,
+                )
+            )
     write_whole(file, text.getvalue())
     write_columns(file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMNS)
 
@@ -142,8 +162,9 @@ def read_entries(file: Path) -> list[Entry]:
     with file.open(encoding="utf-8", newline="") as stream:
         reader = csv.DictReader(stream)
         if reader.fieldnames != list(COLUMNS):
-            raise InputError(file, "", "not the table of a diet: its columns are not "
-                             f"{', '.join(COLUMNS)}")
+            raise InputError(
+                file, "", f"not the table of a diet: its columns are not {', '.join(COLUMNS)}"
+            )
         rows = list(reader)
     whose = itemgetter("kind", "feature", "outcome", "message")
     return [entry(list(own)) for _, own in groupby(rows, whose)]
@@ -155,12 +176,25 @@ def entry(rows: list[dict[str, str]]) -> Entry:
     for row in rows:
         if row["run"]:
             moved.setdefault(row["run"], {})[row["channel"]] = float(row["moved_over_allowed"])
-    costs = tuple(Cost(float(first[f"seconds_{when}"]), int(first[f"bytes_{when}"]))
-                  for when in ("before", "after") if first[f"seconds_{when}"])
-    saved = tuple(float(first[f"seconds_saved{which}"]) for which in ("_least", "", "_most")
-                  if first["seconds_saved"])
-    return Entry(first["kind"], first["feature"], first["outcome"], moved, first["message"], costs,
-                 saved if len(saved) == 3 else ())
+    costs = tuple(
+        Cost(float(first[f"seconds_{when}"]), int(first[f"bytes_{when}"]))
+        for when in ("before", "after")
+        if first[f"seconds_{when}"]
+    )
+    saved = tuple(
+        float(first[f"seconds_saved{which}"])
+        for which in ("_least", "", "_most")
+        if first["seconds_saved"]
+    )
+    return Entry(
+        first["kind"],
+        first["feature"],
+        first["outcome"],
+        moved,
+        first["message"],
+        costs,
+        saved if len(saved) == 3 else (),
+    )
 
 
 RANK = {"harmless": 0, "drawn": 1, NO_GAIN: 2, "matters": 3}
@@ -171,8 +205,10 @@ def ranked(entries: Sequence[Entry]) -> list[Entry]:
     """What goes first; all of it at once last of what could be run, unless nothing goes."""
     entries = [e for e in entries if e.kind != SAID]
     goes = any(e.outcome == "harmless" for e in entries if e.kind != WHOLE)
-    return sorted((e for e in entries if goes or e.kind != WHOLE),
-                  key=lambda e: 4 if e.kind == WHOLE else RANK.get(e.outcome, 5))
+    return sorted(
+        (e for e in entries if goes or e.kind != WHOLE),
+        key=lambda e: 4 if e.kind == WHOLE else RANK.get(e.outcome, 5),
+    )
 
 
 def sentences(entries: Sequence[Entry]) -> Iterator[str]:
@@ -185,29 +221,43 @@ def sentences(entries: Sequence[Entry]) -> Iterator[str]:
     cheaper = [e for e in options if e.outcome == "harmless"]
     drawn = [e for e in features if e.outcome == "drawn"]
     if gone:
-        yield (f"{len(gone)} of {len(features)} features go together: "
-               f"{'; '.join(e.title for e in gone)}.")
+        yield (
+            f"{len(gone)} of {len(features)} features go together: "
+            f"{'; '.join(e.title for e in gone)}."
+        )
     else:
         matter = sum(e.outcome == "matters" for e in features)
-        yield (f"Nothing is left to remove: of {len(features)} features, each taken out, "
-               f"{matter} {'moves' if matter == 1 else 'move'} a channel by more than it may, and "
-               f"{len(features) - matter - len(drawn)} are needed for the model to run.")
+        yield (
+            f"Nothing is left to remove: of {len(features)} features, each taken out, "
+            f"{matter} {'moves' if matter == 1 else 'move'} a channel by more than it may, and "
+            f"{len(features) - matter - len(drawn)} are needed for the model to run."
+        )
     if cheaper:
         yield f"Options are changed: {'; '.join(e.name for e in cheaper)}."
     if gone or cheaper:
         run, channel, share = whole.worst
         what = "error of a channel" if cheaper else "change"
-        yield (f"The largest {what} is {number(share, 2)} of what is allowed, of {channel} in "
-               f"{run}." if share else "No channel changes at all.")
+        yield (
+            f"The largest {what} is {number(share, 2)} of what is allowed, of {channel} in {run}."
+            if share
+            else "No channel changes at all."
+        )
         if whole.costs:
             yield f"{spent(whole)}, and {number(whole.saved_memory)} KB less memory."
     if stay := [e for e in options if e.outcome == "matters"]:
-        yield ("Options that stay, since an error would be too large: "
-               + "; ".join(f"{e.name} ({number(e.worst[2], 2)} of what is allowed, of {e.worst[1]})"
-                           for e in stay) + ".")
+        yield (
+            "Options that stay, since an error would be too large: "
+            + "; ".join(
+                f"{e.name} ({number(e.worst[2], 2)} of what is allowed, of {e.worst[1]})"
+                for e in stay
+            )
+            + "."
+        )
     if drawn:
-        yield (f"Drawn, and kept for the eye: {'; '.join(e.name for e in drawn)}. --blind takes "
-               f"them out as well.")
+        yield (
+            f"Drawn, and kept for the eye: {'; '.join(e.name for e in drawn)}. --blind takes "
+            f"them out as well."
+        )
 
 
 def spent(entry: Entry) -> str:

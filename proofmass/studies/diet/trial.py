@@ -88,15 +88,21 @@ def groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
     return independent_groups(copy.copy(model), run)
 
 
-def paced(models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, timeout: float
-          ) -> Pace:
+def paced(
+    models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, timeout: float
+) -> Pace:
     """`race`, in a process of its own on a processor of its own."""
     with own_core() as core:
         return isolated(race, models, run, rounds, SPAN, core, timeout=timeout)
 
 
-def race(models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, span: float,
-         core: int | None = None) -> Pace:
+def race(
+    models: tuple[mujoco.MjModel, mujoco.MjModel],
+    run: Run,
+    rounds: int,
+    span: float,
+    core: int | None = None,
+) -> Pace:
     """What two models cost, run in pairs after a pair that warms up.
 
     Who is first in a pair is drawn by lot, so that nothing that comes and goes regularly meets one
@@ -116,8 +122,9 @@ def race(models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, s
                 if turn:
                     times[k].append(seconds)
             turn += 1
-    one, two = (Cost(float(np.median(t)) / steps, size)
-                for t, size in zip(times, sizes, strict=True))
+    one, two = (
+        Cost(float(np.median(t)) / steps, size) for t, size in zip(times, sizes, strict=True)
+    )
     return Pace((one, two), saved([b / a for a, b in zip(*times, strict=True)]))
 
 

@@ -32,14 +32,15 @@ class BoundaryKind(StrEnum):
 
 
 SENTENCES = {
-    BoundaryKind.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's warning, a "
-                    "loop comes open, or there is no pose or no equilibrium any more",
-    BoundaryKind.INACCURATE: "the engine runs to the end, and is off by more than a tenth of the range, "
-                      "or by more than the row names",
+    BoundaryKind.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's "
+    "warning, a loop comes open, or there is no pose or no equilibrium any more",
+    BoundaryKind.INACCURATE: "the engine runs to the end, and is off by more than a tenth of the "
+    "range, or by more than the row names",
     BoundaryKind.REFUSED: "the engine does not compile or accept it",
-    BoundaryKind.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for lack of "
-                "time, of a reference or of iterations, or did not accept it itself",
-    BoundaryKind.HOLDS: "no boundary: all held as far as the knob was turned"}
+    BoundaryKind.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for "
+    "lack of time, of a reference or of iterations, or did not accept it itself",
+    BoundaryKind.HOLDS: "no boundary: all held as far as the knob was turned",
+}
 """Of all kinds of limits, for tables and pages."""
 
 
@@ -166,7 +167,7 @@ class Boundary(Turned):
     def ending(self) -> str:
         """What kind of limit it is, whether the engine said so, and what went wrong.
 
-        >>> Boundary("", "", "", "", "", 1.0, 9.0, 2.0, 2.02, limit=Limit.INACCURATE,
+        >>> Boundary("", "", "", "", "", 1.0, 9.0, 2.0, 2.02, limit=BoundaryKind.INACCURATE,
         ...          failure="position off by 0.1 of its range", silent=True).ending
         'inaccurate, in silence: position off by 0.1 of its range'
         """
@@ -199,12 +200,20 @@ class Sought(Turned):
         holds, breaks, failure = bisect(test, self.start, self.reach, within)
         known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
         message, limit, silent = failure or ("", BoundaryKind.HOLDS, False)
-        return Boundary(**known, holds=holds, breaks=breaks, step=steps.get(holds, NAN),
-                        limit=limit, failure=message, silent=silent)
+        return Boundary(
+            **known,
+            holds=holds,
+            breaks=breaks,
+            step=steps.get(holds, NAN),
+            limit=limit,
+            failure=message,
+            silent=silent,
+        )
 
 
-def bisect(test: Callable[[float], Failure | None], start: float, reach: float,
-           within: float = WITHIN) -> tuple[float, float, Failure | None]:
+def bisect(
+    test: Callable[[float], Failure | None], start: float, reach: float, within: float = WITHIN
+) -> tuple[float, float, Failure | None]:
     """Turn a knob from `start` towards `reach`, and close in on where it stops to hold.
 
     Strides are geometric, so all values are positive.  A boundary is the first one that a stride
@@ -220,7 +229,7 @@ def bisect(test: Callable[[float], Failure | None], start: float, reach: float,
 
     Examples
     --------
-    >>> lost = Failure("beyond", Limit.UNSTABLE)
+    >>> lost = Failure("beyond", BoundaryKind.UNSTABLE)
     >>> holds, breaks, _ = bisect(lambda x: None if x < 2 else lost, 0.1, 100.0)
     >>> holds < 2 <= breaks, breaks / holds < 1.01
     (True, True)
@@ -239,7 +248,8 @@ def bisect(test: Callable[[float], Failure | None], start: float, reach: float,
             break
         holds = value
     while max(holds / breaks, breaks / holds) > 1.0 + (  # not with NaN
-            max(COARSE, within) if failure and failure.limit == BoundaryKind.OURS else within):
+        max(COARSE, within) if failure and failure.limit == BoundaryKind.OURS else within
+    ):
         middle = float(np.sqrt(holds * breaks))
         if found := test(middle):
             breaks, failure = middle, found

@@ -16,8 +16,9 @@ from proofmass.terminal import console
 from proofmass.wording import number
 
 
-def run_stress(paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None,
-               only: str) -> None:
+def run_stress(
+    paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
+) -> None:
     """What ``proofmass stress`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the runs"):
         from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
@@ -28,8 +29,9 @@ def run_stress(paths: list[Path] | None, output: Path, jobs: int | None, dask: s
         print(write_stress(output, output).first)
 
 
-def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
-             ) -> list[Boundary]:
+def measured(
+    paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
+) -> list[Boundary]:
     """Find boundaries with a progress bar on standard error; say what does not apply."""
     store = Store(folder / "runs")
     sought = [] if paths else [kept(one, store) for one in probes()]
@@ -47,18 +49,41 @@ def measured(paths: list[Path], folder: Path, jobs: int | None, dask: str | None
 
 def shown(found: list[Boundary]) -> Table:
     """A row for each boundary, on standard output, and what the kinds of limits are."""
-    table = Table(box=None, header_style="bold", pad_edge=False, caption_justify="left",
-                  caption="\n".join(f"{kind}: {kind.sentence}" for kind in BoundaryKind
-                                    if any(one.limit == kind for one in found)))
-    for name in ("what", "engine", "setting", "knob", "boundary", "theory", "ratio",
-                 "how it breaks"):
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        caption_justify="left",
+        caption="\n".join(
+            f"{kind}: {kind.sentence}"
+            for kind in BoundaryKind
+            if any(one.limit == kind for one in found)
+        ),
+    )
+    for name in (
+        "what",
+        "engine",
+        "setting",
+        "knob",
+        "boundary",
+        "theory",
+        "ratio",
+        "how it breaks",
+    ):
         right = name in ("boundary", "theory", "ratio")
         table.add_column(name, justify="right" if right else "left", no_wrap=right)
     for one in found:
         known = one.theory == one.theory
-        table.add_row(one.what, one.engine, one.setting, one.knob, reached(one),
-                      number(one.theory) if known else "", number(one.ratio) if known else "",
-                      one.ending)
+        table.add_row(
+            one.what,
+            one.engine,
+            one.setting,
+            one.knob,
+            reached(one),
+            number(one.theory) if known else "",
+            number(one.ratio) if known else "",
+            one.ending,
+        )
     return table
 
 
@@ -69,7 +94,7 @@ def reached(one: Boundary) -> str:
     '2.01 s'
     >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
     'none to 10 s'
-    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=Limit.OURS))
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=BoundaryKind.OURS))
     'not known beyond 2 s'
     """
     unit = "" if one.unit == "1" else f" {one.unit}"

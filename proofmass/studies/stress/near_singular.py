@@ -56,8 +56,11 @@ def ends(case: Case) -> Iterator[BodyNames]:
     for e in reversed(range(model.neq)):
         if int(model.eq_objtype[e]) == mujoco.mjtObj.mjOBJ_SITE:
             pair = int(model.eq_obj2id[e]), int(model.eq_obj1id[e])
-            yield tuple(str(model.site(site).name) for site in pair
-                        if model.site_bodyid[site] and model.site_pos[site].any())
+            yield tuple(
+                str(model.site(site).name)
+                for site in pair
+                if model.site_bodyid[site] and model.site_pos[site].any()
+            )
 
 
 def last_link(case: Case) -> BodyNames:
@@ -84,6 +87,7 @@ def shortened(case: Case, links: BodyNames, folder: Path, factor: float) -> Case
                 times(site, "pos", factor)
         key = next(key for key in root.iter("key") if key.get("name") == case.start)
         key.set("qpos", " ".join(map(repr, pose.tolist())))
+
     return with_model(case, folder, change)
 
 
@@ -115,8 +119,9 @@ def least(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
     NaN where the reference has no poses with longer ones, or has them all with shorter ones.
     """
     for longest in LONGEST:
-        holds, breaks, _ = bisect(partial(unclosed, case, links, kind, folder), longest, SHORTEST,
-                                  LENGTH_WITHIN)
+        holds, breaks, _ = bisect(
+            partial(unclosed, case, links, kind, folder), longest, SHORTEST, LENGTH_WITHIN
+        )
         if holds == holds:
             return float(np.sqrt(holds * breaks))
     return float("nan")
@@ -129,8 +134,9 @@ def least_kept(case: Case, links: BodyNames, kind: Kind, store: Store) -> float:
     return float(once(file, lambda: least(case, links, kind, store.folder / "models")))
 
 
-def unclosed(case: Case, links: BodyNames, kind: Kind, folder: Path, factor: float
-             ) -> Failure | None:
+def unclosed(
+    case: Case, links: BodyNames, kind: Kind, folder: Path, factor: float
+) -> Failure | None:
     """Why the mechanism does not make its whole way with links so many times as long."""
     try:
         followed(shortened(case, links, folder, factor), kind)
@@ -149,19 +155,37 @@ SAMPLES = 41  # there and back; odd: one at the turn
 def limits(stand: Stand) -> Iterator[Sought]:
     """The drive further and further, until a limit position, in a sweep."""
     case = stand.case
-    needs("sweep" in case.run and case.leader and case.leader.to is not None
-          and len(case.drive) == 1 and known(case) and hinged(case),
-          "limit position: no single crank to turn on")
+    needs(
+        "sweep" in case.run
+        and case.leader
+        and case.leader.to is not None
+        and len(case.drive) == 1
+        and known(case)
+        and hinged(case),
+        "limit position: no single crank to turn on",
+    )
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     swept = replace(stand, kind="sweep", setting=Setting(stand.setting.engine))
     reach = max(TURNS * 2 * np.pi, 2 * way)
     limit = between(*bisect(partial(unreachable, case), way, reach, LIMIT_WITHIN)[:2])
-    yield swept.sought("drive's way", "rad", way, reach,
-                       lambda far: swept.tried(farther(case, far)), "sweep", theory=limit,
-                       law="where the reference has no pose any more")
+    yield swept.sought(
+        "drive's way",
+        "rad",
+        way,
+        reach,
+        lambda far: swept.tried(farther(case, far)),
+        "sweep",
+        theory=limit,
+        law="where the reference has no pose any more",
+    )
     if np.isfinite(limit) and stand.kind == "duration":
-        yield stand.sought("drive turns back before its limit", "rad", limit - way, NEAREST,
-                           lambda gap: stand.tried(turning(case, limit - gap, stand.seconds)))
+        yield stand.sought(
+            "drive turns back before its limit",
+            "rad",
+            limit - way,
+            NEAREST,
+            lambda gap: stand.tried(turning(case, limit - gap, stand.seconds)),
+        )
 
 
 def between(holds: float, breaks: float) -> float:
@@ -180,28 +204,38 @@ def unreachable(case: Case, far: float) -> Failure | None:
 
 def closings(stand: Stand) -> Iterator[Sought]:
     """The last link with less and less to spare, until bars in line are passed the wrong way."""
-    yield from spared(stand, "bars in line", "length to spare where bars come in line",
-                      last_link(stand.case))
+    yield from spared(
+        stand, "bars in line", "length to spare where bars come in line", last_link(stand.case)
+    )
 
 
 def stretchings(stand: Stand) -> Iterator[Sought]:
     """Both links of the last loop with less and less to spare, until they are stretched."""
-    yield from spared(stand, "stretched arm", "length to spare where an arm is stretched",
-                      last_arm(stand.case))
+    yield from spared(
+        stand, "stretched arm", "length to spare where an arm is stretched", last_arm(stand.case)
+    )
 
 
 def spared(stand: Stand, pose: str, knob: str, links: BodyNames) -> Iterator[Sought]:
     """Links with less and less to spare, in each run."""
-    needs(stand.case.drive and movable(stand.case) and known(stand.case) and links,
-          f"{pose}: no such links in a driven loop")
+    needs(
+        stand.case.drive and movable(stand.case) and known(stand.case) and links,
+        f"{pose}: no such links in a driven loop",
+    )
     case = reread(stand.case)
     way: Kind = "duration" if "duration" in case.run else "sweep"
     length = least_kept(case, links, way, stand.store)
     needs(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("duration", "sweep") if kind in case.run):
         own = replace(stand, case=case, kind=kind)
-        yield own.sought(knob, "share", SPARE, LEAST, partial(sparing, own, links, length),
-                         own.words if kind == "duration" else kind)
+        yield own.sought(
+            knob,
+            "share",
+            SPARE,
+            LEAST,
+            partial(sparing, own, links, length),
+            own.words if kind == "duration" else kind,
+        )
 
 
 def sparing(stand: Stand, links: BodyNames, length: float, share: float) -> Tried:
@@ -219,20 +253,32 @@ def sparing(stand: Stand, links: BodyNames, length: float, share: float) -> Trie
 def snaps(stand: Stand) -> Iterator[Sought]:
     """The drive further and further, until a rod does not come back the way it went."""
     case = stand.case
-    needs(case.rod and "sweep" in case.run and len(case.drive) == 1 and movable(case),
-          "fold: no rod that a single drive bends")
+    needs(
+        case.rod and "sweep" in case.run and len(case.drive) == 1 and movable(case),
+        "fold: no rod that a single drive bends",
+    )
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     fold = between(*bisect(partial(unreturned, case), way / 16, way, LIMIT_WITHIN)[:2])
     unit = "rad" if hinged(case) else "m"
     # an equilibrium that is followed ends at its fold, and need not fall
     knobs = {k: v for k, v in stand.setting.knobs.items() if k != "settled"}
     for pieces in PIECES:
-        own = replace(stand, kind="sweep",
-                      setting=Setting(stand.setting.engine, {**knobs, "segments": pieces}),
-                      patience=max(stand.patience, case.run["sweep"].timeout))
-        yield own.sought("drive's way until a rod snaps", unit, way / 16, way,
-                         partial(snapped, own), f"{pieces} segments", theory=fold,
-                         law="where the reference's rod does not come back the way it went")
+        own = replace(
+            stand,
+            kind="sweep",
+            setting=Setting(stand.setting.engine, {**knobs, "segments": pieces}),
+            patience=max(stand.patience, case.run["sweep"].timeout),
+        )
+        yield own.sought(
+            "drive's way until a rod snaps",
+            unit,
+            way / 16,
+            way,
+            partial(snapped, own),
+            f"{pieces} segments",
+            theory=fold,
+            law="where the reference's rod does not come back the way it went",
+        )
 
 
 def there_and_back(case: Case, far: float) -> Case:
@@ -267,6 +313,9 @@ def parted(curves: dict[str, Array]) -> Failure | None:
     for name, values in curves.items():
         apart = float(np.abs(values - values[::-1]).max())
         if apart > LOST * np.ptp(values):
-            return Failure(f"{name} comes back {apart:.2g} away from where it went",
-                           BoundaryKind.UNSTABLE, silent=True)
+            return Failure(
+                f"{name} comes back {apart:.2g} away from where it went",
+                BoundaryKind.UNSTABLE,
+                silent=True,
+            )
     return None

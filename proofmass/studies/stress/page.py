@@ -40,29 +40,45 @@ NEAR = 0.02
 def stress_sheet(found: Sequence[Boundary]) -> Figure:
     """Bars by knob; where theory is known of all on an axis of values, with the ratios beside."""
     known = all(one.theory == one.theory for one in found)
-    groups = [(knob, [one for one in found if one.knob == knob])
-              for knob in dict.fromkeys(one.knob for one in found)]
+    groups = [
+        (knob, [one for one in found if one.knob == knob])
+        for knob in dict.fromkeys(one.knob for one in found)
+    ]
     rows = len(found) + len(groups)
     height = ROW * rows + 2 * HEAD
     figure = Figure(figsize=(WIDE, height))
-    axes = figure.subplots(1, 2 if known else 1, sharey=True, squeeze=False,
-                           width_ratios=[3, 1] if known else None)[0]
+    axes = figure.subplots(
+        1, 2 if known else 1, sharey=True, squeeze=False, width_ratios=[3, 1] if known else None
+    )[0]
     y, styles = float(rows), styled(found)
     for knob, ours in groups:
         unit = "" if ours[0].unit in ("1", "times") or not known else f" [{ours[0].unit}]"
-        axes[0].annotate(knob + unit, (0, y - 0.15), xycoords=("axes fraction", "data"),
-                         xytext=(-4, 0), textcoords="offset points", ha="right", va="center",
-                         fontweight="bold")
+        axes[0].annotate(
+            knob + unit,
+            (0, y - 0.15),
+            xycoords=("axes fraction", "data"),
+            xytext=(-4, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontweight="bold",
+        )
         for one in ours:
             y -= 1
             bar(axes[0], one, y, known, styles[one.engine])
             if known and one.ratio == one.ratio:
-                axes[1].plot(one.ratio, y, color=styles[one.engine][0].colour, markersize=4,
-                             marker=styles[one.engine][0].marker)
+                axes[1].plot(
+                    one.ratio,
+                    y,
+                    color=styles[one.engine][0].colour,
+                    markersize=4,
+                    marker=styles[one.engine][0].marker,
+                )
         y -= 1
     dress(axes, found, rows, known)
-    figure.subplots_adjust(left=0.41, right=0.98, bottom=0.55 / height, top=1 - 0.5 / height,
-                           wspace=0.06)
+    figure.subplots_adjust(
+        left=0.41, right=0.98, bottom=0.55 / height, top=1 - 0.5 / height, wspace=0.06
+    )
     legend(figure, found, height)
     return figure
 
@@ -77,25 +93,51 @@ def styled(found: Sequence[Boundary]) -> dict[str, Style]:
 def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     """One boundary: a bar from where it was turned from, and how it ends."""
     label = f"{one.what}, {one.setting}" if known else f"{spoken(one.engine)}, {one.setting}"
-    ax.annotate(label, (0, y), xycoords=("axes fraction", "data"), xytext=(-4, 0), fontsize=6.5,
-                textcoords="offset points", ha="right", va="center")
+    ax.annotate(
+        label,
+        (0, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(-4, 0),
+        fontsize=6.5,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+    )
     low, high = span(one, known)
     colour = style[0].colour
     if one.holds != one.holds:
-        ax.annotate("not known" if one.unknown else "lost from the start", (0.01, y),
-                    xycoords=("axes fraction", "data"), fontsize=6.5, va="center")
+        ax.annotate(
+            "not known" if one.unknown else "lost from the start",
+            (0.01, y),
+            xycoords=("axes fraction", "data"),
+            fontsize=6.5,
+            va="center",
+        )
         return
     ax.barh(y, high - low, left=low, height=0.6, **filled(style))
     marker = "o" if one.found else "X" if one.unknown else ">"
-    ax.plot(high, y, marker=marker, color=colour, markersize=4.5, clip_on=False,
-            markerfacecolor="white" if one.silent else colour)
+    ax.plot(
+        high,
+        y,
+        marker=marker,
+        color=colour,
+        markersize=4.5,
+        clip_on=False,
+        markerfacecolor="white" if one.silent else colour,
+    )
     if np.isfinite(one.theory) and one.theory:
         place = one.theory if known else turned(one, one.theory)
         ax.plot([place] * 2, [y - 0.42, y + 0.42], color="black", linewidth=1.3, zorder=4)
     if not known and one.found:
         unit = {"times": "×", "1": ""}.get(one.unit, one.unit)
-        ax.annotate(f"{number(one.measured)} {unit}", (high, y), xytext=(6, 0), fontsize=6.5,
-                    textcoords="offset points", va="center")
+        ax.annotate(
+            f"{number(one.measured)} {unit}",
+            (high, y),
+            xytext=(6, 0),
+            fontsize=6.5,
+            textcoords="offset points",
+            va="center",
+        )
 
 
 def filled(style: Style) -> dict[str, Any]:
@@ -105,8 +147,12 @@ def filled(style: Style) -> dict[str, Any]:
     of one colour with its lines.
     """
     colour = style[0].colour
-    return {"facecolor": 1 - PALE * (1 - np.array(to_rgb(colour))), "edgecolor": colour,
-            "hatch": style[1], "linewidth": 0.4}
+    return {
+        "facecolor": 1 - PALE * (1 - np.array(to_rgb(colour))),
+        "edgecolor": colour,
+        "hatch": style[1],
+        "linewidth": 0.4,
+    }
 
 
 def span(one: Boundary, known: bool) -> tuple[float, float]:
@@ -127,8 +173,9 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
     axes[0].set_xscale("log")
     axes[0].set_ylim(-0.2, rows + 0.3)
     axes[0].set_yticks([])
-    axes[0].set_xlabel("value of the knob" if known else "turned so many times, up or down, from "
-                       "what the case has")
+    axes[0].set_xlabel(
+        "value of the knob" if known else "turned so many times, up or down, from what the case has"
+    )
     right = max(span(one, known)[1] for one in found if one.holds == one.holds)
     room = 1.3 if known else 60.0  # for words at the ends of bars
     axes[0].set_xlim(min(span(one, known)[0] for one in found) * 0.9, right * room)
@@ -142,25 +189,44 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
 def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     """Engines, and what the ends of bars mean."""
     handles: list[Patch | Line2D] = [
-        Patch(label=spoken(e), **filled(style)) for e, style in styled(found).items()]
+        Patch(label=spoken(e), **filled(style)) for e, style in styled(found).items()
+    ]
     plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
-    handles += [Line2D([], [], marker="o", label="lost, and said so", **plain),
-                Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence",
-                       **plain),
-                Line2D([], [], marker=">", label="holds to the end", **plain)]
+    handles += [
+        Line2D([], [], marker="o", label="lost, and said so", **plain),
+        Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence", **plain),
+        Line2D([], [], marker=">", label="holds to the end", **plain),
+    ]
     if any(one.unknown for one in found):
         handles.append(Line2D([], [], marker="X", label="not known beyond", **plain))
     if any(np.isfinite(one.theory) and one.theory for one in found):
-        handles.append(Line2D([], [], marker="|", markeredgewidth=1.3, label="theory",
-                              **{**plain, "color": "black", "markersize": 8}))
-    figure.legend(handles=handles, loc="upper left", ncols=len(handles), fontsize=7,
-                  bbox_to_anchor=(0.0, 1 - 0.02 / height), handletextpad=0.4, columnspacing=1.2)
+        handles.append(
+            Line2D(
+                [],
+                [],
+                marker="|",
+                markeredgewidth=1.3,
+                label="theory",
+                **{**plain, "color": "black", "markersize": 8},
+            )
+        )
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=len(handles),
+        fontsize=7,
+        bbox_to_anchor=(0.0, 1 - 0.02 / height),
+        handletextpad=0.4,
+        columnspacing=1.2,
+    )
 
 
 THEORY = "Small models whose limits theory knows"
-CAPTION = ("Bars: as far as each knob was turned until the run was lost; black ticks: where theory "
-           "says that it must be. Each boundary is bisected to 1 %. Where nothing is known beyond "
-           "a bar, for a reason of our own, it ends in a cross.")
+CAPTION = (
+    "Bars: as far as each knob was turned until the run was lost; black ticks: where theory "
+    "says that it must be. Each boundary is bisected to 1 %. Where nothing is known beyond "
+    "a bar, for a reason of our own, it ends in a cross."
+)
 
 
 def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -176,11 +242,17 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
     prepared(output, (file, file.with_name("stress.columns.md")))
-    parts = [part(name, list(own), output / "figures")
-             for name, own in groupby(found, lambda one: subject(one))]
+    parts = [
+        part(name, list(own), output / "figures")
+        for name, own in groupby(found, lambda one: subject(one))
+    ]
     page = output / "index.html"
-    write_whole(page, environment().get_template("stress.html").render(
-        parts=parts, limits=list(BoundaryKind), about=about(), style={}, home=home))
+    write_whole(
+        page,
+        environment()
+        .get_template("stress.html")
+        .render(parts=parts, limits=list(BoundaryKind), about=about(), style={}, home=home),
+    )
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
@@ -194,9 +266,14 @@ def part(name: str, found: Sequence[Boundary], folder: Path) -> dict[str, Any]:
     stem = f"{slug(name)}-stress"
     with rc_context(RC):
         svg = save(stress_sheet(found), folder / stem)
-    return {"name": name, "stem": stem, "caption": CAPTION, "words": list(words(found)),
-            "svg": Markup(inline(svg, stem, f"{name}: {CAPTION}")),
-            "rows": [cells(one) for one in found]}
+    return {
+        "name": name,
+        "stem": stem,
+        "caption": CAPTION,
+        "words": list(words(found)),
+        "svg": Markup(inline(svg, stem, f"{name}: {CAPTION}")),
+        "rows": [cells(one) for one in found],
+    }
 
 
 def words(found: Sequence[Boundary]) -> Iterator[str]:
@@ -204,16 +281,21 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
     known = [one for one in found if one.theory == one.theory]
     if known:
         near = sum(abs(one.ratio - 1) <= NEAR for one in known)
-        yield (f"{near} of {len(known)} boundaries that theory knows were measured within "
-               f"{NEAR:.0%} of it.")
+        yield (
+            f"{near} of {len(known)} boundaries that theory knows were measured within "
+            f"{NEAR:.0%} of it."
+        )
     silent = [one for one in found if one.found and one.silent]
     if silent:
-        yield (f"{len(silent)} of {sum(one.found for one in found)} boundaries are passed in "
-               f"silence: the engine says nothing.")
+        yield (
+            f"{len(silent)} of {sum(one.found for one in found)} boundaries are passed in "
+            f"silence: the engine says nothing."
+        )
     for one in found:
         if one.holds != one.holds:
-            yield (f"{spoken(one.engine)}, {one.setting}: nothing to turn at {one.knob}, "
-                   f"{one.failure}")
+            yield (
+                f"{spoken(one.engine)}, {one.setting}: nothing to turn at {one.knob}, {one.failure}"
+            )
 
 
 def cells(one: Boundary) -> dict[str, str]:
@@ -224,9 +306,17 @@ def cells(one: Boundary) -> dict[str, str]:
         none = f"not known beyond {number(one.holds)}" if one.holds == one.holds else "not known"
     elif one.holds != one.holds:
         none = "nowhere"
-    return {"what": one.what, "solver": f"{spoken(one.engine)}, {one.setting}", "knob": one.knob,
-            "unit": unit, "start": number(one.start),
-            "measured": number(one.measured, 4) if one.found else none,
-            "theory": number(one.theory, 4), "ratio": number(one.ratio, 4), "law": one.law,
-            "failure": one.why, "silent": "in silence" if one.silent else "",
-            "limit": "" if one.limit == BoundaryKind.HOLDS else str(one.limit)}
+    return {
+        "what": one.what,
+        "solver": f"{spoken(one.engine)}, {one.setting}",
+        "knob": one.knob,
+        "unit": unit,
+        "start": number(one.start),
+        "measured": number(one.measured, 4) if one.found else none,
+        "theory": number(one.theory, 4),
+        "ratio": number(one.ratio, 4),
+        "law": one.law,
+        "failure": one.why,
+        "silent": "in silence" if one.silent else "",
+        "limit": "" if one.limit == BoundaryKind.HOLDS else str(one.limit),
+    }

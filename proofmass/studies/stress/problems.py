@@ -35,20 +35,27 @@ from proofmass.worker import KILLED, Crashed, TimedOut, isolated
 
 STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
 SECONDS = 120.0
+
+
 def chain(masses: int) -> str:
     """Unit masses in a row, on unit springs between them and to the ground at one end."""
-    world = "".join(f"""<body pos="1 0 0">
+    world = "".join(
+        f"""<body pos="1 0 0">
         <joint name="j{k}" type="slide" axis="1 0 0" stiffness="1"/>
-        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>""" for k in range(masses))
-    return mjcf(world + "</body>" * masses, f"j{masses - 1}",
-                key("0 " * (masses - 1) + "0.001"))
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>"""
+        for k in range(masses)
+    )
+    return mjcf(world + "</body>" * masses, f"j{masses - 1}", key("0 " * (masses - 1) + "0.001"))
 
 
 def pendulum(gravity: float) -> str:
     """A point mass on a rod of unit length, hung, and turned by a millionth: linear all along."""
-    return mjcf("""<body><joint name="joint" axis="0 0 1"/>
+    return mjcf(
+        """<body><joint name="joint" axis="0 0 1"/>
         <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body>""",
-                gravity=f"0 {-gravity!r} 0", rest=key("1e-6"))
+        gravity=f"0 {-gravity!r} 0",
+        rest=key("1e-6"),
+    )
 
 
 def whirl(speed: float) -> str:
@@ -56,13 +63,15 @@ def whirl(speed: float) -> str:
 
     What stands a metre away gives the model a size, which open joints are judged by.
     """
-    return mjcf("""<body><joint name="wheel" axis="0 0 1"/>
+    return mjcf(
+        """<body><joint name="wheel" axis="0 0 1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1e9 1e9 1e9"/>
         <body><joint name="joint" type="slide" axis="1 0 0" stiffness="1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
         </body><body pos="1 0 0"><joint name="far" axis="0 0 1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>""",
-                rest=key("0 0.001 0", f"{speed!r} 0 0"))
+        rest=key("0 0.001 0", f"{speed!r} 0 0"),
+    )
 
 
 def column(load: float) -> str:
@@ -82,16 +91,20 @@ def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: f
     tip = crank * np.exp(1j * start)
     to_rocker = ground - tip
     turn = np.angle(to_rocker) + np.arccos(
-        (coupler**2 + abs(to_rocker) ** 2 - rocker**2) / (2 * coupler * abs(to_rocker)))
+        (coupler**2 + abs(to_rocker) ** 2 - rocker**2) / (2 * coupler * abs(to_rocker))
+    )
     pin = tip + coupler * np.exp(1j * turn)
     pose = f"{start!r} {float(turn - start)!r} {float(np.angle(pin - ground))!r}"
     inertia = 'mass="1" diaginertia="1 1 1"'
-    return mjcf(f"""<body><joint name="crank" axis="0 0 1"/><inertial pos="0 0 0" {inertia}/>
+    return mjcf(
+        f"""<body><joint name="crank" axis="0 0 1"/><inertial pos="0 0 0" {inertia}/>
         <body pos="{crank} 0 0"><joint name="coupler" axis="0 0 1"/>
         <inertial pos="0 0 0" {inertia}/><site name="a" pos="{coupler} 0 0"/></body></body>
         <body pos="{ground} 0 0"><joint name="rocker" axis="0 0 1"/>
-        <inertial pos="0 0 0" {inertia}/><site name="b" pos="{rocker} 0 0"/></body>""", "rocker",
-                '<equality><connect name="pin" site1="a" site2="b"/></equality>' + key(pose))
+        <inertial pos="0 0 0" {inertia}/><site name="b" pos="{rocker} 0 0"/></body>""",
+        "rocker",
+        '<equality><connect name="pin" site1="a" site2="b"/></equality>' + key(pose),
+    )
 
 
 def ran(engine: str, text: str, run: Run) -> Curves:
@@ -102,8 +115,15 @@ def ran(engine: str, text: str, run: Run) -> Curves:
         return isolated(simulate, engine, file, run, timeout=SECONDS)
 
 
-def stepping(engine: str, text: str, step: float, settings: dict[str, Any], channel: str = "place",
-             bound: float = 1.0, steps: int = STEPS) -> Tried:
+def stepping(
+    engine: str,
+    text: str,
+    step: float,
+    settings: dict[str, Any],
+    channel: str = "place",
+    bound: float = 1.0,
+    steps: int = STEPS,
+) -> Tried:
     """Step a model: a failure when it is lost, or ends beyond a bound in silence."""
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
     settings = {"timestep": step, **settings}
@@ -116,7 +136,7 @@ def stepping(engine: str, text: str, step: float, settings: dict[str, Any], chan
     except (Crashed, TimedOut) as error:
         aborted = str(error).startswith(KILLED)
         return Tried(Failure(str(error), BoundaryKind.UNSTABLE if aborted else BoundaryKind.OURS))
-    last = float(np.abs(curves.channels[channel])[-curves.x.size // 4:].max())
+    last = float(np.abs(curves.channels[channel])[-curves.x.size // 4 :].max())
     grew = Failure(f"grew to {last:.2g}", BoundaryKind.UNSTABLE, silent=True)
     return Tried(None if last < bound else grew, taken("duration", curves))
 
@@ -146,9 +166,18 @@ def springs() -> Iterator[Sought]:
     for problem, kind in (("spring", "hinge"), ("slide", "slide")):
         for engine, scheme, zeta in schemes(problem):
             text = wheel(1.0, 2.0 * zeta, kind)
-            yield Sought(f"spring on a {kind}, ζ = {zeta:g}", engine, scheme.name, "dt ω", "1", 0.1,
-                         100.0, partial(row, engine, text, scheme.settings, STEPS),
-                         theory.limit(scheme.step, zeta), scheme.law)
+            yield Sought(
+                f"spring on a {kind}, ζ = {zeta:g}",
+                engine,
+                scheme.name,
+                "dt ω",
+                "1",
+                0.1,
+                100.0,
+                partial(row, engine, text, scheme.settings, STEPS),
+                theory.limit(scheme.step, zeta),
+                scheme.law,
+            )
 
 
 def chains() -> Iterator[Sought]:
@@ -158,10 +187,18 @@ def chains() -> Iterator[Sought]:
     """
     for engine, scheme, masses in schemes("chain"):
         masses = round(masses)
-        yield Sought(f"{masses} masses in a row on springs", engine, scheme.name, "dt √(k/m)", "1",
-                     0.1, 10.0, partial(row, engine, chain(masses), scheme.settings, 1000),
-                     theory.limit(scheme.step) / theory.chain_frequency(masses),
-                     "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))")
+        yield Sought(
+            f"{masses} masses in a row on springs",
+            engine,
+            scheme.name,
+            "dt √(k/m)",
+            "1",
+            0.1,
+            10.0,
+            partial(row, engine, chain(masses), scheme.settings, 1000),
+            theory.limit(scheme.step) / theory.chain_frequency(masses),
+            "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))",
+        )
 
 
 def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: float) -> Tried:
@@ -172,9 +209,18 @@ def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: floa
 def pendulums() -> Iterator[Sought]:
     """A hung pendulum with more and more gravity."""
     for engine, scheme, _ in schemes("pendulum"):
-        yield Sought("hung pendulum", engine, scheme.name, "gravity dt²/L", "1", 0.01, 100.0,
-                     partial(hung, engine, scheme.settings), theory.limit(scheme.step) ** 2,
-                     "square of the limit of dt ω")
+        yield Sought(
+            "hung pendulum",
+            engine,
+            scheme.name,
+            "gravity dt²/L",
+            "1",
+            0.01,
+            100.0,
+            partial(hung, engine, scheme.settings),
+            theory.limit(scheme.step) ** 2,
+            "square of the limit of dt ω",
+        )
 
 
 def hung(engine: str, settings: dict[str, Any], gravity: float) -> Tried:
@@ -187,8 +233,18 @@ def own_ones() -> Iterator[Sought]:
     for engine in engine_names():
         for one in engine_of(engine).specimens():
             known = theory.limit(one.step, one.zeta) if one.step else one.theory
-            yield Sought(one.what, engine, one.setting, one.knob, "1", one.start, one.reach,
-                         partial(stepped, engine, one), known, one.law)
+            yield Sought(
+                one.what,
+                engine,
+                one.setting,
+                one.knob,
+                "1",
+                one.start,
+                one.reach,
+                partial(stepped, engine, one),
+                known,
+                one.law,
+            )
 
 
 def stepped(engine: str, specimen: Specimen, value: float) -> Tried:
@@ -200,8 +256,18 @@ def stepped(engine: str, specimen: Specimen, value: float) -> Tried:
 def whirls() -> Iterator[Sought]:
     """A sprung slider on a wheel flies out when the wheel turns faster than it swings."""
     for engine, scheme, _ in schemes("whirl"):
-        yield Sought("sprung slider on a turning wheel", engine, scheme.name, "speed/√(k/m)", "1",
-                     0.5, 2.0, partial(turned, engine, scheme.settings), 1.0, "Ω² = k/m")
+        yield Sought(
+            "sprung slider on a turning wheel",
+            engine,
+            scheme.name,
+            "speed/√(k/m)",
+            "1",
+            0.5,
+            2.0,
+            partial(turned, engine, scheme.settings),
+            1.0,
+            "Ω² = k/m",
+        )
 
 
 def turned(engine: str, settings: dict[str, Any], speed: float) -> Tried:
@@ -213,9 +279,18 @@ def columns() -> Iterator[Sought]:
     """Euler's column, as a chain of links."""
     for engine in engine_names():
         for segments in (4, 12):
-            yield Sought(f"column of {segments} segments", engine, "at rest", "load L²/EI", "1",
-                         0.5, 10.0, partial(pushed, engine, segments), theory.hencky(segments),
-                         "Hencky: 4 n² sin²(π/4n)")
+            yield Sought(
+                f"column of {segments} segments",
+                engine,
+                "at rest",
+                "load L²/EI",
+                "1",
+                0.5,
+                10.0,
+                partial(pushed, engine, segments),
+                theory.hencky(segments),
+                "Hencky: 4 n² sin²(π/4n)",
+            )
 
 
 def pushed(engine: str, segments: int, load: float) -> Tried:
@@ -230,7 +305,9 @@ def pushed(engine: str, segments: int, load: float) -> Tried:
         return Tried(Failure(str(error), BoundaryKind.UNSTABLE))
     bent = float(abs(curves.channels["rod.angle"][-1]))
     # 1e-6 of load beyond the critical one bends the tip by sqrt(8e-6) rad
-    return Tried(None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", BoundaryKind.UNSTABLE))
+    return Tried(
+        None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", BoundaryKind.UNSTABLE)
+    )
 
 
 def folds() -> Iterator[Sought]:
@@ -239,9 +316,18 @@ def folds() -> Iterator[Sought]:
     crank, coupler, rocker, ground = bars
     reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
     for engine in engine_names():
-        yield Sought("four-bar 2, 2, 2.5, 3 to its limit position", engine, "sweep", "crank", "rad",
-                     0.6, 3.1, partial(swept, engine, fourbar(*bars, 0.5)), float(reach),
-                     "law of cosines")
+        yield Sought(
+            "four-bar 2, 2, 2.5, 3 to its limit position",
+            engine,
+            "sweep",
+            "crank",
+            "rad",
+            0.6,
+            3.1,
+            partial(swept, engine, fourbar(*bars, 0.5)),
+            float(reach),
+            "law of cosines",
+        )
 
 
 def swept(engine: str, text: str, end: float) -> Tried:
@@ -258,13 +344,31 @@ def swept(engine: str, text: str, end: float) -> Tried:
 def long_runs() -> Iterator[Sought]:
     """How long an undamped spring swings on time, and with all its energy."""
     for engine, scheme, z in schemes("swing"):
-        yield Sought(f"undamped spring, dt ω = {z:g}, off by 10 %", engine, scheme.name, "periods",
-                     "1", 10.0, 2e4, partial(swinging, engine, scheme.settings, z, "place"),
-                     theory.off_after(scheme, z), "powers of the step's matrix")
+        yield Sought(
+            f"undamped spring, dt ω = {z:g}, off by 10 %",
+            engine,
+            scheme.name,
+            "periods",
+            "1",
+            10.0,
+            2e4,
+            partial(swinging, engine, scheme.settings, z, "place"),
+            theory.off_after(scheme, z),
+            "powers of the step's matrix",
+        )
     for engine, scheme, z in schemes("fade"):
-        yield Sought(f"undamped spring, dt ω = {z:g}, energy down to 0.9", engine, scheme.name,
-                     "steps", "1", 1e3, 1e6, partial(fading, engine, scheme.settings, z),
-                     theory.faded_after(scheme, z), "eigenvalues of the step's matrix")
+        yield Sought(
+            f"undamped spring, dt ω = {z:g}, energy down to 0.9",
+            engine,
+            scheme.name,
+            "steps",
+            "1",
+            1e3,
+            1e6,
+            partial(fading, engine, scheme.settings, z),
+            theory.faded_after(scheme, z),
+            "eigenvalues of the step's matrix",
+        )
 
 
 def fading(engine: str, settings: dict[str, Any], z: float, steps: float) -> Tried:
@@ -277,8 +381,9 @@ def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods
     steps = int(np.ceil(periods * 2 * np.pi / z))
     per = max(1, steps // 2000)
     x = z * per * np.arange(steps // per + 1.0)
-    run = Run("duration", x, ("place", "kinetic", "potential"),
-              settings={"timestep": z, **settings})
+    run = Run(
+        "duration", x, ("place", "kinetic", "potential"), settings={"timestep": z, **settings}
+    )
     curves = ran(engine, wheel(1.0), run)
     found = curves.channels
     place, truth = found["place"] / 1e-3, np.cos(x)

@@ -38,8 +38,11 @@ TIMEOUT = 60.0
 LONG = 1_000_000  # steps of the longest runs
 SAME = 1e-9  # share of a step by which rounding may change it
 LIMITS: dict[str, BoundaryKind] = {
-    Outcome.DIVERGED: BoundaryKind.UNSTABLE, Outcome.NOT_FINITE: BoundaryKind.UNSTABLE,
-    Outcome.STOPPED: BoundaryKind.UNSTABLE, "refused": BoundaryKind.REFUSED}
+    Outcome.DIVERGED: BoundaryKind.UNSTABLE,
+    Outcome.NOT_FINITE: BoundaryKind.UNSTABLE,
+    Outcome.STOPPED: BoundaryKind.UNSTABLE,
+    "refused": BoundaryKind.REFUSED,
+}
 """Outcomes that are the engine's; all others are limits of our own."""
 
 
@@ -108,13 +111,21 @@ class Stand:
         step = float(str(knobs.get("timestep", self.step)))
         found = self.tried(in_steps(case, seconds, step), **knobs)
         if not (isnan(found.step) or isclose(found.step, step, rel_tol=SAME)):
-            raise RuntimeError(f"{self.case.name}, {self.setting.engine}: took steps of "
-                               f"{found.step!r} s where {step!r} s were asked for")
+            raise RuntimeError(
+                f"{self.case.name}, {self.setting.engine}: took steps of "
+                f"{found.step!r} s where {step!r} s were asked for"
+            )
         return found
 
-    def integrated(self, knob: str, unit: str, start: float, reach: float,
-                   trial: Callable[[dict[str, Knob], float], Tried],
-                   schemes: Iterable[Scheme]) -> Iterator[Sought]:
+    def integrated(
+        self,
+        knob: str,
+        unit: str,
+        start: float,
+        reach: float,
+        trial: Callable[[dict[str, Knob], float], Tried],
+        schemes: Iterable[Scheme],
+    ) -> Iterator[Sought]:
         """A boundary of this case for each scheme of the engine, where it has several."""
         if len(self.engine.schemes) < 2:
             yield self.sought(knob, unit, start, reach, partial(trial, {}))
@@ -122,11 +133,28 @@ class Stand:
         for one in schemes:
             yield self.sought(knob, unit, start, reach, partial(trial, one.settings), one.name)
 
-    def sought(self, knob: str, unit: str, start: float, reach: float,
-               trial: Trial, words: str = "", **more: Any) -> Sought:
+    def sought(
+        self,
+        knob: str,
+        unit: str,
+        start: float,
+        reach: float,
+        trial: Trial,
+        words: str = "",
+        **more: Any,
+    ) -> Sought:
         """A boundary of this case."""
-        return Sought(self.case.name, self.setting.engine, words or self.words, knob, unit, start,
-                      reach, trial, **more)
+        return Sought(
+            self.case.name,
+            self.setting.engine,
+            words or self.words,
+            knob,
+            unit,
+            start,
+            reach,
+            trial,
+            **more,
+        )
 
 
 def tried(task: StudyRun, store: Store, patience: float = TIMEOUT) -> Measurement:
@@ -175,8 +203,11 @@ def judged(found: Measurement) -> Failure | None:
         return Failure(f"{found.outcome}: {found.message}", limit_of(found), unseen)
     for kind in JUDGED:
         if not found.errors.get(kind, 0.0) <= LOST:
-            return Failure(f"{kind} off by {found.errors[kind]:.2g} of its range",
-                           BoundaryKind.INACCURATE, silent=True)
+            return Failure(
+                f"{kind} off by {found.errors[kind]:.2g} of its range",
+                BoundaryKind.INACCURATE,
+                silent=True,
+            )
     return None
 
 
@@ -199,5 +230,4 @@ def needs(there: object, why: str) -> None:
 
 def known(case: Case) -> bool:
     """Whether the reference follows changes of the masses: by itself, or since it needs none."""
-    return case.reference == READS or (
-        bool(case.drive) and mobility(case) == len(case.drive))
+    return case.reference == READS or (bool(case.drive) and mobility(case) == len(case.drive))

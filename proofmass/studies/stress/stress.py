@@ -34,15 +34,16 @@ COLUMNS = {
     "reach": "how far it was turned at most",
     "holds": "the furthest value that held; empty if even `start` did not",
     "breaks": "the next that did not, at most 1 % further, 10 % if `limit` is ours; empty if all "
-              "held",
+    "held",
     "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
     "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
     "law": "what theory says, in words",
-    "limit": "what kind of limit it is; " + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
+    "limit": "what kind of limit it is; "
+    + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
     "failure": "what went wrong there",
     "silent": "whether the engine itself said nothing",
     "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
-                "if `limit` is ours, or `start` did not hold",
+    "if `limit` is ours, or `start` did not hold",
     "ratio": "measured over theory; 1 where both say nowhere",
 }
 
@@ -65,13 +66,23 @@ class StoredTrial:
 def kept(sought: Sought, store: Store) -> Sought:
     """A boundary of a small model, with its trials kept; those of cases keep their own runs."""
     code = Path(str(problems.__file__)).read_text(encoding="utf-8")
-    name = repr((sought.what, sought.engine, sought.setting, sought.knob,
-                 versions(sought.engine), sources(), code))
+    name = repr(
+        (
+            sought.what,
+            sought.engine,
+            sought.setting,
+            sought.knob,
+            versions(sought.engine),
+            sources(),
+            code,
+        )
+    )
     return replace(sought, trial=StoredTrial(sought.trial, store.folder, name))
 
 
-def stress(sought: Iterable[Sought], workers: Executor,
-           progress: Progress = lambda *_: None) -> list[Boundary]:
+def stress(
+    sought: Iterable[Sought], workers: Executor, progress: Progress = lambda *_: None
+) -> list[Boundary]:
     """Find boundaries, side by side.
 
     Parameters
@@ -119,8 +130,10 @@ def read_boundaries(file: Path) -> list[Boundary]:
     """The boundaries that `write_boundaries` wrote."""
     kinds = get_type_hints(Boundary)
     with file.open(encoding="utf-8", newline="") as stream:
-        return [Boundary(**{f.name: parsed(cells[f.name], kinds[f.name])
-                            for f in fields(Boundary)}) for cells in csv.DictReader(stream)]
+        return [
+            Boundary(**{f.name: parsed(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
+            for cells in csv.DictReader(stream)
+        ]
 
 
 def parsed(cell: str, kind: type) -> Any:

@@ -41,6 +41,7 @@ def limit(step: StepMap, zeta: float = 0.0) -> float:
     >>> limit(maps["pymunk"], 0.25)
     inf
     """
+
     def over(z: float) -> bool:
         return radius(step(z, zeta)) > 1.0 + 1e-9  # rounding of eigenvalues on the unit circle
 
@@ -90,7 +91,7 @@ def off_after(scheme: Scheme, z: float, share: float = 0.1) -> float:
     True
     """
     values, vectors = np.linalg.eig(scheme.step(z, 0.0))
-    start = np.array([1.0, -z**2 / 2 if scheme.half_kick else 0.0])
+    start = np.array([1.0, -(z**2) / 2 if scheme.half_kick else 0.0])
     parts = vectors[0] * np.linalg.solve(vectors, start)
     steps = np.arange(200_000)
     place = 2.0 * (parts[0] * np.exp(np.log(values[0]) * steps)).real  # the other is its conjugate

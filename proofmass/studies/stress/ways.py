@@ -14,13 +14,18 @@ from proofmass.studies.bounded import bounded
 ROUNDING = 1e-9  # of a number of steps
 FEWEST = 2  # samples of a run after its first
 
+
 def farther(case: Case, far: float) -> Case:
     """The case with its first drive so far, at constant speed, and the others in proportion."""
     leader = case.drive[0]
     way = float(leader.to or 0.0) - leader.start
     times = far / abs(way)
-    first, *others = (drive if drive.to is None else drive.model_copy(
-        update={"to": drive.start + (drive.to - drive.start) * times}) for drive in case.drive)
+    first, *others = (
+        drive
+        if drive.to is None
+        else drive.model_copy(update={"to": drive.start + (drive.to - drive.start) * times})
+        for drive in case.drive
+    )
     steady = first.model_copy(update={"period": None, "rate": float(np.sign(way))})
     return case.model_copy(update={"drive": (steady, *others)})
 
@@ -56,8 +61,7 @@ def in_steps(case: Case, seconds: float, step: float) -> Case:
     per = max(1, int(seconds / ((run.n or 2) - 1) / step + ROUNDING))
     samples = seconds / (per * step)
     samples = max(FEWEST, round(samples) if endless(case) else int(samples + ROUNDING))
-    case = case.model_copy(update={"run": {"duration": run.model_copy(
-        update={"n": samples + 1})}})
+    case = case.model_copy(update={"run": {"duration": run.model_copy(update={"n": samples + 1})}})
     return lasting(case, samples * per * step)
 
 
@@ -99,8 +103,9 @@ def followed(case: Case, kind: Kind) -> Curves:
 def followed_here(case: Case, kind: Kind) -> Curves:
     """The same, in this process."""
     x = grid(case, kind)
-    state = tuple(np.array(part) for part in zip(*(law(x) for law in laws(case, kind)),
-                                                 strict=True))
+    state = tuple(
+        np.array(part) for part in zip(*(law(x) for law in laws(case, kind)), strict=True)
+    )
     return evaluate(case, x, state)  # type: ignore[arg-type]
 
 

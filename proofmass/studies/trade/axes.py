@@ -20,8 +20,7 @@ WORK = 6e4  # evaluations of forces in the longest run, so that lines end in the
 
 
 def size(engine: str, axis: str, value: Knob) -> float:
-    """What errors fall with along an axis: a step or time constant [s], a share, a link's length.
-    """
+    """What errors fall with along an axis: a step or time constant [s], a share, a length."""
     try:
         return engine_of(engine).size(axis, value)
     except NoEngine:  # a table may have another machine's
@@ -54,8 +53,9 @@ class ConvergenceSeries:
     @property
     def scaled(self) -> bool:
         """Whether something else goes with the step: loops get harder with it."""
-        first, *others = ({k: v for k, v in one.knobs.items() if k != self.axis}
-                          for one in self.settings)
+        first, *others = (
+            {k: v for k, v in one.knobs.items() if k != self.axis} for one in self.settings
+        )
         return self.axis == "timestep" and any(other != first for other in others)
 
     @property
@@ -66,7 +66,9 @@ class ConvergenceSeries:
 
 def line_of(engine: str, scan: Scan) -> ConvergenceSeries:
     """The line of an engine's scan."""
-    return ConvergenceSeries(engine, scan.name, scan.axis, tuple(Setting(engine, k) for k in scan.settings))
+    return ConvergenceSeries(
+        engine, scan.name, scan.axis, tuple(Setting(engine, k) for k in scan.settings)
+    )
 
 
 def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
@@ -81,15 +83,23 @@ def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
     if kind != "duration":
         return [line_of(name, scan) for name in there for scan in of_segments(case, kind, name)]
     about = studied(case)
-    return [*as_given(case, kind), *(line_of(name, scan) for name in there
-                                     for scan in engine_of(name).scans(about))]
+    return [
+        *as_given(case, kind),
+        *(line_of(name, scan) for name in there for scan in engine_of(name).scans(about)),
+    ]
 
 
 def studied(case: Case) -> Studied:
     """What an engine is told of the duration of a case."""
     driven = bool(case.drive)
-    return Studied(compiled(case), grid(case, "duration"), WORK, driven,
-                   driven and not case.recorded, lambda: jolted(case))
+    return Studied(
+        compiled(case),
+        grid(case, "duration"),
+        WORK,
+        driven,
+        driven and not case.recorded,
+        lambda: jolted(case),
+    )
 
 
 def jolted(case: Case) -> bool:
@@ -109,11 +119,15 @@ def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
         engine, _, variant = solver.partition(":")
         if variant == "default":  # see the other lines
             continue
-        given = {name: tuple(value) if isinstance(value, list) else value
-                 for name, value in case.settings.get(solver, {}).items()}
+        given = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in case.settings.get(solver, {}).items()
+        }
         setting = Setting(engine, {"timestep": own, **given})
         place = "sidecar" if given else "model"
-        yield ConvergenceSeries(engine, f"{spoken(solver)}, as in the {place}", "timestep", (setting,))
+        yield ConvergenceSeries(
+            engine, f"{spoken(solver)}, as in the {place}", "timestep", (setting,)
+        )
 
 
 def at_step(setting: Setting, step: float) -> Setting:

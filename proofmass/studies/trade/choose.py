@@ -63,9 +63,17 @@ class Choice:
 Verify = Callable[[Case, Kind, StudyRow, str, float], Check]
 
 
-def choose(case: Case, kind: Kind, rows: Iterable[StudyRow], wanted: float, of: str = "position",
-           engine: str = "", verdicts: Iterable[Verdict] = (), verify: Verify = verify,
-           limits: Limits | None = None) -> Choice:
+def choose(
+    case: Case,
+    kind: Kind,
+    rows: Iterable[StudyRow],
+    wanted: float,
+    of: str = "position",
+    engine: str = "",
+    verdicts: Iterable[Verdict] = (),
+    verify: Verify = verify,
+    limits: Limits | None = None,
+) -> Choice:
     """The cheapest setting whose error is as small as is asked for, with margin.
 
     Parameters
@@ -98,8 +106,9 @@ def choose(case: Case, kind: Kind, rows: Iterable[StudyRow], wanted: float, of: 
     for row in enough(rows, of, wanted):
         check = verify(case, kind, row, of, wanted)
         if check.holds(wanted):
-            return Choice(row, of, wanted, check, *beside(rows, row, of, wanted, verdicts),
-                          tuple(refused))
+            return Choice(
+                row, of, wanted, check, *beside(rows, row, of, wanted, verdicts), tuple(refused)
+            )
         rows.remove(row)
         refused.append(f"{told(row)} is {off(row, of)}, but {check.words}")
     raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits)]))
@@ -110,14 +119,24 @@ def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
 
     Where only iterations differ, fewer come first: they are never dearer, whatever the clock says.
     """
-    good = [row for row in rows if row.outcome == Outcome.RAN and row.seconds > 0
-            and MARGIN * row.reached(of) <= wanted]
+    good = [
+        row
+        for row in rows
+        if row.outcome == Outcome.RAN and row.seconds > 0 and MARGIN * row.reached(of) <= wanted
+    ]
     least = dict[str, float]()
     for row in good:
-        least[apart_from_iterations(row)] = min(row.seconds,
-                                                least.get(apart_from_iterations(row), inf))
-    return sorted(good, key=lambda row: (least[apart_from_iterations(row)],
-                                         float(str(row.knobs.get("iterations", 0))), row.seconds))
+        least[apart_from_iterations(row)] = min(
+            row.seconds, least.get(apart_from_iterations(row), inf)
+        )
+    return sorted(
+        good,
+        key=lambda row: (
+            least[apart_from_iterations(row)],
+            float(str(row.knobs.get("iterations", 0))),
+            row.seconds,
+        ),
+    )
 
 
 def apart_from_iterations(row: StudyRow) -> str:
@@ -126,8 +145,13 @@ def apart_from_iterations(row: StudyRow) -> str:
     return repr((row.engine, "iterations" in row.knobs, sorted(said.items())))
 
 
-def best(rows: Sequence[StudyRow], of: str, wanted: float, verdicts: Iterable[Verdict],
-         limits: Limits | None = None) -> tuple[str, ...]:
+def best(
+    rows: Sequence[StudyRow],
+    of: str,
+    wanted: float,
+    verdicts: Iterable[Verdict],
+    limits: Limits | None = None,
+) -> tuple[str, ...]:
     """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
     a line that still falls would need."""
     able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.errors.get(of, NAN))]
@@ -135,16 +159,23 @@ def best(rows: Sequence[StudyRow], of: str, wanted: float, verdicts: Iterable[Ve
         return none_ran(rows, of)
     verdicts = list(verdicts)
     row = min(able, key=lambda row: row.errors[of])
-    short = (f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
-             f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}")
+    short = (
+        f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
+        f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}"
+    )
     more = would_need(able, of, wanted, verdicts, limits)
     if not (floor := floor_at(row, of, verdicts)):
         return short, more
     return f"{short}: {floored(floor)}", floor.evidence, more
 
 
-def would_need(rows: Iterable[StudyRow], of: str, wanted: float, verdicts: Iterable[Verdict],
-               limits: Limits | None = None) -> str:
+def would_need(
+    rows: Iterable[StudyRow],
+    of: str,
+    wanted: float,
+    verdicts: Iterable[Verdict],
+    limits: Limits | None = None,
+) -> str:
     """The step and cost by which the cheapest line that still falls would be good enough.
 
     And why it was not measured: it costs more than a run or all finer steps may.
@@ -153,15 +184,18 @@ def would_need(rows: Iterable[StudyRow], of: str, wanted: float, verdicts: Itera
     if not promised:
         return "no line of settings falls with its step at its end, so none promises to get there"
     first = promised[0]
-    said = (f"{first.row.line} would need a step of about {number(first.step, 2)} s and about "
-            f"{number(first.seconds, 2)} s a run, if its order {number(first.falls, 2)} holds")
+    said = (
+        f"{first.row.line} would need a step of about {number(first.step, 2)} s and about "
+        f"{number(first.seconds, 2)} s a run, if its order {number(first.falls, 2)} holds"
+    )
     if limits is None:
         return f"{said}; proofmass choose measures finer steps"
     if first.seconds > limits.longest:
         return f"{said}; --longest is {number(limits.longest)}"
     if limits.short:
-        return (f"{said}; of --budget {number(limits.budget)} s, {number(limits.spent, 2)} s are "
-                f"spent")
+        return (
+            f"{said}; of --budget {number(limits.budget)} s, {number(limits.spent, 2)} s are spent"
+        )
     return f"{said}; {limits.settings} settings were measured"
 
 
@@ -177,37 +211,51 @@ def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
         outcomes[f"ran without {of} errors"] = len(rows) - outcomes.total()
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     first = rows[0]
-    return (f"no setting ran, of {len(rows)}: {counts}",
-            f"the first, {told(first)}: {': '.join(filter(None, (first.outcome, first.message)))}")
+    return (
+        f"no setting ran, of {len(rows)}: {counts}",
+        f"the first, {told(first)}: {': '.join(filter(None, (first.outcome, first.message)))}",
+    )
 
 
-def beside(rows: Iterable[StudyRow], chosen: StudyRow, of: str, wanted: float, verdicts: Iterable[Verdict]
-           ) -> tuple[str, float]:
+def beside(
+    rows: Iterable[StudyRow], chosen: StudyRow, of: str, wanted: float, verdicts: Iterable[Verdict]
+) -> tuple[str, float]:
     """What the engine's defaults, refined to the same error, would cost; and over the chosen."""
-    plain = [row for row in rows if row.engine == chosen.engine and default(row)
-             and isfinite(row.errors.get(of, NAN)) and row.outcome == Outcome.RAN]
+    plain = [
+        row
+        for row in rows
+        if row.engine == chosen.engine
+        and default(row)
+        and isfinite(row.errors.get(of, NAN))
+        and row.outcome == Outcome.RAN
+    ]
     if not plain:
         return "the defaults were not measured, or did not run", NAN
     if default(chosen):
         return "these are the engine's defaults, refined", 1.0
     if good := enough(plain, of, wanted):
         ratio = good[0].seconds / chosen.seconds
-        return (f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
-                f"error, {cost(good[0])}"), ratio
+        return (
+            f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
+            f"error, {cost(good[0])}"
+        ), ratio
     row = min(plain, key=lambda row: row.errors[of])
     own = [verdict for verdict in verdicts if verdict.line == row.line]
     if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
         return f"the engine's defaults never get there: {floored(floor)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
-    before = min((one for one in plain if one.value > row.value), key=lambda one: one.value,
-                 default=None)
+    before = min(
+        (one for one in plain if one.value > row.value), key=lambda one: one.value, default=None
+    )
     falls = order(*((one.value, one.errors[of]) for one in (before, row))) if before else NAN
     if not falls > FALLS:
         return short, NAN
     more = (MARGIN * row.errors[of] / wanted) ** (1 / falls)  # as many steps
     ratio = more * row.seconds / chosen.seconds
-    return (f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
-            f"s, {number(ratio, 2)} times as long"), ratio
+    return (
+        f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
+        f"s, {number(ratio, 2)} times as long"
+    ), ratio
 
 
 def default(row: StudyRow) -> bool:
@@ -217,21 +265,30 @@ def default(row: StudyRow) -> bool:
 
 def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
     """The error floor that a row stands at: of its own line, or of another of that engine."""
-    near = [v for v in verdicts if (v.engine, v.kind) == (row.engine, of)
-            and v.floor > row.errors[of] / ALIKE
-            and (v.line == row.line or v.floor < ALIKE * row.errors[of])]
-    return min(near, key=lambda v: (v.line != row.line, abs(v.floor - row.errors[of])),
-               default=None)
+    near = [
+        v
+        for v in verdicts
+        if (v.engine, v.kind) == (row.engine, of)
+        and v.floor > row.errors[of] / ALIKE
+        and (v.line == row.line or v.floor < ALIKE * row.errors[of])
+    ]
+    return min(
+        near, key=lambda v: (v.line != row.line, abs(v.floor - row.errors[of])), default=None
+    )
 
 
 def words(choice: Choice, case: Case) -> list[str]:
     """A choice in sentences."""
     row, check = choice.row, choice.check
-    return [f"{case.name}, {row.run}: {choice.of} within {number(choice.wanted, 2)} of its range",
-            f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, "
-            f"{row.steps} steps",
-            check.words, *check.other_drives(choice.of, choice.wanted), choice.beside,
-            *choice.refused, *filter(None, [choice.motion])]
+    return [
+        f"{case.name}, {row.run}: {choice.of} within {number(choice.wanted, 2)} of its range",
+        f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, {row.steps} steps",
+        check.words,
+        *check.other_drives(choice.of, choice.wanted),
+        choice.beside,
+        *choice.refused,
+        *filter(None, [choice.motion]),
+    ]
 
 
 def printed(choice: Choice, case: Case) -> str:

@@ -30,14 +30,25 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
 
 
-def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None, drive: str,
-               output: Path | None, store: Path, jobs: int | None, dask: str | None,
-               longest: float, budget: float) -> None:
+def run_choose(
+    path: Path,
+    error: float,
+    of: str,
+    solver: str,
+    kind: Kind | None,
+    drive: str,
+    output: Path | None,
+    store: Path,
+    jobs: int | None,
+    dask: str | None,
+    longest: float,
+    budget: float,
+) -> None:
     """What ``proofmass choose`` does; `proofmass.cli` says what it is given."""
     with answering(f"{store} keeps the runs"):
         if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
             raise not_one_case(path)
-        case, = named([path])
+        (case,) = named([path])
         kind = chosen(case, kind)
         asked(case, kind, error, solver)
         solver = solver_for(case, kind, drive, solver)
@@ -48,11 +59,20 @@ def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None
         runs, verdicts, told = Store(store / "runs"), list[Verdict](), ""
         if kind == "duration":
             with pool(jobs, dask) as workers, counting(letters=40) as advance:
-                motion, = motions_of([case], [kind], runs, workers, longest)
+                (motion,) = motions_of([case], [kind], runs, workers, longest)
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
                 told = motion.words if motion else ""
-                rows = search(case, of, error / MARGIN, runs, workers, solver,
-                              limits=limits, slack=slack_for(case, drive), progress=advance)
+                rows = search(
+                    case,
+                    of,
+                    error / MARGIN,
+                    runs,
+                    workers,
+                    solver,
+                    limits=limits,
+                    slack=slack_for(case, drive),
+                    progress=advance,
+                )
             more = list(known(case, kind, rows, runs, solver))
             limits.known, rows = len(more), rows + more
             errors.print(limits.words, markup=False, highlight=False)
@@ -62,12 +82,12 @@ def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None
         there(rows, of)
         check = partial(verify, store=runs, longest=longest, drive=drive, compare=True)
         try:
-            choice = choose_with_drive(case, kind, rows, error, of, solver, verdicts, check,
-                                       runs, limits)
+            choice = choose_with_drive(
+                case, kind, rows, error, of, solver, verdicts, check, runs, limits
+            )
             choice = replace(choice, motion=told)
         except Cannot as why:
-            errors.print(f"{case.name}: {'; '.join(filter(None, (str(why), told)))}",
-                         markup=False)
+            errors.print(f"{case.name}: {'; '.join(filter(None, (str(why), told)))}", markup=False)
             raise typer.Exit(1) from None
         if output is None:
             print(printed(choice, case))
@@ -76,15 +96,23 @@ def run_choose(path: Path, error: float, of: str, solver: str, kind: Kind | None
         if found.ran is None:
             raise InputError(path, "", f"no program can be written: {found.reason}")
         drive_of = found.drive or imposed(case, choice.row.engine)[0]
-        write_whole(output, program(case, found.used, drive_of, head(choice, case,
-                                                                            output.name)))
+        write_whole(output, program(case, found.used, drive_of, head(choice, case, output.name)))
         print(output)
         errors.print("\n".join(words(choice, case)), markup=False)
 
 
-def choose_with_drive(case: Case, kind: Kind, rows: list[StudyRow], error: float, of: str, solver: str,
-                      verdicts: list[Verdict], check: Verify, store: Store, limits: Limits
-                      ) -> Choice:
+def choose_with_drive(
+    case: Case,
+    kind: Kind,
+    rows: list[StudyRow],
+    error: float,
+    of: str,
+    solver: str,
+    verdicts: list[Verdict],
+    check: Verify,
+    store: Store,
+    limits: Limits,
+) -> Choice:
     """`choose`, with finer steps where the program's drive asks for them."""
     tried = list[tuple[StudyRow, float]]()
 
@@ -111,9 +139,11 @@ def choose_with_drive(case: Case, kind: Kind, rows: list[StudyRow], error: float
 def head(choice: Choice, case: Case, name: str = "run.py") -> str:
     """What a program says of itself."""
     lines = [fill(line, 92) for line in words(choice, case)]
-    return (f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
-            f"{made_with(choice.row.engine)}.  It writes the "
-            f"curves of all channels, in SI units:\n\n    python {name} [curves.csv]")
+    return (
+        f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
+        f"{made_with(choice.row.engine)}.  It writes the "
+        f"curves of all channels, in SI units:\n\n    python {name} [curves.csv]"
+    )
 
 
 def made_with(engine: str) -> str:
@@ -127,8 +157,10 @@ def writable(case: Case, kind: Kind, output: Path | None) -> None:
     if output is None:
         return
     if kind != "duration":
-        raise ValueError(f"-o {output}: a program steps through time, and the {kind} of "
-                         f"{case.name} has no time; without -o the setting is printed")
+        raise ValueError(
+            f"-o {output}: a program steps through time, and the {kind} of "
+            f"{case.name} has no time; without -o the setting is printed"
+        )
     if output.suffix != ".py":
         raise ValueError(f"-o {output}: give the name of a Python program, such as run.py")
     if output.is_dir():
@@ -148,11 +180,14 @@ def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
     if not drive:
         return solver
     if kind != "duration" or not case.drive:
-        raise ValueError(f"--drive {drive}: in the {kind} of {case.name} no drive moves in time; "
-                         f"leave it out")
+        raise ValueError(
+            f"--drive {drive}: in the {kind} of {case.name} no drive moves in time; leave it out"
+        )
     names = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
-    ways = {name: dict.fromkeys(one.kind for one in imposed(case, name))
-            for name in ([solver] if solver else names)}
+    ways = {
+        name: dict.fromkeys(one.kind for one in imposed(case, name))
+        for name in ([solver] if solver else names)
+    }
     if fit := [name for name, kinds in ways.items() if drive in kinds]:
         return fit[0] if len(fit) == 1 else solver
     known = "; ".join(f"{name} has {', '.join(kinds)}" for name, kinds in ways.items())
@@ -173,8 +208,9 @@ ROUNDS = 4
 def asked(case: Case, kind: Kind, error: float, solver: str) -> None:
     """Raise ValueError for what cannot be chosen."""
     if not 0 < error < 1:
-        raise ValueError(f"--error {error:g}: give a share of the range between 0 and 1, such as "
-                         f"1e-5")
+        raise ValueError(
+            f"--error {error:g}: give a share of the range between 0 and 1, such as 1e-5"
+        )
     known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
     if solver and solver not in known:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")

@@ -78,19 +78,26 @@ class DisturbedMotion:
     def words(self) -> str:
         """The same in a sentence; nothing of a motion that answers in proportion.
 
-        >>> Motion(1.9e7, 0.84, 15.2, 20.0).words.partition(",")[0]
+        >>> DisturbedMotion(1.9e7, 0.84, 15.2, 20.0).words.partition(",")[0]
         'chaotic: a start disturbed by 1e-9 moves it 1.9e7 times as far in 20 s'
         """
         if not self.growth >= NOTABLE:
             return ""
-        told = (f"a start disturbed by {number(NUDGE)} moves it {number(self.growth, 2)} times as "
-                f"far in {number(self.until)} s")
-        told = (f"chaotic: {told}, e times every {number(1 / self.rate, 2)} s" if self.rate > 0
-                else f"sensitive to its start: {told}")
+        told = (
+            f"a start disturbed by {number(NUDGE)} moves it {number(self.growth, 2)} times as "
+            f"far in {number(self.until)} s"
+        )
+        told = (
+            f"chaotic: {told}, e times every {number(1 / self.rate, 2)} s"
+            if self.rate > 0
+            else f"sensitive to its start: {told}"
+        )
         if not self.horizon > 0:
             return told
-        return (f"{told}; by {number(SHARE)} of its range after {number(self.horizon)} s, so "
-                f"errors are judged up to there")
+        return (
+            f"{told}; by {number(SHARE)} of its range after {number(self.horizon)} s, so "
+            f"errors are judged up to there"
+        )
 
 
 def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> DisturbedMotion | None:
@@ -128,8 +135,9 @@ def answer(x: Array, away: Array) -> DisturbedMotion:
         rate = float(np.polyfit(x[fitted], np.log(np.maximum(peak[fitted], 1e-300)), 1)[0])
     beyond = int(np.argmax(peak > SHARE)) if peak[-1] > SHARE else 0
     last = max(beyond - 1, min(LEAST, x.size) - 1)
-    return DisturbedMotion(float(peak[-1]) / NUDGE, rate, float(x[last]) if beyond else NAN,
-                  float(x[-1] - x[0]))
+    return DisturbedMotion(
+        float(peak[-1]) / NUDGE, rate, float(x[last]) if beyond else NAN, float(x[-1] - x[0])
+    )
 
 
 def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
@@ -165,6 +173,7 @@ def moved(case: Case, folder: Path) -> Case | None:
 
 def rounded(case: Case, folder: Path) -> Case | None:
     """The case with other last digits of its masses and of its start."""
+
     def change(root: Element) -> None:
         for element in root.iter():
             for key in ("mass", "diaginertia", "fullinertia", "density"):
@@ -173,8 +182,12 @@ def rounded(case: Case, folder: Path) -> Case | None:
     return with_start(case, folder, lambda q: np.nextafter(q, np.inf), change)
 
 
-def with_start(case: Case, folder: Path, move: Callable[[Array], Array],
-               change: Callable[[Element], None] = lambda _: None) -> Case | None:
+def with_start(
+    case: Case,
+    folder: Path,
+    move: Callable[[Array], Array],
+    change: Callable[[Element], None] = lambda _: None,
+) -> Case | None:
     """The case with other positions at its start, if its file states that key."""
     model = compiled(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
@@ -215,8 +228,11 @@ def parted(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[st
 def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
     """The largest distance at each sample of two runs, by kind of channel."""
     found = {"x": one.x}
-    channels = {n: c for n, c in task.case.channels_of(task.run).items()
-                if n in one.channels and n in two.channels}
+    channels = {
+        n: c
+        for n, c in task.case.channels_of(task.run).items()
+        if n in one.channels and n in two.channels
+    }
     for what, units in KINDS.items():
         own = [name for name, channel in channels.items() if channel.si_unit in units]
         for unit in units:
@@ -229,9 +245,12 @@ def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
     return found
 
 
-def motions_of(cases: list[Case], kinds: list[Kind], store: Store, workers: Executor,
-               timeout: float) -> list[DisturbedMotion | None]:
+def motions_of(
+    cases: list[Case], kinds: list[Kind], store: Store, workers: Executor, timeout: float
+) -> list[DisturbedMotion | None]:
     """`motion_of` of many cases side by side, in workers of this machine or a cluster."""
-    futures = [workers.submit(motion_of, case, kind, store, timeout)
-               for case, kind in zip(cases, kinds, strict=True)]
+    futures = [
+        workers.submit(motion_of, case, kind, store, timeout)
+        for case, kind in zip(cases, kinds, strict=True)
+    ]
     return [future.result() for future in futures]

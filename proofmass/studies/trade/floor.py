@@ -64,12 +64,15 @@ def halvings(run: Kind, line: ConvergenceSeries, setting: Setting, own: float) -
         n = int(str(setting.knobs["segments"]))
         return [setting.but(segments=2 * n), setting.but(segments=4 * n)]
     step = float(str(setting.knobs.get("timestep", own)))
-    return [at_step(setting, step / by) if line.scaled else setting.but(timestep=step / by)
-            for by in (2, 4)]
+    return [
+        at_step(setting, step / by) if line.scaled else setting.but(timestep=step / by)
+        for by in (2, 4)
+    ]
 
 
-def probes(case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool = False
-           ) -> list[Probe]:
+def probes(
+    case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool = False
+) -> list[Probe]:
     """All causes that can be moved in a run, each of them moved.
 
     Parameters
@@ -83,13 +86,26 @@ def probes(case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool =
         changes how many steps their time constants have.
     """
     if run != "duration":
-        own = [] if not case.rod else [Probe(
-            "segments", "twice as many segments", case,
-            setting.but(segments=2 * int(str(setting.knobs["segments"]))))]
+        own = (
+            []
+            if not case.rod
+            else [
+                Probe(
+                    "segments",
+                    "twice as many segments",
+                    case,
+                    setting.but(segments=2 * int(str(setting.knobs["segments"]))),
+                )
+            ]
+        )
     else:
         causes = engine_of(setting.engine).causes(setting.knobs, studied(case), scaled)
-        own = [Probe(one.cause, one.move, case, Setting(setting.engine, one.knobs), one.better,
-                     one.whole) for one in causes]
+        own = [
+            Probe(
+                one.cause, one.move, case, Setting(setting.engine, one.knobs), one.better, one.whole
+            )
+            for one in causes
+        ]
     return [*own, *of_reference(case, setting, folder), *of_samples(case, run, setting)]
 
 
@@ -97,8 +113,13 @@ def of_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Probe]:
     """Half of a recorded curve, or the general solver as a second reference, which knows only the
     model: not the law that a drive may have from the first."""
     if case.recorded:
-        yield Probe("the reference", "every other row of the recorded curve",
-                    thinned(case, folder), setting, False)
+        yield Probe(
+            "the reference",
+            "every other row of the recorded curve",
+            thinned(case, folder),
+            setting,
+            False,
+        )
     elif case.reference != READS and movable(case) and not case.rod:
         yield Probe("the reference", "a second reference", reread(case), setting, None)
 
@@ -109,11 +130,13 @@ def of_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Probe]:
     if table.n is None:
         return
     if run == "rest" and table.n - 1 != (segments := int(str(setting.knobs["segments"]))):
-        yield Probe("sampling", "samples at the ends of links",
-                    sampled(case, run, segments + 1), setting)
+        yield Probe(
+            "sampling", "samples at the ends of links", sampled(case, run, segments + 1), setting
+        )
     elif run == "duration" and table.n % 2:
-        yield Probe("sampling", "every other sample",
-                    sampled(case, run, table.n // 2 + 1), setting, None)
+        yield Probe(
+            "sampling", "every other sample", sampled(case, run, table.n // 2 + 1), setting, None
+        )
 
 
 def sampled(case: Case, run: Kind, n: int) -> Case:
@@ -122,8 +145,9 @@ def sampled(case: Case, run: Kind, n: int) -> Case:
     return case.model_copy(update={"run": {**case.run, run: table}})
 
 
-def judge(error: float, found: Sequence[tuple[Probe, StudyRow]], kind: str, at_floor: bool = False
-          ) -> tuple[str, str]:
+def judge(
+    error: float, found: Sequence[tuple[Probe, StudyRow]], kind: str, at_floor: bool = False
+) -> tuple[str, str]:
     """What an error follows, and the factors that tell.
 
     Parameters
@@ -172,5 +196,8 @@ def factor(ratio: float) -> str:
     """
     if abs(log(ratio)) < 0.005:
         return "leaves the error"
-    return f"divides the error by {ratio:.2f}" if ratio > 1 else (
-        f"multiplies the error by {1 / ratio:.2f}")
+    return (
+        f"divides the error by {ratio:.2f}"
+        if ratio > 1
+        else (f"multiplies the error by {1 / ratio:.2f}")
+    )

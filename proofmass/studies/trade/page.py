@@ -78,9 +78,19 @@ def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
         else:
             groups.append((x, y, [line]))
     for _, _, lines in groups:
-        ax.annotate(" ".join(letter(looks[line]) for line in lines), ends[lines[0]], xytext=(0, 7),
-                    textcoords="offset points", fontsize=7, weight="bold", ha="center",
-                    va="center", color=looks[lines[0]].colour, zorder=9, annotation_clip=False)
+        ax.annotate(
+            " ".join(letter(looks[line]) for line in lines),
+            ends[lines[0]],
+            xytext=(0, 7),
+            textcoords="offset points",
+            fontsize=7,
+            weight="bold",
+            ha="center",
+            va="center",
+            color=looks[lines[0]].colour,
+            zorder=9,
+            annotation_clip=False,
+        )
 
 
 def work(row: StudyRow) -> float:
@@ -93,8 +103,17 @@ def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Nam
     for row in rows:
         x = row.seconds if timed else work(row) or planned(row, rows)
         if row.outcome != Outcome.RAN and x > 0:
-            ax.plot(x, 0.97, transform=ax.get_xaxis_transform(), marker="x", markersize=5,
-                    markeredgewidth=1.2, color=looks[name_of(row)].colour, clip_on=False, zorder=8)
+            ax.plot(
+                x,
+                0.97,
+                transform=ax.get_xaxis_transform(),
+                marker="x",
+                markersize=5,
+                markeredgewidth=1.2,
+                color=looks[name_of(row)].colour,
+                clip_on=False,
+                zorder=8,
+            )
 
 
 def planned(row: StudyRow, rows: Iterable[StudyRow]) -> float:
@@ -117,9 +136,14 @@ def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[
             orders.setdefault(verdict.expected, []).append(name_of(verdict))
     taken: list[float] = []
     for order, lines in sorted(orders.items(), reverse=True):  # steep parts are few
-        pairs = [pair for line in lines for pair in pairwise(r for r in rows if name_of(r) == line)
-                 if 0 < work(pair[0]) < work(pair[1]) and work(pair[0]) not in taken
-                 and abs(slope(kind, *pair) - order) < SHOWN]
+        pairs = [
+            pair
+            for line in lines
+            for pair in pairwise(r for r in rows if name_of(r) == line)
+            if 0 < work(pair[0]) < work(pair[1])
+            and work(pair[0]) not in taken
+            and abs(slope(kind, *pair) - order) < SHOWN
+        ]
         if pairs:
             a, b = min(pairs, key=lambda pair: abs(slope(kind, *pair) - order))
             taken.append(work(a))
@@ -134,22 +158,51 @@ def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
 def triangle(ax: Axes, steps: tuple[float, float], top: float, order: float) -> None:
     """Falls from `top` as errors of that order."""
     foot = top * (steps[0] / steps[1]) ** order
-    ax.fill([steps[0], steps[0], steps[1]], [top, foot, foot], facecolor="#eeeeee", edgecolor=INK,
-            linewidth=0.8, zorder=2)
-    ax.annotate(number(order), (steps[0], np.sqrt(top * foot)), xytext=(-3, 0), fontsize=7,
-                textcoords="offset points", ha="right", va="center", color=INK)
+    ax.fill(
+        [steps[0], steps[0], steps[1]],
+        [top, foot, foot],
+        facecolor="#eeeeee",
+        edgecolor=INK,
+        linewidth=0.8,
+        zorder=2,
+    )
+    ax.annotate(
+        number(order),
+        (steps[0], np.sqrt(top * foot)),
+        xytext=(-3, 0),
+        fontsize=7,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=INK,
+    )
 
 
-def draw_floors(ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict],
-          named: bool) -> None:
+def draw_floors(
+    ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
+) -> None:
     """A short level tick where a line stays; `named`: what keeps it there, in the margin."""
     groups: list[list[Verdict]] = []
-    for verdict in sorted((v for v in verdicts if v.floor > 0 and name_of(v) in ends),
-                          key=lambda v: v.floor):
-        ax.plot(ends[name_of(verdict)][0], verdict.floor, marker="_", markersize=18, zorder=2.5,
-                markeredgewidth=1.8, color=looks[name_of(verdict)].colour)
-        alike = next((g for g in groups if g[0].cause == verdict.cause
-                      and verdict.floor < LEVEL * g[0].floor), None)
+    for verdict in sorted(
+        (v for v in verdicts if v.floor > 0 and name_of(v) in ends), key=lambda v: v.floor
+    ):
+        ax.plot(
+            ends[name_of(verdict)][0],
+            verdict.floor,
+            marker="_",
+            markersize=18,
+            zorder=2.5,
+            markeredgewidth=1.8,
+            color=looks[name_of(verdict)].colour,
+        )
+        alike = next(
+            (
+                g
+                for g in groups
+                if g[0].cause == verdict.cause and verdict.floor < LEVEL * g[0].floor
+            ),
+            None,
+        )
         if alike:
             alike.append(verdict)
         else:
@@ -161,16 +214,28 @@ def draw_floors(ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iter
 def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, Look]) -> None:
     """Level, lines and cause of each error floor at the right of a panel, apart from each other."""
     low, high = np.log(ax.get_ylim())
-    texts = [fill(f"{number(group[0].floor, 2)} {group[0].cause} ("
-                  f"{' '.join(sorted(letter(looks[name_of(v)]) for v in group))})", NARROW)
-             for group in groups]
+    texts = [
+        fill(
+            f"{number(group[0].floor, 2)} {group[0].cause} ("
+            f"{' '.join(sorted(letter(looks[name_of(v)]) for v in group))})",
+            NARROW,
+        )
+        for group in groups
+    ]
     places = [float((np.log(group[0].floor) - low) / (high - low)) for group in groups]
     heights = [ROW * (text.count("\n") + 1) for text in texts]
     for at, y, text in zip(places, spread(places, heights), texts, strict=True):
-        ax.annotate(text, (1.0, at), xytext=(1.06, y), xycoords="axes fraction", fontsize=6.5,
-                    textcoords="axes fraction", va="center", color=INK,
-                    arrowprops={"arrowstyle": "-", "linewidth": 0.6, "color": PALE,
-                                "relpos": (0.0, 0.5)})
+        ax.annotate(
+            text,
+            (1.0, at),
+            xytext=(1.06, y),
+            xycoords="axes fraction",
+            fontsize=6.5,
+            textcoords="axes fraction",
+            va="center",
+            color=INK,
+            arrowprops={"arrowstyle": "-", "linewidth": 0.6, "color": PALE, "relpos": (0.0, 0.5)},
+        )
 
 
 def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
@@ -190,15 +255,26 @@ HIGH, LEFT, GAP, RIGHT, BELOW, ABOVE = 2.4, 0.62, 0.25, 1.75, 0.42, 0.26  # [inc
 LINE, ENTRY = 0.155, 2.9  # [inch] of the legend
 SHARE = "error, share of the range"
 MARKERS = "os^Dv<>pPX*h"
-DASHES: tuple[Dash, ...] = (SOLID, (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)),
-                            (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
-FRONT: dict[str, Any] = {"color": "#d0d0d0", "linewidth": 6.0, "solid_capstyle": "round",
-                         "zorder": 1}
+DASHES: tuple[Dash, ...] = (
+    SOLID,
+    (0, (5, 1.5)),
+    (0, (1.2, 1.2)),
+    (0, (5, 1.5, 1, 1.5)),
+    (0, (8, 2)),
+    (0, (3, 1, 1, 1, 1, 1)),
+)
+FRONT: dict[str, Any] = {
+    "color": "#d0d0d0",
+    "linewidth": 6.0,
+    "solid_capstyle": "round",
+    "zorder": 1,
+}
 LOST = 10.0  # ranges: a run that is off by more is drawn at the upper edge
 
 
-def trade_sheet(rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
-                ) -> Figure:
+def trade_sheet(
+    rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
+) -> Figure:
     """The diagram of one run of a case: a row of panels for each kind of error.
 
     Parameters
@@ -247,8 +323,9 @@ def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
     return figure
 
 
-def grid(kinds: Sequence[str], across: int, lines: int, wide: float, right: float
-         ) -> tuple[Figure, NDArray[Any]]:
+def grid(
+    kinds: Sequence[str], across: int, lines: int, wide: float, right: float
+) -> tuple[Figure, NDArray[Any]]:
     """Empty panels, a row for each kind of error, below the room for a legend of so many lines."""
     width = LEFT + across * (wide + GAP) - GAP + right
     head = 0.1 + LINE * -(-(lines + 2) // entries(width))
@@ -256,9 +333,13 @@ def grid(kinds: Sequence[str], across: int, lines: int, wide: float, right: floa
     figure = Figure(figsize=(width, head + down))
     axes = figure.subplots(len(kinds), across, squeeze=False, sharex="col", sharey="row")
     figure.subplots_adjust(
-        left=LEFT / width, right=1 - right / width, bottom=BELOW / (head + down),
-        top=1 - (head + ABOVE) / (head + down), wspace=GAP / wide,
-        hspace=(ABOVE + BELOW) / HIGH)
+        left=LEFT / width,
+        right=1 - right / width,
+        bottom=BELOW / (head + down),
+        top=1 - (head + ABOVE) / (head + down),
+        wspace=GAP / wide,
+        hspace=(ABOVE + BELOW) / HIGH,
+    )
     return figure, axes
 
 
@@ -304,14 +385,22 @@ def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
         markers.setdefault(key, len(markers))
         alike[key] = alike.get(key, -1) + 1
         known = KNOWN.get(row.engine + ":default" * bool(row.knobs.get("defaults")))
-        looks[name_of(row)] = Look(known.colour if known else "#444444",
-                                   DASHES[alike[key] % len(DASHES)],
-                                   MARKERS[markers[key] % len(MARKERS)], len(looks))
+        looks[name_of(row)] = Look(
+            known.colour if known else "#444444",
+            DASHES[alike[key] % len(DASHES)],
+            MARKERS[markers[key] % len(MARKERS)],
+            len(looks),
+        )
     return looks
 
 
-def panels(pair: Sequence[Axes], rows: Sequence[StudyRow], kind: str, looks: Mapping[Name, Look],
-           verdicts: Sequence[Verdict]) -> None:
+def panels(
+    pair: Sequence[Axes],
+    rows: Sequence[StudyRow],
+    kind: str,
+    looks: Mapping[Name, Look],
+    verdicts: Sequence[Verdict],
+) -> None:
     """One kind of error, over wall time and over steps or segments."""
     left, right = pair
     shown = [row for row in rows if good(row, kind)]
@@ -348,38 +437,85 @@ def scale(ax: Axes, errors: Sequence[float]) -> None:
     ax.tick_params(labelbottom=True)
 
 
-def curve(ax: Axes, x: Sequence[float], rows: Sequence[StudyRow], kind: str, look: Look,
-          best: Sequence[StudyRow] = ()) -> None:
+def curve(
+    ax: Axes,
+    x: Sequence[float],
+    rows: Sequence[StudyRow],
+    kind: str,
+    look: Look,
+    best: Sequence[StudyRow] = (),
+) -> None:
     """One line, from coarse to fine; settings on the front are filled."""
     y = [min(row.errors[kind], LOST) for row in rows]
     layer = 3 + look.number / 20
-    ax.plot(x, y, color=look.colour, linestyle=look.dash, marker=look.marker,
-            markerfacecolor="white", markersize=4, markeredgewidth=0.8, zorder=layer)
+    ax.plot(
+        x,
+        y,
+        color=look.colour,
+        linestyle=look.dash,
+        marker=look.marker,
+        markerfacecolor="white",
+        markersize=4,
+        markeredgewidth=0.8,
+        zorder=layer,
+    )
     ahead = [k for k, row in enumerate(rows) if row in best]
-    ax.plot([x[k] for k in ahead], [y[k] for k in ahead], linestyle="", marker=look.marker,
-            color=look.colour, markersize=5, zorder=layer + 1)
+    ax.plot(
+        [x[k] for k in ahead],
+        [y[k] for k in ahead],
+        linestyle="",
+        marker=look.marker,
+        color=look.colour,
+        markersize=5,
+        zorder=layer + 1,
+    )
 
 
 def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
     """The front: no setting measured is below and at the left of it."""
     if best:
-        ax.step([row.seconds for row in best], [min(row.errors[kind], LOST) for row in best],
-                where="post", **FRONT)
+        ax.step(
+            [row.seconds for row in best],
+            [min(row.errors[kind], LOST) for row in best],
+            where="post",
+            **FRONT,
+        )
 
 
 def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
     """The lines by their letters; with marks the front, and what a cross is."""
-    handles = [Line2D([], [], label=f"{letter(look)}  {line}", color=look.colour,
-                      linestyle=look.dash, marker=look.marker, markerfacecolor="white",
-                      markersize=4) for (_, line), look in looks.items()]
+    handles = [
+        Line2D(
+            [],
+            [],
+            label=f"{letter(look)}  {line}",
+            color=look.colour,
+            linestyle=look.dash,
+            marker=look.marker,
+            markerfacecolor="white",
+            markersize=4,
+        )
+        for (_, line), look in looks.items()
+    ]
     if marks:
-        handles += [Line2D([], [], label="front: nothing cheaper is as good", linewidth=5,
-                           color=FRONT["color"]),
-                    Line2D([], [], label="failed: see the table", color="#333333", marker="x",
-                           linestyle="")]
-    figure.legend(handles=handles, loc="upper left", ncols=entries(figure.get_figwidth()),
-                  handlelength=3.4, fontsize=7.5, labelspacing=0.3, columnspacing=1.2,
-                  bbox_to_anchor=(0.0, 1 - 0.02 / figure.get_figheight()))
+        handles += [
+            Line2D(
+                [], [], label="front: nothing cheaper is as good", linewidth=5, color=FRONT["color"]
+            ),
+            Line2D(
+                [], [], label="failed: see the table", color="#333333", marker="x", linestyle=""
+            ),
+        ]
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=entries(figure.get_figwidth()),
+        handlelength=3.4,
+        fontsize=7.5,
+        labelspacing=0.3,
+        columnspacing=1.2,
+        bbox_to_anchor=(0.0, 1 - 0.02 / figure.get_figheight()),
+    )
 
 
 def entries(width: float) -> int:
@@ -389,10 +525,12 @@ def entries(width: float) -> int:
 
 ASKED = (1e-4, 1e-6)  # of the range: errors that the words speak of
 FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
-WORK = ("Largest error over a run against its cost. Filled markers and the pale stairs: the front, "
-        "of which no other setting is both cheaper and closer. Triangles fall with the order that "
-        "theory expects. Short level ticks: error floors, with their lines and what they are. "
-        "Crosses: runs that failed; the table has their messages.")
+WORK = (
+    "Largest error over a run against its cost. Filled markers and the pale stairs: the front, "
+    "of which no other setting is both cheaper and closer. Triangles fall with the order that "
+    "theory expects. Short level ticks: error floors, with their lines and what they are. "
+    "Crosses: runs that failed; the table has their messages."
+)
 TURNED_CAPTION = "The same for what else can be turned, at a fixed step."
 
 
@@ -419,11 +557,18 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
             raise InputError(folder / name, "", "no such file; proofmass trade CASE writes it")
     rows, verdicts = read_table(folder / "trade.csv"), read_verdicts(folder / "verdicts.json")
     files = prepared(output, (folder / name for name in FILES))
-    parts = [part(list(own), verdicts, output) for _, own in groupby(
-        sorted(rows, key=place), key=place)]
+    parts = [
+        part(list(own), verdicts, output) for _, own in groupby(sorted(rows, key=place), key=place)
+    ]
     env = environment()
-    shared = {"about": about(), "asked": [number(wanted) for wanted in ASKED], "files": files,
-              "margin": MARGIN, "style": {}, "home": home}
+    shared = {
+        "about": about(),
+        "asked": [number(wanted) for wanted in ASKED],
+        "files": files,
+        "margin": MARGIN,
+        "style": {},
+        "home": home,
+    }
     for one in parts:
         text = env.get_template("trade.html").render(parts=[one], index=False, **shared)
         write_whole(output / one["page"], text)
@@ -442,12 +587,20 @@ def part(rows: Sequence[StudyRow], verdicts: Iterable[Verdict], output: Path) ->
     case, run = place(rows[0])
     own = [v for v in verdicts if (v.case, v.run) == (case, run)]
     stem = f"{slug(case)}-{run}-trade"
-    return {"case": case, "run": run, "page": f"{stem}.html", "advice": advice(rows, own),
-            "prices": list(prices(rows, own)),
-            "figures": list(figures(rows, own, output / "figures" / stem)),
-            "lines": list(lines(rows, own)), "floors": list(floor_records(rows, own)),
-            "motion": next((v.motion for v in own if v.motion), ""),
-            "reached": list(reached(rows, own)), "kinds": kinds(rows), "measured": measured(rows)}
+    return {
+        "case": case,
+        "run": run,
+        "page": f"{stem}.html",
+        "advice": advice(rows, own),
+        "prices": list(prices(rows, own)),
+        "figures": list(figures(rows, own, output / "figures" / stem)),
+        "lines": list(lines(rows, own)),
+        "floors": list(floor_records(rows, own)),
+        "motion": next((v.motion for v in own if v.motion), ""),
+        "reached": list(reached(rows, own)),
+        "kinds": kinds(rows),
+        "measured": measured(rows),
+    }
 
 
 def kinds(rows: Iterable[StudyRow]) -> list[str]:
@@ -455,8 +608,9 @@ def kinds(rows: Iterable[StudyRow]) -> list[str]:
     return [kind for kind in KINDS if any(kind in row.errors for row in rows)]
 
 
-def figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: Path
-            ) -> Iterator[dict[str, Any]]:
+def figures(
+    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: Path
+) -> Iterator[dict[str, Any]]:
     """The diagram, and the errors over what else was turned, if anything was."""
     looks, axis = dressed(rows), axis_of(rows)
     along, others = ([row for row in rows if (row.axis == axis) is same] for same in (True, False))
@@ -476,23 +630,29 @@ def advice(rows: Sequence[StudyRow], verdicts: Sequence[Verdict]) -> list[tuple[
     engines = dict.fromkeys(row.engine for row in rows)
     for kind in kinds(rows):
         for wanted in ASKED:
-            said = sorted(use([row for row in rows if row.engine == engine], engine, kind, wanted,
-                              verdicts) for engine in engines)
-            found.append((f"{kind} within {number(wanted)} of its range",
-                          [text for _, text in said]))
+            said = sorted(
+                use([row for row in rows if row.engine == engine], engine, kind, wanted, verdicts)
+                for engine in engines
+            )
+            found.append(
+                (f"{kind} within {number(wanted)} of its range", [text for _, text in said])
+            )
     return found
 
 
-def use(rows: Sequence[StudyRow], engine: str, kind: str, wanted: float, verdicts: Sequence[Verdict]
-        ) -> tuple[float, str]:
+def use(
+    rows: Sequence[StudyRow], engine: str, kind: str, wanted: float, verdicts: Sequence[Verdict]
+) -> tuple[float, str]:
     """What to use of one engine, after its wall time [s]; or why there is nothing."""
     able = enough(rows, kind, wanted)
     if not able:
         return inf, f"{spoken(engine)} cannot: {best(rows, kind, wanted, verdicts)[0]}"
     row = able[0]
-    return row.seconds, (f"{told(row)}: {number(row.errors[kind], 2)} off in "
-                         f"{number(row.seconds, 2)} s; "
-                         f"{beside(rows, row, kind, wanted, verdicts)[0]}")
+    return row.seconds, (
+        f"{told(row)}: {number(row.errors[kind], 2)} off in "
+        f"{number(row.seconds, 2)} s; "
+        f"{beside(rows, row, kind, wanted, verdicts)[0]}"
+    )
 
 
 def prices(rows: Sequence[StudyRow], verdicts: Sequence[Verdict]) -> Iterator[list[str]]:
@@ -508,8 +668,11 @@ def prices(rows: Sequence[StudyRow], verdicts: Sequence[Verdict]) -> Iterator[li
                 continue
             said, ratio = beside(own, able[0], kind, wanted, verdicts)
             never = "never get there" in said
-            cells += [brief(able[0]), number(able[0].seconds, 2),
-                      "never" if never else number(ratio, 2)]
+            cells += [
+                brief(able[0]),
+                number(able[0].seconds, 2),
+                "never" if never else number(ratio, 2),
+            ]
         yield cells
 
 
@@ -518,31 +681,50 @@ def lines(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[dic
     looks, told = dressed(rows), list(verdicts)
     for name, look in looks.items():
         own = [row for row in rows if name_of(row) == name]
-        yield {"letter": letter(look), "colour": look.colour, "name": name[1], "axis": own[0].axis,
-               "rows": [cells(row, kinds(rows)) for row in own],
-               "orders": {v.kind: (number(v.observed), number(v.expected),
-                                   off(v.observed, v.expected))
-                          for v in told if name_of(v) == name}}
+        yield {
+            "letter": letter(look),
+            "colour": look.colour,
+            "name": name[1],
+            "axis": own[0].axis,
+            "rows": [cells(row, kinds(rows)) for row in own],
+            "orders": {
+                v.kind: (number(v.observed), number(v.expected), off(v.observed, v.expected))
+                for v in told
+                if name_of(v) == name
+            },
+        }
 
 
 def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
     """One run."""
-    return {"value": number(row.value), "errors": [number(row.errors.get(k, float("nan")))
-                                                   for k in kinds],
-            "gap": number(row.invariants.get("gap", float("nan"))),
-            "energy": number(row.invariants.get("energy", float("nan"))),
-            "seconds": number(row.seconds), "steps": row.steps or "—",
-            "repeats": len(row.repeats), "outcome": row.outcome, "message": row.message}
+    return {
+        "value": number(row.value),
+        "errors": [number(row.errors.get(k, float("nan"))) for k in kinds],
+        "gap": number(row.invariants.get("gap", float("nan"))),
+        "energy": number(row.invariants.get("energy", float("nan"))),
+        "seconds": number(row.seconds),
+        "steps": row.steps or "—",
+        "repeats": len(row.repeats),
+        "outcome": row.outcome,
+        "message": row.message,
+    }
 
 
-def floor_records(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
+def floor_records(
+    rows: Sequence[StudyRow], verdicts: Iterable[Verdict]
+) -> Iterator[dict[str, str]]:
     """What keeps each line from falling further, and the evidence."""
     looks = dressed(rows)
     for v in verdicts:
         if v.floor > 0 and name_of(v) in looks:
-            yield {"letter": letter(looks[name_of(v)]), "line": v.line,
-                   "kind": v.kind, "level": number(v.floor, 2), "cause": v.cause,
-                   "evidence": v.evidence}
+            yield {
+                "letter": letter(looks[name_of(v)]),
+                "line": v.line,
+                "kind": v.kind,
+                "level": number(v.floor, 2),
+                "cause": v.cause,
+                "evidence": v.evidence,
+            }
 
 
 def reached(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[dict[str, str]]:
@@ -550,8 +732,12 @@ def reached(rows: Sequence[StudyRow], verdicts: Iterable[Verdict]) -> Iterator[d
     looks = dressed(rows)
     for v in verdicts:
         if (said := "; ".join(filter(None, (v.reached, v.worse)))) and name_of(v) in looks:
-            yield {"letter": letter(looks[name_of(v)]), "line": v.line, "kind": v.kind,
-                   "said": said}
+            yield {
+                "letter": letter(looks[name_of(v)]),
+                "line": v.line,
+                "kind": v.kind,
+                "said": said,
+            }
 
 
 def measured(rows: Sequence[StudyRow]) -> str:
@@ -562,7 +748,9 @@ def measured(rows: Sequence[StudyRow]) -> str:
     busy = max((row.shared for row in ran if row.shared >= 0), default=0.0)
     once = sum(len(row.repeats) == 1 for row in ran)
     most = max((len(row.repeats) for row in ran), default=0)
-    return (f"{len(rows)} settings, {len(rows) - len(ran)} without times. Wall times: least of up "
-            f"to {most} in rounds over all settings, warm-up apart, {once} of a single run; "
-            f"{pinned} of {len(ran)} with a processor of their own, which gave others at most "
-            f"{number(100 * busy, 2)} % of its time. {machines}")
+    return (
+        f"{len(rows)} settings, {len(rows) - len(ran)} without times. Wall times: least of up "
+        f"to {most} in rounds over all settings, warm-up apart, {once} of a single run; "
+        f"{pinned} of {len(ran)} with a processor of their own, which gave others at most "
+        f"{number(100 * busy, 2)} % of its time. {machines}"
+    )

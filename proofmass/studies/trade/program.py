@@ -74,8 +74,7 @@ class ProgramRun:
 
 
 def imposed(case: Case, engine: str) -> Sequence[Imposed]:
-    """The ways in which programs of an engine can move the drives of a case, the ideal one first.
-    """
+    """The ways in which an engine's programs can move a case's drives, the ideal one first."""
     ways = engine_of(engine).imposed
     return ways if case.drive else ways[:1]
 
@@ -103,8 +102,12 @@ def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
 def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> ProgramRun:
     """Run the program of a setting, or find in the store what it gave."""
     text = program(case, setting, drive)
-    name = digest(json.dumps([text, case.model_dump(mode="json"), versions(setting.engine),
-                              sources()], sort_keys=True).encode())
+    name = digest(
+        json.dumps(
+            [text, case.model_dump(mode="json"), versions(setting.engine), sources()],
+            sort_keys=True,
+        ).encode()
+    )
     file = store.folder / f"{name}.program.json"
     if file.is_file():
         return ProgramRun(**{"seconds": float("nan"), **read(file)})
@@ -119,8 +122,9 @@ def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: f
 LATE = "no end after"
 
 
-def run_program(case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
-                ) -> ProgramRun:
+def run_program(
+    case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
+) -> ProgramRun:
     """Run a program in a bare interpreter, and hold its curves against the reference."""
     case, run = setting.applied(case, "duration")
     with tempfile.TemporaryDirectory() as folder:
@@ -128,8 +132,14 @@ def run_program(case: Case, setting: Setting, text: str, timeout: float, core: i
         file.write_text(text, encoding="utf-8")
         try:
             with pinned(core):
-                done = subprocess.run([sys.executable, "-I", file.name], cwd=folder, text=True,
-                                      capture_output=True, timeout=timeout, check=False)
+                done = subprocess.run(
+                    [sys.executable, "-I", file.name],
+                    cwd=folder,
+                    text=True,
+                    capture_output=True,
+                    timeout=timeout,
+                    check=False,
+                )
         except subprocess.TimeoutExpired:
             return ProgramRun(failure=f"{LATE} {timeout:g} s")
         if done.returncode or not (printed := PRINTED.search(done.stdout)):

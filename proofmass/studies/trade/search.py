@@ -65,8 +65,9 @@ class SettingFamily:
         """The step to try next; None if no other promises to be good enough for less [s]."""
         if not self.rows:
             return self.first or self.sample
-        if len(self.rows) >= RUNS or any(row.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED)
-                                         for row in self.rows):
+        if len(self.rows) >= RUNS or any(
+            row.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) for row in self.rows
+        ):
             return None
         rows = sorted(self.rows, key=lambda row: -row.value)
         if len(rows) >= HOPELESS and all(row.outcome != Outcome.RAN for row in rows):
@@ -100,8 +101,9 @@ class SettingFamily:
         if falls < FALLS:  # once more, then it is at a floor
             flat = len(rows) > 2 and order(rows[-3], last, of) < FALLS
             return None if flat else last.value / 2.0
-        return max(last.value * (SAFE * needed / error(last, of)) ** (1 / falls),
-                   last.value / FARTHEST)
+        return max(
+            last.value * (SAFE * needed / error(last, of)) ** (1 / falls), last.value / FARTHEST
+        )
 
 
 def odd_step(sample: float, wanted: float) -> float:
@@ -146,13 +148,20 @@ def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
     about = studied(case)
     for line in as_given(case, "duration"):
         if line.engine in (engine or line.engine):
-            own, = line.settings
-            yield SettingFamily(line.engine, line.name, setter(own), sample,
-                         first=min(leading(own.knobs["timestep"]), sample))
+            (own,) = line.settings
+            yield SettingFamily(
+                line.engine,
+                line.name,
+                setter(own),
+                sample,
+                first=min(leading(own.knobs["timestep"]), sample),
+            )
     for name in there:
         if name in (engine or name):
             for recipe in engine_of(name).recipes(about):
-                yield SettingFamily(name, recipe.name, setting_of(name, recipe), sample, recipe.plain)
+                yield SettingFamily(
+                    name, recipe.name, setting_of(name, recipe), sample, recipe.plain
+                )
 
 
 def setter(own: Setting) -> Callable[[float], Setting]:
@@ -165,9 +174,19 @@ def setting_of(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
     return lambda step: Setting(engine, {"timestep": step, **recipe.knobs(step)})
 
 
-def search(case: Case, of: str, needed: float, store: Store, workers: Executor | None = None,
-           engine: str = "", *, limits: Limits | None = None, slack: float = SLACK,
-           repeats: int = 5, progress: Progress = lambda *_: None) -> list[StudyRow]:
+def search(
+    case: Case,
+    of: str,
+    needed: float,
+    store: Store,
+    workers: Executor | None = None,
+    engine: str = "",
+    *,
+    limits: Limits | None = None,
+    slack: float = SLACK,
+    repeats: int = 5,
+    progress: Progress = lambda *_: None,
+) -> list[StudyRow]:
     """Measure settings of a duration until the cheapest that is good enough is known.
 
     Parameters
@@ -194,24 +213,48 @@ def search(case: Case, of: str, needed: float, store: Store, workers: Executor |
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
     longest = limits.longest
     timeout = longest + PATIENCE * kept_reference_seconds(case, store)
-    while tasks := [task for family in found for task in following(case, family, found, of, needed,
-                                                                   longest, slack)]:
+    while tasks := [
+        task
+        for family in found
+        for task in following(case, family, found, of, needed, longest, slack)
+    ]:
         limits.spent = time.monotonic() - began
         if limits.spent > limits.budget:
             limits.short = True
             break
         limits.settings += len(tasks)
-        rows = run([task for _, task in tasks], store, workers, repeats=0, timeout=timeout,
-                   progress=progress)
+        rows = run(
+            [task for _, task in tasks],
+            store,
+            workers,
+            repeats=0,
+            timeout=timeout,
+            progress=progress,
+        )
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
     rows = [row for family in found for row in family.rows]
     cheap = cheapest(rows, of, needed)
     timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
-    timed += [row for family in found if family.plain for row in family.rows
-              if row.outcome == Outcome.RAN and row not in timed]
-    tasks_ = [StudyRun(case, "duration", Setting(row.engine, row.knobs), row.study, row.line, row.axis,
-                   row.value) for row in timed]
+    timed += [
+        row
+        for family in found
+        if family.plain
+        for row in family.rows
+        if row.outcome == Outcome.RAN and row not in timed
+    ]
+    tasks_ = [
+        StudyRun(
+            case,
+            "duration",
+            Setting(row.engine, row.knobs),
+            row.study,
+            row.line,
+            row.axis,
+            row.value,
+        )
+        for row in timed
+    ]
     again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
     limits.spent = time.monotonic() - began
     places = {id(row): k for k, row in enumerate(timed)}
@@ -236,8 +279,9 @@ def reference_seconds(case: Case) -> float:
     return time.perf_counter() - began
 
 
-def finer_for_drives(case: Case, tried: Iterable[tuple[StudyRow, float]], wanted: float
-                     ) -> list[StudyRun]:
+def finer_for_drives(
+    case: Case, tried: Iterable[tuple[StudyRow, float]], wanted: float
+) -> list[StudyRun]:
     """Finer steps of settings whose drives are not moved well enough.
 
     Parameters
@@ -260,23 +304,47 @@ def finer_for_drives(case: Case, tried: Iterable[tuple[StudyRow, float]], wanted
         if wanted < off < COARSE:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
             step = odd_step(sample, finer)
-            asked.append((row.seconds * row.value / step, StudyRun(
-                case, "duration", scaled(row, step), row.study, row.line, row.axis, step)))
+            asked.append(
+                (
+                    row.seconds * row.value / step,
+                    StudyRun(
+                        case, "duration", scaled(row, step), row.study, row.line, row.axis, step
+                    ),
+                )
+            )
     return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
 
 
-def following(case: Case, family: SettingFamily, every: Iterable[SettingFamily], of: str, needed: float,
-              longest: float, slack: float) -> Iterator[tuple[SettingFamily, StudyRun]]:
+def following(
+    case: Case,
+    family: SettingFamily,
+    every: Iterable[SettingFamily],
+    of: str,
+    needed: float,
+    longest: float,
+    slack: float,
+) -> Iterator[tuple[SettingFamily, StudyRun]]:
     """The next run of a family, if there is one."""
-    best = cheapest([row for one in every for row in one.rows if one.engine == family.engine
-                     or not family.plain], of, needed)
+    best = cheapest(
+        [
+            row
+            for one in every
+            for row in one.rows
+            if one.engine == family.engine or not family.plain
+        ],
+        of,
+        needed,
+    )
     limit = min(longest, (PLAIN if family.plain else slack) * best)
     if (step := family.next(of, needed, limit)) is not None:
-        yield family, StudyRun(case, "duration", family.at(step), "choose", family.name, "timestep",
-                           step)
+        yield (
+            family,
+            StudyRun(case, "duration", family.at(step), "choose", family.name, "timestep", step),
+        )
 
 
 def cheapest(rows: Iterable[StudyRow], of: str, needed: float) -> float:
     """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
-    return min((row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0),
-               default=inf)
+    return min(
+        (row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0), default=inf
+    )

@@ -96,9 +96,12 @@ class Track:
 
     def every(self, kind: str) -> list[tuple[float, float]]:
         """The same from the first setting on."""
-        return [(size, error) for size, row in zip(self.line.sizes, self.rows, strict=False)
-                if (error := inf if row.outcome in LOST else row.errors.get(kind, NAN)) > 0
-                and row.outcome in (Outcome.RAN, *LOST)]
+        return [
+            (size, error)
+            for size, row in zip(self.line.sizes, self.rows, strict=False)
+            if (error := inf if row.outcome in LOST else row.errors.get(kind, NAN)) > 0
+            and row.outcome in (Outcome.RAN, *LOST)
+        ]
 
     def place(self, size: float) -> int:
         """The number of the setting of that size."""
@@ -134,8 +137,11 @@ def still(points: Points) -> bool:
 def rising(points: Points) -> bool:
     """Whether the last two refinements made the error worse, or were lost."""
     errors = [error for _, error in points[-3:]]
-    return len(errors) == 3 and isfinite(errors[0]) and all(
-        fine == inf or fine > (1 + FLAT) * coarse for coarse, fine in pairwise(errors))
+    return (
+        len(errors) == 3
+        and isfinite(errors[0])
+        and all(fine == inf or fine > (1 + FLAT) * coarse for coarse, fine in pairwise(errors))
+    )
 
 
 def flat(points: Points) -> int | None:
@@ -164,9 +170,14 @@ def least(points: Points) -> int | None:
     1
     """
     k = min(range(len(points)), key=lambda k: points[k][1], default=0)
-    worse = [error for _, error in points[k + 1:]]
-    return k if len(worse) > 1 and points[k][1] < ASYMPTOTIC and all(
-        isfinite(error) and error > (1 + FLAT) * points[k][1] for error in worse) else None
+    worse = [error for _, error in points[k + 1 :]]
+    return (
+        k
+        if len(worse) > 1
+        and points[k][1] < ASYMPTOTIC
+        and all(isfinite(error) and error > (1 + FLAT) * points[k][1] for error in worse)
+        else None
+    )
 
 
 def halved(errors: Sequence[float]) -> bool:
@@ -175,8 +186,11 @@ def halved(errors: Sequence[float]) -> bool:
     >>> halved([1e-3, 1.01e-3, 1e-3]), halved([1e-3, 0.9e-3, 0.85e-3]), halved([0.5, 0.5, 0.5])
     (True, False, False)
     """
-    return len(errors) == 3 and 0 < errors[0] < ASYMPTOTIC and all(
-        alike(*pair) for pair in pairwise(errors))
+    return (
+        len(errors) == 3
+        and 0 < errors[0] < ASYMPTOTIC
+        and all(alike(*pair) for pair in pairwise(errors))
+    )
 
 
 def slowed(points: Points) -> int | None:
@@ -188,7 +202,7 @@ def slowed(points: Points) -> int | None:
     2
     """
     for k in range(len(points) - 2):
-        if all(order(points[k], later) < FALLS for later in points[k + 2:]):
+        if all(order(points[k], later) < FALLS for later in points[k + 2 :]):
             return k
     return None
 
@@ -207,8 +221,7 @@ def clear(points: Points) -> Points:
     first, low = slowed(points), level(points)
     if first is None and len(points) > 1 and order(*points[-2:]) < FALLS:
         first, low = len(points) - 2, min(error for _, error in points[-2:])
-    return [p for p in points[:first] if isfinite(p[1])
-            and (first is None or p[1] > CLEAR * low)]
+    return [p for p in points[:first] if isfinite(p[1]) and (first is None or p[1] > CLEAR * low)]
 
 
 def observed(points: Points) -> float:
@@ -219,8 +232,14 @@ def observed(points: Points) -> float:
     2.0
     """
     orders = [order(*pair) for pair in pairwise(clear(points))]
-    return next(((one + two) / 2 for one, two in reversed(list(pairwise(orders)))
-                 if abs(one - two) <= ALIKE * max(2.0, abs(one + two))), NAN)
+    return next(
+        (
+            (one + two) / 2
+            for one, two in reversed(list(pairwise(orders)))
+            if abs(one - two) <= ALIKE * max(2.0, abs(one + two))
+        ),
+        NAN,
+    )
 
 
 def still_falls(points: Points) -> float:
@@ -252,8 +271,11 @@ def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | N
     >>> worse([(1e-3, 1.9e-2), (0.5e-3, 6.8e-2), (0.25e-3, 4e-4)])
     ((0.001, 0.019), (0.0005, 0.068))
     """
-    pairs = [(coarse, fine) for coarse, fine in pairwise(points) if coarse[1] < COARSE
-             and isfinite(fine[1]) and fine[1] > WORSE * coarse[1]]
+    pairs = [
+        (coarse, fine)
+        for coarse, fine in pairwise(points)
+        if coarse[1] < COARSE and isfinite(fine[1]) and fine[1] > WORSE * coarse[1]
+    ]
     return max(pairs, key=lambda pair: pair[1][1] / pair[0][1], default=None)
 
 
@@ -294,9 +316,12 @@ class Limits:
         '3 settings measured in 12 s of --budget 60 s, --longest 30 s a run'
         """
         known = f"{self.known} more settings known from the store; " if self.known else ""
-        return (f"{known}{self.settings} settings measured in {number(self.spent, 2)} "
-                f"s of --budget {number(self.budget)} s, --longest {number(self.longest)} s a run"
-                + ", which left some out" * self.short)
+        return (
+            f"{known}{self.settings} settings measured in {number(self.spent, 2)} "
+            f"s of --budget {number(self.budget)} s, --longest {number(self.longest)} s a run"
+            + ", which left some out"
+            * self.short
+        )
 
 
 @dataclass(frozen=True)
@@ -309,8 +334,9 @@ class Promise:
     falls: float
 
 
-def promises(rows: Iterable[StudyRow], verdicts: Iterable[Verdict], of: str, needed: float
-             ) -> list[Promise]:
+def promises(
+    rows: Iterable[StudyRow], verdicts: Iterable[Verdict], of: str, needed: float
+) -> list[Promise]:
     """Of each line at no error floor the step that should be good enough, the cheapest first."""
     floors = {(v.engine, v.line) for v in verdicts if v.kind == of and v.floor > 0}
     found = []
@@ -325,8 +351,10 @@ def promises(rows: Iterable[StudyRow], verdicts: Iterable[Verdict], of: str, nee
 
 def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
     """The finest step of each line and the one before it that is clearly coarser, if both ran."""
-    stepped = sorted((row for row in rows if row.axis == "timestep"),
-                     key=lambda row: (row.engine, row.line, -row.value))
+    stepped = sorted(
+        (row for row in rows if row.axis == "timestep"),
+        key=lambda row: (row.engine, row.line, -row.value),
+    )
     for _, group in groupby(stepped, lambda row: (row.engine, row.line)):
         line = list(group)
         before = [row for row in line if row.value > APART * line[-1].value]
@@ -339,8 +367,9 @@ def scaled(row: StudyRow, step: float) -> Setting:
     return at_step(Setting(row.engine, dict(row.knobs, timestep=row.value)), step)
 
 
-def known(case: Case, kind: Kind, rows: Iterable[StudyRow], store: Store, only: str = ""
-          ) -> Iterator[StudyRow]:
+def known(
+    case: Case, kind: Kind, rows: Iterable[StudyRow], store: Store, only: str = ""
+) -> Iterator[StudyRow]:
     """Settings that the store has of a case beside those of a study, whoever asked for them; of one
     engine `only`, if that is given.
 
@@ -350,11 +379,19 @@ def known(case: Case, kind: Kind, rows: Iterable[StudyRow], store: Store, only: 
     own = [line for line in lines(case, kind) if line.engine == (only or line.engine)]
     for key, record in store.records(case.name, kind):
         engine, knobs = str(record.get("engine")), record.get("knobs")
-        if key in there or engine not in {line.engine for line in own} or (
-                not isinstance(knobs, dict) or record.get("versions") != versions(engine)):
+        if (
+            key in there
+            or engine not in {line.engine for line in own}
+            or (not isinstance(knobs, dict) or record.get("versions") != versions(engine))
+        ):
             continue
-        setting = Setting(engine, {name: tuple(value) if isinstance(value, list) else value
-                                   for name, value in knobs.items()})
+        setting = Setting(
+            engine,
+            {
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in knobs.items()
+            },
+        )
         task = StudyRun(case, kind, setting, "choose", *placed(setting, own))
         found = store.repeats(key) if key_of(task) == key else []
         if found and found[0].outcome == Outcome.RAN:
@@ -368,13 +405,13 @@ def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str
         value = setting.knobs.get(line.axis)
         if line.engine != setting.engine or value is None or len(line.settings) < 2:
             continue
-        there = (at_step(first, leading(value)) if line.scaled
-                 else first.but(**{line.axis: value}))
+        there = at_step(first, leading(value)) if line.scaled else first.but(**{line.axis: value})
         if same(there.knobs, setting.knobs):
             return line.name, line.axis, leading(value)
     step = setting.knobs.get("timestep", NAN)
-    words = ", ".join(f"{name} {value}" for name, value in setting.knobs.items()
-                      if name != "timestep")
+    words = ", ".join(
+        f"{name} {value}" for name, value in setting.knobs.items() if name != "timestep"
+    )
     return f"{spoken(setting.engine)}, {words or 'as in the model'}", "timestep", leading(step)
 
 
@@ -385,7 +422,10 @@ def same(one: dict[str, Knob], other: dict[str, Knob]) -> bool:
     for name, value in one.items():
         parts = [v if isinstance(v, tuple) else (v,) for v in (value, other[name])]
         if len(parts[0]) != len(parts[1]) or not all(
-                isclose(a, b, rel_tol=1e-9) if isinstance(a, float) and isinstance(b, (float, int))
-                else a == b for a, b in zip(*parts, strict=True)):
+            isclose(a, b, rel_tol=1e-9)
+            if isinstance(a, float) and isinstance(b, (float, int))
+            else a == b
+            for a, b in zip(*parts, strict=True)
+        ):
             return False
     return True

@@ -82,35 +82,61 @@ class Lane:
 
         The finest of these settings serves all kinds that are flat there.
         """
-        found = {kind: self.track.place(points[k][0]) for kind in self.track.kinds
-                 for points in (self.track.points(kind),) if (k := flat(points)) is not None}
+        found = {
+            kind: self.track.place(points[k][0])
+            for kind in self.track.kinds
+            for points in (self.track.points(kind),)
+            if (k := flat(points)) is not None
+        }
         last = max(found.values(), default=0)
         return dict.fromkeys(found, last)
 
     def risen(self) -> dict[str, int]:
         """For each kind whose error grows from some step on the number of the finest setting."""
-        return {kind: self.track.place(points[-1][0]) for kind in self.track.kinds
-                for points in (self.track.points(kind),) if least(points) is not None}
+        return {
+            kind: self.track.place(points[-1][0])
+            for kind in self.track.kinds
+            for points in (self.track.points(kind),)
+            if least(points) is not None
+        }
 
     def odd(self, kind: str) -> int | None:
         """The finest setting before a floor of a line with another order than expected."""
-        return (self.track.place(clear(self.track.points(kind))[-1][0])
-                if off(*self.orders(kind)) else None)
+        return (
+            self.track.place(clear(self.track.points(kind))[-1][0])
+            if off(*self.orders(kind))
+            else None
+        )
 
     def task(self, k: int) -> StudyRun:
         """Setting number k."""
         setting = self.line.settings[k]
-        return StudyRun(self.case, self.run, setting, "trade", self.line.name, self.line.axis,
-                    leading(setting.knobs[self.line.axis]))
+        return StudyRun(
+            self.case,
+            self.run,
+            setting,
+            "trade",
+            self.line.name,
+            self.line.axis,
+            leading(setting.knobs[self.line.axis]),
+        )
 
     def row(self, size: float) -> StudyRow:
         """The row of the setting of a size."""
         return self.track.rows[self.track.place(size)]
 
 
-def trade(cases: Iterable[Case], store: Store, workers: Executor | None = None,
-          kind: Kind | None = None, *, budget: float = USUAL, longest: float = LONGEST,
-          repeats: int = REPEATS, progress: Progress = lambda *_: None) -> Trade:
+def trade(
+    cases: Iterable[Case],
+    store: Store,
+    workers: Executor | None = None,
+    kind: Kind | None = None,
+    *,
+    budget: float = USUAL,
+    longest: float = LONGEST,
+    repeats: int = REPEATS,
+    progress: Progress = lambda *_: None,
+) -> Trade:
     """Measure what accuracy costs.
 
     Parameters
@@ -138,30 +164,56 @@ def trade(cases: Iterable[Case], store: Store, workers: Executor | None = None,
     """
     if workers is None:
         with pool() as local:
-            return trade(cases, store, local, kind, budget=budget, longest=longest,
-                         repeats=repeats, progress=progress)
+            return trade(
+                cases,
+                store,
+                local,
+                kind,
+                budget=budget,
+                longest=longest,
+                repeats=repeats,
+                progress=progress,
+            )
     cases = list(cases)
     kinds = [chosen(case, kind) for case in cases]
     motions = motions_of(cases, kinds, store, workers, longest)
     cases = [within(*each) for each in zip(cases, kinds, motions, strict=True)]
-    lanes = [Lane(case, which, Track(line), motion)
-             for case, which, motion in zip(cases, kinds, motions, strict=True)
-             for line in lines(case, which)]
+    lanes = [
+        Lane(case, which, Track(line), motion)
+        for case, which, motion in zip(cases, kinds, motions, strict=True)
+        for line in lines(case, which)
+    ]
     while batch := [lane for lane in lanes if not lane.track.done(budget)]:
-        rows = run([lane.task(len(lane.track.rows)) for lane in batch], store, workers, repeats=0,
-                   timeout=longest, progress=progress)
+        rows = run(
+            [lane.task(len(lane.track.rows)) for lane in batch],
+            store,
+            workers,
+            repeats=0,
+            timeout=longest,
+            progress=progress,
+        )
         for lane, row in zip(batch, rows, strict=True):
             lane.track.rows.append(row)
     tasks = [lane.task(k) for lane in lanes for k in range(len(lane.track.rows))]
-    rows = run(tasks, store, workers, repeats=repeats, patience=budget, timeout=longest,
-               progress=progress)
+    rows = run(
+        tasks, store, workers, repeats=repeats, patience=budget, timeout=longest, progress=progress
+    )
     finer = halve(lanes, store, workers, longest, progress)
     moved = move(lanes, finer, store, workers, longest, progress)
     disturbed = disturb(lanes, finer, moved, store, workers, longest)
-    return Trade(rows, [*(row for found in finer.values() for row in found),
-                        *(row for found in moved.values() for _, row in found)],
-                 [verdict(lane, error, n, finer, moved, disturbed, budget)
-                  for n, lane in enumerate(lanes) for error in lane.track.kinds], cases)
+    return Trade(
+        rows,
+        [
+            *(row for found in finer.values() for row in found),
+            *(row for found in moved.values() for _, row in found),
+        ],
+        [
+            verdict(lane, error, n, finer, moved, disturbed, budget)
+            for n, lane in enumerate(lanes)
+            for error in lane.track.kinds
+        ],
+        cases,
+    )
 
 
 def chosen(case: Case, kind: Kind | None) -> Kind:
@@ -170,23 +222,42 @@ def chosen(case: Case, kind: Kind | None) -> Kind:
     for name in wanted:
         if name in case.run:
             return name
-    raise InputError(case.file, f"run.{kind}", f"there is no such run; there are: "
-                     f"{', '.join(case.run)}")
+    raise InputError(
+        case.file, f"run.{kind}", f"there is no such run; there are: {', '.join(case.run)}"
+    )
 
 
-def halve(lanes: list[Lane], store: Store, workers: Executor, longest: float,
-          progress: Progress) -> Halved:
+def halve(
+    lanes: list[Lane], store: Store, workers: Executor, longest: float, progress: Progress
+) -> Halved:
     """The rows of half and of a quarter of the step, wherever a line may be at a floor."""
-    asked = [((n, k), setting) for n, lane in enumerate(lanes)
-             for k in dict.fromkeys(lane.floors().values())
-             for setting in halvings(lane.run, lane.line, lane.line.settings[k],
-                                     float(compiled(lane.case).opt.timestep))]
-    tasks = [StudyRun(lane.case, lane.run, setting, "floor", lane.line.name, "halved",
-                  leading(setting.knobs["timestep" if lane.run == "duration" else "segments"]))
-             for (n, _), setting in asked for lane in (lanes[n],)]
+    asked = [
+        ((n, k), setting)
+        for n, lane in enumerate(lanes)
+        for k in dict.fromkeys(lane.floors().values())
+        for setting in halvings(
+            lane.run, lane.line, lane.line.settings[k], float(compiled(lane.case).opt.timestep)
+        )
+    ]
+    tasks = [
+        StudyRun(
+            lane.case,
+            lane.run,
+            setting,
+            "floor",
+            lane.line.name,
+            "halved",
+            leading(setting.knobs["timestep" if lane.run == "duration" else "segments"]),
+        )
+        for (n, _), setting in asked
+        for lane in (lanes[n],)
+    ]
     found: Halved = {}
-    for (place, _), row in zip(asked, run(tasks, store, workers, repeats=0, timeout=longest,
-                                          progress=progress), strict=True):
+    for (place, _), row in zip(
+        asked,
+        run(tasks, store, workers, repeats=0, timeout=longest, progress=progress),
+        strict=True,
+    ):
         found.setdefault(place, []).append(row)
     return found
 
@@ -197,19 +268,45 @@ def left(lane: Lane, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
     return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
-def move(lanes: list[Lane], finer: Halved, store: Store, workers: Executor, longest: float,
-         progress: Progress) -> ProbedRows:
+def move(
+    lanes: list[Lane],
+    finer: Halved,
+    store: Store,
+    workers: Executor,
+    longest: float,
+    progress: Progress,
+) -> ProbedRows:
     """Move every cause where two halvings leave an error, and where an order is another."""
     places = dict.fromkeys(
-        [(n, k) for n, lane in enumerate(lanes) for kind, k in lane.floors().items()
-         if left(lane, k, kind, finer[n, k])]
-        + [(n, k) for n, lane in enumerate(lanes) for kind in lane.track.kinds
-           if (k := lane.odd(kind)) is not None])
-    asked = [(place, probe) for place in places for lane in (lanes[place[0]],)
-             for probe in probes(lane.case, lane.run, lane.line.settings[place[1]],
-                                 store.folder / "models", lane.line.scaled)]
-    tasks = [StudyRun(probe.case, lanes[n].run, probe.setting, "floor", lanes[n].line.name, probe.cause)
-             for (n, _), probe in asked]
+        [
+            (n, k)
+            for n, lane in enumerate(lanes)
+            for kind, k in lane.floors().items()
+            if left(lane, k, kind, finer[n, k])
+        ]
+        + [
+            (n, k)
+            for n, lane in enumerate(lanes)
+            for kind in lane.track.kinds
+            if (k := lane.odd(kind)) is not None
+        ]
+    )
+    asked = [
+        (place, probe)
+        for place in places
+        for lane in (lanes[place[0]],)
+        for probe in probes(
+            lane.case,
+            lane.run,
+            lane.line.settings[place[1]],
+            store.folder / "models",
+            lane.line.scaled,
+        )
+    ]
+    tasks = [
+        StudyRun(probe.case, lanes[n].run, probe.setting, "floor", lanes[n].line.name, probe.cause)
+        for (n, _), probe in asked
+    ]
     rows = run(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
     found: ProbedRows = {place: [] for place in places}
     for (place, probe), row in zip(asked, rows, strict=True):
@@ -217,24 +314,48 @@ def move(lanes: list[Lane], finer: Halved, store: Store, workers: Executor, long
     return found
 
 
-def disturb(lanes: list[Lane], finer: Halved, moved: ProbedRows, store: Store, workers: Executor,
-            longest: float) -> dict[SeriesPlace, dict[str, float]]:
+def disturb(
+    lanes: list[Lane],
+    finer: Halved,
+    moved: ProbedRows,
+    store: Store,
+    workers: Executor,
+    longest: float,
+) -> dict[SeriesPlace, dict[str, float]]:
     """How far changes by some roundings move the results that may be rounding.
 
     Those that grow as the step shrinks, and those that nothing else moves.
     """
-    places = {(n, k) for n, lane in enumerate(lanes) if lane.run == "duration"
-              for k in lane.risen().values()}
-    places |= {(n, k) for n, lane in enumerate(lanes) if lane.run == "duration"
-               for kind, k in lane.floors().items() if left(lane, k, kind, finer[n, k])
-               and judge(lane.track.rows[k].errors[kind], moved[n, k], kind, True)[0] == UNKNOWN}
-    futures = {place: workers.submit(rounding, lanes[place[0]].task(place[1]), store, longest)
-               for place in sorted(places)}
+    places = {
+        (n, k)
+        for n, lane in enumerate(lanes)
+        if lane.run == "duration"
+        for k in lane.risen().values()
+    }
+    places |= {
+        (n, k)
+        for n, lane in enumerate(lanes)
+        if lane.run == "duration"
+        for kind, k in lane.floors().items()
+        if left(lane, k, kind, finer[n, k])
+        and judge(lane.track.rows[k].errors[kind], moved[n, k], kind, True)[0] == UNKNOWN
+    }
+    futures = {
+        place: workers.submit(rounding, lanes[place[0]].task(place[1]), store, longest)
+        for place in sorted(places)
+    }
     return {place: future.result() for place, future in futures.items()}
 
 
-def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: ProbedRows,
-            disturbed: Mapping[SeriesPlace, Mapping[str, float]], budget: float) -> Verdict:
+def verdict(
+    lane: Lane,
+    kind: str,
+    n: int,
+    finer: Halved,
+    moved: ProbedRows,
+    disturbed: Mapping[SeriesPlace, Mapping[str, float]],
+    budget: float,
+) -> Verdict:
     """Order and error floor of a line in one kind of error; how far it came where none is shown.
 
     Parameters
@@ -253,8 +374,11 @@ def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: ProbedRows,
         first = finer[n, k][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
         what = "halving the step" if lane.run == "duration" else "twice as many segments"
-        why = (f"{what} {factor(rows[k].errors[kind] / half)}" if half > 0
-               else f"{what}: {finer[n, k][0].outcome}")
+        why = (
+            f"{what} {factor(rows[k].errors[kind] / half)}"
+            if half > 0
+            else f"{what}: {finer[n, k][0].outcome}"
+        )
         if left(lane, k, kind, finer[n, k]):
             cause, evidence = judge(rows[k].errors[kind], moved[n, k], kind, at_floor=True)
             why = "nothing that was moved moves it"
@@ -267,16 +391,29 @@ def verdict(lane: Lane, kind: str, n: int, finer: Halved, moved: ProbedRows,
         cause, evidence = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
         why, floor = "finer ones are worse", min(error for _, error in points)
     known = bool(cause) and cause != UNKNOWN
-    remark = "" if odd is None else ": ".join(filter(None, judge(rows[odd].errors[kind],
-                                                                 moved[n, odd], kind)))
+    remark = (
+        ""
+        if odd is None
+        else ": ".join(filter(None, judge(rows[odd].errors[kind], moved[n, odd], kind)))
+    )
     motion = lane.motion
     last = ended(lane.track, budget)
     return Verdict(
-        lane.case.name, lane.run, lane.line.engine, lane.line.name, kind, *lane.orders(kind),
-        floor if known else NAN, cause if known else "", evidence if known else "", remark,
+        lane.case.name,
+        lane.run,
+        lane.line.engine,
+        lane.line.name,
+        kind,
+        *lane.orders(kind),
+        floor if known else NAN,
+        cause if known else "",
+        evidence if known else "",
+        remark,
         "" if known else reached(lane.track, kind, lane.orders(kind)[1], why, last),
         "" if cause == ROUNDING else worsened(lane.track, kind),
-        motion.words if motion else "", motion.horizon if motion else NAN)
+        motion.words if motion else "",
+        motion.horizon if motion else NAN,
+    )
 
 
 def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
@@ -284,21 +421,31 @@ def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[st
     moved, error = away.get(kind, NAN), row.errors.get(kind, NAN)
     if not moved >= ROUNDED * error:
         return UNKNOWN, ""
-    return ROUNDING, (f"roundings of masses and start move the result by {number(moved, 2)} where "
-                      f"its error is {number(error, 2)}")
+    return ROUNDING, (
+        f"roundings of masses and start move the result by {number(moved, 2)} where "
+        f"its error is {number(error, 2)}"
+    )
 
 
 def limits(longest: float, budget: float = USUAL) -> str:
     """What a study goes no further than, in words."""
-    return (f"Limits: a line of settings ends at {number(WORK)} evaluations of forces, after a run "
-            f"of more than {number(budget)} s, or where nothing falls any more; a run is given up "
-            f"after {number(longest)} s (--longest).")
+    return (
+        f"Limits: a line of settings ends at {number(WORK)} evaluations of forces, after a run "
+        f"of more than {number(budget)} s, or where nothing falls any more; a run is given up "
+        f"after {number(longest)} s (--longest)."
+    )
 
 
 def cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
     """Wall time of the cheapest of the rows that are no further off [s]; NaN if all are."""
-    return min((row.seconds for row in rows if row.outcome == Outcome.RAN
-                and row.errors.get(kind, nan) <= error), default=nan)
+    return min(
+        (
+            row.seconds
+            for row in rows
+            if row.outcome == Outcome.RAN and row.errors.get(kind, nan) <= error
+        ),
+        default=nan,
+    )
 
 
 def write_study(study: Trade, folder: Path) -> None:
@@ -306,8 +453,10 @@ def write_study(study: Trade, folder: Path) -> None:
     write_table(study.rows, folder / "trade.csv")
     if study.moved:
         write_table(study.moved, folder / "floors.csv")
-    told = [{k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
-            for one in study.verdicts]
+    told = [
+        {k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
+        for one in study.verdicts
+    ]
     write_whole(folder / "verdicts.json", json.dumps(told, indent=1, allow_nan=False))
 
 
@@ -322,5 +471,9 @@ def read_verdicts(file: Path) -> list[Verdict]:
     try:
         return [Verdict(**one) for one in json.loads(file.read_text(encoding="utf-8"))]
     except (TypeError, ValueError):
-        raise InputError(file, "", "not the verdicts that this version writes; run proofmass trade "
-                         "with that folder again, which keeps its runs") from None
+        raise InputError(
+            file,
+            "",
+            "not the verdicts that this version writes; run proofmass trade "
+            "with that folder again, which keeps its runs",
+        ) from None

@@ -25,8 +25,15 @@ WANTED = (1e-4, 1e-6)  # errors whose price the table tells
 SAID = "what the error floor is, or how far the line came"
 
 
-def run_trade(paths: list[Path], output: Path, jobs: int | None, dask: str | None, longest: float,
-              kind: Kind | None, error: str) -> None:
+def run_trade(
+    paths: list[Path],
+    output: Path,
+    jobs: int | None,
+    dask: str | None,
+    longest: float,
+    kind: Kind | None,
+    error: str,
+) -> None:
     """What ``proofmass trade`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the runs"):
         from proofmass.studies.trade.page import write_trade  # matplotlib is slow to load
@@ -46,17 +53,25 @@ def turnable(case: Case, kind: Kind | None) -> bool:
     which = chosen(case, kind)
     if lines(case, which):
         return True
-    errors.print(f"{case.name}: nothing to trade in its {which}, which both engines solve to "
-                 f"rounding")
+    errors.print(
+        f"{case.name}: nothing to trade in its {which}, which both engines solve to rounding"
+    )
     return False
 
 
-def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None,
-             kind: Kind | None, longest: float = LONGEST) -> Trade:
+def measured(
+    cases: list[Case],
+    folder: Path,
+    jobs: int | None,
+    dask: str | None,
+    kind: Kind | None,
+    longest: float = LONGEST,
+) -> Trade:
     """`trade` with a progress bar on standard error, which tells what chaotic motions are."""
     with pool(jobs, dask) as workers, counting(letters=40) as advance:
-        study = trade(cases, Store(folder / "runs"), workers, kind, longest=longest,
-                      progress=advance)
+        study = trade(
+            cases, Store(folder / "runs"), workers, kind, longest=longest, progress=advance
+        )
     for case, motion in {v.case: v.motion for v in study.verdicts if v.motion}.items():
         errors.print(f"{case}: {motion}", markup=False, highlight=False)
     return study
@@ -65,8 +80,16 @@ def measured(cases: list[Case], folder: Path, jobs: int | None, dask: str | None
 def show(study: Trade, kind: str) -> None:
     """A table with one row for each line, on standard output."""
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("case", "line", "order", "expected", "error floor", "best",
-                 *(f"s for {error:g}" for error in WANTED), SAID):
+    for name in (
+        "case",
+        "line",
+        "order",
+        "expected",
+        "error floor",
+        "best",
+        *(f"s for {error:g}" for error in WANTED),
+        SAID,
+    ):
         right = name not in ("case", "line", SAID)
         table.add_column(name, justify="right" if right else "left", no_wrap=right)
     told = {(v.case, v.line): v for v in study.verdicts if v.kind == kind}
@@ -76,11 +99,23 @@ def show(study: Trade, kind: str) -> None:
         figures = [number(cost(own, kind, error)) for error in WANTED]
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
         verdict = told.get((case, line), Verdict(case, "", "", line, kind))
-        lost = next((f"{turned(row)}: {row.outcome}: {row.message}" for row in own
-                     if row.outcome != Outcome.RAN), "")
-        table.add_row(case if case != last else "", line, *spoken(verdict), number(verdict.floor),
-                      number(best), *figures, "; ".join(filter(None, (
-                          verdict.cause, verdict.reached, verdict.worse, lost))))
+        lost = next(
+            (
+                f"{turned(row)}: {row.outcome}: {row.message}"
+                for row in own
+                if row.outcome != Outcome.RAN
+            ),
+            "",
+        )
+        table.add_row(
+            case if case != last else "",
+            line,
+            *spoken(verdict),
+            number(verdict.floor),
+            number(best),
+            *figures,
+            "; ".join(filter(None, (verdict.cause, verdict.reached, verdict.worse, lost))),
+        )
         last = case
     if table.row_count:
         console().print(table)
@@ -89,5 +124,7 @@ def show(study: Trade, kind: str) -> None:
 def spoken(verdict: Verdict) -> tuple[str, str]:
     """Orders, the observed one with a mark if theory expects another."""
     seen, wanted = verdict.observed, verdict.expected
-    return (f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",
-            f"{wanted:g}" if wanted == wanted else "–")
+    return (
+        f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",
+        f"{wanted:g}" if wanted == wanted else "–",
+    )

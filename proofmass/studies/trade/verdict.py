@@ -58,12 +58,15 @@ class Verdict:
 def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
     """Settings that nothing measured betters in both wall time and error; cheapest first.
 
-    >>> rows = [Row("", "", "", "", "", "", v, errors={"rate": e}, seconds=s)
+    >>> rows = [StudyRow("", "", "", "", "", "", v, errors={"rate": e}, seconds=s)
     ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
     >>> [row.value for row in front(rows, "rate")]
     [1, 3]
     """
-    able = [row for row in rows if row.outcome == Outcome.RAN and row.errors.get(kind, NAN) >= 0
-            and row.seconds > 0]
+    able = [
+        row
+        for row in rows
+        if row.outcome == Outcome.RAN and row.errors.get(kind, NAN) >= 0 and row.seconds > 0
+    ]
     aims = np.array([(row.seconds, row.errors[kind]) for row in able]).reshape(-1, 2)
     return [able[k] for k in nondominated(aims)]

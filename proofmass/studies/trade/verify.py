@@ -83,8 +83,10 @@ class Check:
         elif self.ran.failure:
             first = f"as a program{how}: {self.ran.failure}"
         else:
-            first = (f"as a program that runs by itself{how}: {number(self.fresh, 2)} off in "
-                     f"{number(self.ran.seconds, 2)} s")
+            first = (
+                f"as a program that runs by itself{how}: {number(self.fresh, 2)} off in "
+                f"{number(self.ran.seconds, 2)} s"
+            )
         if self.note:
             return f"{first}; from a shifted start: {self.note}"
         if self.lost:
@@ -102,13 +104,24 @@ class Check:
                 continue
             error = ran.errors.get(of, NAN)
             enough = "" if error <= wanted else ", not good enough"
-            told.append(f"its drive moved by {drive_words(drive)} instead: {number(error, 2)} off "
-                        f"in {number(ran.seconds, 2)} s{enough}")
+            told.append(
+                f"its drive moved by {drive_words(drive)} instead: {number(error, 2)} off "
+                f"in {number(ran.seconds, 2)} s{enough}"
+            )
         return told
 
 
-def verify(case: Case, kind: Kind, row: StudyRow, of: str, wanted: float, store: Store | None = None,
-           longest: float = 30.0, drive: str = "", compare: bool = False) -> Check:
+def verify(
+    case: Case,
+    kind: Kind,
+    row: StudyRow,
+    of: str,
+    wanted: float,
+    store: Store | None = None,
+    longest: float = 30.0,
+    drive: str = "",
+    compare: bool = False,
+) -> Check:
     """Run a setting as a program, and from a shifted start; NaN for what is lost.
 
     Parameters
@@ -149,8 +162,9 @@ def verify(case: Case, kind: Kind, row: StudyRow, of: str, wanted: float, store:
     return check
 
 
-def shifted_once(case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
-                 ) -> tuple[float, str, str]:
+def shifted_once(
+    case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
+) -> tuple[float, str, str]:
     """The error from a shifted start, why there is no such start, and why its run gave nothing.
 
     From the store if it is there.  What took too long is not kept, since another call may have
@@ -180,8 +194,15 @@ def shifted_once(case: Case, kind: Kind, setting: Setting, of: str, store: Store
     return (NAN if found is None else found), note, lost
 
 
-def as_program(case: Case, setting: Setting, row: StudyRow, of: str, store: Store | None,
-               longest: float, drive: str = "") -> Check:
+def as_program(
+    case: Case,
+    setting: Setting,
+    row: StudyRow,
+    of: str,
+    store: Store | None,
+    longest: float,
+    drive: str = "",
+) -> Check:
     """A setting run as a program, with the gain of its drive that suits it best."""
     ways = imposed(case, setting.engine)
     known = list(dict.fromkeys(one.kind for one in ways))
@@ -195,12 +216,14 @@ def as_program(case: Case, setting: Setting, row: StudyRow, of: str, store: Stor
         off, used = limited(case, "duration", again, case, "duration", setting, row.steps, of)
         return Check(off, NAN, "", used, reason=str(error))
     best = min(range(len(ran)), key=lambda k: error_or_inf(ran[k], of))
-    return Check(ran[best].errors.get(of, NAN), NAN, "", used, ran[best],
-                 ways[best] if case.drive else None)
+    return Check(
+        ran[best].errors.get(of, NAN), NAN, "", used, ran[best], ways[best] if case.drive else None
+    )
 
 
-def other_drives(case: Case, check: Check, of: str, store: Store | None, longest: float
-                 ) -> list[tuple[Imposed, ProgramRun]]:
+def other_drives(
+    case: Case, check: Check, of: str, store: Store | None, longest: float
+) -> list[tuple[Imposed, ProgramRun]]:
     """Of each other way to move the drives the best gain, and what it gives."""
     found: dict[str, tuple[Imposed, ProgramRun]] = {}
     for one in imposed(case, check.used.engine):
@@ -215,8 +238,9 @@ def other_drives(case: Case, check: Check, of: str, store: Store | None, longest
     return list(found.values())
 
 
-def ran_as(case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
-           ) -> ProgramRun:
+def ran_as(
+    case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
+) -> ProgramRun:
     """What the program of a setting gives."""
     if store is not None:
         return tried(case, setting, drive, store, longest)
@@ -307,15 +331,22 @@ def from_start(case: Case, curves: Curves) -> Curves:
     The general planar solver takes the first time for that of the start pose.
     """
     truth = evaluate(case, np.array([0.0, curves.x[0]]), None).channels
-    return replace(curves, x=np.append(0.0, curves.x), channels={
-        name: np.append(truth[name][0], values) for name, values in curves.channels.items()})
+    return replace(
+        curves,
+        x=np.append(0.0, curves.x),
+        channels={
+            name: np.append(truth[name][0], values) for name, values in curves.channels.items()
+        },
+    )
 
 
 def used(curves: Curves, setting: Setting) -> dict[str, Knob]:
-    """What an engine stepped with, as knobs: those that it chose itself, or fitted to the samples.
-    """
-    return {name: value for name in engine_of(setting.engine).chooses
-            if isinstance(value := curves.settings.get(name), (int, float))}
+    """What an engine stepped with, as knobs: chosen by itself, or fitted to the samples."""
+    return {
+        name: value
+        for name in engine_of(setting.engine).chooses
+        if isinstance(value := curves.settings.get(name), (int, float))
+    }
 
 
 def ran_text(text: str, case: Case, run: Run, engine: str) -> Curves:
@@ -340,17 +371,23 @@ def moved_on(case: Case, time: float) -> str:
 def state_at(case: Case, time: float) -> tuple[Array, Array]:
     """Positions and rates of all joints of a free planar motion after a time [s]."""
     spec = mujoco.MjSpec.from_file(str(case.model_path))
-    kinds = {"jointpos": mujoco.mjtSensor.mjSENS_JOINTPOS,
-             "jointvel": mujoco.mjtSensor.mjSENS_JOINTVEL}
+    kinds = {
+        "jointpos": mujoco.mjtSensor.mjSENS_JOINTPOS,
+        "jointvel": mujoco.mjtSensor.mjSENS_JOINTVEL,
+    }
     for joint in spec.joints:
         for word, sensor in kinds.items():
-            spec.add_sensor(name=f"{word} {joint.name}", type=sensor, objname=joint.name,
-                            objtype=mujoco.mjtObj.mjOBJ_JOINT)
+            spec.add_sensor(
+                name=f"{word} {joint.name}",
+                type=sensor,
+                objname=joint.name,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            )
     try:
         found = planar.solve(np.array([0.0, time]), model=spec.compile(), start=case.start)
     except (TypeError, ValueError) as error:
         raise Unsupported(f"nothing tells another start of this free motion: {error}") from None
-    position, rate = (np.array([found[f"{word} {joint.name}"][-1] for joint in spec.joints])
-                      for word in kinds)
+    position, rate = (
+        np.array([found[f"{word} {joint.name}"][-1] for joint in spec.joints]) for word in kinds
+    )
     return position, rate
-

@@ -16,18 +16,21 @@ ASKED = 1e-4
 def told(row: StudyRow) -> str:
     """A setting in words.
 
-    >>> told(Row("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
+    >>> told(StudyRow("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
     'pymunk at 1 ms, iterations 30'
     """
     place = turned(row)
-    return f"{row.line.removesuffix(row.axis)}{place}" if row.line.endswith(row.axis) else (
-        f"{row.line}, {place}")
+    return (
+        f"{row.line.removesuffix(row.axis)}{place}"
+        if row.line.endswith(row.axis)
+        else (f"{row.line}, {place}")
+    )
 
 
 def turned(row: StudyRow) -> str:
     """What was turned along its line, and how far.
 
-    >>> turned(Row("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
+    >>> turned(StudyRow("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
     'timestep 2.5 ms'
     """
     place = f"{number(1e3 * row.value)} ms" if row.axis == "timestep" else number(row.value)
@@ -57,13 +60,15 @@ def floored(verdict: Verdict) -> str:
 def needs(error: float, wanted: float, falls: float, row: StudyRow) -> str:
     """The step that an error would need, and what a run would cost, if an order holds.
 
-    >>> row = Row("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
+    >>> row = StudyRow("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
     >>> needs(4e-4, 1e-4, 2.0, row)
     '1e-4 would need a step of about 5e-4 s and about 1 s a run'
     """
     times = (error / wanted) ** (1 / falls)
-    return (f"{number(wanted, 2)} would need a step of about {number(row.value / times, 2)} s and "
-            f"about {number(row.seconds * times, 2)} s a run")
+    return (
+        f"{number(wanted, 2)} would need a step of about {number(row.value / times, 2)} s and "
+        f"about {number(row.seconds * times, 2)} s a run"
+    )
 
 
 def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> str:
@@ -93,12 +98,16 @@ def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> s
         why = why or "its last refinements change it, by no order"
         words = [f"no error floor is shown: {place}, {why}"]
         if begun:
-            words = [f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC)} only"
-                     if track.settled(kind) and still(track.points(kind))
-                     else f"{begun}{place}, and no order is seen"]
+            words = [
+                f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC)} only"
+                if track.settled(kind) and still(track.points(kind))
+                else f"{begun}{place}, and no order is seen"
+            ]
     else:
-        words = [f"{begun}order {number(falls, 2)} down to {place}"
-                 + ", of the last refinement alone" * alone]
+        words = [
+            f"{begun}order {number(falls, 2)} down to {place}"
+            + ", of the last refinement alone" * alone
+        ]
         if error > ASKED and row.axis == "timestep" and row.seconds > 0:
             words.append(needs(error, ASKED, falls, row) + ", if that order holds")
     return "; ".join([*words, *filter(None, [ended])])
@@ -118,6 +127,7 @@ def worsened(track: Track, kind: str) -> str:
     """A finer setting that is worse than the one before it, with both; nothing if there is none."""
     if not (pair := worse(track.every(kind))):
         return ""
-    coarse, fine = (f"{number(error, 2)} at {turned(track.rows[track.place(size)])}"
-                    for size, error in pair)
+    coarse, fine = (
+        f"{number(error, 2)} at {turned(track.rows[track.place(size)])}" for size, error in pair
+    )
     return f"finer is worse: {coarse}, {fine}"

@@ -14,9 +14,11 @@ from tests.independent.balancer import prototype
 from tests.shipped import MODELS
 
 OURS = Path(__file__).parents[3] / "docs" / "balancer_designs.json"
-THESIS = ("S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
-          "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
-          "segments are ours")
+THESIS = (
+    "S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
+    "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
+    "segments are ours"
+)
 SETTLED = ("balancer_sine_free_preload", "balancer_progressive_contact", "balancer4_sine")
 """A stop that is left, one that is met, two freedoms: such runs take half a million steps."""
 
@@ -37,17 +39,29 @@ class Design:
         """Write model and sidecar; the sidecar's file."""
         solvers = (SOLVERS[0], "mujoco:settled", *SOLVERS[1:]) if name in SETTLED else SOLVERS
         source = self.place if self.beside else THESIS.format(self.place)
-        return write_case(folder, name, title=self.title, source=source,
-                          parameters={**self.parameters, **self.changed}, target=self.target,
-                          target_moment=self.target_moment, solvers=solvers,
-                          beside=self.beside)
+        return write_case(
+            folder,
+            name,
+            title=self.title,
+            source=source,
+            parameters={**self.parameters, **self.changed},
+            target=self.target,
+            target_moment=self.target_moment,
+            solvers=solvers,
+            beside=self.beside,
+        )
 
 
 def row(line: int, title: str, **changed: float) -> Design:
     """A row of the thesis's tables."""
     found = rows()[str(line)]
-    return Design(title, f"Fig. {found['figure']}, line {line}", parameters(found),
-                  found["target"], changed=changed)
+    return Design(
+        title,
+        f"Fig. {found['figure']}, line {line}",
+        parameters(found),
+        found["target"],
+        changed=changed,
+    )
 
 
 def designed(line: int, title: str) -> Design:
@@ -55,9 +69,13 @@ def designed(line: int, title: str) -> Design:
     theirs = rows()[str(line)]
     ours = next(d for d in json.loads(OURS.read_text()) if d["line"] == line)
     chain = {"pendulum": 1.0, **ours["parameters"]}
-    return Design(title, f"python -m benchmarks.design_balancer {line}", chain, theirs["target"],
-                  beside={f"van Nes 2022, line {line}": {
-                      **parameters(theirs), "target": theirs["target"]}})
+    return Design(
+        title,
+        f"python -m benchmarks.design_balancer {line}",
+        chain,
+        theirs["target"],
+        beside={f"van Nes 2022, line {line}": {**parameters(theirs), "target": theirs["target"]}},
+    )
 
 
 SAM = DATA["others"][0]
@@ -68,17 +86,23 @@ DESIGNS = {
     "balancer_sine_free": row(1766, "Sine by linear springs, rest angle free"),
     "balancer_sine_free_preload": row(1768, "Sine by a preload, rest angle free"),
     "balancer_progressive_locked": row(
-        1839, "A preload that never opens: one spring, a straight line"),
+        1839, "A preload that never opens: one spring, a straight line"
+    ),
     "balancer_progressive_contact": row(1860, "Progressive by a stop that is met"),
     "balancer_laevo": row(2107, "Moment of the Laevo exoskeleton"),
     "balancer_sine180": row(2178, "Half a turn of a sine in a quarter turn of the pendulum"),
     "balancer4_sine": row(1747, "Sine by four segments, two preloads"),
-    "balancer4_sam": Design("Four equal segments, checked in SAM by the thesis",
-                            f"Table F.1 as in {SAM['source'].split(':')[0]}", SAM["parameters"]),
-    "balancer_prototype": Design("The built balancer with its springs as measured",
-                                 "listing N.3, lines 2369-2387, springs as measured",
-                                 prototype.parameters(),
-                                 target_moment=prototype.WEIGHT * prototype.PENDULUM),
+    "balancer4_sam": Design(
+        "Four equal segments, checked in SAM by the thesis",
+        f"Table F.1 as in {SAM['source'].split(':')[0]}",
+        SAM["parameters"],
+    ),
+    "balancer_prototype": Design(
+        "The built balancer with its springs as measured",
+        "listing N.3, lines 2369-2387, springs as measured",
+        prototype.parameters(),
+        target_moment=prototype.WEIGHT * prototype.PENDULUM,
+    ),
     "balancer_designed": designed(1766, "Sine by three linear springs, designed anew"),
     "balancer_designed_laevo": designed(2107, "Moment of the Laevo exoskeleton, designed anew"),
     "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),

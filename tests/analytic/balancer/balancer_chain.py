@@ -7,19 +7,36 @@ PATH = np.radians(np.arange(1, 91))  # 1 to 90 degrees: the thesis's precision p
 # Optima of van Nes 2022 by line: r = 1 m and m g r = 1 N m throughout.
 ROWS = {
     1743: {"length": (0.4868, 0.4951, 0.4507), "stiffness": (1.3808, 0.4359, 0.0870)},
-    1745: {"length": (0.4764, 0.4975, 0.4986), "stiffness": (0.9341, 0.1211, 0.0927),
-           "preload2": 0.3983},
-    1766: {"length": (0.3394, 0.4573, 0.4752), "stiffness": (1.2701, 0.8473, 4.1078),
-           "rest_angle": 0.6641},
-    1768: {"length": (0.3727, 0.4438, 0.3792), "stiffness": (0.9668, 0.1762, 2.4054),
-           "preload2": 0.5237, "rest_angle": 0.3891},
+    1745: {
+        "length": (0.4764, 0.4975, 0.4986),
+        "stiffness": (0.9341, 0.1211, 0.0927),
+        "preload2": 0.3983,
+    },
+    1766: {
+        "length": (0.3394, 0.4573, 0.4752),
+        "stiffness": (1.2701, 0.8473, 4.1078),
+        "rest_angle": 0.6641,
+    },
+    1768: {
+        "length": (0.3727, 0.4438, 0.3792),
+        "stiffness": (0.9668, 0.1762, 2.4054),
+        "preload2": 0.5237,
+        "rest_angle": 0.3891,
+    },
     1789: {"length": (0.7298, 0.6937, 0.5730), "stiffness": (1.1940, 0.4247, 0.1294)},
     1814: {"length": (0.3923, 0.4893, 0.3976), "stiffness": (1.3582, 0.0165, 0.7429)},
-    1826: {"length": (0.4658, 0.3362, 0.3528), "stiffness": (0.0361,) * 3, "quadratic": 0.4207,
-           "preload2": 0.3642},
+    1826: {
+        "length": (0.4658, 0.3362, 0.3528),
+        "stiffness": (0.0361,) * 3,
+        "quadratic": 0.4207,
+        "preload2": 0.3642,
+    },
     2084: {"length": (0.5000, 0.4999, 0.4927), "stiffness": (1.5, 0.5073, 0.0003)},
-    2107: {"length": (0.3518, 0.4999, 0.4995), "stiffness": (3.3664, 0.5915, 0.9847),
-           "rest_angle": 1.3365},
+    2107: {
+        "length": (0.3518, 0.4999, 0.4995),
+        "stiffness": (3.3664, 0.5915, 0.9847),
+        "rest_angle": 1.3365,
+    },
 }
 
 
@@ -85,8 +102,11 @@ def equilibrium(row, alphas=PATH):
         if "preload2" in row and slope(row, start + alpha, alpha) < 0.0:
             following = start + alpha
         else:
-            following = newton(lambda t, alpha=alpha: slope(row, t, alpha),
-                               theta + rate * (alpha - last), tol=1e-14)
+            following = newton(
+                lambda t, alpha=alpha: slope(row, t, alpha),
+                theta + rate * (alpha - last),
+                tol=1e-14,
+            )
         theta, rate, last = following, (following - theta) / (alpha - last), alpha
         found.append(theta)
     return np.array(found)

@@ -9,8 +9,7 @@ DATA = json.loads((Path(__file__).parents[2] / "data" / "balancer.json").read_te
 
 def rows(segments: int | None = None) -> dict[str, dict[str, Any]]:
     """Designs by their line: all, or those of three or four segments."""
-    return {line: row for line, row in DATA["rows"].items()
-            if segments in (None, row["segments"])}
+    return {line: row for line, row in DATA["rows"].items() if segments in (None, row["segments"])}
 
 
 def parameters(row: dict[str, Any]) -> dict[str, float]:

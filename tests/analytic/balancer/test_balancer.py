@@ -36,9 +36,11 @@ def test_equilibrium_is_a_minimum_of_the_energy() -> None:
     h = 1e-4
     found = solve(ANGLES, **FREE)
     for alpha, theta in zip(ANGLES[1:], found["theta1"][1:], strict=True):
+
         def slope(beta: float, alpha: float = alpha) -> float:
             low, high = energy_of(FREE, alpha, np.array([beta - h, beta + h]))
             return float(high - low) / (2 * h)
+
         root = brentq(slope, theta - alpha - 0.05, theta - alpha + 0.05, xtol=1e-13)
         # central differences at h: their error h^2 V'''/6 over the stiffness V'', 1e-8
         assert root == pytest.approx(theta - alpha, abs=1e-7)
@@ -48,9 +50,11 @@ def test_equilibrium_is_a_minimum_of_the_energy() -> None:
 def test_path_lies_on_the_closed_curve(seed: int) -> None:
     """Random springs and lengths: the closed form gives alpha for the beta that was found."""
     rng = np.random.default_rng(seed)
-    given = {f"length{i}": rng.uniform(1 / 3, 0.5) for i in (1, 2, 3)} | {
-        f"stiffness{i}": rng.uniform(0.05, 1.5) for i in (1, 2, 3)} | {
-        "quadratic2": rng.uniform(0, 0.5), "rest_angle": rng.uniform(0, 0.5)}
+    given = (
+        {f"length{i}": rng.uniform(1 / 3, 0.5) for i in (1, 2, 3)}
+        | {f"stiffness{i}": rng.uniform(0.05, 1.5) for i in (1, 2, 3)}
+        | {"quadratic2": rng.uniform(0, 0.5), "rest_angle": rng.uniform(0, 0.5)}
+    )
     found = solve(ANGLES, **given)
     closed = curve(found["theta1"] - ANGLES, **given)
     # rounding over the smallest sine of the elbow
@@ -58,9 +62,14 @@ def test_path_lies_on_the_closed_curve(seed: int) -> None:
     assert np.abs(closed["balancing_moment"] - found["balancing_moment"]).max() < 1e-11
 
 
-@pytest.mark.parametrize("line", sorted(
-    line for line, row in rows().items()
-    if line not in IRREGULAR | SINGULAR and "moments" in row.get("recomputed", {})))
+@pytest.mark.parametrize(
+    "line",
+    sorted(
+        line
+        for line, row in rows().items()
+        if line not in IRREGULAR | SINGULAR and "moments" in row.get("recomputed", {})
+    ),
+)
 def test_recomputed_curves(line: str) -> None:
     """Two independent recomputations of the thesis's designs, to the digits they were kept with."""
     row = rows()[line]
@@ -72,8 +81,9 @@ def test_recomputed_curves(line: str) -> None:
     assert np.abs(found["balancing_moment"] - wanted).max() < kept
 
 
-@pytest.mark.parametrize("given", [FREE, PRELOADED, CONTACT, parameters(rows()["1747"]),
-                                   parameters(rows()["2167"])])
+@pytest.mark.parametrize(
+    "given", [FREE, PRELOADED, CONTACT, parameters(rows()["1747"]), parameters(rows()["2167"])]
+)
 def test_moment_is_the_slope_of_the_energy(given: dict[str, float]) -> None:
     """The envelope identity dV*/dalpha = M1, through releases and contacts as well."""
     h = 1e-3
@@ -112,7 +122,7 @@ def test_release_and_contact_at_their_exact_angles() -> None:
     trail = follow(balancer(**PRELOADED), np.pi / 2)
     assert [s[1:] for s in trail.switches] == [(2, pytest.approx(release, abs=1e-12), 0)]
     trail = follow(balancer(**CONTACT), np.pi / 2)
-    (_, joint, stop, side), = trail.switches
+    ((_, joint, stop, side),) = trail.switches
     assert (joint, side) == (2, 1)
     assert np.degrees(stop) == pytest.approx(41.4841, abs=1e-4)  # a recomputation's digits
     found = solve(np.array([stop, stop + 0.1, np.pi / 2]), **CONTACT)
@@ -127,12 +137,15 @@ def test_stops_push_and_never_pull(line: str) -> None:
     given = parameters(rows()[line])
     chain = balancer(**given)
     path = along(chain, follow(chain, np.pi / 2), np.linspace(0, np.pi / 2, 200))
-    assert ((path.winding >= chain.low[:, None] - 1e-12)
-            & (path.winding <= chain.high[:, None] + 1e-12)).all()
+    assert (
+        (path.winding >= chain.low[:, None] - 1e-12) & (path.winding <= chain.high[:, None] + 1e-12)
+    ).all()
     x = np.cumsum(chain.length[:, None] * np.sin(path.theta - path.alpha[:, None]), axis=-1)
     y = np.cumsum(chain.length[:, None] * np.cos(path.theta - path.alpha[:, None]), axis=-1)
-    arm_x, arm_y = 0.0 - np.pad(x[..., :-1], ((0, 0), (0, 0), (1, 0))), 1.0 - np.pad(
-        y[..., :-1], ((0, 0), (0, 0), (1, 0)))
+    arm_x, arm_y = (
+        0.0 - np.pad(x[..., :-1], ((0, 0), (0, 0), (1, 0))),
+        1.0 - np.pad(y[..., :-1], ((0, 0), (0, 0), (1, 0))),
+    )
     load = path.force[..., 1:] * arm_x - path.force[..., :1] * arm_y
     push = path.moment - load  # what the stop adds to the load that the spring sees
     assert np.abs(push[path.side == 0]).max() < 1e-11
@@ -143,10 +156,15 @@ def test_a_batch_is_its_members() -> None:
     """Designs followed together do not know of each other, whatever stops they have."""
     rng = np.random.default_rng(7)
     size = 40
-    many = {f"length{i}": rng.uniform(1 / 3, 0.5, size) for i in (1, 2, 3)} | {
-        f"stiffness{i}": rng.uniform(0.01, 1.5, size) for i in (1, 2, 3)} | {
-        "preload2": rng.uniform(0, 0.6, size), "low2": 0.0,
-        "high2": np.where(rng.random(size) < 0.5, rng.uniform(0.1, 1.0, size), np.inf)}
+    many = (
+        {f"length{i}": rng.uniform(1 / 3, 0.5, size) for i in (1, 2, 3)}
+        | {f"stiffness{i}": rng.uniform(0.01, 1.5, size) for i in (1, 2, 3)}
+        | {
+            "preload2": rng.uniform(0, 0.6, size),
+            "low2": 0.0,
+            "high2": np.where(rng.random(size) < 0.5, rng.uniform(0.1, 1.0, size), np.inf),
+        }
+    )
     chain = balancer(**many)
     together = along(chain, follow(chain, np.pi / 2), ANGLES).moment
     for k in range(0, size, 5):
@@ -204,23 +222,26 @@ def test_weight_and_target() -> None:
     assert total[-1] - total[0] == pytest.approx(-0.00152, abs=1e-5)
 
 
-@pytest.mark.parametrize(("wrong", "word"), [
-    ({"length1": 0.1, "length2": 0.1}, "cannot reach the tip"),
-    ({"length1": -0.3}, "length1 must be positive"),
-    ({"stiffness2": -0.3}, "stiffness2 must not be negative"),
-    ({"preload2": 0.3}, "preload2 needs a stop"),
-    ({"preload2": 0.3, "low2": -0.1}, "preload2 needs a stop"),
-    ({"low2": 0.1}, "low2 must not be above 0"),
-    ({"high3": -0.1}, "high3 must not be below 0"),
-    ({"low2": 0.0, "high2": 0.0}, "high2 must be above low"),
-    ({"low1": 0.0}, "low1"),  # joint 1 has no stop: its winding is the moment
-    ({"stiffness1": float("nan")}, "stiffness1 must be finite"),
-    ({"quadratic2": -2.0, "stiffness2": 1.0, "preload2": 0.5, "low2": 0.0}, "preload2 is more"),
-    ({"mode": 0}, "mode must be one of"),
-    ({"stiffnes1": 0.3}, "stiffnes1"),
-    ({"target": "sin"}, "target must be one of sine"),
-    ({"quadratic2": 0.3, "stiffness2": -0.5}, "fold, where the chain jumps"),
-])
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"length1": 0.1, "length2": 0.1}, "cannot reach the tip"),
+        ({"length1": -0.3}, "length1 must be positive"),
+        ({"stiffness2": -0.3}, "stiffness2 must not be negative"),
+        ({"preload2": 0.3}, "preload2 needs a stop"),
+        ({"preload2": 0.3, "low2": -0.1}, "preload2 needs a stop"),
+        ({"low2": 0.1}, "low2 must not be above 0"),
+        ({"high3": -0.1}, "high3 must not be below 0"),
+        ({"low2": 0.0, "high2": 0.0}, "high2 must be above low"),
+        ({"low1": 0.0}, "low1"),  # joint 1 has no stop: its winding is the moment
+        ({"stiffness1": float("nan")}, "stiffness1 must be finite"),
+        ({"quadratic2": -2.0, "stiffness2": 1.0, "preload2": 0.5, "low2": 0.0}, "preload2 is more"),
+        ({"mode": 0}, "mode must be one of"),
+        ({"stiffnes1": 0.3}, "stiffnes1"),
+        ({"target": "sin"}, "target must be one of sine"),
+        ({"quadratic2": 0.3, "stiffness2": -0.5}, "fold, where the chain jumps"),
+    ],
+)
 def test_bad_input(wrong: dict[str, float], word: str) -> None:
     """A clear error names the parameter; nothing is computed from nonsense."""
     with pytest.raises((ValueError, TypeError), match=word):
@@ -236,19 +257,33 @@ def test_irregular_rows_are_refused() -> None:
 
 def test_impossible_members_of_a_batch() -> None:
     """What cannot be is NaN, and does not disturb the others."""
-    chain = balancers(length1=[0.4, 0.1], length2=[0.4, 0.1], length3=0.45, stiffness1=1.0,
-                      stiffness2=1.0, stiffness3=1.0)
+    chain = balancers(
+        length1=[0.4, 0.1],
+        length2=[0.4, 0.1],
+        length3=0.45,
+        stiffness1=1.0,
+        stiffness2=1.0,
+        stiffness3=1.0,
+    )
     trail = follow(chain, np.pi / 2)
     moment = along(chain, trail, ANGLES).moment[..., 0]
     assert np.isnan(moment[1, 1:]).all()
     assert "cannot reach" in trail.why[1]
-    alone = solve(ANGLES, length1=0.4, length2=0.4, length3=0.45, stiffness1=1.0, stiffness2=1.0,
-                  stiffness3=1.0)
+    alone = solve(
+        ANGLES,
+        length1=0.4,
+        length2=0.4,
+        length3=0.45,
+        stiffness1=1.0,
+        stiffness2=1.0,
+        stiffness3=1.0,
+    )
     assert np.abs(moment[0] - alone["moment1"]).max() < 1e-14
 
 
-@pytest.mark.parametrize("change", [{"length2": 1.001}, {"stiffness3": 1.01}, {"mode": -1},
-                                    {"rest_angle": 1.01}])
+@pytest.mark.parametrize(
+    "change", [{"length2": 1.001}, {"stiffness3": 1.01}, {"mode": -1}, {"rest_angle": 1.01}]
+)
 def test_a_changed_balancer_is_another(change: dict[str, float]) -> None:
     """The reference notices each of its parameters."""
     changed = FREE | {k: v if k == "mode" else FREE[k] * v for k, v in change.items()}

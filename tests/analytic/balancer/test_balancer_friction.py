@@ -22,6 +22,7 @@ def stepped(friction, path):
 
     The incremental problem of rate-independent friction; it knows sticking, and no first order.
     """
+
     def joints(theta1, alpha):
         return np.append(windings(ROW, theta1, alpha), alpha - angles(ROW, theta1, alpha)[2])
 
@@ -36,8 +37,9 @@ def stepped(friction, path):
             return energy(t, alpha) + friction @ np.abs(joints(t, alpha) - here)
 
         # as far as friction of this size can keep the chain from its free equilibrium
-        found = minimize_scalar(cost, bounds=(theta - 0.1, theta + 0.1), method="bounded",
-                                options={"xatol": 1e-10})
+        found = minimize_scalar(
+            cost, bounds=(theta - 0.1, theta + 0.1), method="bounded", options={"xatol": 1e-10}
+        )
         moments.append((found.fun - energy(theta, last)) / (alpha - last))
         theta = found.x
     return np.array(moments)
@@ -105,11 +107,14 @@ def test_first_order_of_the_least_dissipation():
     assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.5)
 
 
-@pytest.mark.parametrize(("friction", "message"), [
-    ([0.1, 0.1, 0.1, -0.1], "friction must be zero or positive"),
-    ([0.1, 0.1, 0.1, np.nan], "friction must be zero or positive"),
-    ([0.1], "friction must be one moment for each of 4 joints"),
-])
+@pytest.mark.parametrize(
+    ("friction", "message"),
+    [
+        ([0.1, 0.1, 0.1, -0.1], "friction must be zero or positive"),
+        ([0.1, 0.1, 0.1, np.nan], "friction must be zero or positive"),
+        ([0.1], "friction must be one moment for each of 4 joints"),
+    ],
+)
 def test_bad_friction(friction, message):
     with pytest.raises(ValueError, match=message):
         loop(FOUND["holding_moment"], TURNS, friction)

@@ -18,13 +18,32 @@ THREE, FOUR = rows(3), rows(4)
 OTHERS = {row["name"]: row for row in DATA["others"]}
 DESIGNS = THREE | FOUR | OTHERS
 LEAST_ENERGY = "1847"  # its least energy at 1 deg is far from the printed path: a test of its own
-FURTHER = {"2107": 8e-4,  # its moments come in steps of 9e-3, twice the printed rmse of 4e-3
-           "2117": 8e-4}  # from 60 deg on in the corner of the stretched arm: rounding decides
-NOT_FOUND = ["1744", "1747", "1793", "1800", "1825", "1915", "1918", "2007", "2010", "2085", "2095",
-             "2134", "2159"]  # four segments, steps of 0.02 rad: rounding picks other points
+FURTHER = {
+    "2107": 8e-4,  # its moments come in steps of 9e-3, twice the printed rmse of 4e-3
+    "2117": 8e-4,
+}  # from 60 deg on in the corner of the stretched arm: rounding decides
+NOT_FOUND = [
+    "1744",
+    "1747",
+    "1793",
+    "1800",
+    "1825",
+    "1915",
+    "1918",
+    "2007",
+    "2010",
+    "2085",
+    "2095",
+    "2134",
+    "2159",
+]  # four segments, steps of 0.02 rad: rounding picks other points
 LETTERS = {"locked": "L", "joint 3 free": "3", "joint 2 free": "2", "both free": "B"}
-NO_PATH = {"unstable at rest", "pinned at the stretched arm", "jump",
-           "least energy is not the path from rest"}
+NO_PATH = {
+    "unstable at rest",
+    "pinned at the stretched arm",
+    "jump",
+    "least energy is not the path from rest",
+}
 
 
 @cache
@@ -91,13 +110,33 @@ def test_other_results_of_four_segments_are_as_another_program_found_them(line):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", ["1935", "2018", "2020", "2069", "2107", "2117", "2132", "2165",
-                                  "2178", "2180", "1747", "2007", "2159"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "1935",
+        "2018",
+        "2020",
+        "2069",
+        "2107",
+        "2117",
+        "2132",
+        "2165",
+        "2178",
+        "2180",
+        "1747",
+        "2007",
+        "2159",
+    ],
+)
 def test_prints_lie_within_the_rounding_of_the_printed_parameters(line):
     """Some parameters that round to the printed ones give the printed result."""
     row, random = DATA["rows"][line], np.random.default_rng(1)
-    names = [name for name in parameters(row) if name[:-1] in
-             ("length", "stiffness", "quadratic", "preload") or name in ("rest_angle", "high2")]
+    names = [
+        name
+        for name in parameters(row)
+        if name[:-1] in ("length", "stiffness", "quadratic", "preload")
+        or name in ("rest_angle", "high2")
+    ]
 
     def meets_the_print():
         shift = {name: row["parameters"][name] + random.uniform(-5e-5, 5e-5) for name in names}
@@ -129,15 +168,22 @@ def test_moments_come_in_steps(line):
     moment = searched(line)[0]["balancing_moment"]
     steps = (moment / p["stiffness1"] - angles + p.get("rest_angle", 0.0)) / step
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)  # rounding times 1000 steps
-    errors = [figures(row, angles, grid.minimise(angles, points=n, **p)["balancing_moment"])[0]
-              for n in (250, 16000)]
+    errors = [
+        figures(row, angles, grid.minimise(angles, points=n, **p)["balancing_moment"])[0]
+        for n in (250, 16000)
+    ]
     path = row["recomputed"]["path"]["rmse"]
     assert abs(errors[1] - path) < 0.1 * abs(errors[0] - path)  # noise of the grid, 64 times finer
 
 
-@pytest.mark.parametrize("line", [
-    line for line, row in THREE.items()
-    if "moments" in row.get("recomputed", {}) and not NO_PATH & set(row.get("flags", []))])
+@pytest.mark.parametrize(
+    "line",
+    [
+        line
+        for line, row in THREE.items()
+        if "moments" in row.get("recomputed", {}) and not NO_PATH & set(row.get("flags", []))
+    ],
+)
 def test_moments_are_those_of_the_path_to_one_step(line):
     row, p = THREE[line], parameters(THREE[line])
     found = grid.minimise(np.radians(np.arange(10.0, 91.0, 10.0)), points=10000, **p)
@@ -161,8 +207,9 @@ def test_preload_holds_the_rest_posture_until_its_load_exceeds_it(line):
     assert locked.all() or found["winding2"][~locked].max() > 0.1
 
 
-@pytest.mark.parametrize("line", [line for line, row in THREE.items() if "high2" in
-                                  row["parameters"]])
+@pytest.mark.parametrize(
+    "line", [line for line, row in THREE.items() if "high2" in row["parameters"]]
+)
 def test_contact_keeps_joint_two_below_its_stop(line):
     row, (found, *_) = THREE[line], searched(line)
     top, stop = found["winding2"].max(), row["parameters"]["high2"]
@@ -211,22 +258,32 @@ def _wound(p, preload):
 
 
 def test_summary_tables_repeat_the_work_reductions_of_the_figures():
-    cells = {(row["segments"], row["option"], row["target"], row["variant"]):
-             row["printed"]["work_reduction"] for row in rows().values()}
-    table = {(block["segments"], block["option"], wanted, variant): cell
-             for block in DATA["tables"]["blocks"]
-             for wanted, line in block["work_reductions"].items()
-             for variant, cell in zip(DATA["tables"]["columns"], line, strict=True)
-             if cell is not None}
+    cells = {
+        (row["segments"], row["option"], row["target"], row["variant"]): row["printed"][
+            "work_reduction"
+        ]
+        for row in rows().values()
+    }
+    table = {
+        (block["segments"], block["option"], wanted, variant): cell
+        for block in DATA["tables"]["blocks"]
+        for wanted, line in block["work_reductions"].items()
+        for variant, cell in zip(DATA["tables"]["columns"], line, strict=True)
+        if cell is not None
+    }
     assert table == cells
     assert len(cells) == 112
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"weight": 1.0}, "listing N.3 has no weight"), ({"low2": -0.1}, "low must be 0"),
-    ({"length1": 1.05, "length2": 0.2, "length3": 0.2}, "length1 must be below pendulum"),
-    ({"points": 1}, "points must be"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"weight": 1.0}, "listing N.3 has no weight"),
+        ({"low2": -0.1}, "low must be 0"),
+        ({"length1": 1.05, "length2": 0.2, "length3": 0.2}, "length1 must be below pendulum"),
+        ({"points": 1}, "points must be"),
+    ],
+)
 def test_what_the_listing_does_not_have_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
         grid.minimise([0.1, 0.2], **{**parameters(THREE["1743"]), **change})

@@ -96,11 +96,17 @@ def test_e6_holds_only_behind_the_pendulum():
             assert printed - (t2 - t1) == pytest.approx(1.17, abs=5.1e-3)
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"length2": 0.0}, "length2 must be"), ({"length1": 1.0}, "length1 must be below pendulum"),
-    ({"stiffness3": -1.0}, "stiffness3 must be"), ({"weight": np.nan}, "weight must be"),
-    ({"mode": 0}, "mode must be"), ({"stiffness1": np.inf}, "stiffness1 must be"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"length2": 0.0}, "length2 must be"),
+        ({"length1": 1.0}, "length1 must be below pendulum"),
+        ({"stiffness3": -1.0}, "stiffness3 must be"),
+        ({"weight": np.nan}, "weight must be"),
+        ({"mode": 0}, "mode must be"),
+        ({"stiffness1": np.inf}, "stiffness1 must be"),
+    ],
+)
 def test_bad_values_are_named(change, message):
     with pytest.raises(ValueError, match=message):
         potential(0.1, 0.1, **flat(ROWS[1743]) | change)

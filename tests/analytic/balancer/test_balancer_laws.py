@@ -17,17 +17,33 @@ from tests.independent.balancer.laws import (
 # Preloaded optima of van Nes 2022: l1, M02, k1, A1, release in degrees as found by bisection of an
 # independent path (inf: never).
 PRELOADED = {
-    1745: (0.4764, 0.3983, 0.9341, 0.0, 46.6595), 2086: (0.4278, 0.4968, 1.9362, 0.0, 25.6925),
-    1998: (0.4689, 0.1367, 1.6965, 0.0, 8.6928), 2157: (0.5000, 0.3690, 1.5268, 0.0, 27.6947),
+    1745: (0.4764, 0.3983, 0.9341, 0.0, 46.6595),
+    2086: (0.4278, 0.4968, 1.9362, 0.0, 25.6925),
+    1998: (0.4689, 0.1367, 1.6965, 0.0, 8.6928),
+    2157: (0.5000, 0.3690, 1.5268, 0.0, 27.6947),
     1801: (0.3887, 0.5780, 1.1032, -0.2693, 69.958),
     1826: (0.4658, 0.3642, 0.0361, 0.4207, 70.521),
     2167: (0.3344, 0.6610, 2.4953, -1.6017, np.inf),
 }
 # Initial stiffness of free optima [N m/rad], recomputed independently to six decimals.
-STIFF = {1743: 0.752771, 1789: 0.990662, 1814: 0.043256, 2084: 0.862462,
-         1766: 1.002052, 2107: 2.670295}
-FOUR = {"length1": 0.3609, "length2": 0.3739, "length3": 0.3745, "length4": 0.3083,
-        "stiffness1": 1.3125, "stiffness2": 0.9037, "stiffness3": 1.1970, "stiffness4": 0.1568}
+STIFF = {
+    1743: 0.752771,
+    1789: 0.990662,
+    1814: 0.043256,
+    2084: 0.862462,
+    1766: 1.002052,
+    2107: 2.670295,
+}
+FOUR = {
+    "length1": 0.3609,
+    "length2": 0.3739,
+    "length3": 0.3745,
+    "length4": 0.3083,
+    "stiffness1": 1.3125,
+    "stiffness2": 0.9037,
+    "stiffness3": 1.1970,
+    "stiffness4": 0.1568,
+}
 
 
 def rest(row):
@@ -59,8 +75,9 @@ def test_release_angle_by_search(line):
     share = leverage(rest(row), row["length"])[1]
     start = row.get("rest_angle", 0.0)
     searched = brentq(lambda a: slope(row, start + a, a), 0.1, 1.5, xtol=1e-14)
-    assert release_angle(row["preload2"], share, row["stiffness"][0],
-                         row.get("quadratic", 0.0)) == pytest.approx(searched, abs=1e-13)
+    assert release_angle(
+        row["preload2"], share, row["stiffness"][0], row.get("quadratic", 0.0)
+    ) == pytest.approx(searched, abs=1e-13)
     found = solve(searched + np.array([-1e-6, 1e-6]), **flat(row))["winding2"]
     assert abs(found[0]) < 1e-12 < found[1]
 
@@ -70,24 +87,36 @@ def test_leverage_of_three_segments_as_a_quotient_of_sines():
         (t1, t2, t3), (l1, l2, _) = rest(row), row["length"]
         outer = l2 * np.sin(t3 - t2)
         assert leverage(rest(row), row["length"]) == pytest.approx(
-            [1.0, outer / (l1 * np.sin(t3 - t1) + outer), 0.0], rel=1e-14)
+            [1.0, outer / (l1 * np.sin(t3 - t1) + outer), 0.0], rel=1e-14
+        )
         if not t1:
             assert leverage(rest(row), row["length"])[1] == pytest.approx(1.0 - l1, abs=1e-15)
     # line 1768: its segment 1 leans forward, and the release comes at 33.1218 degrees
     row = ROWS[1768]
-    release = release_angle(row["preload2"], leverage(rest(row), row["length"])[1],
-                            row["stiffness"][0])
+    release = release_angle(
+        row["preload2"], leverage(rest(row), row["length"])[1], row["stiffness"][0]
+    )
     assert np.degrees(release) == pytest.approx(33.1218, abs=6e-5)
 
 
-@pytest.mark.parametrize(("length", "k1", "preloads", "first"), [
-    ((0.29, 0.29, 0.29, 0.29), 0.971, (0.596, 0.225), 31.611),  # table F.1, unrounded
-    ((0.3252, 0.2926, 0.3570, 0.3558), 0.9512, (0.6055, 0.2502), 39.432),  # line 1747
-])
+@pytest.mark.parametrize(
+    ("length", "k1", "preloads", "first"),
+    [
+        ((0.29, 0.29, 0.29, 0.29), 0.971, (0.596, 0.225), 31.611),  # table F.1, unrounded
+        ((0.3252, 0.2926, 0.3570, 0.3558), 0.9512, (0.6055, 0.2502), 39.432),  # line 1747
+    ],
+)
 def test_first_release_of_four_segments(length, k1, preloads, first):
     parameters = {f"length{i}": each for i, each in enumerate(length, 1)}
-    parameters |= {"stiffness1": k1, "stiffness2": 0.2, "stiffness3": 0.2, "low2": 0.0, "low3": 0.0,
-                   "preload2": preloads[0], "preload3": preloads[1]}
+    parameters |= {
+        "stiffness1": k1,
+        "stiffness2": 0.2,
+        "stiffness3": 0.2,
+        "low2": 0.0,
+        "low3": 0.0,
+        "preload2": preloads[0],
+        "preload3": preloads[1],
+    }
     posture = solve(0.0, **parameters)
     share = leverage([posture[f"theta{i}"] for i in range(1, 5)], length)[1:3]
     assert share == pytest.approx([1.0 - length[0], 1.0 - length[0] - length[1]], abs=1e-14)
@@ -115,7 +144,8 @@ def test_initial_stiffness(line):
     found = initial_stiffness(rest(row), row["length"], row["stiffness"])
     assert found == pytest.approx(STIFF[line], abs=5.1e-7)
     assert found == pytest.approx(
-        compliant_slope(rest(row), row["length"], row["stiffness"]), rel=1e-13)
+        compliant_slope(rest(row), row["length"], row["stiffness"]), rel=1e-13
+    )
     # central difference of step 1e-3: error step^2 times the third derivative, up to 10
     moment = solve([-1e-3, 1e-3], **flat(row))["balancing_moment"]
     assert found == pytest.approx((moment[1] - moment[0]) / 2e-3, abs=1e-5)
@@ -123,14 +153,16 @@ def test_initial_stiffness(line):
         (l1, _, _), (k1, k2, k3) = row["length"], row["stiffness"]
         assert found == pytest.approx(1.0 / (1.0 / k1 + (1.0 - l1) ** 2 / k2), rel=1e-12)
         assert found == pytest.approx(
-            initial_stiffness(rest(row), row["length"], (k1, k2, 5.0 * k3)), rel=1e-12)
+            initial_stiffness(rest(row), row["length"], (k1, k2, 5.0 * k3)), rel=1e-12
+        )
 
 
 def test_initial_stiffness_of_four_segments_and_of_a_leaning_start():
     posture = solve(0.0, **FOUR, rest_angle=0.3, rest_angle2=-0.2)
     theta = np.array([float(posture[f"theta{i}"]) for i in range(1, 5)])
-    lengths, stiffness = ([FOUR[f"{name}{i}"] for i in range(1, 5)]
-                          for name in ("length", "stiffness"))
+    lengths, stiffness = (
+        [FOUR[f"{name}{i}"] for i in range(1, 5)] for name in ("length", "stiffness")
+    )
     found = initial_stiffness(theta, lengths, stiffness)
     moment = solve([-1e-3, 1e-3], **FOUR, rest_angle=0.3, rest_angle2=-0.2)["balancing_moment"]
     assert found == pytest.approx((moment[1] - moment[0]) / 2e-3, abs=1e-5)  # as above
@@ -161,8 +193,9 @@ def test_without_outer_springs_the_chain_hangs_slack_until_it_is_taut(line):
     theta = np.linspace(start - 1.0, start + np.pi, 20_001)
     gap = np.abs(np.exp(1j * angle[:, None]) - l1 * np.exp(1j * theta))
     nearest = np.where(gap <= reach, np.abs(theta - start), np.inf).min(axis=1)
-    found = slack_moment(angle, pendulum=1.0, length1=l1, reach=reach, stiffness1=k1,
-                         rest_angle=start)
+    found = slack_moment(
+        angle, pendulum=1.0, length1=l1, reach=reach, stiffness1=k1, rest_angle=start
+    )
     assert 10 < np.sum(found == 0.0) < 30
     np.testing.assert_allclose(found, k1 * nearest, rtol=0, atol=k1 * 2.1e-4)  # step of theta
 
@@ -183,5 +216,6 @@ def test_scaling(line):
     for name in ("balancing_moment", "holding_moment", "energy"):
         np.testing.assert_allclose(other[name], moment * one[name], rtol=0, atol=1e-12 * moment)
     np.testing.assert_allclose(other["theta3"], one["theta3"], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(other["force_x"], moment / length * one["force_x"], rtol=0,
-                               atol=1e-11 * moment / length)
+    np.testing.assert_allclose(
+        other["force_x"], moment / length * one["force_x"], rtol=0, atol=1e-11 * moment / length
+    )

@@ -18,13 +18,15 @@ def chain(angle, kinks, slopes):
 
 def fitted(angle, wanted, pieces):
     """Smallest rmse of a general least-squares fitter from many starts."""
+
     def error(x):
-        kinks = np.sort(np.clip(x[:pieces - 1], 1e-6, np.pi / 2 - 1e-6))
-        return chain(angle, kinks + 1e-9 * np.arange(pieces - 1), x[pieces - 1:]) - wanted
+        kinks = np.sort(np.clip(x[: pieces - 1], 1e-6, np.pi / 2 - 1e-6))
+        return chain(angle, kinks + 1e-9 * np.arange(pieces - 1), x[pieces - 1 :]) - wanted
 
     random = np.random.default_rng(3)
-    starts = np.hstack([random.uniform(0.1, 1.5, (30, pieces - 1)),
-                        random.uniform(-1.0, 2.0, (30, pieces))])
+    starts = np.hstack(
+        [random.uniform(0.1, 1.5, (30, pieces - 1)), random.uniform(-1.0, 2.0, (30, pieces))]
+    )
     return min(np.sqrt(2.0 * least_squares(error, start).cost / angle.size) for start in starts)
 
 
@@ -55,7 +57,7 @@ def test_slope_of_one_line_is_that_of_the_normal_equation():
 
 @pytest.mark.parametrize("kinks", [(0.7,), (0.31, 1.13)])
 def test_a_chain_of_lines_is_found_again(kinks):
-    slopes = np.array([1.5, 0.3, 0.9])[:len(kinks) + 1]
+    slopes = np.array([1.5, 0.3, 0.9])[: len(kinks) + 1]
     found = best_lines(POINTS, chain(POINTS, kinks, slopes), len(kinks) + 1)
     # the lattice ends at 1e-14 rad; that is rounding of the fits
     np.testing.assert_allclose(found.kinks, kinks, rtol=0, atol=1e-7)
@@ -63,20 +65,30 @@ def test_a_chain_of_lines_is_found_again(kinks):
     assert found.rmse <= 1e-8
 
 
-@pytest.mark.parametrize(("name", "pieces", "points", "printed"), [
-    ("sine", 2, POINTS, 0.01664), ("sine", 3, FEW, 0.007022),
-    ("progressive", 2, POINTS, 0.0176), ("progressive", 3, POINTS, 0.007),
-    ("laevo", 2, POINTS, 0.0437),
-])
+@pytest.mark.parametrize(
+    ("name", "pieces", "points", "printed"),
+    [
+        ("sine", 2, POINTS, 0.01664),
+        ("sine", 3, FEW, 0.007022),
+        ("progressive", 2, POINTS, 0.0176),
+        ("progressive", 3, POINTS, 0.007),
+        ("laevo", 2, POINTS, 0.0437),
+    ],
+)
 def test_best_theoretical_approximations(name, pieces, points, printed):
     found = best_lines(points, target(name, points), pieces).rmse
     assert found == pytest.approx(printed, abs=5.1e-5)  # four decimals, as the rest of the column
 
 
-@pytest.mark.parametrize(("name", "points", "printed"), [
-    ("sine", POINTS, 0.0861), ("progressive", POINTS, 0.1016), ("laevo", POINTS, 0.2755),
-    ("laevo", FEW, 0.2790),
-])
+@pytest.mark.parametrize(
+    ("name", "points", "printed"),
+    [
+        ("sine", POINTS, 0.0861),
+        ("progressive", POINTS, 0.1016),
+        ("laevo", POINTS, 0.2755),
+        ("laevo", FEW, 0.2790),
+    ],
+)
 def test_straight_lines_are_printed_with_zero_among_the_points(name, points, printed):
     """A point more at angle 0, where nothing is left: the mean over n + 1 of the same squares."""
     true = best_lines(points, target(name, points)).rmse
@@ -89,8 +101,9 @@ def test_straight_lines_are_printed_with_zero_among_the_points(name, points, pri
 def test_misprints_of_the_column():
     """Sine of four segments 0.0913, progressive 0.1016, Laevo in three pieces 0.0207."""
     with_zero = np.sqrt(15.0 / 16.0)
-    sine, progressive = (best_lines(FEW, target(name, FEW)).rmse * with_zero
-                         for name in ("sine", "progressive"))
+    sine, progressive = (
+        best_lines(FEW, target(name, FEW)).rmse * with_zero for name in ("sine", "progressive")
+    )
     assert sine == pytest.approx(0.0909, abs=5.1e-5)
     assert progressive == pytest.approx(0.1036, abs=5.1e-5)  # the print repeats three segments
     for points, true in ((POINTS, 0.0177), (FEW, 0.0175)):

@@ -10,32 +10,57 @@ from tests.independent.balancer.loads import levers, node_loads, pin_force, pivo
 
 # Line 1766 of van Nes 2022 at 10, 30 .. 90 degrees; recomputed independently, six decimals:
 # angles of the segments, spring moments, force on segment 1.
-TABLE = np.array([
-    [0.799560, 1.053317, 1.269193, 1.403753, 1.472860],
-    [-0.740793, -0.405551, -0.055796, 0.340306, 0.821898],
-    [0.526763, 0.946101, 1.390143, 1.881951, 2.381865],
-    [0.172048, 0.494344, 0.768529, 0.939433, 1.027206],
-    [0.025276, 0.094319, 0.207754, 0.429359, 0.778858],
-    [0.158810, 0.504257, 0.891575, 1.284712, 1.359974],
-    [-0.082503, 0.316042, 1.377100, 2.684133, 2.971541],
-    [0.522891, 1.536089, 2.158767, 1.976668, 1.027206],
-])
+TABLE = np.array(
+    [
+        [0.799560, 1.053317, 1.269193, 1.403753, 1.472860],
+        [-0.740793, -0.405551, -0.055796, 0.340306, 0.821898],
+        [0.526763, 0.946101, 1.390143, 1.881951, 2.381865],
+        [0.172048, 0.494344, 0.768529, 0.939433, 1.027206],
+        [0.025276, 0.094319, 0.207754, 0.429359, 0.778858],
+        [0.158810, 0.504257, 0.891575, 1.284712, 1.359974],
+        [-0.082503, 0.316042, 1.377100, 2.684133, 2.971541],
+        [0.522891, 1.536089, 2.158767, 1.976668, 1.027206],
+    ]
+)
 CLOSED = 1e-12  # [rad] rounding of a locked winding; one degree after the release it is 1e-3
 FREE = pytest.mark.parametrize("line", [1743, 1766, 1789, 1814, 2107])
 # Four segments, elbow up, with a spring in the last joint (line 1744) and two preloads (D.1).
-FOUR = {"pendulum": 1.0, "length1": 0.3609, "length2": 0.3739, "length3": 0.3745, "length4": 0.3083,
-        "stiffness1": 1.3125, "stiffness2": 0.9037, "stiffness3": 1.1970, "stiffness4": 0.1568}
-STAGED = {"pendulum": 1.0, "length1": 0.3252, "length2": 0.2926, "length3": 0.3570,
-          "length4": 0.3558, "stiffness1": 0.9512, "stiffness2": 0.2082, "stiffness3": 0.1392,
-          "stiffness4": 0.0614, "preload2": 0.6055, "low2": 0.0, "preload3": 0.2502, "low3": 0.0}
+FOUR = {
+    "pendulum": 1.0,
+    "length1": 0.3609,
+    "length2": 0.3739,
+    "length3": 0.3745,
+    "length4": 0.3083,
+    "stiffness1": 1.3125,
+    "stiffness2": 0.9037,
+    "stiffness3": 1.1970,
+    "stiffness4": 0.1568,
+}
+STAGED = {
+    "pendulum": 1.0,
+    "length1": 0.3252,
+    "length2": 0.2926,
+    "length3": 0.3570,
+    "length4": 0.3558,
+    "stiffness1": 0.9512,
+    "stiffness2": 0.2082,
+    "stiffness3": 0.1392,
+    "stiffness4": 0.0614,
+    "preload2": 0.6055,
+    "low2": 0.0,
+    "preload3": 0.2502,
+    "low3": 0.0,
+}
 
 
 def chain(parameters, angle=PATH):
     """Angles, lengths and spring moments (..., n) of a balancer at rest, and all its curves."""
     found = solve(angle, **parameters)
     count = 4 if "length4" in parameters else 3
-    theta, moment = (np.stack([found[f"{name}{i}"] for i in range(1, count + 1)], axis=-1)
-                     for name in ("theta", "moment"))
+    theta, moment = (
+        np.stack([found[f"{name}{i}"] for i in range(1, count + 1)], axis=-1)
+        for name in ("theta", "moment")
+    )
     return theta, np.array([parameters[f"length{i}"] for i in range(1, count + 1)]), moment, found
 
 
@@ -49,8 +74,9 @@ def test_table_of_line_1766():
 def test_pose_of_line_1743_at_50_degrees():
     theta, lengths, moment, found = chain(flat(ROWS[1743]), np.radians(50.0))
     np.testing.assert_allclose(theta, [0.494797, 0.333724, 2.167919], rtol=0, atol=5.1e-7)
-    np.testing.assert_allclose(pin_force(theta, lengths, moment), [-0.612299, 0.378094], rtol=0,
-                               atol=5.1e-7)
+    np.testing.assert_allclose(
+        pin_force(theta, lengths, moment), [-0.612299, 0.378094], rtol=0, atol=5.1e-7
+    )
     assert moment[1] == pytest.approx(0.333497087, abs=5.1e-10)
     assert found["energy"] == pytest.approx(0.297768, abs=5.1e-7)
 
@@ -140,8 +166,9 @@ def test_stages_of_two_preloads():
     for joint in (2, 3):
         locked = np.abs(found[f"winding{joint}"]) < CLOSED
         assert np.all(loads[locked, joint - 1] < STAGED[f"preload{joint}"])
-        np.testing.assert_allclose(loads[~locked, joint - 1], moment[~locked, joint - 1],
-                                   rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            loads[~locked, joint - 1], moment[~locked, joint - 1], rtol=0, atol=1e-13
+        )
     np.testing.assert_allclose(loads[0] / moment[0, 0], leverage(theta[0], lengths), atol=1e-14)
 
 
@@ -184,5 +211,6 @@ def test_a_batch_of_balancers():
     theta, lengths, moment = (np.stack(part) for part in list(zip(*poses, strict=True))[:3])
     force = pin_force(theta, lengths[:, None], moment)
     for row, (one_theta, one_length, one_moment, _) in enumerate(poses):
-        np.testing.assert_array_equal(np.array(force)[:, row],
-                                      pin_force(one_theta, one_length, one_moment))
+        np.testing.assert_array_equal(
+            np.array(force)[:, row], pin_force(one_theta, one_length, one_moment)
+        )

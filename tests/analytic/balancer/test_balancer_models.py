@@ -25,11 +25,16 @@ LOST = {  # rows whose path does not reach 90 degrees, and why
 }
 REGULAR = [line for line in rows() if line not in LOST]
 FEW = ["1766", "1745", "1860", "1747"]  # plain, a preload, a stop that is met, four segments
-EACH = pytest.mark.parametrize("line", [
-    pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR])
-FLAGS = {"never released": "never leaves its preload", "stop never touched": "never touches",
-         "unstable at rest": "unstable", "jump": "unstable",
-         "pinned at the stretched arm": "straight"}
+EACH = pytest.mark.parametrize(
+    "line", [pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR]
+)
+FLAGS = {
+    "never released": "never leaves its preload",
+    "stop never touched": "never touches",
+    "unstable at rest": "unstable",
+    "jump": "unstable",
+    "pinned at the stretched arm": "straight",
+}
 
 
 @pytest.fixture
@@ -37,8 +42,9 @@ def model(tmp_path):
     """Writes the MJCF of a row of the tables."""
 
     def write(line: str):
-        file = write_case(tmp_path, f"row{line}", title="", source="",
-                          parameters=parameters(rows()[line]))
+        file = write_case(
+            tmp_path, f"row{line}", title="", source="", parameters=parameters(rows()[line])
+        )
         return file.with_suffix(".xml")
 
     return write
@@ -75,8 +81,13 @@ def statics(model: mujoco.MjModel, alpha: float, winding: np.ndarray):
     shares = np.linalg.lstsq(rows.T, force, rcond=None)[0]
     first = int(loop.sum())
     ends = data.site("tip").xpos - data.site("pendulum_tip").xpos
-    return (np.abs(rows.T @ shares - force).max(), shares[first], shares[first + 1:],
-            np.linalg.norm(ends), data.energy[0])
+    return (
+        np.abs(rows.T @ shares - force).max(),
+        shares[first],
+        shares[first + 1 :],
+        np.linalg.norm(ends),
+        data.energy[0],
+    )
 
 
 @EACH

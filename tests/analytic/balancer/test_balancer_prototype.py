@@ -31,8 +31,11 @@ def model(springs, angle=PATH):
 
 def test_moments_of_the_model_by_another_solver():
     """Circles and a secant on the moments in units of m g r; rounding of twenty operations."""
-    row = {"length": np.array(prototype.LENGTHS) / prototype.PENDULUM,
-           "stiffness": np.array(prototype.stiffnesses()) / MGR, "rest_angle": prototype.REST_ANGLE}
+    row = {
+        "length": np.array(prototype.LENGTHS) / prototype.PENDULUM,
+        "stiffness": np.array(prototype.stiffnesses()) / MGR,
+        "rest_angle": prototype.REST_ANGLE,
+    }
     found = MGR * spring_moments(row, windings(row, equilibrium(row), PATH))[0]
     np.testing.assert_allclose(model("measured"), found, rtol=0, atol=1e-15)
 
@@ -40,8 +43,9 @@ def test_moments_of_the_model_by_another_solver():
 def test_moments_recomputed_elsewhere():
     known = DATA["recomputed"]
     # half a unit of the last of the digits given, here and below
-    np.testing.assert_allclose(model("measured", np.radians(known["angle_deg"])), known["moment"],
-                               rtol=0, atol=5.1e-7)
+    np.testing.assert_allclose(
+        model("measured", np.radians(known["angle_deg"])), known["moment"], rtol=0, atol=5.1e-7
+    )
     assert rmse(model("measured"), SINE, scale=MGR) == pytest.approx(known["rmse"], abs=5.1e-9)
 
 
@@ -51,7 +55,8 @@ def test_every_mounted_spring_is_the_one_that_table_j2_measured():
         assert measured == pytest.approx(mean, abs=5.1e-4)  # three decimals in the table
         # the deviation has two decimals of a per cent
         assert 100.0 * (measured / prototype.CATALOGUE[part] - 1.0) == pytest.approx(
-            deviation, abs=0.006)
+            deviation, abs=0.006
+        )
 
 
 def test_catalogue_to_the_digits_printed():
@@ -59,14 +64,16 @@ def test_catalogue_to_the_digits_printed():
         assert prototype.CATALOGUE[part] == pytest.approx(printed, abs=5e-4)
     k1, k2, k3 = prototype.stiffnesses("catalogue")
     # two decimals; from the rounded catalogue they would be 1.48 and 4.76
-    np.testing.assert_allclose([k1 / k2, k3 / k2], DATA["table_I"]["ratios"]["prototype"],
-                               rtol=0, atol=5.1e-3)
+    np.testing.assert_allclose(
+        [k1 / k2, k3 / k2], DATA["table_I"]["ratios"]["prototype"], rtol=0, atol=5.1e-3
+    )
 
 
 def test_measured_springs_miss_the_ratio_of_the_design():
     k1, k2, k3 = prototype.stiffnesses("measured")
-    np.testing.assert_allclose([k1 / k2, k3 / k2] / np.array(prototype.DESIGN_RATIOS),
-                               [1.153, 1.013], rtol=0, atol=6e-4)  # 15.3 % and 1.3 %
+    np.testing.assert_allclose(
+        [k1 / k2, k3 / k2] / np.array(prototype.DESIGN_RATIOS), [1.153, 1.013], rtol=0, atol=6e-4
+    )  # 15.3 % and 1.3 %
 
 
 def test_table_i_prints_half_of_what_is_mounted():
@@ -108,8 +115,7 @@ def test_work_reductions_name_their_reference():
     found = {(each.curve, each.reference): each.percent for each in prototype.reductions()}
     known = DATA["recomputed"]["reduction"]
     assert found["measured", "sine"] == pytest.approx(known, abs=5.1e-6)
-    printed = {(each.curve, each.reference): each.percent
-               for each in prototype.PRINTED_REDUCTIONS}
+    printed = {(each.curve, each.reference): each.percent for each in prototype.PRINTED_REDUCTIONS}
     assert tuple(printed.values()) == tuple(DATA["reductions"].values())
     # the thesis's grid, N = 1000: 0.02 by its search, as line 1766 shows
     assert found["design", "sine"] == pytest.approx(printed["design", "sine"], abs=0.04)
@@ -136,8 +142,9 @@ def test_bounds_of_the_measurement_against_the_sine():
     lost = (1.0 - 0.9347) * np.trapezoid(expected, angle) / np.trapezoid(sine, angle)
     apart = 1.0 - work_reduction(expected, sine, angle) / 100.0
     # the docstring's digits
-    np.testing.assert_allclose(100.0 * (1.0 - np.array([apart + lost, apart - lost])),
-                               [86.3, 98.3], rtol=0, atol=0.06)
+    np.testing.assert_allclose(
+        100.0 * (1.0 - np.array([apart + lost, apart - lost])), [86.3, 98.3], rtol=0, atol=0.06
+    )
 
 
 def test_unknown_springs():

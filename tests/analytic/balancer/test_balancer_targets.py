@@ -18,12 +18,17 @@ EQUATION_28 = (-0.25, 1.34, -2.91, 2.82, -0.01)  # van Nes 2022, line 804, as pr
 PRINTED_ENERGY = {
     "sine": np.cos,
     "progressive": lambda a: np.sin(a) - a,
-    "progressive-degressive": lambda a: -0.5 * a + (-0.333333 + 0.424413 * a) * np.arctan(
-        2.41421 - 3.07387 * a) + 0.0690356 * np.log(9.8696 - 21.4521 * a + 13.6569 * a**2),
-    "degressive-progressive": lambda a: -0.5 * a - 0.0690356 * np.log(
-        1.0 + np.tan(1.1781 - 1.5 * a) ** 2),
-    "laevo": lambda a: (0.05022 * a**5 - 0.33575 * a**4 + 0.97 * a**3 - 1.412 * a**2
-                        + 0.006501 * a + 1.0),
+    "progressive-degressive": lambda a: (
+        -0.5 * a
+        + (-0.333333 + 0.424413 * a) * np.arctan(2.41421 - 3.07387 * a)
+        + 0.0690356 * np.log(9.8696 - 21.4521 * a + 13.6569 * a**2)
+    ),
+    "degressive-progressive": lambda a: (
+        -0.5 * a - 0.0690356 * np.log(1.0 + np.tan(1.1781 - 1.5 * a) ** 2)
+    ),
+    "laevo": lambda a: (
+        0.05022 * a**5 - 0.33575 * a**4 + 0.97 * a**3 - 1.412 * a**2 + 0.006501 * a + 1.0
+    ),
     "sine180": lambda a: 0.5 * np.cos(2.0 * a),
 }
 
@@ -46,13 +51,18 @@ def test_energy_as_the_program_prints_it(name):
 
 
 def test_values_at_three_angles():
-    table = {"sine": (0, 0.5**0.5, 1), "progressive": (0, 1 - 0.5**0.5, 1),
-             "progressive-degressive": (0, 0.5, 1), "degressive-progressive": (0, 0.5, 1),
-             "sine180": (0, 1, 0)}
+    table = {
+        "sine": (0, 0.5**0.5, 1),
+        "progressive": (0, 1 - 0.5**0.5, 1),
+        "progressive-degressive": (0, 0.5, 1),
+        "degressive-progressive": (0, 0.5, 1),
+        "sine180": (0, 1, 0),
+    }
     for name, values in table.items():
         np.testing.assert_allclose(target(name, [0, np.pi / 4, np.pi / 2]), values, atol=1e-15)
-    np.testing.assert_allclose(target("laevo", [0, np.pi / 4, np.pi / 2]),
-                               [-0.006501, 0.9715, 0.9258], rtol=0, atol=5.1e-5)  # four decimals
+    np.testing.assert_allclose(
+        target("laevo", [0, np.pi / 4, np.pi / 2]), [-0.006501, 0.9715, 0.9258], rtol=0, atol=5.1e-5
+    )  # four decimals
     assert target("laevo", 0.0) == -0.006501
 
 
@@ -68,7 +78,7 @@ def test_equation_28_is_too_coarse_for_its_table():
     """Line 2107 prints 0.0037, 99.66 %: the program's coefficients give it, those of eq. 28 not."""
     moment = balancing_moment(2107)
     for coefficients, error, reduction in ((None, 0.00381, 99.61), (EQUATION_28, 0.01007, 98.96)):
-        wanted = (target("laevo", PATH) if coefficients is None else np.polyval(coefficients, PATH))
+        wanted = target("laevo", PATH) if coefficients is None else np.polyval(coefficients, PATH)
         # half a unit of the digits given, recomputed by an independent implementation
         assert measures.rmse(moment, wanted) == pytest.approx(error, abs=6e-6)
         assert measures.work_reduction(moment, wanted, PATH) == pytest.approx(reduction, abs=6e-3)
@@ -97,19 +107,32 @@ def test_table_of_a_line_is_the_line_and_of_a_curve_nearly():
     np.testing.assert_allclose(line(QUARTER), 0.5 * QUARTER, rtol=0, atol=2e-16)
     angle = np.linspace(0.0, np.pi / 2, 5001)
     for curve, order in ((np.exp, 3), (np.sin, 2)):  # the sine has its extreme at the end
-        coarse, fine = (np.abs(tabulated(nodes, curve(nodes))(angle) - curve(angle)).max()
-                        for nodes in (np.linspace(0.0, np.pi / 2, n) for n in (37, 73)))
+        coarse, fine = (
+            np.abs(tabulated(nodes, curve(nodes))(angle) - curve(angle)).max()
+            for nodes in (np.linspace(0.0, np.pi / 2, n) for n in (37, 73))
+        )
         assert np.log2(coarse / fine) == pytest.approx(order, abs=0.15)  # of higher terms
 
 
-@pytest.mark.parametrize(("angles", "moments", "message"), [
-    ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "mine: angles must rise strictly, row 2 is 1 rad after 1"),
-    ([0.0, 2.0, 1.0], [0.0, 1.0, 2.0], "mine: angles must rise strictly, row 2 is 1 rad after 2"),
-    ([0.0, 1.0], [0.0, np.nan], "mine: moments must be finite, row 1 is nan"),
-    ([-np.inf, 1.0], [0.0, 1.0], "mine: angles must be finite, row 0 is -inf"),
-    ([0.0, 1.0], [0.0], r"mine: .* two columns of one size, at least 2, got \(2,\) and \(1,\)"),
-    ([0.0], [0.0], "mine: .* at least 2"),
-])
+@pytest.mark.parametrize(
+    ("angles", "moments", "message"),
+    [
+        (
+            [0.0, 1.0, 1.0],
+            [0.0, 1.0, 2.0],
+            "mine: angles must rise strictly, row 2 is 1 rad after 1",
+        ),
+        (
+            [0.0, 2.0, 1.0],
+            [0.0, 1.0, 2.0],
+            "mine: angles must rise strictly, row 2 is 1 rad after 2",
+        ),
+        ([0.0, 1.0], [0.0, np.nan], "mine: moments must be finite, row 1 is nan"),
+        ([-np.inf, 1.0], [0.0, 1.0], "mine: angles must be finite, row 0 is -inf"),
+        ([0.0, 1.0], [0.0], r"mine: .* two columns of one size, at least 2, got \(2,\) and \(1,\)"),
+        ([0.0], [0.0], "mine: .* at least 2"),
+    ],
+)
 def test_bad_tables(angles, moments, message):
     with pytest.raises(ValueError, match=message):
         tabulated(angles, moments, name="mine")
@@ -133,7 +156,8 @@ def test_measures_of_line_1766():
     moment = balancing_moment(1766)
     error = moment - np.sin(PATH)
     assert measures.rmse(moment, np.sin(PATH)) == pytest.approx(
-        np.linalg.norm(error) / 90**0.5, rel=1e-14)
+        np.linalg.norm(error) / 90**0.5, rel=1e-14
+    )
     assert measures.rmse(moment, np.sin(PATH)) == pytest.approx(0.006101, abs=1e-6)
     reduction = measures.work_reduction(moment, np.sin(PATH), PATH)
     assert reduction == pytest.approx(99.2994, abs=1e-4)
@@ -148,11 +172,13 @@ def test_single_springs_of_lines_1839_and_2167():
     line = 0.5152 * PATH
     assert measures.rmse(line, target("progressive", PATH)) == pytest.approx(0.1021, abs=5.1e-5)
     assert measures.work_reduction(line, target("progressive", PATH), PATH) == pytest.approx(
-        75.13, abs=5.1e-3)
+        75.13, abs=5.1e-3
+    )
     curve = PATH * (2.4953 - 1.6017 * PATH)
     assert measures.rmse(curve, target("sine180", PATH)) == pytest.approx(0.0242, abs=5.1e-5)
     assert measures.work_reduction(curve, target("sine180", PATH), PATH) == pytest.approx(
-        96.73, abs=5.1e-3)
+        96.73, abs=5.1e-3
+    )
 
 
 def test_limits_of_the_work_reduction():
@@ -167,9 +193,11 @@ def test_work_is_in_units_of_the_reference_and_rmse_in_units_of_its_scale():
     moment, sine = balancing_moment(1766), np.sin(PATH)
     for scale in (1e-3, 58.6):
         assert measures.work_reduction(scale * moment, scale * sine, PATH) == pytest.approx(
-            measures.work_reduction(moment, sine, PATH), rel=1e-14)
+            measures.work_reduction(moment, sine, PATH), rel=1e-14
+        )
         assert measures.rmse(scale * moment, scale * sine, scale=scale) == pytest.approx(
-            measures.rmse(moment, sine), rel=1e-12)  # eps over the error's size, 6e-3
+            measures.rmse(moment, sine), rel=1e-12
+        )  # eps over the error's size, 6e-3
 
 
 def test_energy_spread_by_pairs():
@@ -185,8 +213,11 @@ def test_energy_spread_by_pairs():
 def test_measures_take_a_batch():
     moments = np.stack([balancing_moment(line) for line in (1743, 1766, 1789)])
     sine = np.sin(PATH)
-    for measure in (lambda m: measures.rmse(m, sine), lambda m: measures.energy_spread(m, 2 * m),
-                    lambda m: measures.work_reduction(m, sine, PATH)):
+    for measure in (
+        lambda m: measures.rmse(m, sine),
+        lambda m: measures.energy_spread(m, 2 * m),
+        lambda m: measures.work_reduction(m, sine, PATH),
+    ):
         np.testing.assert_allclose(measure(moments), [measure(m) for m in moments], rtol=1e-14)
     batch = measures.best_lines(PATH, moments, pieces=2)
     for row, moment in enumerate(moments):

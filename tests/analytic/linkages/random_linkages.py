@@ -40,45 +40,62 @@ class Linkage:
 def bar(name: str, length: float, at: str = "0 0 0", inside: str = "", mass: float = 1.0) -> str:
     """A uniform bar along x on a hinge, with a site at its end."""
     inertia = mass * length**2 / 12
-    return (f'<body name="{name}" pos="{at}"><joint name="{name}"/>'
-            f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" '
-            f'diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
-            f'<site name="{name}_end" pos="{length!r} 0 0"/>{inside}</body>')
+    return (
+        f'<body name="{name}" pos="{at}"><joint name="{name}"/>'
+        f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" '
+        f'diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
+        f'<site name="{name}_end" pos="{length!r} 0 0"/>{inside}</body>'
+    )
 
 
-def compiled(bodies: str, loops: list[tuple[str, str]], drives: tuple[str, ...],
-             frames: dict[str, str], joints: tuple[str, ...], key: list[float],
-             ctrl: str = "") -> mujoco.MjModel:
+def compiled(
+    bodies: str,
+    loops: list[tuple[str, str]],
+    drives: tuple[str, ...],
+    frames: dict[str, str],
+    joints: tuple[str, ...],
+    key: list[float],
+    ctrl: str = "",
+) -> mujoco.MjModel:
     """The model, with sensors of position, rate and acceleration on sites and joints."""
     sensors = "".join(
         f'<{kind} name="{name}{suffix}" objtype="site" objname="{site}"/>'
         for name, site in frames.items()
-        for kind, suffix in (("framepos", ""), ("framelinvel", "_v"), ("framelinacc", "_a")))
+        for kind, suffix in (("framepos", ""), ("framelinvel", "_v"), ("framelinacc", "_a"))
+    )
     sensors += "".join(
         f'<jointpos name="{j}" joint="{j}"/><jointvel name="{j}_rate" joint="{j}"/>'
         f'<user name="{j}_acceleration" objtype="joint" objname="{j}" dim="1" needstage="acc"/>'
-        for j in joints)
+        for j in joints
+    )
     sensors += "".join(f'<actuatorfrc name="{d}_hold" actuator="{d}"/>' for d in drives)
     motors = "".join(f'<motor name="{d}" joint="{d}"/>' for d in drives)
     connects = "".join(f'<connect name="{a}" site1="{a}" site2="{b}"/>' for a, b in loops)
     qpos = " ".join(f"{q:.7g}" for q in key)
     return mujoco.MjModel.from_xml_string(
         f'<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody>{bodies}'
-        f'</worldbody><equality>{connects}</equality><actuator>{motors}</actuator>'
+        f"</worldbody><equality>{connects}</equality><actuator>{motors}</actuator>"
         f'<sensor>{sensors}</sensor><keyframe><key name="start" qpos="{qpos}" {ctrl}/></keyframe>'
-        f'</mujoco>')
+        f"</mujoco>"
+    )
 
 
 def tip(channel: str, quantity: str) -> dict[str, str]:
     """Place, velocity and acceleration of a point."""
-    return {f"{channel}{c}.{x}": f"{quantity}_{o}{x}" for x in "xy"
-            for c, o in (("", ""), ("_v", "v"), ("_a", "a"))}
+    return {
+        f"{channel}{c}.{x}": f"{quantity}_{o}{x}"
+        for x in "xy"
+        for c, o in (("", ""), ("_v", "v"), ("_a", "a"))
+    }
 
 
 def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
     """Value, rate and acceleration of a joint."""
-    return {joint: quantity, f"{joint}_rate": f"{rate}_rate",
-            f"{joint}_acceleration": f"{rate}_acceleration"}
+    return {
+        joint: quantity,
+        f"{joint}_rate": f"{rate}_rate",
+        f"{joint}_acceleration": f"{rate}_acceleration",
+    }
 
 
 def feasible(solve: Callable, way: np.ndarray, **parameters: float) -> dict[str, np.ndarray]:
@@ -104,8 +121,12 @@ def straight(*ends: tuple[float, float]) -> np.ndarray:
 @st.composite
 def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linkage:
     p = {k: draw(lengths) for k in ("crank", "coupler", "rocker", "ground")}
-    p |= {"mode": draw(st.sampled_from(fourbar.MODES)), "crank_mass": 1.0, "coupler_mass": 2.0,
-          "rocker_mass": 3.0}
+    p |= {
+        "mode": draw(st.sampled_from(fourbar.MODES)),
+        "crank_mass": 1.0,
+        "coupler_mass": 2.0,
+        "rocker_mass": 3.0,
+    }
     first = draw(angles)
     way = straight((first, first + turn * draw(st.sampled_from((-1, 1)))))
     if clear:
@@ -113,94 +134,193 @@ def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linka
     else:
         feasible(fourbar.solve, way[:1].repeat(2, axis=0), **p)
     start = fourbar.solve(first, **p)
-    bodies = bar("crank", p["crank"], mass=1.0, inside=bar(
-        "coupler", p["coupler"], f'{p["crank"]!r} 0 0', mass=2.0))
-    bodies += bar("rocker", p["rocker"], f'{p["ground"]!r} 0 0', mass=3.0)
+    bodies = bar(
+        "crank",
+        p["crank"],
+        mass=1.0,
+        inside=bar("coupler", p["coupler"], f"{p['crank']!r} 0 0", mass=2.0),
+    )
+    bodies += bar("rocker", p["rocker"], f"{p['ground']!r} 0 0", mass=3.0)
     key = [first, float(start["coupler_angle"]) - first, float(start["rocker_angle"])]
-    model = compiled(bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"},
-                     ("rocker",), key)
-    return Linkage(model, ("crank",), way, lambda *s: fourbar.solve(*s, **p), {
-        **tip("pin", "pin"), **turning("rocker", "rocker_angle", "rocker"),
-        "crank_hold": "holding_moment"})
+    model = compiled(
+        bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"}, ("rocker",), key
+    )
+    return Linkage(
+        model,
+        ("crank",),
+        way,
+        lambda *s: fourbar.solve(*s, **p),
+        {
+            **tip("pin", "pin"),
+            **turning("rocker", "rocker_angle", "rocker"),
+            "crank_hold": "holding_moment",
+        },
+    )
 
 
 @st.composite
 def slider_cranks(draw: st.DrawFn) -> Linkage:
-    p = {"crank": draw(lengths), "coupler": draw(lengths), "guide_x": draw(st.floats(-1, 1)),
-         "guide_y": draw(st.floats(-1, 1)), "guide_angle": draw(angles),
-         "mode": draw(st.sampled_from(slider_crank.MODES)), "crank_mass": 1.0,
-         "coupler_mass": 2.0, "slider_mass": 3.0, "slider_load": draw(st.floats(-20, 20))}
+    p = {
+        "crank": draw(lengths),
+        "coupler": draw(lengths),
+        "guide_x": draw(st.floats(-1, 1)),
+        "guide_y": draw(st.floats(-1, 1)),
+        "guide_angle": draw(angles),
+        "mode": draw(st.sampled_from(slider_crank.MODES)),
+        "crank_mass": 1.0,
+        "coupler_mass": 2.0,
+        "slider_mass": 3.0,
+        "slider_load": draw(st.floats(-20, 20)),
+    }
     first = draw(angles)
     way = straight((first, first + 1.5 * draw(st.sampled_from((-1, 1)))))
     assume(np.sin(feasible(slider_crank.solve, way, **p)["transmission_angle"]).min() > CLEAR)
     start = slider_crank.solve(first, **p)
     u = np.exp(1j * p["guide_angle"])
-    bodies = bar("crank", p["crank"], mass=1.0, inside=bar(
-        "coupler", p["coupler"], f'{p["crank"]!r} 0 0', mass=2.0))
-    bodies += (f'<body pos="{p["guide_x"]!r} {p["guide_y"]!r} 0"><joint name="slider" type="slide" '
-               f'axis="{float(u.real)!r} {float(u.imag)!r} 0"/><inertial pos="0 0 0" mass="3" '
-               f'diaginertia="1 1 1"/><site name="slider_pin"/></body>')
+    bodies = bar(
+        "crank",
+        p["crank"],
+        mass=1.0,
+        inside=bar("coupler", p["coupler"], f"{p['crank']!r} 0 0", mass=2.0),
+    )
+    bodies += (
+        f'<body pos="{p["guide_x"]!r} {p["guide_y"]!r} 0"><joint name="slider" type="slide" '
+        f'axis="{float(u.real)!r} {float(u.imag)!r} 0"/><inertial pos="0 0 0" mass="3" '
+        f'diaginertia="1 1 1"/><site name="slider_pin"/></body>'
+    )
     key = [first, float(start["coupler_angle"]) - first, float(start["slide"])]
-    model = compiled(bodies, [("coupler_end", "slider_pin")], ("crank", "slider"),
-                     {"pin": "slider_pin"}, ("slider",), key, f'ctrl="0 {p["slider_load"]!r}"')
-    return Linkage(model, ("crank",), way, lambda *s: slider_crank.solve(*s, **p), {
-        **tip("pin", "slider"), **turning("slider", "slide", "slide"),
-        "crank_hold": "holding_moment"})
+    model = compiled(
+        bodies,
+        [("coupler_end", "slider_pin")],
+        ("crank", "slider"),
+        {"pin": "slider_pin"},
+        ("slider",),
+        key,
+        f'ctrl="0 {p["slider_load"]!r}"',
+    )
+    return Linkage(
+        model,
+        ("crank",),
+        way,
+        lambda *s: slider_crank.solve(*s, **p),
+        {
+            **tip("pin", "slider"),
+            **turning("slider", "slide", "slide"),
+            "crank_hold": "holding_moment",
+        },
+    )
 
 
 @st.composite
 def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
-    p = {"crank": draw(lengths), "bar": draw(lengths), "rod": draw(lengths),
-         "ground_x": draw(st.floats(-3, 3)), "ground_y": draw(st.floats(-1, 1)),
-         "mode": draw(st.sampled_from(inverted_slider_crank.MODES)), "crank_mass": 1.0,
-         "bar_mass": 2.0, "rod_mass": 3.0, "slider_mass": 0.5}
+    p = {
+        "crank": draw(lengths),
+        "bar": draw(lengths),
+        "rod": draw(lengths),
+        "ground_x": draw(st.floats(-3, 3)),
+        "ground_y": draw(st.floats(-1, 1)),
+        "mode": draw(st.sampled_from(inverted_slider_crank.MODES)),
+        "crank_mass": 1.0,
+        "bar_mass": 2.0,
+        "rod_mass": 3.0,
+        "slider_mass": 0.5,
+    }
     first, second = draw(angles), draw(angles)
     way = straight((first, first + 1.2), (second, second + draw(st.floats(-1.5, 1.5))))
     assume(np.abs(feasible(inverted_slider_crank.solve, way, **p)["slide"]).min() > 0.4)
     start = inverted_slider_crank.solve(way[0], **p)
-    rod = bar("rod", p["rod"], f'{p["crank"]!r} 0 0', mass=3.0, inside=(
-        '<body name="slider"><joint name="slide" type="slide" axis="1 0 0"/><inertial pos="0 0 0" '
-        'mass="0.5" diaginertia="1 1 1"/><site name="slider"/></body>'))
+    rod = bar(
+        "rod",
+        p["rod"],
+        f"{p['crank']!r} 0 0",
+        mass=3.0,
+        inside=(
+            '<body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>'
+            '<inertial pos="0 0 0" mass="0.5" diaginertia="1 1 1"/><site name="slider"/></body>'
+        ),
+    )
     bodies = bar("crank", p["crank"], mass=1.0, inside=rod)
-    bodies += bar("bar", p["bar"], f'{p["ground_x"]!r} {p["ground_y"]!r} 0', mass=2.0)
+    bodies += bar("bar", p["bar"], f"{p['ground_x']!r} {p['ground_y']!r} 0", mass=2.0)
     key = [first, float(start["rod_angle"]) - first, float(start["slide"]), second]
-    model = compiled(bodies, [("slider", "bar_end")], ("crank", "bar"), {"end": "rod_end"},
-                     ("slide",), key)
-    return Linkage(model, ("crank", "bar"), way, lambda *s: inverted_slider_crank.solve(*s, **p), {
-        **tip("end", "end"), **turning("slide", "slide", "slide"),
-        "crank_hold": "holding_moment", "bar_hold": "holding_moment_bar"})
+    model = compiled(
+        bodies, [("slider", "bar_end")], ("crank", "bar"), {"end": "rod_end"}, ("slide",), key
+    )
+    return Linkage(
+        model,
+        ("crank", "bar"),
+        way,
+        lambda *s: inverted_slider_crank.solve(*s, **p),
+        {
+            **tip("end", "end"),
+            **turning("slide", "slide", "slide"),
+            "crank_hold": "holding_moment",
+            "bar_hold": "holding_moment_bar",
+        },
+    )
 
 
 @st.composite
 def five_bars(draw: st.DrawFn) -> Linkage:
     names = ("left_crank", "left_coupler", "right_coupler", "right_crank")
     p = {k: draw(lengths) for k in names}
-    p |= {"left_x": draw(st.floats(-2, 0)), "right_x": draw(st.floats(0.2, 2)),
-          "mode": draw(st.sampled_from(fivebar.MODES))}
+    p |= {
+        "left_x": draw(st.floats(-2, 0)),
+        "right_x": draw(st.floats(0.2, 2)),
+        "mode": draw(st.sampled_from(fivebar.MODES)),
+    }
     p |= {f"{k}_mass": m for k, m in zip(names, (1.0, 2.0, 3.0, 4.0), strict=True)}
     first, second = draw(angles), draw(angles)
     way = straight((first, first + draw(st.floats(-1.5, 1.5))), (second, second + 1.0))
     assume(np.abs(feasible(fivebar.solve, way, **p)["assembly"]).min() > CLEAR)
     start = fivebar.solve(way[0], **p)
     bodies = "".join(
-        bar(f"{side}_crank", p[f"{side}_crank"], f'{p[f"{side}_x"]!r} 0 0', mass=m,
-            inside=bar(f"{side}_coupler", p[f"{side}_coupler"], f'{p[f"{side}_crank"]!r} 0 0',
-                       mass=n)) for side, m, n in (("left", 1.0, 2.0), ("right", 4.0, 3.0)))
-    key = [first, float(start["left_coupler_angle"]) - first,
-           second, float(start["right_coupler_angle"]) - second]
-    model = compiled(bodies, [("left_coupler_end", "right_coupler_end")],
-                     ("left_crank", "right_crank"), {"tip": "left_coupler_end"}, (), key)
-    return Linkage(model, ("left_crank", "right_crank"), way,
-                   lambda *s: fivebar.solve(*s, **p), {
-        **tip("tip", "tip"), "left_crank_hold": "left_moment", "right_crank_hold": "right_moment"})
+        bar(
+            f"{side}_crank",
+            p[f"{side}_crank"],
+            f"{p[f'{side}_x']!r} 0 0",
+            mass=m,
+            inside=bar(
+                f"{side}_coupler", p[f"{side}_coupler"], f"{p[f'{side}_crank']!r} 0 0", mass=n
+            ),
+        )
+        for side, m, n in (("left", 1.0, 2.0), ("right", 4.0, 3.0))
+    )
+    key = [
+        first,
+        float(start["left_coupler_angle"]) - first,
+        second,
+        float(start["right_coupler_angle"]) - second,
+    ]
+    model = compiled(
+        bodies,
+        [("left_coupler_end", "right_coupler_end")],
+        ("left_crank", "right_crank"),
+        {"tip": "left_coupler_end"},
+        (),
+        key,
+    )
+    return Linkage(
+        model,
+        ("left_crank", "right_crank"),
+        way,
+        lambda *s: fivebar.solve(*s, **p),
+        {**tip("tip", "tip"), "left_crank_hold": "left_moment", "right_crank_hold": "right_moment"},
+    )
 
 
 @st.composite
 def parallel_robots(draw: st.DrawFn) -> Linkage:
     side, leg = draw(st.floats(0.3, 1.2)), draw(st.floats(0.8, 1.5))
-    p = {"side": side, "leg": leg, "guide2_x": draw(st.floats(1.5, 3.0)),
-         "guide3_x": draw(st.floats(1.0, 2.5)), "guide3_y": draw(st.floats(1.5, 3.0)),
-         "platform_mass": 2.0, "leg_mass": 1.0, "slider_mass": 0.5}
+    p = {
+        "side": side,
+        "leg": leg,
+        "guide2_x": draw(st.floats(1.5, 3.0)),
+        "guide3_x": draw(st.floats(1.0, 2.5)),
+        "guide3_y": draw(st.floats(1.5, 3.0)),
+        "platform_mass": 2.0,
+        "leg_mass": 1.0,
+        "slider_mass": 0.5,
+    }
     p["mode"] = draw(st.sampled_from((1, -1)))
     firsts = [draw(st.floats(0.0, 2.0)) for _ in range(3)]
     way = straight(*((s, s + draw(st.floats(-0.2, 0.2))) for s in firsts))
@@ -211,27 +331,54 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
     start = threeprr.solve(way[0], **p)
     angle = [float(start[f"leg_angle_{k}"]) for k in (1, 2, 3)]
     psi, third = float(start["psi"]), side * np.exp(1j * np.pi / 3)
-    platform = (f'<body name="platform" pos="{leg!r} 0 0"><joint name="platform"/>'
-                f'<inertial pos="{side / 2!r} {side / 12**0.5!r} 0" mass="2" '
-                f'diaginertia="1 1 1"/><site name="P"/><site name="P2" pos="{side!r} 0 0"/>'
-                f'<site name="P3" pos="{float(third.real)!r} {float(third.imag)!r} 0"/></body>')
-    guides = ((0.0, 0.0, "1 0 0"), (p["guide2_x"], 0.0, "-1 0 0"),
-              (p["guide3_x"], p["guide3_y"], "0 -1 0"))
+    platform = (
+        f'<body name="platform" pos="{leg!r} 0 0"><joint name="platform"/>'
+        f'<inertial pos="{side / 2!r} {side / 12**0.5!r} 0" mass="2" '
+        f'diaginertia="1 1 1"/><site name="P"/><site name="P2" pos="{side!r} 0 0"/>'
+        f'<site name="P3" pos="{float(third.real)!r} {float(third.imag)!r} 0"/></body>'
+    )
+    guides = (
+        (0.0, 0.0, "1 0 0"),
+        (p["guide2_x"], 0.0, "-1 0 0"),
+        (p["guide3_x"], p["guide3_y"], "0 -1 0"),
+    )
     bodies = "".join(
         f'<body name="s{k}" pos="{x!r} {y!r} 0"><joint name="s{k}" type="slide" axis="{axis}"/>'
         f'<inertial pos="0 0 0" mass="0.5" diaginertia="1 1 1"/>'
-        + bar(f"leg{k}", leg, mass=1.0, inside=platform if k == 1 else "") + "</body>"
-        for k, (x, y, axis) in enumerate(guides, 1))
+        + bar(f"leg{k}", leg, mass=1.0, inside=platform if k == 1 else "")
+        + "</body>"
+        for k, (x, y, axis) in enumerate(guides, 1)
+    )
     key = [firsts[0], angle[0], psi - angle[0], firsts[1], angle[1], firsts[2], angle[2]]
-    model = compiled(bodies, [("leg2_end", "P2"), ("leg3_end", "P3")], ("s1", "s2", "s3"),
-                     {"P": "P"}, ("platform",), key)
-    return Linkage(model, ("s1", "s2", "s3"), way, lambda *s: threeprr.solve(*s, **p), {
-        "P.x": "x", "P_v.x": "x_rate", "P_a.x": "x_acceleration", "P.y": "y", "P_v.y": "y_rate",
-        "P_a.y": "y_acceleration", **{f"s{k}_hold": f"holding_force_{k}" for k in (1, 2, 3)}})
+    model = compiled(
+        bodies,
+        [("leg2_end", "P2"), ("leg3_end", "P3")],
+        ("s1", "s2", "s3"),
+        {"P": "P"},
+        ("platform",),
+        key,
+    )
+    return Linkage(
+        model,
+        ("s1", "s2", "s3"),
+        way,
+        lambda *s: threeprr.solve(*s, **p),
+        {
+            "P.x": "x",
+            "P_v.x": "x_rate",
+            "P_a.x": "x_acceleration",
+            "P.y": "y",
+            "P_v.y": "y_rate",
+            "P_a.y": "y_acceleration",
+            **{f"s{k}_hold": f"holding_force_{k}" for k in (1, 2, 3)},
+        },
+    )
 
 
 FAMILIES = {
-    "four-bar": four_bars(), "slider-crank": slider_cranks(),
-    "inverted slider-crank": inverted_slider_cranks(), "five-bar": five_bars(),
+    "four-bar": four_bars(),
+    "slider-crank": slider_cranks(),
+    "inverted slider-crank": inverted_slider_cranks(),
+    "five-bar": five_bars(),
     "3PRR": parallel_robots(),
 }

@@ -28,8 +28,12 @@ def test_butterfly_is_smooth():
 
 
 @settings(derandomize=True, max_examples=40, deadline=None)
-@given(st.lists(st.floats(0.2, 1.0), min_size=3, max_size=3), st.floats(1e-3, 1e3),
-       st.permutations(range(4)), st.sampled_from(fourbar.MODES))
+@given(
+    st.lists(st.floats(0.2, 1.0), min_size=3, max_size=3),
+    st.floats(1e-3, 1e3),
+    st.permutations(range(4)),
+    st.sampled_from(fourbar.MODES),
+)
 def test_random_linkages_are_smooth_through_their_change_points(three, scale, order, mode):
     p, q, shortest = sorted(three, reverse=True)
     assume(min(p - q, q - shortest) > 0.05)  # a parallelogram or a kite has curves without range
@@ -41,16 +45,18 @@ def test_random_linkages_are_smooth_through_their_change_points(three, scale, or
     half = 0.8 * (np.pi - low if high == np.pi else high)  # through one of them, there and back
     middle = np.pi if high == np.pi else 0.0
     law = middle + half * np.sin(GRID), half * np.cos(GRID), -half * np.sin(GRID)
-    reach = np.hypot(link["crank"] * np.cos(law[0]) - link["ground"],
-                     link["crank"] * np.sin(law[0]))
+    reach = np.hypot(
+        link["crank"] * np.cos(law[0]) - link["ground"], link["crank"] * np.sin(law[0])
+    )
     assume(reach.min() > 0.2 * scale)  # nearer the rates are too steep for 512 samples
     check_laws(link, mode, law)
 
 
 def test_rates_at_the_change_point_solve_the_quadratic():
     """All bars along x: the loop's derivatives say sum(rate * bar) = 0, sum(rate^2 * bar) = 0."""
-    found = sorted(float(fourbar.solve(np.pi, **OUTER, mode=mode)["rocker_rate"])
-                   for mode in fourbar.MODES)
+    found = sorted(
+        float(fourbar.solve(np.pi, **OUTER, mode=mode)["rocker_rate"]) for mode in fourbar.MODES
+    )
     # -1 + 2 coupler' = -2 rocker' and -1 + 2 coupler'^2 = -2 rocker'^2 without coupler'
     roots = np.roots([4.0, -2.0, -0.5])
     np.testing.assert_allclose(found, np.sort(roots), rtol=1e-15)  # rounding
@@ -68,14 +74,22 @@ def test_neighbours_that_stay_in_their_mode(mode):
     for name, curve in pose.items():
         finite = np.abs(curve) < 1e2 if name == "mechanical_advantage" else np.isfinite(curve)
         # the change of length, 1e-12, times up to 1e4 where the advantage is up to 1e2
-        np.testing.assert_allclose(curve[finite] % TURN, other[name][finite] % TURN, rtol=0,
-                                   atol=1e-10 if "angle" in name else 1e-7, err_msg=name)
+        np.testing.assert_allclose(
+            curve[finite] % TURN,
+            other[name][finite] % TURN,
+            rtol=0,
+            atol=1e-10 if "angle" in name else 1e-7,
+            err_msg=name,
+        )
 
 
 def test_mode_is_the_side_of_the_pin_between_0_and_pi():
     angle = np.array([-7.0, -4.0, -1.0, 1.0, 4.0, 7.0])
-    for link, wave in ((OUTER, np.cos(angle / 2)), (INNER, np.sin(angle / 2)),
-                       (BUTTERFLY, np.sin(angle))):
+    for link, wave in (
+        (OUTER, np.cos(angle / 2)),
+        (INNER, np.sin(angle / 2)),
+        (BUTTERFLY, np.sin(angle)),
+    ):
         for mode in fourbar.MODES:
             pose = fourbar.solve(angle, **link, mode=mode)
             crank_pin = link["crank"] * np.exp(1j * angle)

@@ -8,19 +8,37 @@ from hypothesis import strategies as st
 from proofmass.analytic.linkages import fivebar, fourbar
 from tests.analytic.linkages.spectral import assert_close, derivative
 
-LINK = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0,
-        "left_x": 0.0, "right_x": 2.0}
-REGULAR = {"left_crank": 1.2, "left_coupler": 2.6, "right_coupler": 2.4, "right_crank": 1.0,
-           "left_x": -1.25, "right_x": 1.25}  # every pair of crank angles can be assembled
-MASSES = {"left_crank_mass": 1.3, "left_coupler_mass": 2.1, "right_coupler_mass": 0.7,
-          "right_crank_mass": 0.4}
+LINK = {
+    "left_crank": 2.0,
+    "left_coupler": 3.5,
+    "right_coupler": 4.0,
+    "right_crank": 1.0,
+    "left_x": 0.0,
+    "right_x": 2.0,
+}
+REGULAR = {
+    "left_crank": 1.2,
+    "left_coupler": 2.6,
+    "right_coupler": 2.4,
+    "right_crank": 1.0,
+    "left_x": -1.25,
+    "right_x": 1.25,
+}  # every pair of crank angles can be assembled
+MASSES = {
+    "left_crank_mass": 1.3,
+    "left_coupler_mass": 2.1,
+    "right_coupler_mass": 0.7,
+    "right_crank_mass": 0.4,
+}
 MODES = pytest.mark.parametrize("mode", fivebar.MODES)
 TURN = 2.0 * np.pi
 GRID = np.arange(512) * TURN / 512
 # Crank laws with all derivatives alive and periodic, so that spectra can differentiate the curves.
-LAW = (np.stack([GRID + 0.3 * np.sin(GRID), 0.4 - 2.0 * GRID + 0.2 * np.cos(GRID)]),
-       np.stack([1.0 + 0.3 * np.cos(GRID), -2.0 - 0.2 * np.sin(GRID)]),
-       np.stack([-0.3 * np.sin(GRID), -0.2 * np.cos(GRID)]))
+LAW = (
+    np.stack([GRID + 0.3 * np.sin(GRID), 0.4 - 2.0 * GRID + 0.2 * np.cos(GRID)]),
+    np.stack([1.0 + 0.3 * np.cos(GRID), -2.0 - 0.2 * np.sin(GRID)]),
+    np.stack([-0.3 * np.sin(GRID), -0.2 * np.cos(GRID)]),
+)
 SIDES = ("left", "right")
 
 
@@ -31,9 +49,14 @@ def always_assembled(draw):
     total = (1.0 + left + right) * draw(st.floats(1.1, 2.0))
     difference = (1.0 - left - right) * draw(st.floats(-0.8, 0.8))
     scale, place = draw(st.floats(1e-3, 1e3)), draw(st.floats(-2.0, 2.0))
-    lengths = {"left_crank": left, "right_crank": right, "left_x": place, "right_x": place + 1.0,
-               "left_coupler": (total + difference) / 2.0,
-               "right_coupler": (total - difference) / 2.0}
+    lengths = {
+        "left_crank": left,
+        "right_crank": right,
+        "left_x": place,
+        "right_x": place + 1.0,
+        "left_coupler": (total + difference) / 2.0,
+        "right_coupler": (total - difference) / 2.0,
+    }
     return {name: scale * length for name, length in lengths.items()}
 
 
@@ -59,8 +82,9 @@ def check_laws(link, mode):
     # a curve to that of its derivative, which grows near in-line poses
     for bar in SIDES:
         for first, second in (("angle", "rate"), ("rate", "acceleration")):
-            assert_close(derivative(pose[f"{bar}_coupler_{first}"]),
-                         pose[f"{bar}_coupler_{second}"], 1e-9)
+            assert_close(
+                derivative(pose[f"{bar}_coupler_{first}"]), pose[f"{bar}_coupler_{second}"], 1e-9
+            )
     for axis in "xy":
         assert_close(derivative(pose[f"tip_{axis}"]), pose[f"tip_v{axis}"], 1e-9)
         assert_close(derivative(pose[f"tip_v{axis}"]), pose[f"tip_a{axis}"], 1e-9)
@@ -116,24 +140,50 @@ def test_mirror_image_in_the_ground_line(mode):
     image = fivebar.solve(-angle, -rate, -acceleration, **REGULAR, mode=-mode)
     for name in ("tip_x", "tip_vx", "tip_ax", "pin_distance"):
         np.testing.assert_allclose(image[name], pose[name], rtol=0, atol=2e-14)  # rounding
-    for name in ("tip_y", "tip_vy", "tip_ay", "assembly", "left_coupler_rate",
-                 "right_coupler_acceleration", "left_working"):
+    for name in (
+        "tip_y",
+        "tip_vy",
+        "tip_ay",
+        "assembly",
+        "left_coupler_rate",
+        "right_coupler_acceleration",
+        "left_working",
+    ):
         np.testing.assert_allclose(image[name], -pose[name], rtol=0, atol=2e-14)
 
 
 @MODES
 def test_mirror_image_that_swaps_the_sides(mode):
-    swapped = {"left_crank": 1.0, "left_coupler": 2.4, "right_coupler": 2.6, "right_crank": 1.2,
-               "left_x": -1.25, "right_x": 1.25}
-    loads = {name.replace("left", "L").replace("right", "left").replace("L", "right"): mass
-             for name, mass in MASSES.items()}
+    swapped = {
+        "left_crank": 1.0,
+        "left_coupler": 2.4,
+        "right_coupler": 2.6,
+        "right_crank": 1.2,
+        "left_x": -1.25,
+        "right_x": 1.25,
+    }
+    loads = {
+        name.replace("left", "L").replace("right", "left").replace("L", "right"): mass
+        for name, mass in MASSES.items()
+    }
     pose = fivebar.solve(*LAW, **REGULAR, **MASSES, force_x=2.0, mode=mode)
-    image = fivebar.solve(np.pi - LAW[0][::-1], -LAW[1][::-1], -LAW[2][::-1], **swapped, **loads,
-                          force_x=-2.0, mode=mode)
-    for name, other, sign in (("tip_x", "tip_x", -1), ("tip_ay", "tip_ay", 1),
-                              ("left_coupler_rate", "right_coupler_rate", -1),
-                              ("left_moment", "right_moment", -1), ("assembly", "assembly", 1),
-                              ("left_working", "right_working", -1)):
+    image = fivebar.solve(
+        np.pi - LAW[0][::-1],
+        -LAW[1][::-1],
+        -LAW[2][::-1],
+        **swapped,
+        **loads,
+        force_x=-2.0,
+        mode=mode,
+    )
+    for name, other, sign in (
+        ("tip_x", "tip_x", -1),
+        ("tip_ay", "tip_ay", 1),
+        ("left_coupler_rate", "right_coupler_rate", -1),
+        ("left_moment", "right_moment", -1),
+        ("assembly", "assembly", 1),
+        ("left_working", "right_working", -1),
+    ):
         # rounding of pi - angle through the slopes of the moments, up to 1e2
         np.testing.assert_allclose(image[other], sign * pose[name], rtol=0, atol=1e-13)
 
@@ -141,16 +191,26 @@ def test_mirror_image_that_swaps_the_sides(mode):
 def test_a_held_crank_makes_a_fourbar():
     pose = fivebar.solve(np.stack([GRID, np.zeros(512)]), [[1.0], [0.0]], **LINK, mode=-1)
     held = fourbar.solve(GRID, crank=2.0, coupler=3.5, rocker=4.0, ground=3.0, mode=-1)
-    for name, other in (("tip_x", "pin_x"), ("tip_vy", "pin_vy"), ("tip_ax", "pin_ax"),
-                        ("left_coupler_angle", "coupler_angle"),
-                        ("right_coupler_rate", "rocker_rate"),
-                        ("right_coupler_acceleration", "rocker_acceleration")):
+    for name, other in (
+        ("tip_x", "pin_x"),
+        ("tip_vy", "pin_vy"),
+        ("tip_ax", "pin_ax"),
+        ("left_coupler_angle", "coupler_angle"),
+        ("right_coupler_rate", "rocker_rate"),
+        ("right_coupler_acceleration", "rocker_acceleration"),
+    ):
         assert_close(pose[name], held[other], 1e-13)  # rounding of two formulas
 
 
 def test_angles_follow_the_couplers_through_whole_turns():
-    double_crank = {"left_crank": 2.0, "left_coupler": 2.5, "right_coupler": 3.0,
-                    "right_crank": 0.5, "left_x": 0.0, "right_x": 1.5}
+    double_crank = {
+        "left_crank": 2.0,
+        "left_coupler": 2.5,
+        "right_coupler": 3.0,
+        "right_crank": 0.5,
+        "left_x": 0.0,
+        "right_x": 1.5,
+    }
     angle = np.stack([np.linspace(0.0, 3.0 * TURN, 601), np.full(601, np.pi)])
     pose = fivebar.solve(angle, **double_crank)
     for side in SIDES:
@@ -171,9 +231,21 @@ def test_shapes_broadcast():
         fivebar.solve(np.zeros((3, 2)), **LINK)
 
 
-@pytest.mark.parametrize(("name", "value"), [
-    *((name, value) for name in LINK if "_x" not in name for value in (0.0, -1.0, np.nan, np.inf)),
-    ("left_x", np.nan), ("right_x", np.inf), ("mode", 0), ("left_coupler_mass", -1.0)])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(
+            (name, value)
+            for name in LINK
+            if "_x" not in name
+            for value in (0.0, -1.0, np.nan, np.inf)
+        ),
+        ("left_x", np.nan),
+        ("right_x", np.inf),
+        ("mode", 0),
+        ("left_coupler_mass", -1.0),
+    ],
+)
 def test_bad_value_is_named(name, value):
     with pytest.raises(ValueError, match=f"^{name} must be"):
         fivebar.solve([0.3, 0.9], **{**LINK, name: value})
@@ -194,8 +266,14 @@ def test_poses_that_cannot_be_assembled_are_named_with_the_miss():
         fivebar.solve([0.0, 0.0], **{**short, "right_coupler": 3.0})
     with pytest.raises(ValueError, match=r"angles \(0, nan\) rad"):
         fivebar.solve([0.0, np.nan], **LINK)
-    coaxial = {"left_crank": 1.0, "left_coupler": 2.0, "right_coupler": 2.0, "right_crank": 1.0,
-               "left_x": 0.0, "right_x": 0.0}
+    coaxial = {
+        "left_crank": 1.0,
+        "left_coupler": 2.0,
+        "right_coupler": 2.0,
+        "right_crank": 1.0,
+        "left_x": 0.0,
+        "right_x": 0.0,
+    }
     assert fivebar.solve([0.1, 0.2], **coaxial)["tip_x"].shape == ()
     with pytest.raises(ValueError, match=r"angles \(0\.1, 0\.1\) .* coincide"):
         fivebar.solve([0.1, 0.1], **coaxial)

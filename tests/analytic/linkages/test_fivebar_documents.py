@@ -20,8 +20,12 @@ def natural(q, cosine_row, b_row=None):
     q = [x1, y1, x2, y2, x3, y3, theta, beta], 1 left crank pin, 2 tip, 3 right crank pin. An angle
     whose |cos| is below `cosine_row` is tied to x, else to y; `b_row`: the same for dJ/dt qp.
     """
-    bars = [(None, 0, "left_crank"), (0, 2, "left_coupler"), (2, 4, "right_coupler"),
-            (None, 4, "right_crank")]
+    bars = [
+        (None, 0, "left_crank"),
+        (0, 2, "left_coupler"),
+        (2, 4, "right_coupler"),
+        (None, 4, "right_crank"),
+    ]
     bases = {0: np.array([LINK["left_x"], 0.0]), 4: np.array([LINK["right_x"], 0.0])}
     value, slope, rows = np.zeros(8), np.zeros((8, 8)), []
     for row, (start, end, name) in enumerate(bars):
@@ -69,8 +73,9 @@ def newton(q, cosine_row=0.5):
 
 def elimination(right, left, link, sigma, printed_0_9=False):
     """Notebook: X3 = f + g Y3 and a quadratic for Y3 (lines 43-123)."""
-    l1, l2, l3, l4 = (link[name] for name in ("right_crank", "right_coupler", "left_coupler",
-                                              "left_crank"))
+    l1, l2, l3, l4 = (
+        link[name] for name in ("right_crank", "right_coupler", "left_coupler", "left_crank")
+    )
     l5, c1, s1 = link["right_x"] - link["left_x"], np.cos(right), np.sin(right)
     c4, s4 = np.cos(left), np.sin(left)
     den = 2.0 * (l5 + l1 * c1 - l4 * c4)
@@ -92,8 +97,11 @@ def quadratic(side, place, link):
     """Notebook: a, b, c of the quadratic for tan(angle/2) of one crank (lines 173-233)."""
     crank, coupler = link[f"{side}_crank"], link[f"{side}_coupler"]
     x, y = place[0] - link[f"{side}_x"], place[1]
-    return ((x + crank) ** 2 + y**2 - coupler**2, -4.0 * crank * y,
-            (x - crank) ** 2 + y**2 - coupler**2)
+    return (
+        (x + crank) ** 2 + y**2 - coupler**2,
+        -4.0 * crank * y,
+        (x - crank) ** 2 + y**2 - coupler**2,
+    )
 
 
 def test_position_of_the_thesis():
@@ -115,8 +123,11 @@ def test_velocity_and_acceleration_of_the_thesis_and_their_misprints():
     truth = fivebar.solve(THESIS["angle"], rate, ones, **LINK, mode=THESIS["mode"])
     velocity, acceleration = ([truth[f"tip_{part}{axis}"] for axis in "xy"] for part in "va")
     at_rest = fivebar.solve(THESIS["angle"], rate, 0.0, **LINK, mode=THESIS["mode"])
-    for found, key in ((velocity, "velocity"), (acceleration, "acceleration_at_ones"),
-                       ([at_rest["tip_ax"], at_rest["tip_ay"]], "acceleration_at_zero")):
+    for found, key in (
+        (velocity, "velocity"),
+        (acceleration, "acceleration_at_ones"),
+        ([at_rest["tip_ax"], at_rest["tip_ay"]], "acceleration_at_zero"),
+    ):
         np.testing.assert_allclose(found, THESIS[key][2:4], rtol=0, atol=1e-11)  # 12 digits
     qp, qpp = natural_motion(solved, rate, ones, 0.5)
     np.testing.assert_allclose(qp[2:4], velocity, rtol=0, atol=1e-14)  # rounding
@@ -135,8 +146,10 @@ def test_mixed_thresholds_of_the_thesis_spoil_accelerations():
     """E7: the Jacobian switches at 0.7, its derivative at 1/sqrt(2) (lines 6805, 7096)."""
     angle = np.array([np.arccos(0.705), 0.9])
     truth = fivebar.solve(angle, [1.0, 2.0], 0.0, **LINK)
-    pins = [base + crank * np.exp(1j * at) for base, crank, at in zip((0, 2), (2, 1), angle,
-                                                                      strict=True)]
+    pins = [
+        base + crank * np.exp(1j * at)
+        for base, crank, at in zip((0, 2), (2, 1), angle, strict=True)
+    ]
     q = np.array([pins[0].real, pins[0].imag, *tip(truth), pins[1].real, pins[1].imag, *angle])
     true = [truth["tip_ax"], truth["tip_ay"]]
     _, consistent = natural_motion(q, [1.0, 2.0], [0.0, 0.0], 0.7)
@@ -167,11 +180,13 @@ def test_reach_of_the_thesis():
 def test_hand_case_of_the_notebook():
     link, upright = SYMMETRIC["lengths"], [np.pi / 2, np.pi / 2]
     for mode, expected in ((1, [0.0, 8.0]), (-1, [0.0, 0.0])):
-        np.testing.assert_allclose(tip(fivebar.solve(upright, **link, mode=mode)), expected,
-                                   rtol=0, atol=1e-14)  # exact by hand
+        np.testing.assert_allclose(
+            tip(fivebar.solve(upright, **link, mode=mode)), expected, rtol=0, atol=1e-14
+        )  # exact by hand
     for side, known in SYMMETRIC["quadratics_at_0_8"].items():
         assert quadratic(side, (0.0, 8.0), link) == pytest.approx(
-            [known[key] for key in "abc"], abs=1e-13)  # exact by hand
+            [known[key] for key in "abc"], abs=1e-13
+        )  # exact by hand
         for mode, key in ((1, "plus_deg"), (-1, "minus_deg")):
             pose = fivebar.solve_inverse([0.0, 8.0], **link, **{f"{side}_mode": mode})
             assert np.degrees(pose[side]) == pytest.approx(known[key], rel=1e-14)  # 16 digits
@@ -246,8 +261,10 @@ def test_arms_up_of_the_notebook_is_no_continuous_branch():
 @pytest.mark.parametrize("row", REGULAR["poses"], ids=lambda r: f"{r['right_left_deg']}{r['mode']}")
 def test_regular_poses(row):
     link = REGULAR["lengths"]
-    left_right = [np.radians(row["right_left_deg"][::-1]), *(
-        REGULAR[key][::-1] for key in ("right_left_rate", "right_left_acceleration"))]
+    left_right = [
+        np.radians(row["right_left_deg"][::-1]),
+        *(REGULAR[key][::-1] for key in ("right_left_rate", "right_left_acceleration")),
+    ]
     pose = fivebar.solve(*left_right, **link, mode=row["mode"])
     for part, key in (("", "tip"), ("v", "velocity"), ("a", "acceleration")):
         found = [pose[f"tip_{part}{axis}"] for axis in "xy"]

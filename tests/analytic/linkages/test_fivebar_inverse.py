@@ -9,17 +9,36 @@ from hypothesis import strategies as st
 
 from proofmass.analytic.linkages import fivebar
 
-LINK = {"left_crank": 4.0, "left_coupler": 5.0, "right_coupler": 5.0, "right_crank": 4.0,
-        "left_x": -3.0, "right_x": 3.0}
-THESIS = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0,
-          "left_x": 0.0, "right_x": 2.0}
+LINK = {
+    "left_crank": 4.0,
+    "left_coupler": 5.0,
+    "right_coupler": 5.0,
+    "right_crank": 4.0,
+    "left_x": -3.0,
+    "right_x": 3.0,
+}
+THESIS = {
+    "left_crank": 2.0,
+    "left_coupler": 3.5,
+    "right_coupler": 4.0,
+    "right_crank": 1.0,
+    "left_x": 0.0,
+    "right_x": 2.0,
+}
 SIGNS, SIDES = fivebar.WORKING_MODES, ("left", "right")
 TURN = 2.0 * np.pi
 lengths = st.floats(0.2, 3.0)
 angles = st.tuples(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1)).map(np.array)
-linkages = st.fixed_dictionaries({"left_crank": lengths, "left_coupler": lengths,
-                                  "right_coupler": lengths, "right_crank": lengths,
-                                  "left_x": st.floats(-3.0, 3.0), "right_x": st.floats(-3.0, 3.0)})
+linkages = st.fixed_dictionaries(
+    {
+        "left_crank": lengths,
+        "left_coupler": lengths,
+        "right_coupler": lengths,
+        "right_crank": lengths,
+        "left_x": st.floats(-3.0, 3.0),
+        "right_x": st.floats(-3.0, 3.0),
+    }
+)
 
 
 def assembled(link, angle, mode):
@@ -47,16 +66,20 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
     pose = assembled(link, angle, mode)
     here = tuple(np.sign([pose[f"{side}_working"] for side in SIDES]))
     for modes in itertools.product(SIGNS, repeat=2):
-        found = fivebar.solve_inverse(*tip_of(pose), **link,
-                                      left_mode=modes[0], right_mode=modes[1])
+        found = fivebar.solve_inverse(
+            *tip_of(pose), **link, left_mode=modes[0], right_mode=modes[1]
+        )
         sines = [found["assembly"], *(pose[f"{side}_working"] for side in SIDES)]
         if np.abs(sines).min() < 0.01:
             continue
         cranks = cranks_of(found)
         back = fivebar.solve(*cranks, **link, mode=int(np.sign(found["assembly"])))
         # rounding, divided by the sines, by their cubes in the accelerations
-        loss = 1e-13 / np.abs(sines).min() ** 3 * max(1.0, *np.abs(cranks[2]), pose["tip_vx"] ** 2,
-                                                      pose["tip_vy"] ** 2)
+        loss = (
+            1e-13
+            / np.abs(sines).min() ** 3
+            * max(1.0, *np.abs(cranks[2]), pose["tip_vx"] ** 2, pose["tip_vy"] ** 2)
+        )
         np.testing.assert_allclose(tip_of(back), tip_of(pose), rtol=0, atol=loss)
         if modes == here:
             assert np.abs(np.sin((cranks[0] - angle) / 2.0)).max() <= loss
@@ -68,15 +91,31 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
 @pytest.mark.parametrize("right_mode", SIGNS)
 def test_a_circle_is_run_at_constant_speed(left_mode, right_mode):
     time = np.linspace(0.0, TURN / 0.5, 512, endpoint=False)
-    law = fivebar.circle(time, center_x=-0.6, center_y=5.0, radius=1.2, rate=0.5, **LINK,
-                         left_mode=left_mode, right_mode=right_mode)
+    law = fivebar.circle(
+        time,
+        center_x=-0.6,
+        center_y=5.0,
+        radius=1.2,
+        rate=0.5,
+        **LINK,
+        left_mode=left_mode,
+        right_mode=right_mode,
+    )
     wave = 0.5j * np.fft.fftfreq(512, 1.0 / 512)
     wave[256] = 0.0
     for curve, slope in itertools.pairwise(law):
         spectral = np.fft.ifft(wave * np.fft.fft(curve)).real
         assert np.abs(spectral - slope).max() <= 1e-12  # 256 eps times the size of the curves
-    late = fivebar.circle(time[300:], center_x=-0.6, center_y=5.0, radius=1.2, rate=0.5, **LINK,
-                          left_mode=left_mode, right_mode=right_mode)
+    late = fivebar.circle(
+        time[300:],
+        center_x=-0.6,
+        center_y=5.0,
+        radius=1.2,
+        rate=0.5,
+        **LINK,
+        left_mode=left_mode,
+        right_mode=right_mode,
+    )
     np.testing.assert_allclose(late[0], law[0][:, 300:], rtol=0, atol=2e-15)  # rounding
     there = fivebar.solve_inverse([-0.6, 5.0], **LINK, left_mode=left_mode, right_mode=right_mode)
     pose = fivebar.solve(*law, **LINK, mode=int(np.sign(there["assembly"])))
@@ -88,8 +127,9 @@ def test_a_circle_is_run_at_constant_speed(left_mode, right_mode):
 
 def test_inverse_angles_are_continuous_round_a_base():
     round_about = LINK["left_x"] + 2.0 * np.exp(1j * np.linspace(0.0, 2.0 * TURN, 801))
-    pose = fivebar.solve_inverse([round_about.real, round_about.imag],
-                                 **{**LINK, "right_coupler": 6.5})
+    pose = fivebar.solve_inverse(
+        [round_about.real, round_about.imag], **{**LINK, "right_coupler": 6.5}
+    )
     assert np.abs(np.diff(pose["left"])).max() < 0.02
     assert pose["left"][-1] - pose["left"][0] == pytest.approx(2.0 * TURN, abs=1e-14)  # rounding
 
@@ -109,8 +149,11 @@ def test_the_inverse_exists_where_the_margin_is_positive(link, tip):
 def test_an_unreachable_tip_is_named_with_the_miss():
     tips = np.array([[0.0, 0.0, 0.0], [8.0, 8.6, 9.0]])
     miss = np.hypot(3.0, 8.6) - 9.0
-    with pytest.raises(ValueError, match=rf"tip out of reach at \(0, 8\.6\) m: the circles of left "
-                                         rf"crank and coupler miss by {miss:.6g} m"):
+    with pytest.raises(
+        ValueError,
+        match=rf"tip out of reach at \(0, 8\.6\) m: the circles of left "
+        rf"crank and coupler miss by {miss:.6g} m",
+    ):
         fivebar.solve_inverse(tips, **LINK)
     with pytest.raises(ValueError, match=r"of right crank and coupler miss by 1 m"):
         fivebar.solve_inverse([3.0, 0.0], **{**LINK, "left_coupler": 4.0})
@@ -125,8 +168,9 @@ def test_an_unreachable_tip_is_named_with_the_miss():
 def test_type_1_singularities_are_the_boundary_of_the_reach():
     circles = fivebar.boundary(721, **LINK)
     assert circles.shape == (4, 2, 721)
-    for (side, folded), circle in zip(itertools.product(SIDES, (False, True)), circles,
-                                      strict=True):
+    for (side, folded), circle in zip(
+        itertools.product(SIDES, (False, True)), circles, strict=True
+    ):
         here = circle[:, ~np.isnan(circle[0])]
         assert here.shape[1] > 0
         inside = fivebar.margin(here, **LINK)
@@ -143,14 +187,18 @@ def test_type_1_singularities_are_the_boundary_of_the_reach():
 @settings(derandomize=True, max_examples=100, deadline=None)
 @given(linkages, st.floats(-3.1, 3.1), st.sampled_from(SIGNS))
 def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left, mode):
-    far, near = link["left_coupler"] + link["right_coupler"], abs(
-        link["left_coupler"] - link["right_coupler"])
+    far, near = (
+        link["left_coupler"] + link["right_coupler"],
+        abs(link["left_coupler"] - link["right_coupler"]),
+    )
     reach = abs(link["left_x"] - link["right_x"]) + link["left_crank"] + link["right_crank"]
     for row, right in enumerate(fivebar.in_line(left, **link)):
         if np.isnan(right):
             continue
-        pins = [link[f"{side}_x"] + link[f"{side}_crank"] * np.exp(1j * angle)
-                for side, angle in (("left", left), ("right", right))]
+        pins = [
+            link[f"{side}_x"] + link[f"{side}_crank"] * np.exp(1j * angle)
+            for side, angle in (("left", left), ("right", right))
+        ]
         apart = far if row < 2 else near
         # arccos near its ends loses half of the digits
         assert abs(pins[1] - pins[0]) == pytest.approx(apart, abs=3e-8 * reach)
@@ -170,14 +218,26 @@ def test_share_of_crank_angles_that_cannot_be_assembled():
     pins = 2.0 * np.exp(1j * turn[:, None]), 2.0 + np.exp(1j * turn)
     counted = np.mean(np.abs(pins[1] - pins[0]) < 0.5)
     assert share == pytest.approx(counted, abs=5e-6)  # border of the counted region: h^1.5
-    mirrored = {"left_crank": 1.0, "left_coupler": 4.0, "right_coupler": 3.5, "right_crank": 2.0,
-                "left_x": 0.0, "right_x": 2.0}
+    mirrored = {
+        "left_crank": 1.0,
+        "left_coupler": 4.0,
+        "right_coupler": 3.5,
+        "right_crank": 2.0,
+        "left_x": 0.0,
+        "right_x": 2.0,
+    }
     assert share == pytest.approx(fivebar.unassembled_share(**mirrored), abs=1e-13)
     coaxial = {**THESIS, "right_x": 0.0, "left_crank": 1.0}  # near where 2 sin(half angle) < 1/2
     known = 2.0 * np.arcsin(0.25) / np.pi
     assert fivebar.unassembled_share(**coaxial) == pytest.approx(known, abs=1e-14)
-    always = {"left_crank": 1.2, "left_coupler": 2.6, "right_coupler": 2.4, "right_crank": 1.0,
-              "left_x": -1.25, "right_x": 1.25}
+    always = {
+        "left_crank": 1.2,
+        "left_coupler": 2.6,
+        "right_coupler": 2.4,
+        "right_crank": 1.0,
+        "left_x": -1.25,
+        "right_x": 1.25,
+    }
     assert fivebar.unassembled_share(**always) == pytest.approx(0.0, abs=1e-14)
     never = {**always, "left_coupler": 9.0}
     assert fivebar.unassembled_share(**never) == 1.0
@@ -187,10 +247,12 @@ def test_share_of_crank_angles_that_cannot_be_assembled():
 @given(lengths, lengths, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_range_of_the_pin_distance(left_crank, right_crank, left_x, right_x):
     least, largest = fivebar.pin_distances(
-        left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
+        left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x
+    )
     turn = np.linspace(0.0, TURN, 401)
-    pins = [x + crank * np.exp(1j * turn)
-            for x, crank in ((left_x, left_crank), (right_x, right_crank))]
+    pins = [
+        x + crank * np.exp(1j * turn) for x, crank in ((left_x, left_crank), (right_x, right_crank))
+    ]
     found = np.abs(pins[1] - pins[0][:, None])
     assert largest == pytest.approx(found.max(), rel=1e-14)  # at whole and half turns
     assert least - 1e-14 <= found.min() <= least + 0.05  # grid of 0.016 rad times 3 m

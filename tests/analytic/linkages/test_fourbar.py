@@ -29,8 +29,12 @@ def crank_rockers(draw):
     total = (1.0 + crank) * draw(st.floats(1.1, 2.0))
     difference = (1.0 - crank) * draw(st.floats(-0.9, 0.9))
     coupler, rocker = (total + difference) / 2.0, (total - difference) / 2.0
-    return {"crank": scale * crank, "coupler": scale * coupler, "rocker": scale * rocker,
-            "ground": scale}
+    return {
+        "crank": scale * crank,
+        "coupler": scale * coupler,
+        "rocker": scale * rocker,
+        "ground": scale,
+    }
 
 
 def assert_close(actual, expected, tolerance):
@@ -62,8 +66,11 @@ def check_laws(link, mode, law=LAW):
     # rounding of coordinates and of an angle of a few turns
     assert np.abs(turned - complex(*POINT.values())).max() <= 1e-14 * (max(link.values()) + 1.0)
     for bar in ("coupler", "rocker"):
-        assert_close(derivative(np.exp(1j * pose[f"{bar}_angle"])),
-                     1j * pose[f"{bar}_rate"] * np.exp(1j * pose[f"{bar}_angle"]), 1e-10)
+        assert_close(
+            derivative(np.exp(1j * pose[f"{bar}_angle"])),
+            1j * pose[f"{bar}_rate"] * np.exp(1j * pose[f"{bar}_angle"]),
+            1e-10,
+        )
         assert_close(derivative(pose[f"{bar}_rate"]), pose[f"{bar}_acceleration"], 1e-10)
     for place in ("pin_{}x", "pin_{}y", "point_{}x", "point_{}y"):
         curve, first, second = (pose[place.format(part)] for part in ("", "v", "a"))
@@ -115,10 +122,19 @@ def test_newton_raphson_on_the_raw_loop_equations(link, mode):
 def test_modes_are_mirror_images(mode):
     angle, rate, acceleration = LAW
     pose = fourbar.solve(*LAW, **LINK, mode=mode, point_along=0.7, point_across=-0.4)
-    image = fourbar.solve(-angle, -rate, -acceleration, **LINK, mode=-mode, point_along=0.7,
-                          point_across=0.4)
-    same = ("pin_x", "pin_vx", "pin_ax", "point_x", "point_vx", "point_ax", "transmission_angle",
-            "holding_moment")
+    image = fourbar.solve(
+        -angle, -rate, -acceleration, **LINK, mode=-mode, point_along=0.7, point_across=0.4
+    )
+    same = (
+        "pin_x",
+        "pin_vx",
+        "pin_ax",
+        "point_x",
+        "point_vx",
+        "point_ax",
+        "transmission_angle",
+        "holding_moment",
+    )
     for name in pose.keys() - {"mechanical_advantage"}:
         # eps: the two runs differ in the order of the same sums
         sign = 1.0 if name in same else -1.0
@@ -160,8 +176,10 @@ def test_a_load_on_the_rocker_does_the_work_that_the_crank_puts_in(mode, load):
 
 @MODES
 def test_point_at_the_ends_and_between(mode):
-    ends = {name: fourbar.solve(*LAW, **LINK, mode=mode, point_along=along)
-            for name, along in (("start", 0.0), ("middle", 1.0), ("end", LINK["coupler"]))}
+    ends = {
+        name: fourbar.solve(*LAW, **LINK, mode=mode, point_along=along)
+        for name, along in (("start", 0.0), ("middle", 1.0), ("end", LINK["coupler"]))
+    }
     for part in ("x", "y", "vx", "vy", "ax", "ay"):
         start, middle, end = (pose[f"point_{part}"] for pose in ends.values())
         # rounding of lengths up to 3 and rates up to 5
@@ -213,8 +231,13 @@ def test_extremes_of_the_plots(name):
 
 @pytest.mark.parametrize("case", DATA["norton"], ids=lambda case: f"mode{case['mode']:+d}")
 def test_norton_example(case):
-    pose = fourbar.solve(np.radians(case["angle_deg"]), case["rate"], case["acceleration"],
-                         **case["lengths"], mode=case["mode"])
+    pose = fourbar.solve(
+        np.radians(case["angle_deg"]),
+        case["rate"],
+        case["acceleration"],
+        **case["lengths"],
+        mode=case["mode"],
+    )
     for bar in ("coupler", "rocker"):
         for name, key in (("angle", "pos"), ("rate", "vel"), ("acceleration", "acc")):
             # rounding only: the reference has 22 digits
@@ -246,9 +269,12 @@ def test_bad_length_is_named(name, value):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"mode": 0}, "mode must be"), ({"rocker_mass": -1.0}, "rocker_mass must be"),
-     ({"point_across": np.nan}, "point_across must be"),
-     ({"rocker_load": np.inf}, "rocker_load must be")],
+    [
+        ({"mode": 0}, "mode must be"),
+        ({"rocker_mass": -1.0}, "rocker_mass must be"),
+        ({"point_across": np.nan}, "point_across must be"),
+        ({"rocker_load": np.inf}, "rocker_load must be"),
+    ],
 )
 def test_other_bad_values_are_named(change, message):
     with pytest.raises(ValueError, match=message):

@@ -73,12 +73,21 @@ def test_classes_say_what_turns(kind, data):
     crank, coupler, rocker, ground = link.values()
     assert fourbar.classify(**link) == kind
     # angle at A, at B, and at P between coupler and crank; GRID holds the extremes 0 and pi
-    turning = (turns_fully(crank, coupler, rocker, ground),
-               turns_fully(rocker, coupler, crank, ground),
-               turns_fully(coupler, rocker, ground, crank))
-    assert turning == {"crank-rocker": (True, False, True), "rocker-crank": (False, True, False),
-                       "double crank": (True, True, False), "double rocker": (False, False, True),
-                       "triple rocker": (False, False, False)}[kind]
+    turning = (
+        turns_fully(crank, coupler, rocker, ground),
+        turns_fully(rocker, coupler, crank, ground),
+        turns_fully(coupler, rocker, ground, crank),
+    )
+    assert (
+        turning
+        == {
+            "crank-rocker": (True, False, True),
+            "rocker-crank": (False, True, False),
+            "double crank": (True, True, False),
+            "double rocker": (False, False, True),
+            "triple rocker": (False, False, False),
+        }[kind]
+    )
     assert (fourbar.crank_range(**link) == (0.0, np.pi)) == turning[0]
 
 
@@ -143,8 +152,9 @@ def test_swing_and_time_ratio_of_the_thesis(mode):
     # half a unit of the last digit, here and below
     degrees = np.sort(np.degrees(-mode * ends))
     np.testing.assert_allclose(degrees, printed["rocker_deg"], rtol=0, atol=5.1e-7)
-    np.testing.assert_allclose(np.sort(-mode * turns % TURN), printed["crank_rad"], rtol=0,
-                               atol=5.1e-11)
+    np.testing.assert_allclose(
+        np.sort(-mode * turns % TURN), printed["crank_rad"], rtol=0, atol=5.1e-11
+    )
     assert np.degrees(fourbar.swing(**LINK)) == pytest.approx(printed["swing_deg"], abs=5.1e-8)
     assert fourbar.time_ratio(**LINK) == pytest.approx(printed["time_ratio"], abs=5.1e-11)
     ends = np.degrees(fourbar.transmission_range(**LINK))
@@ -165,8 +175,9 @@ def test_swing_is_the_range_of_the_rocker(link):
     found = {}
     for sign in (1, -1):
         middle, step = GRID[np.argmin(sign * coarse)], GRID[1]
-        found[sign] = minimize_scalar(rocker, (middle - step, middle, middle + step), args=(sign,),
-                                      tol=1e-12)
+        found[sign] = minimize_scalar(
+            rocker, (middle - step, middle, middle + step), args=(sign,), tol=1e-12
+        )
     # eps: an extreme is flat, so its place is half as exact as its height
     assert -found[-1].fun - found[1].fun == pytest.approx(fourbar.swing(**link), abs=1e-13)
     part = abs(found[1].x - found[-1].x) % TURN

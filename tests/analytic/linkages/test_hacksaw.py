@@ -36,20 +36,44 @@ def residuals(law, pose, link):
     theta2, w2, a2 = law
     r1, v, a = (pose[f"r1{part}"] for part in ("", "_rate", "_acceleration"))
     (w1, a1), (w3, a3) = (
-        [pose[f"{bar}_{part}"] for part in ("rate", "acceleration")] for bar in DEGREES)
+        [pose[f"{bar}_{part}"] for part in ("rate", "acceleration")] for bar in DEGREES
+    )
     (c1, s1), (c2, s2), (c3, s3) = (
-        (np.cos(x), np.sin(x)) for x in (pose["theta1"], theta2, pose["theta3"]))
+        (np.cos(x), np.sin(x)) for x in (pose["theta1"], theta2, pose["theta3"])
+    )
     r2, r3 = link["crank"], link["coupler"]
     return [
-        np.array([r2 * c2 + r3 * c3 - r1 * c1, r1 * s1 - r2 * s2 - r3 * s3,
-                  r1 * s1 - link["offset"]]),
-        np.array([w1 * r1 * s1 - v * c1 - w2 * r2 * s2 - w3 * r3 * s3,
-                  v * s1 + w1 * r1 * c1 - w2 * r2 * c2 - w3 * r3 * c3, v * s1 + w1 * r1 * c1]),
-        np.array([r1 * c1 * w1**2 + 2 * v * s1 * w1 - r2 * c2 * w2**2 - r3 * c3 * w3**2 - a * c1
-                  + a1 * r1 * s1 - a2 * r2 * s2 - a3 * r3 * s3,
-                  -r1 * s1 * w1**2 + 2 * v * c1 * w1 + r2 * s2 * w2**2 + r3 * s3 * w3**2 + a * s1
-                  + a1 * r1 * c1 - a2 * r2 * c2 - a3 * r3 * c3,
-                  -r1 * s1 * w1**2 + 2 * v * c1 * w1 + a * s1 + a1 * r1 * c1]),
+        np.array(
+            [r2 * c2 + r3 * c3 - r1 * c1, r1 * s1 - r2 * s2 - r3 * s3, r1 * s1 - link["offset"]]
+        ),
+        np.array(
+            [
+                w1 * r1 * s1 - v * c1 - w2 * r2 * s2 - w3 * r3 * s3,
+                v * s1 + w1 * r1 * c1 - w2 * r2 * c2 - w3 * r3 * c3,
+                v * s1 + w1 * r1 * c1,
+            ]
+        ),
+        np.array(
+            [
+                r1 * c1 * w1**2
+                + 2 * v * s1 * w1
+                - r2 * c2 * w2**2
+                - r3 * c3 * w3**2
+                - a * c1
+                + a1 * r1 * s1
+                - a2 * r2 * s2
+                - a3 * r3 * s3,
+                -r1 * s1 * w1**2
+                + 2 * v * c1 * w1
+                + r2 * s2 * w2**2
+                + r3 * s3 * w3**2
+                + a * s1
+                + a1 * r1 * c1
+                - a2 * r2 * c2
+                - a3 * r3 * c3,
+                -r1 * s1 * w1**2 + 2 * v * c1 * w1 + a * s1 + a1 * r1 * c1,
+            ]
+        ),
     ]
 
 
@@ -89,8 +113,10 @@ def test_newton_raphson_on_the_report_equations(mode):
     guess = {name: pose[name] + 1e-3 for name in ("r1", *DEGREES)}  # off the solution
     zero = {f"{n}_{p}": 0.0 for n in guess for p in ("rate", "acceleration")}
     for _ in range(6):
-        r1, (c1, s1), (c3, s3) = guess["r1"], *(
-            (np.cos(guess[n]), np.sin(guess[n])) for n in DEGREES)
+        r1, (c1, s1), (c3, s3) = (
+            guess["r1"],
+            *((np.cos(guess[n]), np.sin(guess[n])) for n in DEGREES),
+        )
         r3, none = np.full_like(r1, LINK["coupler"]), np.zeros_like(r1)
         matrix = np.stack([-c1, r1 * s1, -r3 * s3, s1, r1 * c1, -r3 * c3, s1, r1 * c1, none], 1)
         matrix = matrix.reshape(-1, 3, 3)
@@ -119,8 +145,9 @@ def test_modes_are_mirror_images(mode):
         shift = np.pi if bar == "theta3" else -np.pi
         np.testing.assert_allclose(image[bar], shift - pose[bar], rtol=0, atol=4e-15)
         for part in ("rate", "acceleration"):
-            np.testing.assert_allclose(image[f"{bar}_{part}"], -pose[f"{bar}_{part}"],
-                                       rtol=0, atol=4e-14)
+            np.testing.assert_allclose(
+                image[f"{bar}_{part}"], -pose[f"{bar}_{part}"], rtol=0, atol=4e-14
+            )
 
 
 def test_start_and_its_misprints():
@@ -174,8 +201,10 @@ def test_extrema_of_the_sweep(name):
 
 
 def test_limits_stroke_and_time_ratio():
-    limits, reach = DATA["limits"], (LINK["coupler"] + LINK["crank"],
-                                     LINK["coupler"] - LINK["crank"])
+    limits, reach = (
+        DATA["limits"],
+        (LINK["coupler"] + LINK["crank"], LINK["coupler"] - LINK["crank"]),
+    )
     outer, inner = np.radians(limits["crank_deg"])
     pose = hacksaw.solve([outer, inner], 1.0, 0.0, **LINK)
     assert np.abs(pose["slider_velocity"]).max() <= 1e-15  # dead points; rounding of the angles

@@ -25,13 +25,26 @@ def printed_equations(x, law):
     r2, r3 = LINK["crank"], LINK["coupler"]
     (c1, s1), (c2, s2), (c3, s3) = ((np.cos(t), np.sin(t)) for t in (t1, t2, t3))
     guide = -r1 * s1 * w1**2 + 2 * v * c1 * w1 + a * s1 + dw1 * r1 * c1
-    return np.array([
-        r1 * s1 - LINK["offset"], -r1 * c1 + r2 * c2 + r3 * c3, r1 * s1 - r2 * s2 - r3 * s3,
-        v * s1 + w1 * r1 * c1, w1 * r1 * s1 - v * c1 - w2 * r2 * s2 - w3 * r3 * s3,
-        v * s1 + w1 * r1 * c1 - w2 * r2 * c2 - w3 * r3 * c3,
-        guide, r1 * c1 * w1**2 + 2 * v * s1 * w1 - r2 * c2 * w2**2 - r3 * c3 * w3**2 - a * c1
-        + dw1 * r1 * s1 - dw2 * r2 * s2 - dw3 * r3 * s3,
-        guide + r2 * s2 * w2**2 + r3 * s3 * w3**2 - dw2 * r2 * c2 - dw3 * r3 * c3])
+    return np.array(
+        [
+            r1 * s1 - LINK["offset"],
+            -r1 * c1 + r2 * c2 + r3 * c3,
+            r1 * s1 - r2 * s2 - r3 * s3,
+            v * s1 + w1 * r1 * c1,
+            w1 * r1 * s1 - v * c1 - w2 * r2 * s2 - w3 * r3 * s3,
+            v * s1 + w1 * r1 * c1 - w2 * r2 * c2 - w3 * r3 * c3,
+            guide,
+            r1 * c1 * w1**2
+            + 2 * v * s1 * w1
+            - r2 * c2 * w2**2
+            - r3 * c3 * w3**2
+            - a * c1
+            + dw1 * r1 * s1
+            - dw2 * r2 * s2
+            - dw3 * r3 * s3,
+            guide + r2 * s2 * w2**2 + r3 * s3 * w3**2 - dw2 * r2 * c2 - dw3 * r3 * c3,
+        ]
+    )
 
 
 def complex_step(function, x):
@@ -46,8 +59,9 @@ def test_printed_iterations_and_root_at_the_start(start, reduced):
     one, (nine,) = hacksaw_newton.pose(REST, first, **LINK, reduced=reduced)
     each, logs = hacksaw_newton.pose(REST, first, **LINK, reduced=reduced, simultaneous=False)
     assert nine.iterations == counts["simultaneous"]
-    assert [s.iterations for s in logs] == [counts[n]
-                                            for n in ("position", "velocity", "acceleration")]
+    assert [s.iterations for s in logs] == [
+        counts[n] for n in ("position", "velocity", "acceleration")
+    ]
     for root in (one, each):
         np.testing.assert_allclose(root[:3], DATA["root"], rtol=0, atol=5.1e-7)  # last printed
         np.testing.assert_allclose(root[3:], 0.0, rtol=0, atol=1e-12)  # step squared, 1e-6
@@ -55,7 +69,8 @@ def test_printed_iterations_and_root_at_the_start(start, reduced):
 
 def test_the_printed_count_for_accelerations_is_that_of_the_positions():
     _, (position, _, acceleration) = hacksaw_newton.pose(
-        REST, DATA["starts"]["code"], **LINK, simultaneous=False)
+        REST, DATA["starts"]["code"], **LINK, simultaneous=False
+    )
     assert acceleration.iterations == 2  # linear: one step solves, the next confirms
     as_printed = 1 + np.argmax(position.steps < DATA["sweep"]["step"])  # line 1420 tests these
     assert as_printed == DATA["iterations"]["acceleration_printed"] != acceleration.iterations
@@ -77,13 +92,16 @@ def test_all_81_entries_of_the_jacobian_by_complex_step(reduced):
         residual, jacobian = hacksaw_newton.system(x, law, **LINK, reduced=reduced)
         scale = np.abs(jacobian).max()  # large in the reduced rows, 1/sin(theta1)^2
         np.testing.assert_allclose(residual, equations(x), rtol=0, atol=1e-14 * scale)  # rounding
-        np.testing.assert_allclose(jacobian, complex_step(equations, x), rtol=0,
-                                   atol=1e-14 * scale)  # rounding; the step itself has no error
+        np.testing.assert_allclose(
+            jacobian, complex_step(equations, x), rtol=0, atol=1e-14 * scale
+        )  # rounding; the step itself has no error
 
 
 def test_line_1109_prints_two_wrong_entries_of_row_7():
-    x, law = hacksaw_newton.pose(
-        [2.0, 5.0, 3.0], hacksaw_newton.SWEEP_GUESS, **LINK)[0], [2.0, 5.0, 3.0]
+    x, law = (
+        hacksaw_newton.pose([2.0, 5.0, 3.0], hacksaw_newton.SWEEP_GUESS, **LINK)[0],
+        [2.0, 5.0, 3.0],
+    )
     r1, t1, w1 = x[0], x[1], x[4]
     true = complex_step(lambda x: printed_equations(x, law), x)
     assert true[6, 6:8] == pytest.approx([np.sin(t1), r1 * np.cos(t1)], rel=1e-14)  # rounding
@@ -107,8 +125,9 @@ def test_sweep_with_continuation_follows_the_closed_form(sweeps):
 
 
 def test_simultaneous_against_sequential_as_the_report_compares_them(sweeps):
-    together = np.array([[sweeps[way][name] for name in hacksaw_newton.NAMES]
-                         for way in (True, False)])
+    together = np.array(
+        [[sweeps[way][name] for name in hacksaw_newton.NAMES] for way in (True, False)]
+    )
     difference = np.linalg.norm(together[0] - together[1], axis=0)
     # the report: of the order of 1e-12, and the step of the simultaneous way usually the larger
     assert 0.5 < difference.max() / DATA["sweep"]["simultaneous_against_sequential"] < 5.0
@@ -161,8 +180,10 @@ def test_failures_are_typed_and_keep_their_log():
 
 def test_more_equations_than_unknowns_take_the_step_of_least_squares():
     def circle_and_line(x):  # three curves through (1, 1)
-        return (np.array([x @ x - 2.0, x[0] - x[1], x[0] * x[1] - 1.0]),
-                np.array([2.0 * x, [1.0, -1.0], x[::-1]]))
+        return (
+            np.array([x @ x - 2.0, x[0] - x[1], x[0] * x[1] - 1.0]),
+            np.array([2.0 * x, [1.0, -1.0], x[::-1]]),
+        )
 
     found = newton_raphson(circle_and_line, [2.0, 0.5])
     np.testing.assert_allclose(found.root, 1.0, rtol=1e-15)  # rounding

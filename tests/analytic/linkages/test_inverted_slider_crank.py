@@ -19,9 +19,13 @@ TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", inverted_slider_crank.MODES)
 GRID = np.arange(512) * TURN / 512
 # Laws with all derivatives alive and periodic, so that spectra can differentiate the curves.
-LAW = np.array([[GRID + 0.3 * np.sin(GRID), 2.0 * GRID + 0.2 * np.cos(GRID)],
-                [1.0 + 0.3 * np.cos(GRID), 2.0 - 0.2 * np.sin(GRID)],
-                [-0.3 * np.sin(GRID), -0.2 * np.cos(GRID)]])
+LAW = np.array(
+    [
+        [GRID + 0.3 * np.sin(GRID), 2.0 * GRID + 0.2 * np.cos(GRID)],
+        [1.0 + 0.3 * np.cos(GRID), 2.0 - 0.2 * np.sin(GRID)],
+        [-0.3 * np.sin(GRID), -0.2 * np.cos(GRID)],
+    ]
+)
 
 
 @st.composite
@@ -30,9 +34,13 @@ def links(draw):
     scale, direction = draw(st.floats(1e-3, 1e3)), draw(st.floats(-np.pi, np.pi))
     reach, share = draw(st.floats(0.2, 0.85)), draw(st.floats(0.1, 0.9))
     ground = scale * np.exp(1j * direction)
-    return {"crank": scale * reach * share, "bar": scale * reach * (1.0 - share),
-            "rod": scale * draw(st.floats(0.5, 3.0)), "ground_x": ground.real,
-            "ground_y": ground.imag}
+    return {
+        "crank": scale * reach * share,
+        "bar": scale * reach * (1.0 - share),
+        "rod": scale * draw(st.floats(0.5, 3.0)),
+        "ground_x": ground.real,
+        "ground_y": ground.imag,
+    }
 
 
 def vectors(pose, name):
@@ -44,17 +52,24 @@ def constraints(q, link):
     """The thesis' Phi and Jacobian of x1 y1 x2 y2 x3 y3 (text lines 3497-3601), inputs given."""
     x1, y1, x2, y2, x3, y3 = q
     bx, by = link["ground_x"], link.get("ground_y", 0.0)
-    phi = [(x2 - x1) ** 2 + (y2 - y1) ** 2 - link["rod"] ** 2,
-           (x3 - x1) * (y2 - y1) - (x2 - x1) * (y3 - y1),
-           x1**2 + y1**2 - link["crank"] ** 2, (x3 - bx) ** 2 + (y3 - by) ** 2 - link["bar"] ** 2]
-    jacobian = [[-2 * (x2 - x1), -2 * (y2 - y1), 2 * (x2 - x1), 2 * (y2 - y1), 0, 0],
-                [y3 - y2, x2 - x3, y1 - y3, x3 - x1, y2 - y1, x1 - x2],
-                [2 * x1, 2 * y1, 0, 0, 0, 0], [0, 0, 0, 0, 2 * (x3 - bx), 2 * (y3 - by)]]
+    phi = [
+        (x2 - x1) ** 2 + (y2 - y1) ** 2 - link["rod"] ** 2,
+        (x3 - x1) * (y2 - y1) - (x2 - x1) * (y3 - y1),
+        x1**2 + y1**2 - link["crank"] ** 2,
+        (x3 - bx) ** 2 + (y3 - by) ** 2 - link["bar"] ** 2,
+    ]
+    jacobian = [
+        [-2 * (x2 - x1), -2 * (y2 - y1), 2 * (x2 - x1), 2 * (y2 - y1), 0, 0],
+        [y3 - y2, x2 - x3, y1 - y3, x3 - x1, y2 - y1, x1 - x2],
+        [2 * x1, 2 * y1, 0, 0, 0, 0],
+        [0, 0, 0, 0, 2 * (x3 - bx), 2 * (y3 - by)],
+    ]
     return np.array(phi), np.array(jacobian)
 
 
 def end_of_rod(p1, p3, guess, link):
     """Point 2 and its derivatives by Newton-Raphson, from those of points 1 and 3 (3,)."""
+
     def row(p2, k):
         return np.array([p1[k].real, p1[k].imag, p2.real, p2.imag, p3[k].real, p3[k].imag])
 
@@ -74,8 +89,12 @@ def end_of_rod(p1, p3, guess, link):
 def right_side(v):
     """b of J qpp = -b for the rod's length and for points 1, 3, 2 in line."""
     x1, y1, x2, y2, x3, y3 = v
-    return np.array([2 * (x2 - x1) ** 2 + 2 * (y2 - y1) ** 2,
-                     2 * ((x3 - x1) * (y2 - y1) - (x2 - x1) * (y3 - y1))])
+    return np.array(
+        [
+            2 * (x2 - x1) ** 2 + 2 * (y2 - y1) ** 2,
+            2 * ((x3 - x1) * (y2 - y1) - (x2 - x1) * (y3 - y1)),
+        ]
+    )
 
 
 @settings(derandomize=True, max_examples=50, deadline=None)
@@ -84,8 +103,10 @@ def test_laws_of_random_links(link, mode):
     pose = inverted_slider_crank.solve(*LAW, **link, mode=mode)
     rod = np.exp(1j * pose["rod_angle"])
     pin, ground = link["crank"] * np.exp(1j * LAW[0, 0]), link["ground_x"] + 1j * link["ground_y"]
-    tip, slider, end = ground + link["bar"] * np.exp(1j * LAW[0, 1]), *(
-        vectors(pose, name)[0] for name in ("slider", "end"))
+    tip, slider, end = (
+        ground + link["bar"] * np.exp(1j * LAW[0, 1]),
+        *(vectors(pose, name)[0] for name in ("slider", "end")),
+    )
     gaps = [slider - tip, pin + pose["slide"] * rod - slider, pin + link["rod"] * rod - end]
     assert np.abs(gaps).max() <= 1e-14 * (abs(ground) + link["rod"])  # rounding: ten operations
     assert np.all(mode * pose["slide"] > 0)
@@ -127,8 +148,12 @@ def test_holding_moments_are_the_slopes_of_the_potential_energy(link, mode, at):
         angles[k] = GRID  # one input turns, the other is held
         pose = inverted_slider_crank.solve(angles, 3.0, **link, mode=mode, **masses, gravity=3.7)
         pin_y = link["crank"] * np.sin(angles[0])
-        heights = (pin_y / 2, (link["ground_y"] + pose["slider_y"]) / 2,
-                   (pin_y + pose["end_y"]) / 2, pose["slider_y"])
+        heights = (
+            pin_y / 2,
+            (link["ground_y"] + pose["slider_y"]) / 2,
+            (pin_y + pose["end_y"]) / 2,
+            pose["slider_y"],
+        )
         energy = 3.7 * sum(m * y for m, y in zip(masses.values(), heights, strict=True))
         # spectral rounding as above, of an energy up to 1e3 times its range
         bound = 1e-13 * 256 * np.abs(energy).max()
@@ -146,8 +171,9 @@ def test_mirror_image(mode):
 
 
 def test_modes_share_the_line_of_the_rod():
-    pose, other = (inverted_slider_crank.solve(*LAW, **LINK, ground_y=2.5, mode=mode)
-                   for mode in (1, -1))
+    pose, other = (
+        inverted_slider_crank.solve(*LAW, **LINK, ground_y=2.5, mode=mode) for mode in (1, -1)
+    )
     for name in ("rod_rate", "rod_acceleration", "slider_x", "slider_ay"):
         np.testing.assert_array_equal(pose[name], other[name])
     for name in ("slide", "slide_rate", "slide_acceleration"):
@@ -191,8 +217,12 @@ def test_the_two_slips_reproduce_the_printed_accelerations():
     row = THESIS["accelerations"][1]
     q, v = np.array(THESIS["position"]), np.array(THESIS["velocity"])
     x1, y1, x2, y2 = v[:4]
-    slipped = np.array([2 * x2 * (x2 * x1) + 2 * y2 * (y2 * y1) - 2 * x1 * (x2 - x1)
-                        - 2 * y1 * (y2 - y1), THESIS["collinearity_right_side_printed_code"]])
+    slipped = np.array(
+        [
+            2 * x2 * (x2 * x1) + 2 * y2 * (y2 * y1) - 2 * x1 * (x2 - x1) - 2 * y1 * (y2 - y1),
+            THESIS["collinearity_right_side_printed_code"],
+        ]
+    )
     jacobian = constraints(q, LINK)[1][:2]
     known = np.array(row["points"])
     known[2:4] = 0.0
@@ -201,9 +231,13 @@ def test_the_two_slips_reproduce_the_printed_accelerations():
         np.testing.assert_allclose(found, result["points"][2:4], rtol=0, atol=1e-7)  # 9 digits in
 
 
-@pytest.mark.parametrize(("name", "bar", "rates"), [
-    ("in_proportion", lambda angle: 2.0 * angle, (1.0, 2.0)),
-    ("held", lambda angle: 0.8 + 0.0 * angle, (1.0, 0.0))])
+@pytest.mark.parametrize(
+    ("name", "bar", "rates"),
+    [
+        ("in_proportion", lambda angle: 2.0 * angle, (1.0, 2.0)),
+        ("held", lambda angle: 0.8 + 0.0 * angle, (1.0, 0.0)),
+    ],
+)
 def test_cycle_tables(name, bar, rates):
     table = np.array(DATA["inverted_cycles"][name]["rows"]).T
     columns = DATA["inverted_cycles"]["columns"][1:]
@@ -222,7 +256,8 @@ def test_slider_leaves_the_rod():
         found = inverted_slider_crank.solve([at, 2.0 * at], **LINK)["slide"]
         assert found == pytest.approx(slide, abs=5.1e-7)  # last digit
     assert [pose["slide"].min(), pose["slide"].max()] == pytest.approx(
-        table["slide_range"], abs=5.1e-9)  # last digit
+        table["slide_range"], abs=5.1e-9
+    )  # last digit
     leave = np.arccos((3.0 - np.sqrt(17.0)) / 4.0)
     intervals = inverted_slider_crank.off_rod(angle, pose["slide_margin"])
     # 1e-9: step^2/8 = 5e-10 times the ratio of second to first derivative, below 1
@@ -231,7 +266,8 @@ def test_slider_leaves_the_rod():
     part = slice(40000, 60001)  # begins and ends off the rod
     np.testing.assert_array_equal(
         inverted_slider_crank.off_rod(angle[part], pose["slide_margin"][part]),
-        [[angle[40000], angle[60000]]])
+        [[angle[40000], angle[60000]]],
+    )
     safe = inverted_slider_crank.off_rod(angle[:20000], pose["slide_margin"][:20000])
     assert safe.shape == (0, 2)
 
@@ -239,9 +275,13 @@ def test_slider_leaves_the_rod():
 @pytest.mark.parametrize(
     ("name", "value"),
     [(n, v) for n in ("crank", "rod") for v in (0.0, -1.0, np.nan, np.inf)]
-    + [(n, v) for n in ("bar", "crank_mass", "bar_mass", "rod_mass", "slider_mass")
-       for v in (-1.0, np.nan)]
-    + [(n, np.nan) for n in ("ground_x", "ground_y", "gravity")] + [("mode", 0)],
+    + [
+        (n, v)
+        for n in ("bar", "crank_mass", "bar_mass", "rod_mass", "slider_mass")
+        for v in (-1.0, np.nan)
+    ]
+    + [(n, np.nan) for n in ("ground_x", "ground_y", "gravity")]
+    + [("mode", 0)],
 )
 def test_bad_value_is_named(name, value):
     with pytest.raises(ValueError, match=f"^{name} must be"):

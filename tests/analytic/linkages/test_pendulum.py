@@ -14,7 +14,8 @@ from proofmass.analytic.linkages import pendulum
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "pendulum_published.json").read_text())
 A01 = {name: DATA["a01"][name] for name in ("length", "mass", "gravity")} | {
-    "amplitude": -np.pi / 2}
+    "amplitude": -np.pi / 2
+}
 BODY = {"length": 0.7, "mass": 1.3, "gravity": 9.81}
 AMPLITUDES = st.floats(-3.1, 3.1).filter(lambda amplitude: abs(amplitude) > 1e-3)
 
@@ -73,8 +74,15 @@ def test_symmetries(amplitude):
 def test_integrator_agrees(amplitude):
     squared = BODY["gravity"] / BODY["length"]
     time = np.linspace(0.0, 2.0 * period(amplitude), 101)
-    run = solve_ivp(lambda _, y: [y[1], -squared * np.sin(y[0])], time[[0, -1]],
-                    [amplitude, 0.0], "DOP853", time, rtol=1e-13, atol=1e-14)
+    run = solve_ivp(
+        lambda _, y: [y[1], -squared * np.sin(y[0])],
+        time[[0, -1]],
+        [amplitude, 0.0],
+        "DOP853",
+        time,
+        rtol=1e-13,
+        atol=1e-14,
+    )
     swing = pendulum.solve(time, **BODY, amplitude=amplitude)
     # the integrator's own error: 1e-13, times 1/k' = 14 per near stop at the top (amplitude 3)
     np.testing.assert_allclose(run.y[0], swing["angle"], rtol=0, atol=1e-9)
@@ -90,8 +98,9 @@ def test_scipy_elliptic_functions_agree(amplitude):
     swing = pendulum.solve(time, **BODY, amplitude=amplitude)
     # scipy works from 1 - k^2, which is rounded: eps/other^2 in its period
     np.testing.assert_allclose(swing["angle"], 2 * np.arctan2(k * cn, other), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(swing["rate"], -2 * frequency * k * other * sn / dn, rtol=0,
-                               atol=1e-12 * frequency)
+    np.testing.assert_allclose(
+        swing["rate"], -2 * frequency * k * other * sn / dn, rtol=0, atol=1e-12 * frequency
+    )
     assert period(amplitude) == pytest.approx(4 * ellipk(k * k) / frequency, rel=1e-13)
 
 

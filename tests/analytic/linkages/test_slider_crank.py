@@ -31,8 +31,13 @@ def full_turn_links(draw):
     coupler = (scale * crank + abs(offset)) * draw(st.floats(1.15, 4.0))
     direction, along = draw(st.floats(-np.pi, np.pi)), scale * draw(st.floats(-3.0, 3.0))
     point = (along + 1j * offset) * np.exp(1j * direction)
-    return {"crank": scale * crank, "coupler": coupler, "guide_x": point.real,
-            "guide_y": point.imag, "guide_angle": direction}
+    return {
+        "crank": scale * crank,
+        "coupler": coupler,
+        "guide_x": point.real,
+        "guide_y": point.imag,
+        "guide_angle": direction,
+    }
 
 
 def size(link):
@@ -45,15 +50,26 @@ def constraints(q, link):
     ux, uy = np.cos(link["guide_angle"]), np.sin(link["guide_angle"])
     none, one = np.zeros_like(x1), np.ones_like(x1)
     level, r = np.abs(np.cos(angle)) < np.sqrt(0.5), link["crank"]
-    phi = [x1**2 + y1**2 - r**2, (x2 - x1) ** 2 + (y2 - y1) ** 2 - link["coupler"] ** 2,
-           (x2 - link["guide_x"]) * uy - (y2 - link["guide_y"]) * ux,
-           np.where(level, x1 - r * np.cos(angle), y1 - r * np.sin(angle)), none]
-    rows = [[2 * x1, 2 * y1, none, none, none],
-            [2 * (x1 - x2), 2 * (y1 - y2), 2 * (x2 - x1), 2 * (y2 - y1), none],
-            [none, none, uy * one, -ux * one, none],
-            [1.0 * level, 1.0 * ~level, none, none,
-             np.where(level, r * np.sin(angle), -r * np.cos(angle))],
-            [none, none, none, none, one]]
+    phi = [
+        x1**2 + y1**2 - r**2,
+        (x2 - x1) ** 2 + (y2 - y1) ** 2 - link["coupler"] ** 2,
+        (x2 - link["guide_x"]) * uy - (y2 - link["guide_y"]) * ux,
+        np.where(level, x1 - r * np.cos(angle), y1 - r * np.sin(angle)),
+        none,
+    ]
+    rows = [
+        [2 * x1, 2 * y1, none, none, none],
+        [2 * (x1 - x2), 2 * (y1 - y2), 2 * (x2 - x1), 2 * (y2 - y1), none],
+        [none, none, uy * one, -ux * one, none],
+        [
+            1.0 * level,
+            1.0 * ~level,
+            none,
+            none,
+            np.where(level, r * np.sin(angle), -r * np.cos(angle)),
+        ],
+        [none, none, none, none, one],
+    ]
     return np.stack(phi, -1), np.moveaxis(np.array(rows), 2, 0)
 
 
@@ -72,8 +88,16 @@ def natural_coordinates(angle, rate, acceleration, link, guess):
     none = np.zeros_like(angle)
     v = solved(jacobian, np.stack([none, none, none, none, rate], -1))
     turn = np.where(jacobian[:, 3, 0] == 1.0, np.cos(angle), np.sin(angle))
-    b = np.stack([2 * (v[:, :2] ** 2).sum(-1), 2 * ((v[:, 2:4] - v[:, :2]) ** 2).sum(-1), none,
-                  rate**2 * link["crank"] * turn, -acceleration], -1)
+    b = np.stack(
+        [
+            2 * (v[:, :2] ** 2).sum(-1),
+            2 * ((v[:, 2:4] - v[:, :2]) ** 2).sum(-1),
+            none,
+            rate**2 * link["crank"] * turn,
+            -acceleration,
+        ],
+        -1,
+    )
     return np.stack([q, v, solved(jacobian, -b)])
 
 
@@ -115,15 +139,24 @@ def test_newton_raphson_in_natural_coordinates(link, mode):
 def test_turning_the_drawing_turns_the_motion(link, mode, by):
     pose = slider_crank.solve(*LAW, **link, mode=mode)
     point = (link["guide_x"] + 1j * link["guide_y"]) * np.exp(1j * by)
-    turned = slider_crank.solve(LAW[0] + by, *LAW[1:], **{
-        **link, "guide_x": point.real, "guide_y": point.imag,
-        "guide_angle": link["guide_angle"] + by}, mode=mode)
+    turned = slider_crank.solve(
+        LAW[0] + by,
+        *LAW[1:],
+        **{
+            **link,
+            "guide_x": point.real,
+            "guide_y": point.imag,
+            "guide_angle": link["guide_angle"] + by,
+        },
+        mode=mode,
+    )
     for part in ("slide", "slide_rate", "slide_acceleration"):
         # 1e-13: rounding of angles of up to 10 rad, through slopes of up to 50
         bound = 1e-13 * max(np.abs(pose[part]).max(), size(link))
         np.testing.assert_allclose(turned[part], pose[part], rtol=0, atol=bound)
-    np.testing.assert_allclose(turned["transmission_angle"], pose["transmission_angle"],
-                               rtol=0, atol=1e-13)  # the same
+    np.testing.assert_allclose(
+        turned["transmission_angle"], pose["transmission_angle"], rtol=0, atol=1e-13
+    )  # the same
 
 
 @MODES
@@ -142,10 +175,13 @@ def test_the_hacksaw_is_a_slider_crank(mode):
     pose = slider_crank.solve(*LAW, **link, guide_y=0.045, mode=mode)
     saw = hacksaw.solve(*LAW, **link, offset=0.045, mode=-mode)
     # eps times slopes of up to 10 near the leaning coupler: the formulas differ
-    for name, other in (("slide", "slider_x"), ("slide_rate", "slider_velocity"),
-                        ("slide_acceleration", "slider_acceleration"),
-                        ("coupler_rate", "theta3_rate"),
-                        ("coupler_acceleration", "theta3_acceleration")):
+    for name, other in (
+        ("slide", "slider_x"),
+        ("slide_rate", "slider_velocity"),
+        ("slide_acceleration", "slider_acceleration"),
+        ("coupler_rate", "theta3_rate"),
+        ("coupler_acceleration", "theta3_acceleration"),
+    ):
         np.testing.assert_allclose(pose[name], saw[other], rtol=0, atol=5e-15)
 
 
@@ -154,11 +190,13 @@ def test_a_four_bar_with_a_long_rocker_is_a_slider_crank():
     pose = slider_crank.solve(angle, rate, acceleration, **LINK)
     errors = []
     for rocker in (1e4, 1e5):  # about a point far below the guide, the drawing turned by a quarter
-        bar = fourbar.solve(angle + np.pi / 2, rate, acceleration, **LINK, rocker=rocker,
-                            ground=rocker, mode=1)
+        bar = fourbar.solve(
+            angle + np.pi / 2, rate, acceleration, **LINK, rocker=rocker, ground=rocker, mode=1
+        )
         along = np.stack([bar["pin_y"], bar["pin_vy"], bar["pin_ay"], bar["transmission_angle"]])
-        straight = np.stack([pose[n] for n in ("slide", "slide_rate", "slide_acceleration",
-                                               "transmission_angle")])
+        straight = np.stack(
+            [pose[n] for n in ("slide", "slide_rate", "slide_acceleration", "transmission_angle")]
+        )
         errors.append(np.abs(along - straight).max(axis=1))
     # the pin's circle leaves the guide by x^2/2R: every error falls with 1/R
     np.testing.assert_allclose(errors[0] / errors[1], 10.0, rtol=2e-3)  # next order, 1/R^2
@@ -168,8 +206,9 @@ def test_a_four_bar_with_a_long_rocker_is_a_slider_crank():
 @MODES
 def test_holding_moment_is_the_slope_of_the_potential_energy(mode):
     load = -40.0
-    pose = slider_crank.solve(GRID, 5.0, **INCLINED, mode=mode, **MASSES, gravity=3.7,
-                              slider_load=load)
+    pose = slider_crank.solve(
+        GRID, 5.0, **INCLINED, mode=mode, **MASSES, gravity=3.7, slider_load=load
+    )
     crank_y = LINK["crank"] * np.sin(GRID)
     heights = crank_y / 2, (crank_y + pose["slider_y"]) / 2, pose["slider_y"]
     energy = 3.7 * sum(m * y for m, y in zip(MASSES.values(), heights, strict=True))
@@ -195,8 +234,9 @@ def test_velocities_of_the_thesis_and_their_misprint():
     pose = slider_crank.solve(THESIS["angle"], table["rate"], **LINK)
     assert pose["slider_vx"] == pytest.approx(table["true"][2], abs=1e-11)  # 12 digits
     assert abs(pose["slider_vx"] - table["printed"][2]) > 1.0
-    q = natural_coordinates(*np.array([[THESIS["angle"]], [1.0], [0.0]]), link,
-                            np.array([2.8 + 0j]))[0]
+    q = natural_coordinates(
+        *np.array([[THESIS["angle"]], [1.0], [0.0]]), link, np.array([2.8 + 0j])
+    )[0]
     jacobian = constraints(q, link)[1][0]
     right = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
     np.testing.assert_allclose(solved(jacobian, right), table["true"], rtol=0, atol=1e-11)
@@ -221,16 +261,20 @@ def test_cycle_table():
     for name, column in zip(table["columns"][1:], columns[1:], strict=True):
         np.testing.assert_allclose(pose[name], column, rtol=0, atol=1e-11)  # table has 12 digits
     exact = slider_crank.solve(np.array([0.0, 0.5, 1.0]) * np.pi, **LINK)
-    for name, values in (("slide", [3.0, np.sqrt(3.0), 1.0]), ("slide_rate", [0.0, -1.0, 0.0]),
-                         ("slide_acceleration", [-1.5, 1.0 / np.sqrt(3.0), 0.5])):
+    for name, values in (
+        ("slide", [3.0, np.sqrt(3.0), 1.0]),
+        ("slide_rate", [0.0, -1.0, 0.0]),
+        ("slide_acceleration", [-1.5, 1.0 / np.sqrt(3.0), 0.5]),
+    ):
         np.testing.assert_allclose(exact[name], values, rtol=0, atol=5e-16)  # rounding of pi
 
 
 def test_inclined_guide():
     table = DATA["slider_crank_inclined"]
     (x, y), (x2, y2) = table["guide_through"]
-    pose = slider_crank.solve(table["angle"], **LINK, guide_x=x, guide_y=y,
-                              guide_angle=np.arctan2(y2 - y, x2 - x))
+    pose = slider_crank.solve(
+        table["angle"], **LINK, guide_x=x, guide_y=y, guide_angle=np.arctan2(y2 - y, x2 - x)
+    )
     for name in ("slider_x", "slider_y", "slider_vx", "slider_vy", "slider_ax", "slider_ay"):
         assert pose[name] == pytest.approx(table[name], abs=5.1e-7), name  # six decimals
 

@@ -51,8 +51,13 @@ def test_offset_change_point_closes_after_two_turns(offset, mode):
     angle = 2 * TURN * (np.arange(1024) + 0.37) / 1024
     along = np.exp(0.7j)
     point = (30.0 + 1j * offset) * along
-    link = {"crank": 1.0, "coupler": 1.3, "guide_x": point.real, "guide_y": point.imag,
-            "guide_angle": 0.7}
+    link = {
+        "crank": 1.0,
+        "coupler": 1.3,
+        "guide_x": point.real,
+        "guide_y": point.imag,
+        "guide_angle": 0.7,
+    }
     pose = slider_crank.solve(angle, **link, mode=mode)
     pin = np.exp(1j * angle) + 1.3 * np.exp(1j * pose["coupler_angle"])
     assert np.abs(pin - point - pose["slide"] * along).max() <= 3e-14  # rounding of the 30 m
@@ -69,8 +74,12 @@ def test_offset_change_point_closes_after_two_turns(offset, mode):
     ("name", "value"),
     [(n, v) for n in ("crank", "coupler") for v in (0.0, -1.0, np.nan, np.inf)]
     + [(n, v) for n in MASSES for v in (-1.0, np.nan)]
-    + [(n, v) for n in ("guide_x", "guide_y", "guide_angle", "slider_load", "gravity")
-       for v in (np.nan, np.inf)] + [("mode", 0)],
+    + [
+        (n, v)
+        for n in ("guide_x", "guide_y", "guide_angle", "slider_load", "gravity")
+        for v in (np.nan, np.inf)
+    ]
+    + [("mode", 0)],
 )
 def test_bad_value_is_named(name, value):
     with pytest.raises(ValueError, match=f"^{name} must be"):
@@ -80,7 +89,8 @@ def test_bad_value_is_named(name, value):
 def test_unreachable_angle_is_named_with_the_miss():
     limit = np.arcsin(0.7)  # coupler across the guide
     assert slider_crank.solve(limit, **SHORT)["slide"] == pytest.approx(
-        np.cos(limit), abs=1e-7)  # root of the rounding
+        np.cos(limit), abs=1e-7
+    )  # root of the rounding
     with pytest.raises(ValueError, match=r"angle 1\.6 rad: .* by 0\.299574 m"):
         slider_crank.solve([0.0, 0.5, 1.6, 1.7], **SHORT)
     with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by 0\.5 m"):

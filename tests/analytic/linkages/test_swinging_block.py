@@ -19,8 +19,9 @@ GRID = np.arange(512) * TURN / 512
 @pytest.mark.parametrize("mode", swinging_block.MODES)
 def test_it_is_the_inverted_slider_crank_with_the_bar_held(mode):
     classic = swinging_block.solve(GRID, 1.3, -0.4, **HELD, mode=mode, **MASSES)
-    pose = inverted_slider_crank.solve([GRID, 0.8 + 0.0 * GRID], [1.3, 0.0], [-0.4, 0.0], **LINK,
-                                       mode=mode, **MASSES)
+    pose = inverted_slider_crank.solve(
+        [GRID, 0.8 + 0.0 * GRID], [1.3, 0.0], [-0.4, 0.0], **LINK, mode=mode, **MASSES
+    )
     for name, curve in classic.items():  # rounding: the two add up the pivot differently
         np.testing.assert_allclose(curve, pose[name], rtol=0, atol=1e-13 * np.ptp(curve))
 
@@ -31,7 +32,8 @@ def test_rocking_rod_of_the_held_bar():
     crank, rod = swinging_block.extremes(**geometry)
     line = np.arctan2(HELD["pivot_y"], HELD["pivot_x"])
     assert np.degrees(rod - line) == pytest.approx(
-        [table["rocks_deg"], -table["rocks_deg"]], abs=5.1e-7)  # last digit
+        [table["rocks_deg"], -table["rocks_deg"]], abs=5.1e-7
+    )  # last digit
     pose = swinging_block.solve(crank, **HELD)
     assert np.abs(pose["rod_rate"]).max() <= 1e-15  # the rod turns back; rounding
     np.testing.assert_allclose(pose["rod_angle"], rod, rtol=1e-15)
@@ -52,8 +54,9 @@ def test_swinging_block_is_a_triangle(crank):
     pose = swinging_block.solve(GRID, crank=crank, rod=3.0, pivot_x=1.0)
     square = crank**2 + 1.0 - 2.0 * crank * np.cos(GRID)
     np.testing.assert_allclose(pose["slide"] ** 2, square, rtol=1e-14)  # rounding
-    np.testing.assert_allclose(pose["rod_rate"], (crank**2 - crank * np.cos(GRID)) / square,
-                               rtol=0, atol=4e-15)  # rounding
+    np.testing.assert_allclose(
+        pose["rod_rate"], (crank**2 - crank * np.cos(GRID)) / square, rtol=0, atol=4e-15
+    )  # rounding
     winds = pose["rod_angle"][-1] + pose["rod_rate"][-1] * TURN / 512 - pose["rod_angle"][0]
     assert winds == pytest.approx(TURN if crank > 1.0 else 0.0, abs=1e-3)  # a step's curvature
 

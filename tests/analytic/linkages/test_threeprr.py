@@ -49,12 +49,15 @@ def document_polynomial(sliders, where):
     f3 = linear(2 * a * (l2 - b2), 0, -(l1**2) + a**2 + (l2 - b2) ** 2)
     g1 = linear(a, -a * r, 2 * (l1 - b3))
     g2 = linear(a * r, a, 2 * (l3 - h3))
-    g3 = linear(a * r * (l3 - h3) - a * b3, a * (l3 - h3) + a * r * b3,
-                -(l1**2) + b3**2 + a**2 + (l3 - h3) ** 2)
+    g3 = linear(
+        a * r * (l3 - h3) - a * b3,
+        a * (l3 - h3) + a * r * b3,
+        -(l1**2) + b3**2 + a**2 + (l3 - h3) ** 2,
+    )
     den = times(f2, g1) - times(f1, g2)
     x, y = times(f3, g2) - times(f2, g3), times(f1, g3) - times(f3, g1)
     x = x - l1 * den
-    terms = times(x, x), times(y, y), -where["leg"] ** 2 * times(den, den)
+    terms = times(x, x), times(y, y), -(where["leg"] ** 2) * times(den, den)
     return sum(terms) / max(np.abs(term).max() for term in terms), den
 
 
@@ -70,8 +73,10 @@ def mechanisms(draw):
     y = leg * (low + (high - low) * draw(st.floats(0.0, 1.0)))
     x = leg * draw(st.floats(-2.0, 4.0))
     third = corners(x, y, psi, where["side"])[2]
-    where |= {"guide3_x": third.real + 0.99 * leg * draw(st.floats(-1.0, 1.0)),
-              "guide3_y": leg * draw(st.floats(-3.0, 5.0))}
+    where |= {
+        "guide3_x": third.real + 0.99 * leg * draw(st.floats(-1.0, 1.0)),
+        "guide3_y": leg * draw(st.floats(-3.0, 5.0)),
+    }
     return where, np.array([x, y, psi])
 
 
@@ -123,8 +128,13 @@ def test_any_two_legs_may_be_parallel(pair, off):
     c = np.array(corners(0.0, 0.0, 0.7, 1.0)) - leg * np.exp(1j * lean)
     axis = np.angle(c[1] - c[0])
     c, start = (c - c[0]) * np.exp(-1j * axis), -c[0] * np.exp(-1j * axis)  # C1 and C2 on y = 0
-    where = {"side": 1.0, "leg": leg, "guide2_x": c[1].real, "guide3_x": c[2].real,
-             "guide3_y": c[2].imag}
+    where = {
+        "side": 1.0,
+        "leg": leg,
+        "guide2_x": c[1].real,
+        "guide3_x": c[2].real,
+        "guide3_y": c[2].imag,
+    }
     found, still = poses(np.zeros(3), **where), np.zeros(3)
     rows = there(found)
     assert nearest(rows, [start.real, start.imag, 0.7 - axis]) <= 1e-12  # rounding over 1e-3
@@ -152,8 +162,13 @@ def test_round_trip_of_random_mechanisms(mechanism):
 @given(st.floats(0.2, 3.0), st.tuples(*[st.floats(-1.0, 3.0)] * 6))
 def test_poses_are_the_roots_of_the_document_polynomial(side, numbers):
     """Errata: the polynomial of degree 8 has the factor 1 + t^2, so there are at most 6 poses."""
-    where = dict(zip(("side", "leg", "guide2_x", "guide3_x", "guide3_y"),
-                     (side, 1.0, *numbers[:3]), strict=True))
+    where = dict(
+        zip(
+            ("side", "leg", "guide2_x", "guide3_x", "guide3_y"),
+            (side, 1.0, *numbers[:3]),
+            strict=True,
+        )
+    )
     sliders = np.array(numbers[3:])
     p, _ = document_polynomial(sliders, where)
     assert abs(np.polynomial.polynomial.polyval(1j, p)) <= 1e-12  # rounding of nine terms
@@ -185,8 +200,13 @@ def test_a_pose_at_half_a_turn_is_found():
 def test_lengths_that_differ_by_a_hundred():
     rng = np.random.default_rng(7)
     for side, leg in ((0.01, 1.0), (1.0, 100.0)):
-        where = {"side": side, "leg": leg, "guide2_x": leg, "guide3_x": 0.6 * leg,
-                 "guide3_y": 0.4 * leg}
+        where = {
+            "side": side,
+            "leg": leg,
+            "guide2_x": leg,
+            "guide3_x": 0.6 * leg,
+            "guide3_y": 0.4 * leg,
+        }
         pose = np.array([[0.5 * leg], [0.5 * leg], [0.0]]) + rng.uniform(-0.1, 0.1, (3, 200))
         found = threeprr.solve_inverse(pose, **where)
         back = poses([found[f"slider_{k}"] for k in (1, 2, 3)], **where)
@@ -221,8 +241,10 @@ def test_two_poses_meet_in_a_singular_one():
 def test_a_mode_that_is_not_there_is_named_with_what_is():
     for third, kind in ((-0.2, "short"), (2.5, "long")):
         path = np.array([[2.0] * 3, [0.5] * 3, [0.2, third, -9.0]])
-        message = (rf"\+1 is not there .*\(2, 0.5, {third}\) m; "
-                   rf"the legs are too {kind} by ([\d.]+) m")
+        message = (
+            rf"\+1 is not there .*\(2, 0.5, {third}\) m; "
+            rf"the legs are too {kind} by ([\d.]+) m"
+        )
         with pytest.raises(ValueError, match=message) as caught:
             threeprr.solve(path, **WHERE)
         by = float(re.search(message, str(caught.value))[1]) * (1 if kind == "short" else -1)

@@ -24,10 +24,22 @@ from tests.analytic.linkages.threeprr_tables import (
 
 TURN = 2.0 * np.pi
 GRID = np.arange(256) / 256
-CIRCLE = {"centre_x": 1.6, "centre_y": 1.0, "radius": 0.15, "period": 1.0, "psi": -0.4,
-          "swing": 0.2}
-HEAVY = {"platform_mass": 2.0, "leg_mass": 0.7, "slider_mass": 0.5, "load_x": 3.0, "load_y": -2.0,
-         "load_moment": 1.5}
+CIRCLE = {
+    "centre_x": 1.6,
+    "centre_y": 1.0,
+    "radius": 0.15,
+    "period": 1.0,
+    "psi": -0.4,
+    "swing": 0.2,
+}
+HEAVY = {
+    "platform_mass": 2.0,
+    "leg_mass": 0.7,
+    "slider_mass": 0.5,
+    "load_x": 3.0,
+    "load_y": -2.0,
+    "load_moment": 1.5,
+}
 
 
 @pytest.mark.parametrize("table", [TABLE3, TABLE4], ids=("table 3", "table 4"))
@@ -54,8 +66,11 @@ def test_rates_are_derivatives(leg_mode):
         assert_close(TURN * derivative(law[0][k]), law[1][k], 1e-12)
         assert_close(TURN * derivative(law[1][k]), law[2][k], 1e-12)
     wanted = CIRCLE["psi"] + CIRCLE["swing"] * np.sin(TURN * GRID)
-    pose = next(p for p in (threeprr.solve(*law, **WHERE, mode=m) for m in (1, -1))
-                if np.allclose(p["psi"], wanted))
+    pose = next(
+        p
+        for p in (threeprr.solve(*law, **WHERE, mode=m) for m in (1, -1))
+        if np.allclose(p["psi"], wanted)
+    )
     for name in (*POSE, "leg_angle_1", "leg_angle_2", "leg_angle_3"):
         # rounding times wave number 128 over the smallest determinant
         assert_close(TURN * derivative(pose[name]), pose[f"{name}_rate"], 1e-10)
@@ -78,8 +93,12 @@ def test_holding_forces_are_slopes_of_the_potential(mode):
         for corner, slider in zip(p, c, strict=True):
             height = height + 0.5 * HEAVY["leg_mass"] * (corner + slider).imag
             height = height + HEAVY["slider_mass"] * slider.imag
-        potential = (9.81 * height - HEAVY["load_x"] * pose["x"] - HEAVY["load_y"] * pose["y"]
-                     - HEAVY["load_moment"] * pose["psi"])
+        potential = (
+            9.81 * height
+            - HEAVY["load_x"] * pose["x"]
+            - HEAVY["load_y"] * pose["y"]
+            - HEAVY["load_moment"] * pose["psi"]
+        )
         assert static[f"holding_force_{k + 1}"] == pytest.approx(weights @ potential, abs=1e-10)
 
 
@@ -88,17 +107,25 @@ def test_singularity_is_the_determinant_of_the_leg_lengths():
     step, where = 1e-6, {**WHERE, "side": 0.8, "leg": 1.2}
     found = threeprr.solve_inverse([x, y, psi], **where, mode=3)
     sliders = [found[f"slider_{k}"] for k in (1, 2, 3)]
-    columns = [[(up - down) / (2 * step) for up, down in zip(
-        leg_errors(np.array([x, y, psi]) + h, sliders, where),
-        leg_errors(np.array([x, y, psi]) - h, sliders, where), strict=True)]
-        for h in step * np.eye(3)]
+    columns = [
+        [
+            (up - down) / (2 * step)
+            for up, down in zip(
+                leg_errors(np.array([x, y, psi]) + h, sliders, where),
+                leg_errors(np.array([x, y, psi]) - h, sliders, where),
+                strict=True,
+            )
+        ]
+        for h in step * np.eye(3)
+    ]
     expected = np.linalg.det(np.transpose(columns)) / where["side"]
     assert found["singularity"] == pytest.approx(expected, abs=1e-9)  # rounding over the step
     back = poses(sliders, **where)
     assert nearest(there(back), [x, y, psi]) <= 1e-14  # rounding
     assert np.nanmin(np.abs(back["singularity"] - found["singularity"])) <= 1e-13
     assert found["lean_3"] == pytest.approx(
-        (sliders[2] - (where["guide3_y"] - corners(x, y, psi, 0.8)[2].imag)) / -1.2, abs=1e-15)
+        (sliders[2] - (where["guide3_y"] - corners(x, y, psi, 0.8)[2].imag)) / -1.2, abs=1e-15
+    )
 
 
 def test_modes_are_continuous_between_folds():
@@ -145,8 +172,11 @@ def test_what_is_reachable_is_what_the_inverse_solves():
 def test_unreachable_pose_is_named_with_the_miss():
     where = {**WHERE, "guide3_x": 2.0}
     high = np.transpose([(1.5, 0.9, 0.0), (1.5, 1.25, 0.0)])
-    with pytest.raises(ValueError, match=r"pose \(1.5 m, 1.25 m, 0 rad\) is out of reach: leg 1 is "
-                                         r"too short by 0.25 m"):
+    with pytest.raises(
+        ValueError,
+        match=r"pose \(1.5 m, 1.25 m, 0 rad\) is out of reach: leg 1 is "
+        r"too short by 0.25 m",
+    ):
         threeprr.solve_inverse(high, **where)
     upright = threeprr.solve_inverse([1.5, 1.0, 0.0], [0.0, 1.0, 0.0], **where)
     assert upright["slider_1"] == 1.5  # border of the workspace: leg 1 perpendicular to its guide
@@ -157,7 +187,8 @@ def test_unreachable_pose_is_named_with_the_miss():
 @pytest.mark.parametrize(
     ("name", "value"),
     [(n, v) for n in ("side", "leg") for v in (0.0, -1.0, np.nan, np.inf)]
-    + [(n, np.nan) for n in ("guide2_x", "guide3_x", "guide3_y")] + [("mode", 0)],
+    + [(n, np.nan) for n in ("guide2_x", "guide3_x", "guide3_y")]
+    + [("mode", 0)],
 )
 def test_bad_value_is_named(name, value):
     for module in (threeprr, threeprr):

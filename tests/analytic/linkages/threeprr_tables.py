@@ -22,14 +22,19 @@ def corners(x, y, psi, side):
 
 def ends(sliders, where):
     """C1, C2, C3, as complex numbers."""
-    return [sliders[0] + 0j, where["guide2_x"] - sliders[1] + 0j,
-            where["guide3_x"] + 1j * (where["guide3_y"] - sliders[2])]
+    return [
+        sliders[0] + 0j,
+        where["guide2_x"] - sliders[1] + 0j,
+        where["guide3_x"] + 1j * (where["guide3_y"] - sliders[2]),
+    ]
 
 
 def leg_errors(pose, sliders, where):
     """How far each leg is from its length, for poses x, y, psi."""
-    return [np.abs(p - c) - where["leg"] for p, c in zip(
-        corners(*pose, where["side"]), ends(sliders, where), strict=True)]
+    return [
+        np.abs(p - c) - where["leg"]
+        for p, c in zip(corners(*pose, where["side"]), ends(sliders, where), strict=True)
+    ]
 
 
 def all_triples(pose, where):

@@ -24,16 +24,25 @@ from tests.analytic.linkages.random_linkages import bar, compiled, four_bars
 RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
-def four_bar(crank: float, coupler: float, rocker: float, ground: float, first: float = 0.0,
-             mode: int = 1, off: float = 0.0) -> mujoco.MjModel:
+def four_bar(
+    crank: float,
+    coupler: float,
+    rocker: float,
+    ground: float,
+    first: float = 0.0,
+    mode: int = 1,
+    off: float = 0.0,
+) -> mujoco.MjModel:
     """A four-bar with its start pose at a crank angle, its rocker off by some radians."""
-    start = fourbar.solve(first, crank=crank, coupler=coupler, rocker=rocker, ground=ground,
-                          mode=mode)
+    start = fourbar.solve(
+        first, crank=crank, coupler=coupler, rocker=rocker, ground=ground, mode=mode
+    )
     bodies = bar("crank", crank, inside=bar("coupler", coupler, f"{crank} 0 0"))
     bodies += bar("rocker", rocker, f"{ground} 0 0")
     key = [first, float(start["coupler_angle"]) - first, float(start["rocker_angle"]) + off]
-    return compiled(bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"},
-                    ("rocker",), key)
+    return compiled(
+        bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"}, ("rocker",), key
+    )
 
 
 def branch(model: mujoco.MjModel, *joints: str) -> Branch:
@@ -54,8 +63,10 @@ def test_it_stops_at_the_limit_position():
             solve(inputs.T, model=four_bar(2, 2, 2.5, 3), joints=("crank",))
 
 
-@pytest.mark.parametrize("samples", [
-    360, 47, *(pytest.param(samples, marks=pytest.mark.slow) for samples in (359, 1000))])
+@pytest.mark.parametrize(
+    "samples",
+    [360, 47, *(pytest.param(samples, marks=pytest.mark.slow) for samples in (359, 1000))],
+)
 @pytest.mark.parametrize("mode", [1, -1])
 def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
     """(1, 2, 2, 3) is flat at pi; the closed form continues it by cos(angle / 2)."""
@@ -64,8 +75,11 @@ def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
     found = solve(x, model=four_bar(1, 2, 2, 3, mode=mode), joints=("crank",))
     # rounding times 1 / distance to the change point, to the first, second and third power
     near = np.abs(np.cos(x / 2)).min()
-    for name, truth_name, power in (("rocker", "rocker_angle", 1), ("rocker_rate",) * 2 + (2,),
-                                    ("rocker_acceleration",) * 2 + (3,)):
+    for name, truth_name, power in (
+        ("rocker", "rocker_angle", 1),
+        ("rocker_rate",) * 2 + (2,),
+        ("rocker_acceleration",) * 2 + (3,),
+    ):
         assert np.abs(found[name] - truth[truth_name]).max() < 1e-14 / near**power
 
 
@@ -92,7 +106,7 @@ def test_success_is_on_the_branch_and_failure_at_a_limit(linkage):
         return
     q, failure = follower.follow(linkage.way)
     x = linkage.way[:, 0]
-    truth = linkage.solve(x[:len(q)])  # raises where there is no pose
+    truth = linkage.solve(x[: len(q)])  # raises where there is no pose
     loose = 1e-13 / np.maximum(np.sin(truth["transmission_angle"]), 1e-7)
     wrong = np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"]))
     assert (wrong < np.maximum(loose, 1e-12)).all()
@@ -112,8 +126,7 @@ def test_one_long_stride_keeps_the_branch():
 
 @pytest.mark.parametrize("off", [1e-9, 1e-3])
 def test_a_motion_beside_a_solved_one_takes_no_steps(off, monkeypatch):
-    """It is the closed form all the same, along two turns with a wobble, and back beyond the start.
-    """
+    """It is the closed form along two turns with a wobble, and back beyond the start."""
     x = np.linspace(-1.0, 4 * np.pi, 361)
     beside = x + off * np.sin(7 * x)
     model = four_bar(1, 2, 2.5, 3, mode=-1)
@@ -153,8 +166,14 @@ def test_a_third_crank_on_a_parallelogram_is_over_constrained():
     end = '<site name="mid" pos="0.5 0 0"/>'
     bodies = bar("crank", 1.0, inside=bar("coupler", 2.0, "1 0 0", inside=end))
     bodies += bar("rocker", 1.0, "2 0 0") + bar("third", 1.0, "0.5 0 0")
-    model = compiled(bodies, [("coupler_end", "rocker_end"), ("mid", "third_end")], ("crank",),
-                     {"pin": "rocker_end"}, ("rocker",), [1.0, -1.0, 1.0, 1.0])
+    model = compiled(
+        bodies,
+        [("coupler_end", "rocker_end"), ("mid", "third_end")],
+        ("crank",),
+        {"pin": "rocker_end"},
+        ("rocker",),
+        [1.0, -1.0, 1.0, 1.0],
+    )
     with pytest.raises(Overconstrained, match=r"4 equations, of which only 3 are independent"):
         branch(model)
 
@@ -199,13 +218,22 @@ def test_geared_cranks_follow_their_polynomial(ratio, bend):
     np.testing.assert_allclose(found["dw"], 3 * (ratio + 2 * bend * x) + 8 * bend, atol=1e-13)
 
 
-@pytest.mark.parametrize(("xml", "words"), [
-    ('<body><freejoint/><geom size="0.1"/></body>', "neither a hinge nor a slide"),
-    ('<body><joint name="a" axis="0 0 1"/><geom size="0.1"/><body><joint name="b" axis="0 1 0"/>'
-     '<geom size="0.1"/></body></body>', "joint 'b' leaves the plane"),
-    ('<body><joint name="a" frictionloss="1"/><geom size="0.1"/></body>', "joint 'a' has friction"),
-    ('<body><joint name="a" type="slide"/><geom size="0.1"/></body>', "without hinges"),
-])
+@pytest.mark.parametrize(
+    ("xml", "words"),
+    [
+        ('<body><freejoint/><geom size="0.1"/></body>', "neither a hinge nor a slide"),
+        (
+            '<body><joint name="a" axis="0 0 1"/><geom size="0.1"/>'
+            '<body><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body>',
+            "joint 'b' leaves the plane",
+        ),
+        (
+            '<body><joint name="a" frictionloss="1"/><geom size="0.1"/></body>',
+            "joint 'a' has friction",
+        ),
+        ('<body><joint name="a" type="slide"/><geom size="0.1"/></body>', "without hinges"),
+    ],
+)
 def test_what_is_no_planar_linkage_is_named(xml, words):
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
     with pytest.raises(ValueError, match=words):

@@ -1,6 +1,5 @@
 """Free motions of the general planar solver: closed forms, second formulations, energy."""
 
-
 import mujoco
 import numpy as np
 import pytest
@@ -63,8 +62,12 @@ def test_double_pendulum_is_the_textbook_one():
     def slope(_: float, y: np.ndarray) -> list[float]:
         a, b, u, v = y
         matrix = np.array([[3.0, 0.7 * np.cos(a - b)], [0.7 * np.cos(a - b), 0.49]])
-        right = np.array([-0.7 * v * v * np.sin(a - b) - 3 * 9.81 * np.sin(a),
-                          0.7 * u * u * np.sin(a - b) - 0.7 * 9.81 * np.sin(b)])
+        right = np.array(
+            [
+                -0.7 * v * v * np.sin(a - b) - 3 * 9.81 * np.sin(a),
+                0.7 * u * u * np.sin(a - b) - 0.7 * 9.81 * np.sin(b),
+            ]
+        )
         return [u, v, *np.linalg.solve(matrix, right)]
 
     t = np.linspace(0, 2, 21)
@@ -101,8 +104,11 @@ def test_a_four_bar_obeys_the_equation_of_its_crank_alone(released):
     def inertia(angle: np.ndarray) -> np.ndarray:
         c = fourbar.solve(angle, **LENGTHS, **MASSES)
         middle = np.exp(1j * angle) + c["coupler_rate"] * np.exp(1j * c["coupler_angle"])
-        return (1.0 / 3 + 2.0 * (np.abs(middle) ** 2 + c["coupler_rate"] ** 2 * 4 / 12)
-                + 2.5 * c["rocker_rate"] ** 2 * 2.5**2 / 3)
+        return (
+            1.0 / 3
+            + 2.0 * (np.abs(middle) ** 2 + c["coupler_rate"] ** 2 * 4 / 12)
+            + 2.5 * c["rocker_rate"] ** 2 * 2.5**2 / 3
+        )
 
     angle, h = q[:, 0], 1e-3
     stencil = [inertia(angle + k * h) for k in (-2, -1, 1, 2)]
@@ -129,5 +135,7 @@ def test_bodies_that_may_touch_are_refused():
 
 def test_a_stop_on_the_way_is_refused():
     with pytest.raises(ValueError, match=r"joint 'a' leaves its range \(-1.0, 1.0\) at sample 15"):
-        solve(np.linspace(0, 1, 21), model=hinge('range="-1 1" limited="true"', "",
-                                                 'qpos="0.3" qvel="1"'))
+        solve(
+            np.linspace(0, 1, 21),
+            model=hinge('range="-1 1" limited="true"', "", 'qpos="0.3" qvel="1"'),
+        )

@@ -27,8 +27,16 @@ def pair(name: str) -> RodState:
     """An equilibrium of the 2RFR of Table 7, solved from the recomputed digits."""
     row, load = DATA["rfr2"]["recomputed"][name], np.array(DATA["rfr2"]["load"])
     first = np.array(row["force1"])
-    return direct(state(PAIR, inputs=np.radians(DATA["rfr2"]["inputs_deg"]), pose=row["pose"],
-                        load=load, moment=row["moment"], force=[first, load - first]))
+    return direct(
+        state(
+            PAIR,
+            inputs=np.radians(DATA["rfr2"]["inputs_deg"]),
+            pose=row["pose"],
+            load=load,
+            moment=row["moment"],
+            force=[first, load - first],
+        )
+    )
 
 
 def elliptic(psi, k_rel, clamp, angle):
@@ -44,8 +52,11 @@ def elliptic(psi, k_rel, clamp, angle):
     along, across = (2 * e - f) / f, -2 * k * np.cos(start) / f
     tip = (1j * across - along) * np.exp(1j * psi)
     points = np.asarray(clamp, float) @ np.array([1.0, 1.0j])
-    return (points + tip * np.exp(1j * angle),
-            f**2 * EI * np.exp(1j * (psi + angle)), 2 * k * f * EI * np.cos(start))
+    return (
+        points + tip * np.exp(1j * angle),
+        f**2 * EI * np.exp(1j * (psi + angle)),
+        2 * k * f * EI * np.cos(start),
+    )
 
 
 def xy(points):

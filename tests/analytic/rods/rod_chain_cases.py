@@ -15,13 +15,15 @@ STABLE = {row["name"]: row for row in RODS["stable"]}
 
 def continuum(angle, force, moment, stiffness, length=1.0):
     """theta(s), theta'(s), x(s), y(s) of a clamped rod from force on its tip and clamp moment."""
+
     def slope(_, y):
         bend = (force[0] * np.sin(y[0]) - force[1] * np.cos(y[0])) / stiffness
         return [y[1], bend, np.cos(y[0]), np.sin(y[0])]
 
     start = [angle, moment / stiffness, 0.0, 0.0]
-    return solve_ivp(slope, (0.0, length), start, method="DOP853", rtol=1e-11, atol=1e-12,
-                     dense_output=True).sol
+    return solve_ivp(
+        slope, (0.0, length), start, method="DOP853", rtol=1e-11, atol=1e-12, dense_output=True
+    ).sol
 
 
 def tangent(*rod):
@@ -32,8 +34,7 @@ def tangent(*rod):
 
 def two_rods():
     """The mechanism of Table 7."""
-    return assembly(RODS["clamp"], stiffness=RODS["stiffness"],
-                    angle=np.radians(RODS["angle_deg"]))
+    return assembly(RODS["clamp"], stiffness=RODS["stiffness"], angle=np.radians(RODS["angle_deg"]))
 
 
 def two_shapes(row):
@@ -41,8 +42,10 @@ def two_shapes(row):
     first = np.array(row["force1"])
     forces = first, np.array(RODS["force"]) - first
     angles = np.radians(RODS["angle_deg"])
-    return [tangent(*rod, RODS["stiffness"])
-            for rod in zip(angles, forces, row["root_moment"], strict=True)]
+    return [
+        tangent(*rod, RODS["stiffness"])
+        for rod in zip(angles, forces, row["root_moment"], strict=True)
+    ]
 
 
 def orders(errors):

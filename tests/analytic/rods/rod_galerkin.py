@@ -17,8 +17,9 @@ def basis(degree, points):
     node, weight = legendre.leggauss(points)
     value = legendre.legvander(node, degree + 1)
     k = np.arange(1, degree)
-    rising = np.column_stack([node + 1.0, (value[:, 2: degree + 1] - value[:, : degree - 1])
-                              / (2 * k + 1.0)])
+    rising = np.column_stack(
+        [node + 1.0, (value[:, 2 : degree + 1] - value[:, : degree - 1]) / (2 * k + 1.0)]
+    )
     return 0.5 * rising, value[:, :degree], 0.5 * weight, 0.5 * (node + 1.0)
 
 
@@ -39,7 +40,7 @@ def system(x, clamp, theta, arm, stiffness, load, parts):
     """Residual and symmetric matrix by (coefficients of all rods, pose, loads on the tips)."""
     phi, slope, weight, _ = parts
     k, n = len(clamp), phi.shape[1]
-    c, pose, force = x[: k * n].reshape(k, n), x[k * n: k * n + 3], x[k * n + 3:].reshape(k, 2)
+    c, pose, force = x[: k * n].reshape(k, n), x[k * n : k * n + 3], x[k * n + 3 :].reshape(k, 2)
     residual, matrix = np.zeros(x.size), np.zeros((x.size, x.size))
     at, tips = k * n, k * n + 3
     for i in range(k):
@@ -50,14 +51,14 @@ def system(x, clamp, theta, arm, stiffness, load, parts):
         residual[own] = stiffness * slope.T @ (weight * (slope @ c[i])) - phi.T @ (weight * across)
         gap = clamp[i] + weight @ tangent - pose[0] - 1j * pose[1] - pin
         residual[tied] = -gap.real, -gap.imag
-        residual[at: at + 3] += force[i, 0], force[i, 1], (np.conj(pin) * load_i).imag
+        residual[at : at + 3] += force[i, 0], force[i, 1], (np.conj(pin) * load_i).imag
         along = (np.conj(load_i) * tangent).real
         matrix[own, own] = (stiffness * slope.T * weight) @ slope + (phi.T * (weight * along)) @ phi
         turn = phi.T @ (weight * 1j * tangent)
         matrix[own, tied] = -np.column_stack([turn.real, turn.imag])
-        matrix[at: at + 3, tied] = [[1.0, 0.0], [0.0, 1.0], [-pin.imag, pin.real]]
+        matrix[at : at + 3, tied] = [[1.0, 0.0], [0.0, 1.0], [-pin.imag, pin.real]]
         matrix[at + 2, at + 2] -= (np.conj(pin) * load_i).real
-    residual[at: at + 3] -= load
+    residual[at : at + 3] -= load
     upper = np.triu(matrix, 1)
     return residual, np.diag(np.diag(matrix)) + upper + upper.T
 
@@ -66,8 +67,11 @@ def solve(found, i, degree):
     """Equilibrium number i again: pose (3,), loads (k, 2), the residual, directions down."""
     s = found.state[i]
     a = s.assembly
-    theta, clamp = ((a.angle + s.inputs, a.clamp) if a.guide is None
-                    else (a.angle, a.clamp + s.inputs * a.guide))
+    theta, clamp = (
+        (a.angle + s.inputs, a.clamp)
+        if a.guide is None
+        else (a.angle, a.clamp + s.inputs * a.guide)
+    )
     parts = basis(degree, int(1.4 * degree))
     side = np.copysign(1.0, -s.moment) * (-1.0) ** (found.modes[i] - 1)
     q = side * np.arccosh(1.0 / found.complement[i])
@@ -87,4 +91,4 @@ def solve(found, i, degree):
     size, x, matrix = best
     closed = 2 * a.rods
     down = int((np.linalg.eigvalsh(matrix) < 0.0).sum()) - closed
-    return x[-closed - 3: -closed], x[-closed:].reshape(-1, 2), size, down
+    return x[-closed - 3 : -closed], x[-closed:].reshape(-1, 2), size, down

@@ -21,8 +21,13 @@ def made(name):
         a = assembly(row["clamp"], stiffness=EI)
     else:
         guide = np.radians(row["guide_deg"]) if "guide_deg" in row else None
-        a = assembly(CORNERS, stiffness=EI, arm=triangle(row["side"]), guide=guide,
-                     angle=0.0 if guide is None else guide)
+        a = assembly(
+            CORNERS,
+            stiffness=EI,
+            arm=triangle(row["side"]),
+            guide=guide,
+            angle=0.0 if guide is None else guide,
+        )
     inputs = np.radians(row["inputs_deg"]) if "inputs_deg" in row else row["inputs"]
     return a, {"inputs": inputs, "load": row["load"]}
 

@@ -31,8 +31,12 @@ MOTORS8 = np.radians(TABLE8["inputs_deg"])
 
 def printed7(row, clamp=TABLE7["clamp"]):
     """Tips, forces and clamp moments of the digits of a solution of Table 7."""
-    return elliptic([row["psi1_rad"], row["psi2_rad"]], [row["kr1"], row["kr2"]], clamp,
-                    np.radians(TABLE7["inputs_deg"]))
+    return elliptic(
+        [row["psi1_rad"], row["psi2_rad"]],
+        [row["kr1"], row["kr2"]],
+        clamp,
+        np.radians(TABLE7["inputs_deg"]),
+    )
 
 
 def printed8(row, motors=MOTORS8):
@@ -62,8 +66,14 @@ def test_printed_digits_of_table_7_close_and_carry_plus_the_load(which):
     tip, force, moment = printed7(row)
     assert abs(tip[0] - tip[1]) <= 2e-5  # six decimals of psi, k_rel times 5 m
     assert np.abs(xy(force.sum()) - TABLE7["load"]).max() <= 2e-5  # N; eq. 104 has the wrong sign
-    s = state(PAIR, inputs=np.radians(TABLE7["inputs_deg"]), pose=xy(tip.mean()),
-              load=TABLE7["load"], moment=moment, force=xy(force))
+    s = state(
+        PAIR,
+        inputs=np.radians(TABLE7["inputs_deg"]),
+        pose=xy(tip.mean()),
+        load=TABLE7["load"],
+        moment=moment,
+        force=xy(force),
+    )
     assert np.abs(closure(s)[0]).max() <= 2e-5  # the same by shooting
     wanted = TABLE7["recomputed"][NAMES[which]]
     found = direct(s)
@@ -86,7 +96,8 @@ def test_derivatives_of_table_7(name):
         # recomputed by central differences of RK4 shooting with 400 steps: seven digits
         assert getattr(found, key) == pytest.approx(np.array(row[key]), rel=1e-5, abs=2e-6)
     assert np.linalg.det(found.direct) == pytest.approx(
-        -found.inverse_determinant / found.direct_determinant, rel=1e-10)  # rounding
+        -found.inverse_determinant / found.direct_determinant, rel=1e-10
+    )  # rounding
     assert np.abs(found.direct @ found.inverse - np.eye(2)).max() <= 1e-10
     assert np.abs(found.stiffness - found.stiffness.T).max() <= 1e-11  # symplectic steps: rounding
     assert np.linalg.eigvalsh(found.stiffness).min() > 0.0  # all four are stable
@@ -101,7 +112,8 @@ def test_jacobians_are_slopes_of_solutions(name):
     # h^2/6 of third derivatives up to 2e5 near the stretched rods of S4; 1e-11 of the rods over h
     assert (turned.pose[:2] - turned.pose[2:]).T / (2 * h) == pytest.approx(found.direct, abs=2e-5)
     assert (moved.inputs[:2] - moved.inputs[2:]).T / (2 * h) == pytest.approx(
-        found.inverse, abs=2e-4)
+        found.inverse, abs=2e-4
+    )
 
 
 def test_determinants_of_three_rods():
@@ -109,10 +121,12 @@ def test_determinants_of_three_rods():
     for s in rfr3():
         found = derivatives(s)
         assert np.linalg.det(found.direct) == pytest.approx(
-            found.inverse_determinant / found.direct_determinant, rel=1e-9)
+            found.inverse_determinant / found.direct_determinant, rel=1e-9
+        )
         assert np.abs(found.stiffness - found.stiffness.T).max() <= 1e-11
         assert found.direct_determinant == pytest.approx(
-            np.prod(found.rod_determinants) * np.linalg.det(found.stiffness), rel=1e-9)
+            np.prod(found.rod_determinants) * np.linalg.det(found.stiffness), rel=1e-9
+        )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -144,8 +158,15 @@ def test_energy_and_moments_along_the_rods(name):
 def test_symmetric_pair_without_load():
     for row in DATA["symmetric"]["recomputed"]:
         first, m = np.array(row["force1"]), row["moment1"]
-        s = direct(state(PAIR, inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
-                         pose=[0.01, row["y"]], moment=[m, -m], force=[first, -first]))
+        s = direct(
+            state(
+                PAIR,
+                inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
+                pose=[0.01, row["y"]],
+                moment=[m, -m],
+                force=[first, -first],
+            )
+        )
         assert abs(s.pose[0]) <= 1e-9
         assert s.pose[1] == pytest.approx(row["y"], abs=1e-6)  # six decimals
         assert s.energy.sum() == pytest.approx(row["energy"], abs=1e-6)
@@ -158,8 +179,14 @@ def rfr3():
     states = []
     for row in TABLE8["printed"]:
         tip, force, moment = printed8(row)
-        guess = state(three(TABLE8["side"]), inputs=MOTORS8, load=TABLE8["load"], moment=moment,
-                      pose=[*xy(tip.mean()), phi_of(tip)], force=xy(force))
+        guess = state(
+            three(TABLE8["side"]),
+            inputs=MOTORS8,
+            load=TABLE8["load"],
+            moment=moment,
+            pose=[*xy(tip.mean()), phi_of(tip)],
+            force=xy(force),
+        )
         states.append(direct(guess))
     return states
 
@@ -190,9 +217,12 @@ def test_inverse_pose_of_the_program(row):
     turns = np.radians([0.0, 120.0, -120.0])
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
     a = three(side, angle=turns, guide=turns, prolongation=row["prolongation"])
-    guess = state(a, pose=[0.0, 0.0, np.radians(DATA["pfr3"]["phi_deg"])],
-                  moment=DATA["pfr3"]["guess"]["moment"],
-                  force=CORNERS * DATA["pfr3"]["guess"]["force"])
+    guess = state(
+        a,
+        pose=[0.0, 0.0, np.radians(DATA["pfr3"]["phi_deg"])],
+        moment=DATA["pfr3"]["guess"]["moment"],
+        force=CORNERS * DATA["pfr3"]["guess"]["force"],
+    )
     found = inverse(guess)
     assert found.inputs == pytest.approx(row["slide"], abs=1e-6)  # six to seven decimals
     assert np.ptp(found.inputs) <= 1e-10
@@ -209,8 +239,14 @@ def test_symmetric_platform_without_load():
     case = DATA["pfr3_symmetric"]
     turns = np.radians(case["angle_deg"])
     for row in case["recomputed"]:
-        found = direct(state(three(case["side"], angle=turns, guide=turns), moment=row["moment"],
-                             pose=[0.01, -0.01, np.radians(row["phi_deg"])], force=row["force"]))
+        found = direct(
+            state(
+                three(case["side"], angle=turns, guide=turns),
+                moment=row["moment"],
+                pose=[0.01, -0.01, np.radians(row["phi_deg"])],
+                force=row["force"],
+            )
+        )
         assert np.abs(found.pose[:2]).max() <= 1e-9
         assert np.degrees(found.pose[2]) == pytest.approx(row["phi_deg"], abs=1e-4)
         assert np.ptp(found.moment) <= 1e-9
@@ -223,8 +259,16 @@ def test_a_turned_and_scaled_mechanism_is_the_same():
     clamp = xy(2 * turn * (np.array(TABLE7["clamp"]) @ [1, 1j]))
     a = assembly(clamp, length=2.0, stiffness=16 * EI)
     force = xy(4 * turn * (s.force @ [1, 1j]))
-    found = direct(state(a, inputs=s.inputs + 0.7, pose=xy(2 * turn * (s.pose @ [1, 1j])) + 1e-3,
-                         load=force.sum(axis=0), moment=8 * s.moment, force=force))
+    found = direct(
+        state(
+            a,
+            inputs=s.inputs + 0.7,
+            pose=xy(2 * turn * (s.pose @ [1, 1j])) + 1e-3,
+            load=force.sum(axis=0),
+            moment=8 * s.moment,
+            force=force,
+        )
+    )
     assert found.pose == pytest.approx(xy(2 * turn * (s.pose @ [1, 1j])), abs=1e-9)
     assert found.energy.sum() == pytest.approx(8 * s.energy.sum(), abs=1e-8)
 
@@ -246,17 +290,23 @@ def test_platforms_that_close_by_distances_only():
         assert bool(mirrored(a, row["pins"])) == row["mirrored"]
 
 
-@pytest.mark.parametrize(("wrong", "word"), [
-    ({"clamp": [[0.0, 0.0]]}, "clamp must hold two points or more"),
-    ({"clamp": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]}, "clamp must be finite points"),
-    ({"clamp": [[0.0, 0.0], [3.0, 0.0]]}, "clamps 1 and 2 are 3 m apart, and their rods reach 2 m"),
-    ({"length": [1.0, 0.0]}, "length must be finite and above 0"),
-    ({"stiffness": -0.1}, "stiffness must be finite and above 0"),
-    ({"stiffness": [1.0, 1.0, 1.0]}, "stiffness must be one for all or one for each of 2 rods"),
-    ({"prolongation": -0.1}, "prolongation must be finite and not below 0"),
-    ({"arm": [[0.0, 0.1]] * 3}, "arm must be one for all or one for each"),
-    ({"guide": np.nan}, "guide must be finite"),
-])
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"clamp": [[0.0, 0.0]]}, "clamp must hold two points or more"),
+        ({"clamp": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]}, "clamp must be finite points"),
+        (
+            {"clamp": [[0.0, 0.0], [3.0, 0.0]]},
+            "clamps 1 and 2 are 3 m apart, and their rods reach 2 m",
+        ),
+        ({"length": [1.0, 0.0]}, "length must be finite and above 0"),
+        ({"stiffness": -0.1}, "stiffness must be finite and above 0"),
+        ({"stiffness": [1.0, 1.0, 1.0]}, "stiffness must be one for all or one for each of 2 rods"),
+        ({"prolongation": -0.1}, "prolongation must be finite and not below 0"),
+        ({"arm": [[0.0, 0.1]] * 3}, "arm must be one for all or one for each"),
+        ({"guide": np.nan}, "guide must be finite"),
+    ],
+)
 def test_bad_mechanisms(wrong, word):
     with pytest.raises(ValueError, match=word):
         assembly(**({"clamp": TABLE7["clamp"]} | wrong))

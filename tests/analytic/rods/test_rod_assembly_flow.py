@@ -16,8 +16,12 @@ def test_rod_against_an_adaptive_integrator(seed):
     angle, moment, force = rng.uniform(-3, 3), rng.normal(0, 4), 12 * rng.normal(size=2)
 
     def slope(_, y):
-        return [np.cos(y[2]), np.sin(y[2]), y[3] / 2, force[0] * np.sin(y[2])
-                - force[1] * np.cos(y[2])]
+        return [
+            np.cos(y[2]),
+            np.sin(y[2]),
+            y[3] / 2,
+            force[0] * np.sin(y[2]) - force[1] * np.cos(y[2]),
+        ]
 
     wanted = solve_ivp(slope, (0, 1.3), [0, 0, angle, moment], "DOP853", rtol=3e-14, atol=1e-14)
     z, theta = flow(angle, moment, force @ [1, 1j], 1.3, 2.0)

@@ -27,8 +27,12 @@ def hencky(n):
 def column(engine, folder, load, n, turn=0.0):
     """Tip of a clamped and free column of links, and its direction, at rest."""
     rod = Rod("r", "ground", None, 1.0, 1.0, n, ("clamped", "free"), turn=turn)
-    found = rest(engine, model(folder, actuators=pull("r.tip", -load), ctrl="1"), (rod,),
-                 ("r.x", "r.y", "r.angle")).channels
+    found = rest(
+        engine,
+        model(folder, actuators=pull("r.tip", -load), ctrl="1"),
+        (rod,),
+        ("r.x", "r.y", "r.angle"),
+    ).channels
     return np.array([found[name][-1] for name in ("r.x", "r.y", "r.angle")])
 
 
@@ -91,8 +95,10 @@ def test_a_leaning_load_has_no_critical_one():
         assert np.interp(ratio, line.y, line.x) == pytest.approx(truth, abs=1e-3)  # chords
     least = np.nanmin(island.y)
     assert least == pytest.approx(np.nanmin(other.y), rel=1e-3)  # the fold, between points
-    counts = [equilibria(force_x=-r * EULER, force_y=0.05 * r * EULER)["theta"].size
-              for r in (least - 0.01, least + 0.01)]
+    counts = [
+        equilibria(force_x=-r * EULER, force_y=0.05 * r * EULER)["theta"].size
+        for r in (least - 0.01, least + 0.01)
+    ]
     assert least > 1.0
     assert counts == [1, 3]
 
@@ -115,8 +121,9 @@ def test_a_bent_column_goes_straight_below_euler_and_stays_bent_above(engine, tm
         tips = [column(engine, tmp_path, 1.151719647 * EULER, n, side) for n in (20, 40)]
         limit = (4.0 * tips[1] - tips[0]) / 3.0
         # what h^4 leaves, more than elsewhere: P is 15 % above the critical load
-        assert limit == pytest.approx([truth["span"], side * truth["rise"],
-                                       side * truth["angle"]], abs=1e-5)
+        assert limit == pytest.approx(
+            [truth["span"], side * truth["rise"], side * truth["angle"]], abs=1e-5
+        )
         assert abs(tips[0][1] - limit[1]) > 1e-4
 
 
@@ -130,9 +137,14 @@ def test_a_straight_chain_gives_way_at_henckys_load(n, tmp_path):
     assert EULER - hencky(n) == pytest.approx(EULER * np.pi**2 / (48.0 * n**2), rel=1e-2)  # h^4
 
 
-@pytest.mark.parametrize(("old", "new"), [
-    ("stiffness = 1.0      #", "stiffness = 1.02 #"), ("turn = 1.0 ", "turn = -1.0 "),
-    ("segments = 40", 'segments = 40\nscheme = "naive"')])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("stiffness = 1.0      #", "stiffness = 1.02 #"),
+        ("turn = 1.0 ", "turn = -1.0 "),
+        ("segments = 40", 'segments = 40\nscheme = "naive"'),
+    ],
+)
 def test_a_wrong_column_is_found(old, new, edit):
     """Stiffer, on the other side, with a soft clamp."""
     file = edit("rod_buckled.toml", old, new)

@@ -39,11 +39,17 @@ def test_closed_form_by_shooting(force):
     assert STEPS == 64
 
 
-@pytest.mark.parametrize("load", [
-    {"force_x": 1.0, "force_y": -3.0, "moment": 0.7},
-    {"weight_x": 2.0, "weight_y": -10.0}, {"weight_y": -4.0, "force_x": -1.0, "moment": 2.0}])
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"force_x": 1.0, "force_y": -3.0, "moment": 0.7},
+        {"weight_x": 2.0, "weight_y": -10.0},
+        {"weight_y": -4.0, "force_x": -1.0, "moment": 2.0},
+    ],
+)
 def test_boundary_value_problem_by_collocation(load):
     """scipy's collocation from the straight rod, loads put on in eight steps."""
+
     def rate(s, z, share):
         fx = share * (load.get("force_x", 0.0) + load.get("weight_x", 0.0) * (1.0 - s))
         fy = share * (load.get("force_y", 0.0) + load.get("weight_y", 0.0) * (1.0 - s))
@@ -55,8 +61,9 @@ def test_boundary_value_problem_by_collocation(load):
     s = np.linspace(0.0, 1.0, 41)
     z = np.stack([0 * s, 0 * s, s, 0 * s])
     for share in np.arange(1, 9) / 8.0:
-        found = solve_bvp(partial(rate, share=share), partial(ends, share=share), s, z, tol=1e-10,
-                          max_nodes=20000)
+        found = solve_bvp(
+            partial(rate, share=share), partial(ends, share=share), s, z, tol=1e-10, max_nodes=20000
+        )
         z = found.sol(s)
     rod = solve(s, **load)
     for name, row in zip(("theta", "m", "x", "y"), z, strict=True):
@@ -76,8 +83,15 @@ def test_end_moment_bends_into_a_circle():
     assert [half["x"], half["y"]] == pytest.approx([0.0, 2.0 / np.pi], abs=1e-13)
 
 
-@pytest.mark.parametrize("load", [{"force_y": 40.0}, {"force_x": -60.0, "force_y": 2.0},
-                                  {"force_x": -30.0}, {"weight_x": -60.0, "force_y": 0.3}])
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"force_y": 40.0},
+        {"force_x": -60.0, "force_y": 2.0},
+        {"force_x": -30.0},
+        {"weight_x": -60.0, "force_y": 0.3},
+    ],
+)
 def test_every_branch(load):
     """Each is an equilibrium; their number is odd; stable ones are one more than saddles."""
     found = equilibria(**load)
@@ -146,20 +160,30 @@ def test_column_under_its_own_weight():
     for share, unstable in ((1.0 - 1e-6, 0), (1.0 + 1e-6, 1)):
         found = stability(0.0, 0.0, 0.0, weight_x=-share * critical, length=1.5, stiffness=0.2)
         assert found.free == unstable
-    below, above = (equilibria(weight_x=-share * critical, length=1.5, stiffness=0.2)
-                    for share in (0.995, 1.005))
+    below, above = (
+        equilibria(weight_x=-share * critical, length=1.5, stiffness=0.2)
+        for share in (0.995, 1.005)
+    )
     assert below["theta"].size == 1
     assert above["unstable"].tolist() == [0, 0, 1]
     assert above["theta"][0] == pytest.approx(-above["theta"][1], abs=1e-9)
 
 
-@pytest.mark.parametrize("load", [{"force_y": 6.0}, {"force_x": -4.0}, {"weight_y": -8.0},
-                                  {"force_x": 1.0, "weight_y": 3.0, "moment": -1.0}])
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"force_y": 6.0},
+        {"force_x": -4.0},
+        {"weight_y": -8.0},
+        {"force_x": 1.0, "weight_y": 3.0, "moment": -1.0},
+    ],
+)
 def test_potential_by_virtual_work(load):
     """dV along a family of loads is minus the place of the load: V' = -(x, y, theta, int r)."""
     step, name = 1e-4, next(iter(load))
-    ahead, behind = (equilibria(**load | {name: load[name] + d})["potential"][0]
-                     for d in (step, -step))
+    ahead, behind = (
+        equilibria(**load | {name: load[name] + d})["potential"][0] for d in (step, -step)
+    )
     rod = equilibria(**load)
     if name.startswith("weight"):
         s, weight = np.polynomial.legendre.leggauss(30)
@@ -178,8 +202,11 @@ def test_turning_the_clamp_turns_everything():
     turned = {name: value * np.exp(1j * turn) for name, value in load.items()}
 
     def parts(loads):
-        return {f"{name}_{axis}": getattr(value, part) for name, value in loads.items()
-                for axis, part in (("x", "real"), ("y", "imag"))}
+        return {
+            f"{name}_{axis}": getattr(value, part)
+            for name, value in loads.items()
+            for axis, part in (("x", "real"), ("y", "imag"))
+        }
 
     still = solve(s, length=1.2, stiffness=0.7, **parts(load))
     rod = solve(s, length=1.2, stiffness=0.7, **parts(turned), theta0=turn, x0=0.3, y0=-0.2)
@@ -190,9 +217,11 @@ def test_turning_the_clamp_turns_everything():
 
 def test_small_loads_are_those_of_the_beam():
     s = np.linspace(0.0, 1.0, 5)
-    for load, curve in (({"force_y": 1e-5}, s**2 / 2 - s**3 / 6),
-                        ({"weight_y": 1e-5}, s**2 / 4 - s**3 / 6 + s**4 / 24),
-                        ({"moment": 1e-5}, s**2 / 2)):
+    for load, curve in (
+        ({"force_y": 1e-5}, s**2 / 2 - s**3 / 6),
+        ({"weight_y": 1e-5}, s**2 / 4 - s**3 / 6 + s**4 / 24),
+        ({"moment": 1e-5}, s**2 / 2),
+    ):
         # cubic terms in the load: 1e-10 of it
         np.testing.assert_allclose(solve(s, **load)["y"], 1e-5 * curve, rtol=0, atol=1e-14)
 
@@ -219,9 +248,18 @@ def test_roots_close_together():
     assert roots(lambda x: x**2 + 1e-3, np.linspace(-1.0, 1.0, 50)).size == 0
 
 
-@pytest.mark.parametrize("change", [{"length": 0.0}, {"stiffness": -0.1}, {"force_x": np.inf},
-                                    {"moment": np.nan}, {"branch": 0}, {"s": 1.1}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"length": 0.0},
+        {"stiffness": -0.1},
+        {"force_x": np.inf},
+        {"moment": np.nan},
+        {"branch": 0},
+        {"s": 1.1},
+    ],
+)
 def test_bad_value_is_named(change):
-    name, = change
+    (name,) = change
     with pytest.raises(ValueError, match=f"^{name} must"):
         solve(**{"s": 0.5, "force_y": 1.0} | change)

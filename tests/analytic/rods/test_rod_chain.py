@@ -145,14 +145,16 @@ def test_greenhill_buckles_under_its_own_weight(scheme):
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_clamped_pinned_buckling_by_the_projected_hessian(scheme):
     """tan x = x: 20.190728556427 EI/L^2; the tip of a straight rod can only move across."""
+
     def lowest(load, c):
         angle = np.zeros(c.segments)
         stiff = hessian(c, angle, carried(c, np.array([-load, 0.0]), np.zeros(2)))
         across = tip_slopes(c, angle)[1:]
         return curvatures(np.block([[stiff, across.T], [across, np.zeros((1, 1))]]), 1)[0]
 
-    coarse, fine = (brentq(lowest, 15.0, 25.0, args=(chain(n, scheme=scheme),), xtol=1e-12)
-                    for n in (40, 80))
+    coarse, fine = (
+        brentq(lowest, 15.0, 25.0, args=(chain(n, scheme=scheme),), xtol=1e-12) for n in (40, 80)
+    )
     # the h^4 term of 4/h^2 sin(mu h/2)^2, mu^6/360 with mu^2 = 20.19, of which 1/4 stays from
     # n = 40: 2.2e-6; as much again for the ends
     assert extrapolated(coarse, fine) == pytest.approx(20.19072855642663, abs=4.4e-6)
@@ -179,6 +181,7 @@ def test_bordered_matrices_are_solved_as_dense_ones():
 
 def test_newton_says_which_of_a_batch_are_lost():
     """x^2 + 1 has no zero, x^2 - 2 has; a flat start leads nowhere."""
+
     def parabola(x):
         slope = Bordered(2.0 * x[..., None, None], np.zeros((3, 1, 1, 0)), np.zeros((3, 0, 0)))
         return x**2 + np.array([[1.0], [-2.0], [-2.0]]), slope
@@ -187,13 +190,18 @@ def test_newton_says_which_of_a_batch_are_lost():
     np.testing.assert_allclose(found[:, 0], [np.nan, np.sqrt(2.0), np.nan], rtol=1e-15)
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"segments": 1}, "segments must be a whole number from 2, got 1"),
-    ({"segments": 2.5}, "segments must be"), ({"length": 0.0}, "length must be positive"),
-    ({"stiffness": [1.0, -1.0]}, "stiffness must be positive"),
-    ({"stiffness": np.nan}, "stiffness must be"), ({"prolongation": -0.1}, "prolongation must be"),
-    ({"scheme": "mid"}, r"scheme must be one of \('half', 'double', 'naive'\), got 'mid'"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"segments": 1}, "segments must be a whole number from 2, got 1"),
+        ({"segments": 2.5}, "segments must be"),
+        ({"length": 0.0}, "length must be positive"),
+        ({"stiffness": [1.0, -1.0]}, "stiffness must be positive"),
+        ({"stiffness": np.nan}, "stiffness must be"),
+        ({"prolongation": -0.1}, "prolongation must be"),
+        ({"scheme": "mid"}, r"scheme must be one of \('half', 'double', 'naive'\), got 'mid'"),
+    ],
+)
 def test_bad_values_are_named(change, message):
     with pytest.raises(ValueError, match=message):
         chain(**{"segments": 4} | change)

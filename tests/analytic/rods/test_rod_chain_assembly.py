@@ -58,8 +58,11 @@ def test_extrapolated_to_the_continuum(name):
     """Pose within 1e-6 m, tip forces, clamp moments, energy; what is left is fourth order."""
     row = STABLE[name]
     twenty, forty, eighty = (both(name, n) for n in (20, 40, 80))
-    for field, exact in (("pose", row["pose"]), ("root_moment", row["root_moment"]),
-                         ("energy", row["energy"])):
+    for field, exact in (
+        ("pose", row["pose"]),
+        ("root_moment", row["root_moment"]),
+        ("energy", row["energy"]),
+    ):
         coarse, middle, fine = (getattr(found, field) for found in (twenty, forty, eighty))
         last = extrapolated(middle, fine) - exact
         assert np.abs(last).max() < 1e-6
@@ -81,8 +84,10 @@ def test_energy_of_the_springs_is_second_order(name):
     weight = np.r_[1.0, np.tile([4.0, 2.0], 1000)[:-1], 1.0] / 6000.0
     stored = sum(
         weight @ (0.5 * RODS["stiffness"] * continuum(*rod, RODS["stiffness"])(s)[1] ** 2)
-        for rod in zip(np.radians(RODS["angle_deg"]), forces, STABLE[name]["root_moment"],
-                       strict=True))
+        for rod in zip(
+            np.radians(RODS["angle_deg"]), forces, STABLE[name]["root_moment"], strict=True
+        )
+    )
     errors = np.array([both(name, n).energy for n in (20, 40, 80)]) - stored
     np.testing.assert_allclose(orders(errors), 2.0, rtol=0, atol=0.03)  # the h^4 term
 
@@ -96,8 +101,9 @@ def test_stiffness_of_the_pose(name):
         push = np.array(RODS["force"]) + h * np.array([[1], [-1]]) * np.eye(2)[axis]
         more, less = both(name, 40, seed=here.angle, force=push).pose
         # h^2, and eps/h of poses
-        np.testing.assert_allclose(here.stiffness @ (more - less) / (2 * h), np.eye(2)[axis],
-                                   rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            here.stiffness @ (more - less) / (2 * h), np.eye(2)[axis], rtol=0, atol=1e-6
+        )
     exact = np.array(RODS["stiffness_of_pose"][name])
     fine = extrapolated(here.stiffness, both(name, 80).stiffness)
     np.testing.assert_allclose(fine, exact, rtol=0, atol=1e-5 * np.abs(exact).max())  # h^4
@@ -107,8 +113,9 @@ def test_all_equilibria_with_up_to_three_inflections():
     """33, in one batch: where they are and how many ways down each has; 4 have none."""
     rows = RODS["modes to 3"]
     c = chains(two_rods(), 40)
-    seed = np.array([[f(s) for f, s in zip(two_shapes(row), c.station, strict=True)]
-                     for row in rows])
+    seed = np.array(
+        [[f(s) for f, s in zip(two_shapes(row), c.station, strict=True)] for row in rows]
+    )
     found = settle(two_rods(), [0.0, 0.0], seed=seed, segments=40, force=RODS["force"])
     gap = np.linalg.norm(found.pose - [row["pose"] for row in rows], axis=-1)
     assert np.all(gap < 2e-3)  # (h/L)^2 times the square of three half waves
@@ -119,11 +126,17 @@ def test_all_equilibria_with_up_to_three_inflections():
 
 def test_two_rods_mirrored():
     """Reflected in the y axis with the load: the same pose, mirrored."""
-    a = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=RODS["stiffness"],
-                 angle=np.radians([120.0, 140.0]))
+    a = assembly(
+        [[-0.3, 0.0], [0.3, 0.0]], stiffness=RODS["stiffness"], angle=np.radians([120.0, 140.0])
+    )
     plain = both("S4", 20)
-    found = settle(a, [0.0, 0.0], seed=np.pi - plain.angle[::-1] + 0.02, segments=20,
-                   force=np.array(RODS["force"]) * [-1, 1])
+    found = settle(
+        a,
+        [0.0, 0.0],
+        seed=np.pi - plain.angle[::-1] + 0.02,
+        segments=20,
+        force=np.array(RODS["force"]) * [-1, 1],
+    )
     np.testing.assert_allclose(found.pose, plain.pose * [-1, 1], rtol=0, atol=EXACT)
     np.testing.assert_allclose(found.root_moment, -plain.root_moment[::-1], rtol=0, atol=EXACT)
 
@@ -147,12 +160,16 @@ def test_start_takes_pose_and_forces_from_a_shape():
     np.testing.assert_allclose(z[42:].reshape(2, 2), here.force, rtol=0, atol=1e-10)  # conditioning
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"moment": 0.1}, "moment must be 0 on a pin, got 0.1"),
-    ({"moment": np.nan}, "moment must be finite"), ({"force": [1.0]}, "force must be 2 finite"),
-    ({"seed": np.full((2, 10), np.nan)}, "seed must be finite"),
-    ({"seed": np.zeros((2, 5))}, r"seed must be angles \(\.\.\., 2, 10\), got \(2, 5\)"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"moment": 0.1}, "moment must be 0 on a pin, got 0.1"),
+        ({"moment": np.nan}, "moment must be finite"),
+        ({"force": [1.0]}, "force must be 2 finite"),
+        ({"seed": np.full((2, 10), np.nan)}, "seed must be finite"),
+        ({"seed": np.zeros((2, 5))}, r"seed must be angles \(\.\.\., 2, 10\), got \(2, 5\)"),
+    ],
+)
 def test_bad_values_are_named(change, message):
     with pytest.raises(ValueError, match=message):
         both("S1", 10, **change)
@@ -164,9 +181,11 @@ def test_bad_values_are_named(change, message):
 
 def followed(start, n, load, turns):
     """Angles of the two rods on a way from ``load(0)``, ``turns(0)`` to those at 1, or NaN."""
+
     def solve(part, seed):
-        return settle(two_rods(), turns(part), seed=seed.reshape(2, n), force=load(part),
-                      segments=n).angle.ravel()
+        return settle(
+            two_rods(), turns(part), seed=seed.reshape(2, n), force=load(part), segments=n
+        ).angle.ravel()
 
     return follow(solve, start.ravel(), 2 * n).reshape(2, n)
 
@@ -176,8 +195,12 @@ def test_unloading_passes_a_motor_without_moment():
     ends = []
     for n in (20, 40):
         start = both("S2", n)
-        gone = followed(start.angle, n, lambda part: (1.0 - part) * np.array(RODS["force"]),
-                        lambda part: np.zeros(2))
+        gone = followed(
+            start.angle,
+            n,
+            lambda part: (1.0 - part) * np.array(RODS["force"]),
+            lambda part: np.zeros(2),
+        )
         ends.append(both("S2", n, seed=gone, force=(0.0, 0.0)))
         assert start.root_moment[0] < 0 < ends[-1].root_moment[0]
     pose = extrapolated(ends[0].pose, ends[1].pose)
@@ -190,12 +213,17 @@ def test_a_branch_that_ends_is_not_jumped_from():
     """S2 unloaded in its place, then motor 1 turned on to a fold at -0.36518 rad."""
     case, n = RODS["fold"], 40
     begin = np.radians(case["begin_deg"]) - np.radians(RODS["angle_deg"])
-    start = followed(both("S2", n).angle, n, lambda part: (1.0 - part) * np.array(RODS["force"]),
-                     lambda part: part * begin)
+    start = followed(
+        both("S2", n).angle,
+        n,
+        lambda part: (1.0 - part) * np.array(RODS["force"]),
+        lambda part: part * begin,
+    )
 
     def turned(turn):
-        return followed(start, n, lambda part: (0.0, 0.0),
-                        lambda part: begin + part * np.array([turn, 0.0]))
+        return followed(
+            start, n, lambda part: (0.0, 0.0), lambda part: begin + part * np.array([turn, 0.0])
+        )
 
     # the fold of these chains is h^2 off: 1e-3 rad at most
     assert np.isfinite(turned(case["turn"] + 1e-3)).all()

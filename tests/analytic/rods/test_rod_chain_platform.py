@@ -15,16 +15,29 @@ EXACT = 2e-12  # rounding of some hundred equations
 
 
 def three_rods():
-    return assembly(THREE["clamp"], stiffness=THREE["stiffness"], arm=triangle(THREE["side"]),
-                    angle=np.radians(THREE["angle_deg"]))
+    return assembly(
+        THREE["clamp"],
+        stiffness=THREE["stiffness"],
+        arm=triangle(THREE["side"]),
+        angle=np.radians(THREE["angle_deg"]),
+    )
 
 
 def three(row, segments, scheme="half", moment=0.0):
     angles = np.radians(THREE["angle_deg"])
-    seed = [tangent(*rod, THREE["stiffness"])
-            for rod in zip(angles, row["force"], row["root_moment"], strict=True)]
-    return settle(three_rods(), np.zeros(3), seed=seed, segments=segments, scheme=scheme,
-                  force=THREE["force"], moment=moment)
+    seed = [
+        tangent(*rod, THREE["stiffness"])
+        for rod in zip(angles, row["force"], row["root_moment"], strict=True)
+    ]
+    return settle(
+        three_rods(),
+        np.zeros(3),
+        seed=seed,
+        segments=segments,
+        scheme=scheme,
+        force=THREE["force"],
+        moment=moment,
+    )
 
 
 def degrees(pose):
@@ -47,9 +60,10 @@ def test_residual_and_matrix_are_slopes_of_one_function():
     np.testing.assert_array_equal(matrix, matrix.T)
     for j, way in enumerate(1e-5 * np.eye(z.size)):
         # h^2 and eps/h of functions of about 10
-        assert residual[j] == pytest.approx((lagrangian(z + way) - lagrangian(z - way)) / 2e-5,
-                                            abs=1e-8)
-        change = (system(a, c, place, load, z + way)[0] - system(a, c, place, load, z - way)[0])
+        assert residual[j] == pytest.approx(
+            (lagrangian(z + way) - lagrangian(z - way)) / 2e-5, abs=1e-8
+        )
+        change = system(a, c, place, load, z + way)[0] - system(a, c, place, load, z - way)[0]
         np.testing.assert_allclose(matrix[:, j], change / 2e-5, rtol=0, atol=1e-8)
 
 
@@ -70,8 +84,9 @@ def test_three_rods(row):
     assert stored == pytest.approx(row["energy"], abs=2e-7)
 
 
-@pytest.mark.parametrize(("row", "off"), [(THREE["equilibria"][0], 1.95),
-                                          (THREE["equilibria"][1], 0.71)])
+@pytest.mark.parametrize(
+    ("row", "off"), [(THREE["equilibria"][0], 1.95), (THREE["equilibria"][1], 0.71)]
+)
 def test_three_naive_rods_turn_the_platform(row, off):
     wrong = degrees(three(row, 20, "naive").pose)[2] - row["pose_deg"][2]
     assert abs(wrong) == pytest.approx(off, abs=5.1e-3)
@@ -95,12 +110,24 @@ def test_sliding_clamps_and_rigid_ends():
     angle = np.radians(case["angle_deg"])
     out = np.radians([-150.0, -30.0, 90.0])
     outward = np.stack([np.cos(out), np.sin(out)], axis=-1)
-    a = assembly(outward, stiffness=case["stiffness"], arm=case["circumradius"] * outward,
-                 angle=angle, guide=angle, prolongation=case["prolongation"])
+    a = assembly(
+        outward,
+        stiffness=case["stiffness"],
+        arm=case["circumradius"] * outward,
+        angle=angle,
+        guide=angle,
+        prolongation=case["prolongation"],
+    )
     bend = 2.0 * np.radians(23.6)
-    found = [settle(a, [case["slide"]] * 3, segments=n,
-                    seed=[lambda s, t=t: t + bend * (s - 0.5 * s * s) for t in angle])
-             for n in (20, 40)]
+    found = [
+        settle(
+            a,
+            [case["slide"]] * 3,
+            segments=n,
+            seed=[lambda s, t=t: t + bend * (s - 0.5 * s * s) for t in angle],
+        )
+        for n in (20, 40)
+    ]
     pose = degrees(extrapolated(*(f.pose for f in found)))
     np.testing.assert_allclose(pose, case["pose_deg"], rtol=0, atol=1e-4)  # seven digits of slide
     moment = extrapolated(*(f.root_moment for f in found))

@@ -32,16 +32,20 @@ def test_cantilever_errors_and_orders(scheme):
     np.testing.assert_allclose(orders(errors), ORDER[scheme], rtol=0, atol=close)
 
 
-@pytest.mark.parametrize(("scheme", "alpha", "digit"), [
-    ("naive", 1, [5e-4, 5e-3, 5e-3, 5e-3, 5e-4]),  # half of the last digit that is given
-    ("double", 1, [5e-6, 5e-7, 5e-7, 5e-8, 5e-8]),
-    ("double", 10, [5e-5, 5e-6, 5e-6, 5e-6, 5e-7]),
-])
+@pytest.mark.parametrize(
+    ("scheme", "alpha", "digit"),
+    [
+        ("naive", 1, [5e-4, 5e-3, 5e-3, 5e-3, 5e-4]),  # half of the last digit that is given
+        ("double", 1, [5e-6, 5e-7, 5e-7, 5e-8, 5e-8]),
+        ("double", 10, [5e-5, 5e-6, 5e-6, 5e-6, 5e-7]),
+    ],
+)
 def test_deflection_errors_known_from_elsewhere(scheme, alpha, digit):
     table = CASES["cantilever_chain"]
     exact = ROWS[int(np.argmin(np.abs(ALPHA - alpha)))]["w_over_L"]
-    found = [free(chain(n, scheme=scheme), force=(0.0, alpha)).tip[1] - exact
-             for n in table["segments"]]
+    found = [
+        free(chain(n, scheme=scheme), force=(0.0, alpha)).tip[1] - exact for n in table["segments"]
+    ]
     short = np.abs(np.abs(found) - table[f"{scheme} alpha {alpha}"])
     assert np.all(short <= 1.02 * np.array(digit))  # a digit that may be cut instead of rounded
 
@@ -82,6 +86,7 @@ def test_a_strut_stays_straight_and_unstable():
 def test_distributed_load_against_collocation():
     """EI theta'' = -q (L - s) cos(theta) - ..., by a boundary-value solver."""
     load = np.array([-1.0, -6.0])
+
     def slope(s, y):
         n = load[:, None] * (1.0 - s)
         return np.stack([y[1], n[0] * np.sin(y[0]) - n[1] * np.cos(y[0])])
@@ -101,8 +106,9 @@ def test_turned_and_mirrored(scheme):
     spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     load = np.array([0.4, 1.7])
     plain = free(c, force=load, moment=0.3, line=(0.2, 0.1))
-    spun = free(c, (0.3, -0.2, turn), force=load @ spin, moment=0.3,
-                line=np.array([0.2, 0.1]) @ spin)
+    spun = free(
+        c, (0.3, -0.2, turn), force=load @ spin, moment=0.3, line=np.array([0.2, 0.1]) @ spin
+    )
     np.testing.assert_allclose(spun.tip, [0.3, -0.2] + plain.tip @ spin, rtol=0, atol=1e-13)
     mirror = free(c, force=load * [1, -1], moment=-0.3, line=(0.2, -0.1))
     np.testing.assert_allclose(mirror.tip, plain.tip * [1, -1], rtol=0, atol=1e-14)
@@ -140,8 +146,10 @@ def test_four_shapes_of_a_pinned_rod(row):
     np.testing.assert_allclose(exact[2:], PINNED["tip"], rtol=0, atol=2e-6)
     found = {n: held(n, row) for n in (10, 20, 40, 80)}
     assert {int(negative(f.curvatures)) for f in found.values()} == {row["negative"]}
-    fine = extrapolated(np.append(found[40].force, found[40].root_moment),
-                        np.append(found[80].force, found[80].root_moment))
+    fine = extrapolated(
+        np.append(found[40].force, found[40].root_moment),
+        np.append(found[80].force, found[80].root_moment),
+    )
     # h^4 of five half waves: what 40 is off, 1 %, squared
     np.testing.assert_allclose(fine, [*row["force"], row["root_moment"]], rtol=3e-4)
 
@@ -174,15 +182,21 @@ def test_straight_seed_of_a_pinned_chain_is_lost():
     assert np.isnan(pinned(chain(6), (0, 0, 0), (0.8, 0.0), seed=np.zeros(6)).energy)
 
 
-@pytest.mark.parametrize(("call", "message"), [
-    (lambda c: pinned(c, (0, 0, 0), (0.8, 0.7), seed=c.station), "tip must be nearer to the clamp"),
-    (lambda c: pinned(c, (0, 0, 0), (0.8,), seed=c.station), "tip must be 2 finite numbers"),
-    (lambda c: free(c, (0, 0)), "clamp must be 3 finite numbers"),
-    (lambda c: free(c, force=(np.inf, 0)), "force must be 2 finite numbers"),
-    (lambda c: free(c, line=(0, 0, 0)), "line must be 2 finite numbers"),
-    (lambda c: free(c, seed=np.ones(3)), "seed must be angles"),
-    (lambda c: free(c, moment=np.nan), "moment must be finite"),
-])
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda c: pinned(c, (0, 0, 0), (0.8, 0.7), seed=c.station),
+            "tip must be nearer to the clamp",
+        ),
+        (lambda c: pinned(c, (0, 0, 0), (0.8,), seed=c.station), "tip must be 2 finite numbers"),
+        (lambda c: free(c, (0, 0)), "clamp must be 3 finite numbers"),
+        (lambda c: free(c, force=(np.inf, 0)), "force must be 2 finite numbers"),
+        (lambda c: free(c, line=(0, 0, 0)), "line must be 2 finite numbers"),
+        (lambda c: free(c, seed=np.ones(3)), "seed must be angles"),
+        (lambda c: free(c, moment=np.nan), "moment must be finite"),
+    ],
+)
 def test_bad_values_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         call(chain(4))

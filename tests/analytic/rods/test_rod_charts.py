@@ -72,8 +72,11 @@ def test_energies_are_those_of_the_curves(equilibria: Chart, natural: Case) -> N
     stiffness = float(natural.parameters["stiffness"])
     for panel in equilibria.panels:
         found = energies(panel, stiffness)
-        said = [float(re.search(r"at (\S+) J", line.label)[1]) for line in panel.lines
-                if line.stable and not line.points]
+        said = [
+            float(re.search(r"at (\S+) J", line.label)[1])
+            for line in panel.lines
+            if line.stable and not line.points
+        ]
         said = said or [float(s) for s in re.search(r": (\S+) to (\S+) J", panel.title).groups()]
         # next order (h kappa)^2 / 80, kappa up to 34 /m, and three digits: 0.4 and 0.5 %
         np.testing.assert_allclose(found if len(said) == 4 else found[[0, -1]], said, rtol=9e-3)

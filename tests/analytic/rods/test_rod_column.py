@@ -12,8 +12,12 @@ from proofmass.analytic.rods import critical, elastica, ends_meet, shape, tip
 from proofmass.analytic.rods.column import ENDS, QUARTERS
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
-EULER = {"clamped-free": 2.467401100272340, "pinned-pinned": 9.869604401089358,
-         "clamped-pinned": 20.19072855642663, "clamped-clamped": 39.47841760435743}
+EULER = {
+    "clamped-free": 2.467401100272340,
+    "pinned-pinned": 9.869604401089358,
+    "clamped-pinned": 20.19072855642663,
+    "clamped-clamped": 39.47841760435743,
+}
 
 
 @pytest.mark.parametrize("ends", ENDS)
@@ -21,8 +25,10 @@ def test_critical_loads(ends):
     found = critical(ends, length=2.0, stiffness=0.3)
     assert found == pytest.approx(EULER[ends] * 0.3 / 4.0, rel=1e-15)
     # the document's rods of 1.5 and 2 mm, recomputed independently
-    for diameter, loads in ((1.5e-3, (0.128763859, 1.053673894)),
-                            (2e-3, (0.406957381, 3.330129837))):
+    for diameter, loads in (
+        (1.5e-3, (0.128763859, 1.053673894)),
+        (2e-3, (0.406957381, 3.330129837)),
+    ):
         stiffness = 210e9 * np.pi * (diameter / 2.0) ** 4 / 4.0
         for name, load in zip(("clamped-free", "clamped-pinned"), loads, strict=True):
             assert critical(name, stiffness=stiffness) == pytest.approx(load, abs=6e-10)
@@ -31,12 +37,15 @@ def test_critical_loads(ends):
 @pytest.mark.parametrize("ends", ENDS)
 def test_critical_loads_as_eigenvalues(ends):
     """Ritz: EI int w''^2 = P int w'^2 with polynomials that meet the supports, degree 13."""
-    clamped = (2 if ends.startswith("clamped") else 1,
-               {"free": 0, "pinned": 1, "clamped": 2}[ends.split("-")[1]])
-    base = np.polynomial.Polynomial([0, 1]) ** clamped[0] * np.polynomial.Polynomial(
-        [1, -1]) ** clamped[1]
-    shapes = [base * np.polynomial.Polynomial.basis(k)
-              for k in range(10)]
+    clamped = (
+        2 if ends.startswith("clamped") else 1,
+        {"free": 0, "pinned": 1, "clamped": 2}[ends.split("-")[1]],
+    )
+    base = (
+        np.polynomial.Polynomial([0, 1]) ** clamped[0]
+        * np.polynomial.Polynomial([1, -1]) ** clamped[1]
+    )
+    shapes = [base * np.polynomial.Polynomial.basis(k) for k in range(10)]
 
     def product(order):
         parts = [p.deriv(order) for p in shapes]
@@ -103,11 +112,16 @@ def test_just_beyond_the_critical_load():
     assert elastica(1.0)["rise"] == pytest.approx(0.0, abs=1e-7)  # root of rounding
 
 
-@pytest.mark.parametrize(("call", "message"), [
-    (lambda: critical("free-free"), "ends must be one of clamped-free"),
-    (lambda: elastica(1.2, "clamped-pinned"), "ends must be one of"),
-    (lambda: elastica(0.9), "load must be from 1"),
-    (lambda: critical(length=-1.0), "length must"), (lambda: critical(stiffness=0.0), "stiffness")])
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: critical("free-free"), "ends must be one of clamped-free"),
+        (lambda: elastica(1.2, "clamped-pinned"), "ends must be one of"),
+        (lambda: elastica(0.9), "load must be from 1"),
+        (lambda: critical(length=-1.0), "length must"),
+        (lambda: critical(stiffness=0.0), "stiffness"),
+    ],
+)
 def test_bad_value_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()

@@ -79,8 +79,9 @@ def test_straight_line_and_its_divisions():
 def test_rectangle_returns():
     """The document's square of 0.2 m, four divisions a side: a branch without jumps closes."""
     corner = 0.1 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]])
-    way = np.concatenate([np.linspace(a, b, 4, endpoint=False) for a, b in
-                          pairwise(corner)] + [corner[:1]])
+    way = np.concatenate(
+        [np.linspace(a, b, 4, endpoint=False) for a, b in pairwise(corner)] + [corner[:1]]
+    )
     trail = follow(centre(), pose=centre().pose + way)
     assert not trail.why
     assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9
@@ -119,8 +120,10 @@ def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
     slack, eps = np.linalg.svd(closure(fold)[1][:, :8])[2][-1], 1e-6
     ahead = fold.inputs + np.array([eps, 0.0])
     # along the null vector the parameter is quadratic, so solutions are sqrt(eps) = 1e-3 away
-    sides = [direct(RodState(PAIR, fold.vector + np.pad(step * slack, (0, 4))).replaced(inputs=ahead))
-             for step in (3e-3, -3e-3)]
+    sides = [
+        direct(RodState(PAIR, fold.vector + np.pad(step * slack, (0, 4))).replaced(inputs=ahead))
+        for step in (3e-3, -3e-3)
+    ]
     assert 1e-4 < np.linalg.norm(sides[0].pose - sides[1].pose) < 1e-2
     with pytest.raises(ValueError, match="no equilibrium"):
         direct(fold.replaced(inputs=fold.inputs - [eps, 0.0]))
@@ -131,8 +134,15 @@ def test_a_symmetric_pair_gives_way_sideways():
     turns = np.radians(DATA["symmetric"]["inputs_deg"])
     row = DATA["symmetric"]["recomputed"][0]
     first = np.array(row["force1"])
-    start = direct(state(PAIR, inputs=turns, pose=[0.0, row["y"]], force=[first, -first],
-                         moment=[row["moment1"], -row["moment1"]]))
+    start = direct(
+        state(
+            PAIR,
+            inputs=turns,
+            pose=[0.0, row["y"]],
+            force=[first, -first],
+            moment=[row["moment1"], -row["moment1"]],
+        )
+    )
     trail = follow(start, load=[[0.0, -2.0]])
     assert not trail.why
     assert trail.crossed.shape == (1,)
@@ -149,10 +159,10 @@ def test_behind_the_fold_the_platform_is_unstable():
     branch = trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
     found = derivatives(branch.states)
     least, turn = np.linalg.eigvalsh(found.stiffness)[:, 0], branch.parameter.argmin()
-    assert (least[:turn - 1] > 0.0).all()
+    assert (least[: turn - 1] > 0.0).all()
     held = (found.rod_determinants * found.rod_determinants[0] > 0.0).all(axis=1)
-    assert held[:turn + 6].all()
-    assert (least[turn + 1:][held[turn + 1:]] < 0.0).all()
+    assert held[: turn + 6].all()
+    assert (least[turn + 1 :][held[turn + 1 :]] < 0.0).all()
     assert (np.diff(np.sign(found.direct_determinant)) != 0).sum() == 1
     assert np.abs(closure(branch.states)[0]).max() <= 1e-9
     assert branch.parameter[-1] == 0.0
@@ -202,8 +212,12 @@ def test_sheet_and_loci_have_the_symmetry_of_the_mechanism():
 
 def test_a_sheet_of_inputs_ends_at_the_fold():
     q = centre().inputs
-    sheet = spread(centre(), q[0] + np.linspace(-0.5, 0.5, 21), q[1] + np.array([-0.05, 0.0, 0.05]),
-                   name="inputs")
+    sheet = spread(
+        centre(),
+        q[0] + np.linspace(-0.5, 0.5, 21),
+        q[1] + np.array([-0.05, 0.0, 0.05]),
+        name="inputs",
+    )
     turns = sheet.first[sheet.reached[:, 1]] - q[0]
     # steps of 0.05 rad, fold at -0.365
     assert turns.min() == pytest.approx(-0.35, abs=1e-9)
@@ -214,8 +228,14 @@ def test_platform_follows_a_circle_at_constant_orientation():
     turns = np.radians([0.0, 120.0, -120.0])
     a = three(0.2 * np.sqrt(3.0), angle=turns, guide=turns, prolongation=0.1)
     row = DATA["pfr3"]
-    start = inverse(state(a, pose=[0.0, 0.0, np.radians(row["phi_deg"])], moment=-0.002,
-                          force=0.04 * np.array([a.clamp.real, a.clamp.imag]).T))
+    start = inverse(
+        state(
+            a,
+            pose=[0.0, 0.0, np.radians(row["phi_deg"])],
+            moment=-0.002,
+            force=0.04 * np.array([a.clamp.real, a.clamp.imag]).T,
+        )
+    )
     angle = np.linspace(0.0, 2 * np.pi, 13)
     way = start.pose + 0.05 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     trail = follow(start, pose=way)
@@ -225,12 +245,15 @@ def test_platform_follows_a_circle_at_constant_orientation():
     assert np.abs(np.roll(trail.states.inputs[4], -1) - trail.states.inputs[0]).max() <= 1e-9
 
 
-@pytest.mark.parametrize(("wrong", "word"), [
-    ({}, "give way points"),
-    ({"inputs": [[0.0, 0.0]], "pose": [[0.0, 0.0]]}, "not of both"),
-    ({"pose": [[0.0, 0.0, 0.0]]}, r"pose must be finite, \(\.\.\., 2\)"),
-    ({"load": [[np.nan, 0.0]]}, "load must be finite"),
-])
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({}, "give way points"),
+        ({"inputs": [[0.0, 0.0]], "pose": [[0.0, 0.0]]}, "not of both"),
+        ({"pose": [[0.0, 0.0, 0.0]]}, r"pose must be finite, \(\.\.\., 2\)"),
+        ({"load": [[np.nan, 0.0]]}, "load must be finite"),
+    ],
+)
 def test_bad_way_points(wrong, word):
     with pytest.raises(ValueError, match=word):
         follow(centre(), **wrong)

@@ -22,8 +22,9 @@ from proofmass.analytic.rods import (
 from proofmass.analytic.rods.elastica import incomplete, jacobi, legendre
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
-TABLE = dict(zip(DATA["unit_table"]["columns"], np.array(DATA["unit_table"]["rows"]).T,
-                 strict=True))
+TABLE = dict(
+    zip(DATA["unit_table"]["columns"], np.array(DATA["unit_table"]["rows"]).T, strict=True)
+)
 PSI = st.floats(0.05, 6.2)
 K_REL = st.floats(0.02, 0.999).flatmap(lambda k: st.sampled_from([k, -k]))
 MODE = st.integers(1, 5)
@@ -51,8 +52,12 @@ def test_legendre_by_carlson(size):
     first = s * elliprf(c * c, d * d, 1.0)
     second = first - square * s**3 / 3.0 * elliprd(c * c, d * d, 1.0)
     far = c < 0.0
-    expected = (np.where(far, 2.0 * whole - first, first),
-                np.where(far, 2.0 * whole_second - second, second), whole, whole_second)
+    expected = (
+        np.where(far, 2.0 * whole - first, first),
+        np.where(far, 2.0 * whole_second - second, second),
+        whole,
+        whole_second,
+    )
     for found, true in zip(legendre(s, c, d, other), expected, strict=True):
         # a few roundings of F; E is F less nearly as much, so F's roundings are its own
         np.testing.assert_allclose(found, true, rtol=2e-15, atol=5e-15 * whole.max())
@@ -84,8 +89,9 @@ def test_incomplete_slopes_and_quasi_periods(k):
     whole = incomplete(np.pi / 2, k)
     for now, then, part in zip((first, second), later, whole, strict=True):
         # phi + pi is rounded by 1e-15, times the slope 1/k'
-        np.testing.assert_allclose(then - now, 2.0 * part, rtol=1e-14,
-                                   atol=2e-15 / np.sqrt(1.0 - k**2))
+        np.testing.assert_allclose(
+            then - now, 2.0 * part, rtol=1e-14, atol=2e-15 / np.sqrt(1.0 - k**2)
+        )
 
 
 def test_unit_table():
@@ -104,8 +110,9 @@ def test_shooting_agrees():
     psi, mode = rng.uniform(0.1, 6.1, 40), rng.integers(1, 6, 40)
     k_rel = rng.uniform(0.02, 0.95, 40) * rng.choice([-1, 1], 40)
     rod = tip(psi, k_rel, mode)
-    shot = integrate(rod["R"] * np.cos(psi), rod["R"] * np.sin(psi), rod["m0"], nodes=801,
-                     slopes=True)
+    shot = integrate(
+        rod["R"] * np.cos(psi), rod["R"] * np.sin(psi), rod["m0"], nodes=801, slopes=True
+    )
     curve = shape(psi, k_rel, mode, shot.s[:, None])
     # rounding of R and m0, 1e-15, times how much the rod moves with them; of the steps, 1e-12
     moved = np.abs(shot.slope[:, :, :3]).max(axis=2).max(axis=0)
@@ -137,8 +144,9 @@ def test_identities(psi, k_rel, mode):
     s, weight = GAUSS
     curve = shape(psi, k_rel, mode, 0.5 * (1.0 + s), length=0.7, stiffness=0.3)
     first = curve["m"] ** 2 / 0.6 + n[0] * np.cos(curve["theta"]) + n[1] * np.sin(curve["theta"])
-    np.testing.assert_allclose(first, n @ [np.cos(rod["theta"]), np.sin(rod["theta"])], rtol=0,
-                               atol=1e-12 * rod["R"])  # rounding
+    np.testing.assert_allclose(
+        first, n @ [np.cos(rod["theta"]), np.sin(rod["theta"])], rtol=0, atol=1e-12 * rod["R"]
+    )  # rounding
     energy = 0.35 * weight @ curve["m"] ** 2 / 0.6
     assert abs(energy - rod["energy"]) <= 1e-13 * rod["R"] * 0.7 + 1e-12 * rod["energy"]
     inside = np.sum(np.diff(np.sign(curve["m"])) != 0)
@@ -152,8 +160,9 @@ def test_energy_rises_with_the_work_of_the_load(psi, mode):
     """dU = n . dp at a fixed clamp, by central differences along k_rel."""
     step = 1e-5
     before, here, after = (tip(psi, 0.4 + d, mode) for d in (-step, 0.0, step))
-    work = here["R"] * (np.cos(psi) * (after["x"] - before["x"])
-                        + np.sin(psi) * (after["y"] - before["y"]))
+    work = here["R"] * (
+        np.cos(psi) * (after["x"] - before["x"]) + np.sin(psi) * (after["y"] - before["y"])
+    )
     # third derivatives times step^2, and rounding over the step
     assert work == pytest.approx(after["energy"] - before["energy"], rel=1e-7)
 
@@ -169,8 +178,9 @@ def test_mirror_and_round_trip(psi, k_rel, mode):
     assert abs(np.hypot(k, other) - 1.0) <= 1e-15
     assert relative(psi, k) == pytest.approx(k_rel, rel=1e-13, abs=1e-15 / bounds(psi)[1])
     turn = 0.4
-    back = of_load(rod["R"] * np.cos(psi + turn), rod["R"] * np.sin(psi + turn), rod["m0"],
-                   theta0=turn)
+    back = of_load(
+        rod["R"] * np.cos(psi + turn), rod["R"] * np.sin(psi + turn), rod["m0"], theta0=turn
+    )
     assert back[2] == mode
     # m0^2/(4R) against 1 - k_min, in which psi's rounding counts as well
     assert abs(back[0] - psi) <= 3e-15
@@ -204,18 +214,29 @@ def test_shape_finds_its_parameters():
     rod = shape(2.0, -0.6, 3, s / 2.0, length=2.0, stiffness=0.1)
     errors = []
     for every in (2, 1):
-        found = of_shape(s[::every], rod["x"][::every], rod["y"][::every], rod["theta"][::every],
-                         stiffness=0.1)
+        found = of_shape(
+            s[::every], rod["x"][::every], rod["y"][::every], rod["theta"][::every], stiffness=0.1
+        )
         errors.append(abs(found[1] + 0.6))
         assert found[2] == 3
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)  # second order
     assert errors[1] < 1e-2
 
 
-@pytest.mark.parametrize(("name", "change"), [
-    ("psi", {"psi": 0.0}), ("psi", {"psi": 7.0}), ("k_rel", {"k_rel": 1.0}),
-    ("k_rel", {"k_rel": 0.0}), ("k_rel", {"k_rel": np.nan}), ("mode", {"mode": 0}),
-    ("mode", {"mode": 1.5}), ("length", {"length": 0.0}), ("stiffness", {"stiffness": -1.0})])
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("psi", {"psi": 0.0}),
+        ("psi", {"psi": 7.0}),
+        ("k_rel", {"k_rel": 1.0}),
+        ("k_rel", {"k_rel": 0.0}),
+        ("k_rel", {"k_rel": np.nan}),
+        ("mode", {"mode": 0}),
+        ("mode", {"mode": 1.5}),
+        ("length", {"length": 0.0}),
+        ("stiffness", {"stiffness": -1.0}),
+    ],
+)
 def test_bad_value_is_named(name, change):
     with pytest.raises(ValueError, match=f"^{name} must"):
         tip(**{"psi": 1.0, "k_rel": 0.5, "mode": 1} | change)

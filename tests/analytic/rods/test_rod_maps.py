@@ -23,9 +23,20 @@ from proofmass.analytic.rods.workspace import (
 )
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, PAIR, pair
 
-CASE = {"distance": 0.6, "theta1": np.radians(40), "theta2": np.radians(60), "force_x": 0.3,
-        "force_y": -0.1, "pin_x": 0.19, "pin_y": 0.86, "moment1": 0.086, "moment2": -0.025,
-        "push_x": 0.19, "push_y": 0.51, "stiffness": EI}
+CASE = {
+    "distance": 0.6,
+    "theta1": np.radians(40),
+    "theta2": np.radians(60),
+    "force_x": 0.3,
+    "force_y": -0.1,
+    "pin_x": 0.19,
+    "pin_y": 0.86,
+    "moment1": 0.086,
+    "moment2": -0.025,
+    "push_x": 0.19,
+    "push_y": 0.51,
+    "stiffness": EI,
+}
 CLAMPS = PAIR.clamp
 
 
@@ -38,8 +49,15 @@ def natural():
 def unloaded():
     row = DATA["rfr2"]["recomputed"]["S2"]
     near = pair("S2")
-    return direct(state(PAIR, inputs=np.radians(row["unloaded_inputs_deg"]), pose=near.pose,
-                        moment=near.moment, force=near.force))
+    return direct(
+        state(
+            PAIR,
+            inputs=np.radians(row["unloaded_inputs_deg"]),
+            pose=near.pose,
+            moment=near.moment,
+            force=near.force,
+        )
+    )
 
 
 @cache
@@ -52,7 +70,7 @@ def residual(x, inputs, load):
     """Eq. 98 of Pérez Gámiz 2018, by an integrator of its own: x (8, n) in the order of eq. 102."""
     rows = []
     for i, clamp in enumerate(CLAMPS):
-        m0, n_x, n_y = x[3 * i:3 * i + 3]
+        m0, n_x, n_y = x[3 * i : 3 * i + 3]
         rod = integrate(n_x, n_y, m0, theta0=inputs[i], stiffness=EI, nodes=41)
         rows += [rod.m[-1], clamp.real + rod.x[-1] - x[6], clamp.imag + rod.y[-1] - x[7]]
     return np.array([*rows, x[1] + x[4] - load[0], x[2] + x[5] - load[1]])
@@ -130,8 +148,10 @@ def test_labels_of_singularities_are_those_of_the_text():
     """Not of the program, which has them swapped: direct where K is singular, at which dq/dP is."""
     chart = over_poses(pair("S4"), natural(), "rad²/m²")
     lines = {line.label: np.stack([line.x, line.y], axis=1) for line in chart.panels[0].lines}
-    for label, states in (("direct singularity", loci(natural(), "direct")),
-                          ("inverse singularity", rim(natural())[0])):
+    for label, states in (
+        ("direct singularity", loci(natural(), "direct")),
+        ("inverse singularity", rim(natural())[0]),
+    ):
         points = lines[label][np.isfinite(lines[label][:, 0])]
         assert len(points) > 20
         assert np.abs(points[:, None] - states.pose).sum(axis=-1).min(axis=1).max() < 1e-9
@@ -142,8 +162,15 @@ def test_labels_of_singularities_are_those_of_the_text():
 def test_unloaded_sheet_is_its_mirror_image():
     row = DATA["symmetric"]["recomputed"][1]
     first, moment = np.array(row["force1"]), row["moment1"]
-    start = direct(state(PAIR, inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
-                         pose=[0.0, row["y"]], moment=[moment, -moment], force=[first, -first]))
+    start = direct(
+        state(
+            PAIR,
+            inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
+            pose=[0.0, row["y"]],
+            moment=[moment, -moment],
+            force=[first, -first],
+        )
+    )
     m = sheet(start, 11)
     assert m.first == pytest.approx(-m.first[::-1], abs=1e-12)
     values = np.linalg.det(derivatives(m.states[m.reached & m.reached[::-1]]).inverse)
@@ -156,8 +183,10 @@ def test_unloaded_sheet_is_its_mirror_image():
 
 def test_maps_do_not_depend_on_the_unit_of_force():
     """Twice the stiffness and twice the load: the same shapes."""
-    stiff = CASE | {key: 2 * CASE[key] for key in (
-        "force_x", "force_y", "moment1", "moment2", "push_x", "push_y", "stiffness")}
+    stiff = CASE | {
+        key: 2 * CASE[key]
+        for key in ("force_x", "force_y", "moment1", "moment2", "push_x", "push_y", "stiffness")
+    }
     one, two = (motor_angles(**case, span=0.4, nodes=5).panels[0] for case in (CASE, stiff))
     assert one.field.values == pytest.approx(two.field.values, rel=1e-6, nan_ok=True)  # Newton's
     light = motor_angles(**CASE | {"stiffness": 2 * EI}, span=0.4, nodes=5).panels[0]
@@ -184,8 +213,11 @@ def test_motor_angles_show_the_field_at_the_case():
 
 @cache
 def platform():
-    turns = {f"{name}{k}": turn for name in ("theta", "guide")
-             for k, turn in enumerate(np.radians([0.0, 120.0, -120.0]), 1)}
+    turns = {
+        f"{name}{k}": turn
+        for name in ("theta", "guide")
+        for k, turn in enumerate(np.radians([0.0, 120.0, -120.0]), 1)
+    }
     return constant_orientation(side=0.5, **turns, stiffness=EI, nodes=7)
 
 
@@ -199,8 +231,10 @@ def test_platform_without_load_is_stiffest_at_the_centre():
     assert "80.61" in platform().caption  # degrees, as recomputed
 
 
-@pytest.mark.parametrize(("wrong", "word"), [
-    ({"nodes": 4}, "nodes must lie within"), ({"distance": 3.0}, "clamps 1 and 2 are 3 m apart")])
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [({"nodes": 4}, "nodes must lie within"), ({"distance": 3.0}, "clamps 1 and 2 are 3 m apart")],
+)
 def test_bad_maps(wrong, word):
     with pytest.raises(ValueError, match=word):
         workspace(**CASE | wrong)

@@ -10,8 +10,14 @@ from tests.analytic.rods.rod_chain_cases import continuum
 PATHS, LOAD = DATA["trajectories"], np.array(DATA["rfr2"]["load"])
 WHERE = {"distance": 0.6, "stiffness": EI}
 LOADED = WHERE | {"force_x": LOAD[0], "force_y": LOAD[1]}
-LINE = WHERE | {"pin_x": 0.293, "pin_y": -0.341, "moment1": 0.28, "moment2": 0.29,
-                "push_x": -0.83, "push_y": 0.95}  # where the document's trajectories begin
+LINE = WHERE | {
+    "pin_x": 0.293,
+    "pin_y": -0.341,
+    "moment1": 0.28,
+    "moment2": 0.29,
+    "push_x": -0.83,
+    "push_y": 0.95,
+}  # where the document's trajectories begin
 BEGIN = np.radians([[-32.2157989], [20.9113672]])
 FIRST = np.array([[1.0], [0.0]])
 ASIDE = np.array([0.1, -0.05])  # where the rods are looked at
@@ -63,8 +69,9 @@ def test_a_fold_ends_the_branch():
 TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
 
 
-@pytest.mark.parametrize("name", [
-    "S3", *(pytest.param(name, marks=pytest.mark.slow) for name in ("S1", "S4"))])
+@pytest.mark.parametrize(
+    "name", ["S3", *(pytest.param(name, marks=pytest.mark.slow) for name in ("S1", "S4"))]
+)
 def test_turns_of_the_motors_join_the_equilibria_of_table_7(name):
     """The clamps come back, the rods are wound otherwise: S1 and S2 are printed there."""
     *turns, other = TURNS[name]
@@ -81,8 +88,10 @@ def test_turns_of_the_motors_join_the_equilibria_of_table_7(name):
 def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
     """By DOP853 from moments and forces: places, tangents, no moment at the pin, energy."""
     begin, given = guess(name)
-    found = {key: curve[-1] for key, curve in solve(
-        np.stack([begin, begin + ASIDE], axis=1), **given).items()}
+    found = {
+        key: curve[-1]
+        for key, curve in solve(np.stack([begin, begin + ASIDE], axis=1), **given).items()
+    }
     first, stored = np.array([found["push_x"], found["push_y"]]), 0.0
     s = np.linspace(0.0, 1.0, 2001)
     for k, force in enumerate((first, LOAD - first)):
@@ -99,8 +108,15 @@ def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
 def spread(h):
     """A sample of the document's line between two others, by turning either motor."""
     middle = BEGIN + FIRST * 0.4
-    return [solve(np.hstack([BEGIN, middle, middle + way, middle - way]), np.ones((2, 1)), **LINE,
-                  force_x=0.02) for way in h * np.eye(2)[..., None]]
+    return [
+        solve(
+            np.hstack([BEGIN, middle, middle + way, middle - way]),
+            np.ones((2, 1)),
+            **LINE,
+            force_x=0.02,
+        )
+        for way in h * np.eye(2)[..., None]
+    ]
 
 
 def test_rates_are_slopes_and_moments_are_work():
@@ -108,8 +124,9 @@ def test_rates_are_slopes_and_moments_are_work():
     h = 1e-4
     first, second = spread(h)
     for axis in "xy":
-        slopes = [(one[f"pin_{axis}"][2] - one[f"pin_{axis}"][3]) / (2 * h)
-                  for one in (first, second)]
+        slopes = [
+            (one[f"pin_{axis}"][2] - one[f"pin_{axis}"][3]) / (2 * h) for one in (first, second)
+        ]
         assert first[f"pin_v{axis}"][1] == pytest.approx(sum(slopes), abs=1e-7)  # h^2
     for one, hold in ((first, "hold1"), (second, "hold2")):
         potential = one["energy"] - 0.02 * one["pin_x"]
@@ -120,8 +137,17 @@ def test_rates_are_slopes_and_moments_are_work():
 def test_symmetric_motors_keep_the_pin_in_the_middle():
     """Tangents 60 and 120 degrees without load: the recomputed pose, and further down."""
     turn = np.linspace(0.0, 0.3, 4)
-    found = solve([np.pi / 3 + turn, 2 * np.pi / 3 - turn], [[1.0], [-1.0]], distance=0.6,
-                  pin_x=0.0, pin_y=0.95, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0)
+    found = solve(
+        [np.pi / 3 + turn, 2 * np.pi / 3 - turn],
+        [[1.0], [-1.0]],
+        distance=0.6,
+        pin_x=0.0,
+        pin_y=0.95,
+        moment1=0.5,
+        moment2=-0.5,
+        push_x=-0.5,
+        push_y=0.0,
+    )
     assert np.abs(found["pin_x"]).max() <= 1e-9
     assert np.abs(found["pin_vx"]).max() <= 1e-9
     np.testing.assert_allclose(found["hold1"], -found["hold2"], atol=1e-9)
@@ -143,27 +169,47 @@ def test_the_way_there_does_not_matter():
     coarse = solve(BEGIN + FIRST * turn, FIRST, **LINE)
     there = np.linspace(0.0, 1.0, 9)
     fine = solve(BEGIN + FIRST * np.append(there, there[-2::-1]), FIRST, **LINE)
-    big = {"distance": 1.2, "length": 2.0, "stiffness": 4 * EI, "pin_x": 0.586, "pin_y": -0.682,
-           "moment1": 0.56, "moment2": 0.58, "push_x": -0.83, "push_y": 0.95}
+    big = {
+        "distance": 1.2,
+        "length": 2.0,
+        "stiffness": 4 * EI,
+        "pin_x": 0.586,
+        "pin_y": -0.682,
+        "moment1": 0.56,
+        "moment2": 0.58,
+        "push_x": -0.83,
+        "push_y": 0.95,
+    }
     larger = solve(BEGIN + FIRST * turn, FIRST, **big)
-    size = {"pin_x": 2, "pin_y": 2, "pin_vx": 2, "pin_vy": 2, "hold1": 2, "hold2": 2, "energy": 2,
-            "pin_stiffness": 0.5}
+    size = {
+        "pin_x": 2,
+        "pin_y": 2,
+        "pin_vx": 2,
+        "pin_vy": 2,
+        "hold1": 2,
+        "hold2": 2,
+        "energy": 2,
+        "pin_stiffness": 0.5,
+    }
     for name, curve in coarse.items():
         # Newton's 1e-10, over the softness of the pin
         np.testing.assert_allclose(fine[name][[0, 4, 8, 12, 16]], curve[[0, 1, 2, 1, 0]], atol=1e-8)
         np.testing.assert_allclose(larger[name], size.get(name, 1) * curve, atol=1e-8)
 
 
-@pytest.mark.parametrize(("change", "word"), [
-    ({"angle": [0.1, 0.2]}, r"theta1 and theta2, \(2, n\), got \(2,\)"),
-    ({"angle": np.zeros((2, 0))}, r"got \(2, 0\)"),
-    ({"angle": np.zeros((3, 4))}, r"got \(3, 4\)"),
-    ({"angle": [[0.0, np.nan], [0.0, 0.0]]}, "angle must be finite, got nan"),
-    ({"stiffness": -1.0}, "stiffness must be finite and above 0"),
-    ({"length": 0.0}, "length must be finite and above 0"),
-    ({"distance": 3.0}, "clamps 1 and 2 are 3 m apart, and their rods reach 2 m"),
-    ({"moment1": 30.0}, "no equilibrium is found from the guess"),
-])
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"angle": [0.1, 0.2]}, r"theta1 and theta2, \(2, n\), got \(2,\)"),
+        ({"angle": np.zeros((2, 0))}, r"got \(2, 0\)"),
+        ({"angle": np.zeros((3, 4))}, r"got \(3, 4\)"),
+        ({"angle": [[0.0, np.nan], [0.0, 0.0]]}, "angle must be finite, got nan"),
+        ({"stiffness": -1.0}, "stiffness must be finite and above 0"),
+        ({"length": 0.0}, "length must be finite and above 0"),
+        ({"distance": 3.0}, "clamps 1 and 2 are 3 m apart, and their rods reach 2 m"),
+        ({"moment1": 30.0}, "no equilibrium is found from the guess"),
+    ],
+)
 def test_bad_values_are_named(change, word):
     with pytest.raises(ValueError, match=word):
         solve(**{"angle": BEGIN + FIRST * [0.0, 0.1]} | LINE | change)

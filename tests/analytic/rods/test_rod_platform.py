@@ -18,11 +18,18 @@ from tests.independent.rods.chain_assembly import settle
 ANNEX = json.loads((Path(__file__).parents[2] / "data" / "rod_platform.json").read_text())
 TABLE8 = DATA["rfr3"]
 MOTORS8 = tuple(np.radians(TABLE8["inputs_deg"]).tolist())
-RFR3 = {"side": TABLE8["side"], "force_y": 0.5, "stiffness": EI,
-        "theta1": MOTORS8[0], "theta2": MOTORS8[1], "theta3": MOTORS8[2]}
+RFR3 = {
+    "side": TABLE8["side"],
+    "force_y": 0.5,
+    "stiffness": EI,
+    "theta1": MOTORS8[0],
+    "theta2": MOTORS8[1],
+    "theta3": MOTORS8[2],
+}
 TURNS = np.radians(ANNEX["angle_deg"])
-GUIDED = {"stiffness": EI} | {f"{key}{k}": turn for key in ("theta", "guide")
-                              for k, turn in enumerate(TURNS, 1)}
+GUIDED = {"stiffness": EI} | {
+    f"{key}{k}": turn for key in ("theta", "guide") for k, turn in enumerate(TURNS, 1)
+}
 PFR3 = {"side": ANNEX["side"], "force_x": 0.3, "force_y": -0.2, **GUIDED}
 ENDS = np.array([0.0, 1.0])
 
@@ -35,7 +42,9 @@ def at(slides, **parameters):
 
 def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
     """A state of the mechanism of Table 8."""
-    return standing(PlatformProblem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode)
+    return standing(
+        PlatformProblem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode
+    )
 
 
 @pytest.mark.parametrize(("mode", "row"), [(2, 0), (1, 1)])
@@ -54,7 +63,8 @@ def test_table_8_at_rest(mode, row):
         assert abs(found[f"x{k}"][1] + 1j * found[f"y{k}"][1] - pin) <= 1e-10
         assert [found[f"x{k}"][0], found[f"y{k}"][0]] == pytest.approx(clamp, abs=1e-15)
         assert [found[f"t{k}"][0], found[f"m{k}"][0]] == pytest.approx(
-            [MOTORS8[k - 1], -found[f"hold{k}"][0]], abs=1e-12)
+            [MOTORS8[k - 1], -found[f"hold{k}"][0]], abs=1e-12
+        )
         assert abs(found[f"m{k}"][1]) <= 1e-10
 
 
@@ -67,8 +77,7 @@ def test_other_stable_equilibria_have_a_looped_rod():
         assert looped.sum() == (mode > 2)
         shapes = [lambda arc, k=k, s=s: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
         # of a rod that is 40 links long at least: the bend of a loop is 1/13 of its length
-        own = settle(three(0.2), MOTORS8, seed=shapes, segments=80,
-                     force=(0.0, 0.5))
+        own = settle(three(0.2), MOTORS8, seed=shapes, segments=80, force=(0.0, 0.5))
         assert own.curvatures[0] > 0.0
         np.testing.assert_allclose(own.pose, s.pose, atol=6e-3)  # h^2 of that bend
     with pytest.raises(ValueError, match=r"mode 6 is not there; .*; 2 at \(0.0165, 0.0206\) m"):
@@ -85,11 +94,20 @@ def test_shooting_finds_the_same(load):
         arms = triangle(0.2) @ [1.0, 1.0j] * np.exp(1j * phi)
         rows, pull, turn = [], -np.array(load[:2]), -load[2]
         for k, motor in enumerate(MOTORS8):
-            moment, *n = z[3 * k: 3 * k + 3]
-            end = solve_ivp(lambda _, u, n=n: [np.cos(u[2]), np.sin(u[2]), u[3] / EI,
-                                               n[0] * np.sin(u[2]) - n[1] * np.cos(u[2])],
-                            (0.0, 1.0), [*CORNERS[k], motor, moment], method="DOP853",
-                            rtol=1e-11, atol=1e-12).y[:, -1]
+            moment, *n = z[3 * k : 3 * k + 3]
+            end = solve_ivp(
+                lambda _, u, n=n: [
+                    np.cos(u[2]),
+                    np.sin(u[2]),
+                    u[3] / EI,
+                    n[0] * np.sin(u[2]) - n[1] * np.cos(u[2]),
+                ],
+                (0.0, 1.0),
+                [*CORNERS[k], motor, moment],
+                method="DOP853",
+                rtol=1e-11,
+                atol=1e-12,
+            ).y[:, -1]
             rows += [end[0] - x - arms[k].real, end[1] - y - arms[k].imag, end[3]]
             pull, turn = pull + n, turn + arms[k].real * n[1] - arms[k].imag * n[0]
         return [*rows, *pull, turn]
@@ -103,8 +121,9 @@ def test_shooting_finds_the_same(load):
 def test_the_misprinted_angle_is_another_mechanism():
     """With theta2 = 0 no equilibrium, of any potential, is near a printed one."""
     motors = tuple(np.radians([45.0, TABLE8["inputs2_misprint_deg"], -60.0]))
-    there = rod_platform.stable(PlatformProblem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3,
-                                        (0.0, 0.5, 0.0), 1)).pose
+    there = rod_platform.stable(
+        PlatformProblem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1)
+    ).pose
     for row in TABLE8["recomputed"]:
         assert np.hypot(*(there[:, :2] - row["pose"]).T).min() > 0.05
 
@@ -147,8 +166,9 @@ def test_symmetric_platform_without_load(row):
     assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=1e-5)  # five decimals
     assert found["energy"] == pytest.approx(row["energy"], abs=1e-7)
     assert abs(found["x"]) + abs(found["y"]) <= 1e-12
-    along = np.cos(TURNS) * np.array(row["force"])[:, 0] + np.sin(TURNS) * np.array(
-        row["force"])[:, 1]
+    along = (
+        np.cos(TURNS) * np.array(row["force"])[:, 0] + np.sin(TURNS) * np.array(row["force"])[:, 1]
+    )
     assert [found[f"hold{k}"] for k in (1, 2, 3)] == pytest.approx(-along, abs=1e-6)
 
 
@@ -158,9 +178,11 @@ def test_a_third_of_a_turn():
     load = (0.3 - 0.2j) * third
     one = rod_platform_driven.solve(path, **PFR3)
     two = rod_platform_driven.solve(
-        np.roll(path, 1, axis=0), **PFR3 | {"force_x": load.real, "force_y": load.imag})
-    np.testing.assert_allclose(two["x"] + 1j * two["y"], (one["x"] + 1j * one["y"]) * third,
-                               rtol=0, atol=1e-11)
+        np.roll(path, 1, axis=0), **PFR3 | {"force_x": load.real, "force_y": load.imag}
+    )
+    np.testing.assert_allclose(
+        two["x"] + 1j * two["y"], (one["x"] + 1j * one["y"]) * third, rtol=0, atol=1e-11
+    )
     np.testing.assert_allclose(two["phi"], one["phi"], rtol=0, atol=1e-11)
     for k in (1, 2, 3):
         np.testing.assert_allclose(two[f"hold{k % 3 + 1}"], one[f"hold{k}"], rtol=0, atol=1e-11)
@@ -169,8 +191,11 @@ def test_a_third_of_a_turn():
 DRIVEN = {
     "guides": ({**PFR3, "mode": 2}, [0.1, 0.1, 0.1], [0.5, 0.2, 0.3]),
     "rigid ends": ({**PFR3, "prolongation": 0.1}, [0.1, 0.1, 0.1], [0.3, 0.2, 0.1]),
-    "motors": ({"side": 0.2, "force_y": 0.5, "moment": 0.01, "stiffness": EI, "mode": 2},
-               MOTORS8, np.add(MOTORS8, [0.3, -0.2, 0.1])),
+    "motors": (
+        {"side": 0.2, "force_y": 0.5, "moment": 0.01, "stiffness": EI, "mode": 2},
+        MOTORS8,
+        np.add(MOTORS8, [0.3, -0.2, 0.1]),
+    ),
 }
 
 
@@ -183,7 +208,8 @@ def test_rates_and_virtual_work(parameters, first, last):
     found = rod_platform_driven.solve(path, way[:, None], **parameters)
     force = [parameters.get(name, 0.0) for name in ("force_x", "force_y", "moment")]
     potential = found["energy"] - sum(
-        f * found[name] for f, name in zip(force, ("x", "y", "phi"), strict=True))
+        f * found[name] for f, name in zip(force, ("x", "y", "phi"), strict=True)
+    )
     held = sum(found[f"hold{k}"][2] * way[k - 1] for k in (1, 2, 3))
     # h^2 of the third derivatives, 20 and less, and 1e-11 of the rods over h
     for name in ("x", "y", "phi"):
@@ -217,15 +243,18 @@ def test_neighbours_share_a_search(monkeypatch):
     """A parameter changed by 1e-6 needs no other search, and moves what it must."""
     calls = []
     search = rod_platform.solutions
-    monkeypatch.setattr(rod_platform, "solutions",
-                        lambda *a, **k: calls.append(a) or search(*a, **k))
+    monkeypatch.setattr(
+        rod_platform, "solutions", lambda *a, **k: calls.append(a) or search(*a, **k)
+    )
     numbers = RFR3 | {"radius": 1.01}
     memory = {}
     with memory_in_use(memory, more=True):
         rod_platform.solve(ENDS, **numbers)
     with memory_in_use(memory, more=False):
-        up, down, wide, narrow = (rod_platform.solve(ENDS, **numbers | {"radius": 1.01 + h})
-                                  for h in (1e-6, -1e-6, 4e-5, -4e-5))
+        up, down, wide, narrow = (
+            rod_platform.solve(ENDS, **numbers | {"radius": 1.01 + h})
+            for h in (1e-6, -1e-6, 4e-5, -4e-5)
+        )
     assert len(calls) == 1
     for name in ("x", "phi", "hold2"):
         fine, coarse = (up[name] - down[name])[0] / 2e-6, (wide[name] - narrow[name])[0] / 8e-5
@@ -233,15 +262,18 @@ def test_neighbours_share_a_search(monkeypatch):
         assert fine == pytest.approx(coarse, rel=1e-4)  # 1e-11 of the rods over 1e-6
 
 
-@pytest.mark.parametrize(("wrong", "word"), [
-    ({"side": -0.2}, "side must be positive"),
-    ({"radius": 0.0}, "radius must be a positive finite length"),
-    ({"stiffness": 0.0}, "stiffness must be finite and above 0"),
-    ({"length": 0.5}, "clamps 1 and 2 are 1.73205 m apart, and their rods reach 1.2 m"),
-    ({"inflections": 0}, "modes must be 1, 2"),
-    ({"mode": 1.5}, "mode 1.5 is not there"),
-    ({"force_y": np.inf}, "load must be finite"),
-])
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"side": -0.2}, "side must be positive"),
+        ({"radius": 0.0}, "radius must be a positive finite length"),
+        ({"stiffness": 0.0}, "stiffness must be finite and above 0"),
+        ({"length": 0.5}, "clamps 1 and 2 are 1.73205 m apart, and their rods reach 1.2 m"),
+        ({"inflections": 0}, "modes must be 1, 2"),
+        ({"mode": 1.5}, "mode 1.5 is not there"),
+        ({"force_y": np.inf}, "load must be finite"),
+    ],
+)
 def test_bad_parameters(wrong, word):
     with pytest.raises(ValueError, match=word):
         rod_platform.solve(ENDS, **RFR3 | wrong)

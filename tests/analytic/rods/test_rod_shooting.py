@@ -28,8 +28,9 @@ def test_section():
     assert pytest.approx(EI, rel=1e-15) == 210e9 * np.pi * 1e-12 / 4
 
 
-@pytest.mark.parametrize(("scheme", "order", "nodes"), [("rk4", 4, (81, 161)),
-                                                        ("dop853", 8, (17, 33))])
+@pytest.mark.parametrize(
+    ("scheme", "order", "nodes"), [("rk4", 4, (81, 161)), ("dop853", 8, (17, 33))]
+)
 def test_order(scheme, order, nodes):
     truth = tip(1.3, -0.4, 2)
     force = truth["R"] * np.array([np.cos(1.3), np.sin(1.3)])
@@ -56,25 +57,42 @@ def test_scipy_s_integrator_agrees_under_weight():
 
     def rate(s, z):
         force = n + w * (length - s)
-        return [z[1] / 0.5, force[0] * np.sin(z[0]) - force[1] * np.cos(z[0]), np.cos(z[0]),
-                np.sin(z[0])]
+        return [
+            z[1] / 0.5,
+            force[0] * np.sin(z[0]) - force[1] * np.cos(z[0]),
+            np.cos(z[0]),
+            np.sin(z[0]),
+        ]
 
     run = solve_ivp(rate, (0.0, length), [0.3, 0.8, 0.1, 0.2], "DOP853", rtol=1e-13, atol=1e-14)
-    rod = integrate(*n, 0.8, theta0=0.3, x0=0.1, y0=0.2, weight_x=w[0], weight_y=w[1],
-                    length=length, stiffness=0.5)
+    rod = integrate(
+        *n,
+        0.8,
+        theta0=0.3,
+        x0=0.1,
+        y0=0.2,
+        weight_x=w[0],
+        weight_y=w[1],
+        length=length,
+        stiffness=0.5,
+    )
     found = [rod.theta[-1], rod.m[-1], rod.x[-1], rod.y[-1]]
     np.testing.assert_allclose(found, run.y[:, -1], rtol=0, atol=1e-11)  # its tolerance, summed
-    back = from_tip(*n, rod.theta[-1], rod.m[-1], weight_x=w[0], weight_y=w[1], length=length,
-                    stiffness=0.5)
-    np.testing.assert_allclose([back.theta[-1], -back.m[-1], back.x[-1], back.y[-1]],
-                               [0.3, 0.8, rod.x[-1] - 0.1, rod.y[-1] - 0.2], rtol=0, atol=1e-13)
+    back = from_tip(
+        *n, rod.theta[-1], rod.m[-1], weight_x=w[0], weight_y=w[1], length=length, stiffness=0.5
+    )
+    np.testing.assert_allclose(
+        [back.theta[-1], -back.m[-1], back.x[-1], back.y[-1]],
+        [0.3, 0.8, rod.x[-1] - 0.1, rod.y[-1] - 0.2],
+        rtol=0,
+        atol=1e-13,
+    )
 
 
 @pytest.mark.parametrize("scheme", ["rk4", "dop853"])
 def test_slopes_by_differences(scheme):
     given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
-    shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "stiffness": 0.4,
-              "scheme": scheme}
+    shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "stiffness": 0.4, "scheme": scheme}
     exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]
     offsets = step * np.concatenate([np.eye(4), -np.eye(4)])
     moved = (given + offsets).T
@@ -130,8 +148,10 @@ def test_compliance_by_differences():
     found = stability(*exact.unknowns[:2], exact.rod.theta[-1], stiffness=EI).compliance
     step, stiff = 1e-4, np.empty((2, 2))
     for k, move in enumerate(step * np.eye(2)):
-        ahead, behind = (pinned(*(PIN + sign * move), exact.unknowns, stiffness=EI).unknowns
-                         for sign in (1.0, -1.0))
+        ahead, behind = (
+            pinned(*(PIN + sign * move), exact.unknowns, stiffness=EI).unknowns
+            for sign in (1.0, -1.0)
+        )
         stiff[:, k] = (ahead - behind)[:2] / (2.0 * step)
     # third derivatives times step^2: forces of 4 N change over 0.1 m
     np.testing.assert_allclose(found @ stiff, np.eye(2), rtol=0, atol=1e-4)
@@ -145,8 +165,9 @@ def test_guess_selects_the_branch(guess, name, way):
     shot = pinned(*PIN, guess, stiffness=EI, **given)
     assert shot.converged
     # RK4 with 61 nodes is off by 2e-7 m at A and B, more at C: times the stiffness, 1 to 20 N/m
-    np.testing.assert_allclose(shot.unknowns, start(name), rtol=0,
-                               atol={"A": 1e-5, "B": 1e-5, "C": 1e-4}[name])
+    np.testing.assert_allclose(
+        shot.unknowns, start(name), rtol=0, atol={"A": 1e-5, "B": 1e-5, "C": 1e-4}[name]
+    )
     if guess == [0.1, 0.1, 0.1] and way == "document":
         assert shot.iterations == 6
 
@@ -168,8 +189,12 @@ def test_guess_next_to_buckling():
 
 
 def test_bad_values_are_named():
-    for change, message in (({"length": -1.0}, "length"), ({"stiffness": 0.0}, "stiffness"),
-                            ({"nodes": 1}, "nodes"), ({"scheme": "euler"}, "scheme")):
+    for change, message in (
+        ({"length": -1.0}, "length"),
+        ({"stiffness": 0.0}, "stiffness"),
+        ({"nodes": 1}, "nodes"),
+        ({"scheme": "euler"}, "scheme"),
+    ):
         with pytest.raises(ValueError, match=f"^{message} must"):
             integrate(1.0, 0.0, 0.0, **change)
     with pytest.raises(ValueError, match=r"^length must reach the pin, 1.11803 m away, got 1"):

@@ -18,8 +18,14 @@ DISTANCES = 0.35, 0.5, 0.8, 0.95
 def held(angle, distance=0.8, **more):
     """The swing, and its rods shot from their clamps."""
     found = solve(angle, distance=distance, **more)
-    rod = integrate(found["force_x"], found["force_y"], -found["holding_moment"],
-                    theta0=np.asarray(angle), nodes=81, slopes=True)
+    rod = integrate(
+        found["force_x"],
+        found["force_y"],
+        -found["holding_moment"],
+        theta0=np.asarray(angle),
+        nodes=81,
+        slopes=True,
+    )
     return found, rod
 
 
@@ -54,11 +60,15 @@ def test_moments_are_slopes_of_the_energy():
 def test_lengths_and_stiffness_only_scale():
     """Places with L, moments with EI/L, forces with EI/L^2."""
     angle = np.radians([70.0, 0.0, -60.0])
-    one, two = (solve(angle, distance=0.8 * s, length=s, stiffness=k)
-                for s, k in ((1.0, 1.0), (2.5, 7.0)))
-    for names, scale in ((("mid_x", "mid_y"), 2.5), (("tip_angle", "side"), 1.0),
-                         (("holding_moment", "energy", "lost", "work"), 2.8),
-                         (("force_x", "force_y"), 1.12)):
+    one, two = (
+        solve(angle, distance=0.8 * s, length=s, stiffness=k) for s, k in ((1.0, 1.0), (2.5, 7.0))
+    )
+    for names, scale in (
+        (("mid_x", "mid_y"), 2.5),
+        (("tip_angle", "side"), 1.0),
+        (("holding_moment", "energy", "lost", "work"), 2.8),
+        (("force_x", "force_y"), 1.12),
+    ):
         for name in names:
             np.testing.assert_allclose(two[name], scale * one[name], rtol=1e-12)  # rounding
 
@@ -89,13 +99,16 @@ def test_each_fold_adds_a_direction_to_fall_in(distance):
 
 def test_a_shallow_rod_snaps_where_a_beam_does():
     """w = A (sin pt - t sin p), t from the pin; a/sqrt(2 (1 - d)) is least at the fold."""
+
     def slope(p):
         size = p * p / 2.0 + p * np.sin(2.0 * p) / 4.0 - np.sin(p) ** 2
         return (np.sin(p) - p * np.cos(p)) / np.sqrt(size)
 
     least = minimize_scalar(slope, bounds=(5.0, 7.0), method="bounded", options={"xatol": 1e-12})
-    off = [marks(distance=1.0 - e)["snaps to the left"] / np.sqrt(2.0 * e) + least.fun
-           for e in (0.2, 0.1, 0.05)]
+    off = [
+        marks(distance=1.0 - e)["snaps to the left"] / np.sqrt(2.0 * e) + least.fun
+        for e in (0.2, 0.1, 0.05)
+    ]
     ratios = np.divide(off[:-1], off[1:])
     np.testing.assert_allclose(ratios, 2.0, atol=0.1)  # what (1 - d)^2 adds
     assert abs(off[-1]) < 0.02
@@ -105,8 +118,10 @@ def test_a_shallow_rod_snaps_where_a_beam_does():
 def every(angle: float, distance: float = 0.8, starts: int = 600):
     """Equilibria from random starts by Newton's method: moment, force, energy, negatives."""
     random = np.random.default_rng(1)
-    m, n = random.uniform(-15, 15, starts), random.uniform(-90, 60, starts) + 1j * random.uniform(
-        -45, 45, starts)
+    m, n = (
+        random.uniform(-15, 15, starts),
+        random.uniform(-90, 60, starts) + 1j * random.uniform(-45, 45, starts),
+    )
     for _ in range(25):
         z, _ = flow(angle, m, n, 1.0, 1.0)
         gap = [m + (n.conj() * z[0]).imag, z[0].real - distance, z[0].imag]
@@ -115,8 +130,10 @@ def every(angle: float, distance: float = 0.8, starts: int = 600):
         step = np.linalg.solve(matrix, np.stack(gap, axis=-1)[..., None])[..., 0]
         step *= np.minimum(1.0, 5.0 / np.abs(step).max(axis=1))[:, None]
         good = np.abs(n) < 150
-        m, n = np.where(good, m - step[:, 0], m), np.where(
-            good, n - step[:, 1] - 1j * step[:, 2], n)
+        m, n = (
+            np.where(good, m - step[:, 0], m),
+            np.where(good, n - step[:, 1] - 1j * step[:, 2], n),
+        )
     met = np.abs(gap).max(axis=0) < 1e-9
     _, first = np.unique(np.stack([m, n.real, n.imag])[:, met].round(5), axis=1, return_index=True)
     m, n = m[met][first], n[met][first]
@@ -125,8 +142,10 @@ def every(angle: float, distance: float = 0.8, starts: int = 600):
     return m, energy, stability(n.real, n.imag, theta[0]).pinned
 
 
-@pytest.mark.parametrize("degrees", [
-    54.338, 80.0, *(pytest.param(degrees, marks=pytest.mark.slow) for degrees in (58.0, 65.0))])
+@pytest.mark.parametrize(
+    "degrees",
+    [54.338, 80.0, *(pytest.param(degrees, marks=pytest.mark.slow) for degrees in (58.0, 65.0))],
+)
 def test_beyond_the_fold_one_rest_is_left(degrees):
     """Of all equilibria below the energy at the fold; it is the one that the rod snaps to."""
     fold = marks(distance=0.8)["snaps to the left"]
@@ -134,8 +153,9 @@ def test_beyond_the_fold_one_rest_is_left(degrees):
     m, energy, negative = every(-np.radians(degrees))
     stable = (negative == 0) & (energy < most)
     assert stable.sum() == 1
-    assert -m[stable] == pytest.approx(solve([-np.radians(degrees)], distance=0.8)[
-        "holding_moment"], abs=1e-7)  # what `flow` and Newton leave
+    assert -m[stable] == pytest.approx(
+        solve([-np.radians(degrees)], distance=0.8)["holding_moment"], abs=1e-7
+    )  # what `flow` and Newton leave
 
 
 def test_between_the_folds_there_are_two():
@@ -144,8 +164,10 @@ def test_between_the_folds_there_are_two():
     for degrees in (0.0, 30.0, 54.0):
         m, energy, negative = every(-np.radians(degrees))
         stable = np.sort(-m[(negative == 0) & (energy < most)])
-        sides = [solve([-np.radians(degrees)], distance=0.8, side=s)["holding_moment"][0]
-                 for s in ("left", "right")]
+        sides = [
+            solve([-np.radians(degrees)], distance=0.8, side=s)["holding_moment"][0]
+            for s in ("left", "right")
+        ]
         np.testing.assert_allclose(stable, np.sort(sides), atol=1e-7)  # as above
     assert (negative == 1).any()
 
@@ -169,8 +191,14 @@ def test_history_chooses_the_side():
     angle = np.radians([0.0, -60.0, 0.0, 60.0, 0.0])
     left, right = solve(angle, distance=0.8), solve(-angle, distance=0.8, side="right")
     assert left["side"].tolist() == [1, -1, -1, 1, 1]
-    for name, sign in (("mid_x", 1), ("mid_y", -1), ("holding_moment", -1), ("energy", 1),
-                       ("lost", 1), ("side", -1)):
+    for name, sign in (
+        ("mid_x", 1),
+        ("mid_y", -1),
+        ("holding_moment", -1),
+        ("energy", 1),
+        ("lost", 1),
+        ("side", -1),
+    ):
         np.testing.assert_array_equal(right[name], sign * left[name])
 
 
@@ -192,12 +220,18 @@ def test_charts_hold_the_swing():
         assert (line.x[-1], line.y[-1]) == pytest.approx((0.8, 0.0), abs=1e-12)
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"distance": 1.0}, "distance must be from 0.32 to 0.99 of the length, 1 m, got 1"),
-    ({"distance": -0.8}, "distance must be a positive"), ({"length": 0.0}, "length must be"),
-    ({"stiffness": -1.0}, "stiffness must be"), ({"side": "up"}, "left, right, got 'up'"),
-    ({"angle": [0.0, 4.0]}, r"angle must be within \+-pi \[rad\], got 4"),
-    ({"angle": [np.nan]}, "got nan")])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"distance": 1.0}, "distance must be from 0.32 to 0.99 of the length, 1 m, got 1"),
+        ({"distance": -0.8}, "distance must be a positive"),
+        ({"length": 0.0}, "length must be"),
+        ({"stiffness": -1.0}, "stiffness must be"),
+        ({"side": "up"}, "left, right, got 'up'"),
+        ({"angle": [0.0, 4.0]}, r"angle must be within \+-pi \[rad\], got 4"),
+        ({"angle": [np.nan]}, "got nan"),
+    ],
+)
 def test_bad_input_is_named(change, words):
     with pytest.raises(ValueError, match=words):
         solve(**{"angle": [0.0], "distance": 0.8} | change)

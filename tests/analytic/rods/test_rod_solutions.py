@@ -38,9 +38,15 @@ def index(f, row):
     return int(distance.argmin())
 
 
-@pytest.mark.parametrize(("name", "modes"), [
-    ("rfr2", 3), pytest.param("rfr3", 2, marks=pytest.mark.slow), ("pfr3", 1),
-    ("pfr3_unloaded", 1)])
+@pytest.mark.parametrize(
+    ("name", "modes"),
+    [
+        ("rfr2", 3),
+        pytest.param("rfr3", 2, marks=pytest.mark.slow),
+        ("pfr3", 1),
+        ("pfr3_unloaded", 1),
+    ],
+)
 def test_every_known_equilibrium_is_found_with_its_energy_and_stability(name, modes):
     f, known = found(name, modes), [r for r in DATA[name]["recomputed"] if not r.get("mirrored")]
     which = [index(f, row) for row in known]
@@ -87,11 +93,11 @@ def test_platform_of_table_8_has_three_more_that_are_stable():
 
 @pytest.mark.slow
 def test_mirrored_platforms_are_other_platforms():
-    """Closure by distances alone has six roots: three of the platform, three of its mirror image.
-    """
+    """Closure by distances has six roots: three of the platform, three of its mirror image."""
     a, given = made("pfr3")
-    mirror = assembly(CORNERS, stiffness=EI, arm=triangle(0.5) * [1, -1], guide=np.angle(a.guide),
-                      angle=a.angle)
+    mirror = assembly(
+        CORNERS, stiffness=EI, arm=triangle(0.5) * [1, -1], guide=np.angle(a.guide), angle=a.angle
+    )
     others = solutions(mirror, **given)
     spurious = [row for row in DATA["pfr3"]["recomputed"] if row["mirrored"]]
     assert len(found("pfr3", 1)) == len(others) == len(spurious) == 3
@@ -146,8 +152,9 @@ def shot(theta, moment, n):
         c, s = np.cos(z[2]), np.sin(z[2])
         return [c, s, z[3] / EI, n.real * s - n.imag * c]
 
-    return solve_ivp(slope, (0.0, 1.0), [0.0, 0.0, theta, moment], method="DOP853",
-                     rtol=1e-12, atol=1e-13).y[:, -1]
+    return solve_ivp(
+        slope, (0.0, 1.0), [0.0, 0.0, theta, moment], method="DOP853", rtol=1e-12, atol=1e-13
+    ).y[:, -1]
 
 
 @pytest.mark.parametrize(("name", "modes", "segments"), [("rfr2", 3, 40), ("rfr3", 1, 40)])
@@ -155,8 +162,15 @@ def test_fine_chains_stand_there_and_fall_in_as_many_directions(name, modes, seg
     f, (a, given) = light(found(name, modes)), made(name)
     load = np.append(given["load"], 0.0)
     middle = (np.arange(segments) + 0.5) / segments
-    chains = settle(a, given["inputs"], seed=f.state.shape(middle)[2], segments=segments,
-                    force=load[:2], moment=load[2], scheme="double")
+    chains = settle(
+        a,
+        given["inputs"],
+        seed=f.state.shape(middle)[2],
+        segments=segments,
+        force=load[:2],
+        moment=load[2],
+        scheme="double",
+    )
     # second order: (alpha/40)^2, 0.2 for the shortest waves
     near = np.abs(chains.pose - f.state.pose).max(axis=1)
     assert np.all(near < 0.02)
@@ -173,9 +187,16 @@ def test_the_34th_equilibrium_of_two_rods():
     assert f.negative[new] == 2
 
 
-@pytest.mark.parametrize(("name", "modes"), [("rfr2", 3), *(
-    pytest.param(name, modes, marks=pytest.mark.slow)
-    for name, modes in [("rfr3", 1), ("pfr3", 1), ("rfr3", 2), ("pfr3", 2)])])
+@pytest.mark.parametrize(
+    ("name", "modes"),
+    [
+        ("rfr2", 3),
+        *(
+            pytest.param(name, modes, marks=pytest.mark.slow)
+            for name, modes in [("rfr3", 1), ("pfr3", 1), ("rfr3", 2), ("pfr3", 2)]
+        ),
+    ],
+)
 def test_random_starts_find_no_other(name, modes, random):
     """20,000 without lattice, mesh or any choice; the search has to have what they find."""
     a, given = made(name)
@@ -196,8 +217,10 @@ def test_random_starts_find_no_other(name, modes, random):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "modes", "count"), [
-    ("rfr2", 3, 34), ("rfr3", 1, 9), ("rfr3", 2, 67), ("pfr3", 1, 3), ("pfr3", 2, 57)])
+@pytest.mark.parametrize(
+    ("name", "modes", "count"),
+    [("rfr2", 3, 34), ("rfr3", 1, 9), ("rfr3", 2, 67), ("pfr3", 1, 3), ("pfr3", 2, 57)],
+)
 def test_counts_do_not_depend_on_lattice_or_mesh(name, modes, count, monkeypatch):
     a, given = made(name)
     assert len(found(name, modes)) == count
@@ -214,11 +237,18 @@ def test_load_of_the_wrong_sign_has_other_equilibria():
         assert np.abs(wrong.psi - row["psi"]).max(axis=1).min() > 0.01
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"modes": 0}, "modes must be 1, 2"), ({"modes": [1, 2, 3]}, "each of 2 rods"),
-    ({"modes": 1.5}, "got 1.5"), ({"most_load": 400.0}, r"most_load must lie within \[1, 340\]"),
-    ({"poses": 0}, "poses must lie within"), ({"load": np.nan}, "load must be finite"),
-    ({"inputs": np.zeros((2, 2))}, "those of one problem")])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"modes": 0}, "modes must be 1, 2"),
+        ({"modes": [1, 2, 3]}, "each of 2 rods"),
+        ({"modes": 1.5}, "got 1.5"),
+        ({"most_load": 400.0}, r"most_load must lie within \[1, 340\]"),
+        ({"poses": 0}, "poses must lie within"),
+        ({"load": np.nan}, "load must be finite"),
+        ({"inputs": np.zeros((2, 2))}, "those of one problem"),
+    ],
+)
 def test_bad_input(change, words):
     a, given = made("rfr2")
     with pytest.raises(ValueError, match=words):

@@ -45,8 +45,10 @@ def arrived(name, modes):
     return chart[..., kept & (chart[:, 0].max(axis=0) > OVERLAP)]
 
 
-@pytest.mark.parametrize(("name", "modes", "below", "beyond", "stable"), [
-    pytest.param(*row, marks=[pytest.mark.slow] if row[1] == 2 else []) for row in COUNTS])
+@pytest.mark.parametrize(
+    ("name", "modes", "below", "beyond", "stable"),
+    [pytest.param(*row, marks=[pytest.mark.slow] if row[1] == 2 else []) for row in COUNTS],
+)
 def test_counts_are_those_up_to_the_proven_bound(name, modes, below, beyond, stable):
     f = found(name, modes)
     assert f.bounded
@@ -61,12 +63,18 @@ def test_a_count_says_how_far_it_goes():
     f = solutions(a, most_load=26.0, **given)
     assert (len(f), f.up_to, f.bounded) == (8, 26.0, False)
     np.testing.assert_allclose(  # what the state knows as well
-        f.alpha, np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI), rtol=1e-12)
+        f.alpha, np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI), rtol=1e-12
+    )
 
 
-@pytest.mark.parametrize(("name", "modes", "degree"), [
-    ("rfr3", 1, 170), ("rfr3", 1, 230),
-    *(pytest.param(name, 2, 60, marks=pytest.mark.slow) for name in ("rfr3", "pfr3"))])
+@pytest.mark.parametrize(
+    ("name", "modes", "degree"),
+    [
+        ("rfr3", 1, 170),
+        ("rfr3", 1, 230),
+        *(pytest.param(name, 2, 60, marks=pytest.mark.slow) for name in ("rfr3", "pfr3")),
+    ],
+)
 def test_galerkin_method_finds_them_as_well(name, modes, degree):
     """Loads, poses and stability of all beyond alpha = 20, without elliptic functions.
 
@@ -80,17 +88,21 @@ def test_galerkin_method_finds_them_as_well(name, modes, degree):
         pose, force, residual, down = by_galerkin(f, i, order)
         assert residual < 1e-9  # N m, N, m; loads are up to 250 N
         np.testing.assert_allclose(pose, f.state.pose[i], rtol=0, atol=1e-9)
-        np.testing.assert_allclose(force, f.state.force[i], rtol=0,
-                                   atol=1e-9 * np.abs(force).max())
+        np.testing.assert_allclose(force, f.state.force[i], rtol=0, atol=1e-9 * np.abs(force).max())
         if f.modes[i].max() == 1 or f.alpha[i].max() < 40.0:
             assert down == f.negative[i]
         else:  # soft to e^-2K of the load, K about alpha/3: less than rounding
             assert down <= f.negative[i]
 
 
-@pytest.mark.parametrize(("name", "modes"), [
-    ("rfr3", 1), pytest.param("rfr3", 2, marks=pytest.mark.slow),
-    pytest.param("pfr3", 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("name", "modes"),
+    [
+        ("rfr3", 1),
+        pytest.param("rfr3", 2, marks=pytest.mark.slow),
+        pytest.param("pfr3", 2, marks=pytest.mark.slow),
+    ],
+)
 def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
     """Among them those between alpha = 12 and 20, which the lattice finds without them."""
     chart, f = arrived(name, modes), found(name, modes)
@@ -141,8 +153,13 @@ def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
     inside = 0
     for part in random.uniform(-1.0, 1.0, (20, 3, bounded.sum())):
         own = boxes[bounded]
-        there = type(own)(own.where + own.half * (part[0] + 1j * part[1]),
-                          own.phi + own.turn * part[2], 0.0, 0.0, own.motion)
+        there = type(own)(
+            own.where + own.half * (part[0] + 1j * part[1]),
+            own.phi + own.turn * part[2],
+            0.0,
+            0.0,
+            own.motion,
+        )
         alone, reached = limits(s, there, [1] * 3)
         inside += reached.sum()
         assert np.all(alone[reached] <= whole[bounded][reached] * (1.0 + 1e-12))
@@ -172,5 +189,8 @@ def test_no_pose_of_an_equilibrium_is_left_out():
     for x, y, phi in f.state.pose[f.alpha.max(axis=1) > LATTICE]:
         off = boxes.where - x - 1j * y
         turn = (boxes.phi - phi + np.pi) % (2.0 * np.pi) - np.pi
-        assert np.any((np.abs(off.real) <= boxes.half) & (np.abs(off.imag) <= boxes.half)
-                      & (np.abs(turn) <= boxes.turn))
+        assert np.any(
+            (np.abs(off.real) <= boxes.half)
+            & (np.abs(off.imag) <= boxes.half)
+            & (np.abs(turn) <= boxes.turn)
+        )

@@ -56,9 +56,14 @@ def test_derivatives_of_the_chart(random):
     h = 1e-3  # fourth order: h^4 times a fifth derivative, rounding/h
 
     def difference(part, da, dq):
-        one, two = ((getattr(rods(alpha + n * da, q + n * dq), part)
-                     - getattr(rods(alpha - n * da, q - n * dq), part)) / (2.0 * n * h)
-                    for n in (1, 2))
+        one, two = (
+            (
+                getattr(rods(alpha + n * da, q + n * dq), part)
+                - getattr(rods(alpha - n * da, q - n * dq), part)
+            )
+            / (2.0 * n * h)
+            for n in (1, 2)
+        )
         return (4.0 * one - two) / 3.0
 
     for part, slope in (("tip", r.tip_slope), ("force", r.force_slope)):
@@ -97,7 +102,9 @@ def test_newton_matrix_is_the_derivative(random):
     pose = random.uniform(-0.5, 0.5, (3, 5))
     matrix, x = system(s, chart, pose)[1], np.concatenate([chart.reshape(6, 5), pose])
     for j in range(9):
-        up, down = (system(s, (x + d).reshape(9, 5)[:6].reshape(3, 2, 5), (x + d)[6:])[0]
-                    for d in (h * np.eye(9)[:, j:j + 1], -h * np.eye(9)[:, j:j + 1]))
+        up, down = (
+            system(s, (x + d).reshape(9, 5)[:6].reshape(3, 2, 5), (x + d)[6:])[0]
+            for d in (h * np.eye(9)[:, j : j + 1], -h * np.eye(9)[:, j : j + 1])
+        )
         # second order and rounding over the step, of loads up to 4 N
         np.testing.assert_allclose((up - down) / (2.0 * h), matrix[..., j], rtol=0, atol=1e-8)

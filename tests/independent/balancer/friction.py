@@ -68,8 +68,9 @@ def loop(moment: ArrayLike, turns: ArrayLike, friction: ArrayLike) -> Loop:
     """
     middle, turn, tau = (np.asarray(x, float) for x in (moment, turns, friction))
     if tau.shape != turn.shape[:1]:
-        raise ValueError(f"friction must be one moment for each of {len(turn)} joints, "
-                         f"got shape {tau.shape}")
+        raise ValueError(
+            f"friction must be one moment for each of {len(turn)} joints, got shape {tau.shape}"
+        )
     if not np.all((tau >= 0.0) & np.isfinite(tau)):
         raise ValueError(f"friction must be zero or positive [N m], got {tau.tolist()}")
     lost = np.tensordot(tau, np.abs(turn), axes=1)

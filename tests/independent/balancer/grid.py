@@ -16,8 +16,10 @@ from tests.independent.balancer.trial import (
     windings,
 )
 
-NAMES = frozenset("pendulum rest_angle mode preload2 low2 high2 length1 length2 length3 stiffness1 "
-                  "stiffness2 stiffness3 quadratic1 quadratic2 quadratic3".split())
+NAMES = frozenset(
+    "pendulum rest_angle mode preload2 low2 high2 length1 length2 length3 stiffness1 "
+    "stiffness2 stiffness3 quadratic1 quadratic2 quadratic3".split()
+)
 
 
 def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> dict[str, Array]:

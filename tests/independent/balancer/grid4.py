@@ -18,7 +18,12 @@ from tests.independent.balancer.trial import (
 )
 
 NAMES4 = NAMES - {"rest_angle", "mode", "high2"} | {
-    "preload3", "low3", "length4", "stiffness4", "quadratic4"}
+    "preload3",
+    "low3",
+    "length4",
+    "stiffness4",
+    "quadratic4",
+}
 STAGES = np.array(["locked", "joint 3 free", "joint 2 free", "both free"])
 
 
@@ -94,17 +99,28 @@ def minimise(
     if preloaded != ("low3" in parameters):
         raise ValueError("low2 and low3 belong together in listing N.4: give both or none")
     device, alpha = prepared(angles, points, parameters, NAMES4, "N.4")
-    postures = [device.rest[0], _outer(device, points), _inner(device, points),
-                _free(device, points)]
+    postures = [
+        device.rest[0],
+        _outer(device, points),
+        _inner(device, points),
+        _free(device, points),
+    ]
     up = alpha[:, None, None]
     stage = _stage(device, up, postures) if preloaded else np.full((alpha.size, 1, 1), 3)
-    energy = np.choose(stage, [_energy(device, up, posture, preloaded and i in (1, 3))
-                               for i, posture in enumerate(postures)])
+    energy = np.choose(
+        stage,
+        [
+            _energy(device, up, posture, preloaded and i in (1, 3))
+            for i, posture in enumerate(postures)
+        ],
+    )
     best = lowest(alpha, energy.reshape(alpha.size, -1))
     rows = (np.arange(alpha.size), *np.unravel_index(best, energy.shape[1:]))
     stage = np.broadcast_to(stage, energy.shape)
-    found = np.choose(stage[rows][:, None], [
-        np.broadcast_to(posture, (*energy.shape, 4))[rows] for posture in postures])
+    found = np.choose(
+        stage[rows][:, None],
+        [np.broadcast_to(posture, (*energy.shape, 4))[rows] for posture in postures],
+    )
     return {**curves(device, alpha, found), "stage": STAGES[stage[rows]]}
 
 

@@ -19,9 +19,19 @@ class Potential(NamedTuple):
 
 
 def potential(
-    angle: ArrayLike, winding1: ArrayLike, *, pendulum: float, length1: float, length2: float,
-    length3: float, stiffness1: float, stiffness2: float, stiffness3: float,
-    rest_angle: float = 0.0, weight: float = 0.0, mode: int = 1,
+    angle: ArrayLike,
+    winding1: ArrayLike,
+    *,
+    pendulum: float,
+    length1: float,
+    length2: float,
+    length3: float,
+    stiffness1: float,
+    stiffness2: float,
+    stiffness3: float,
+    rest_angle: float = 0.0,
+    weight: float = 0.0,
+    mode: int = 1,
 ) -> Potential:
     r"""Energy as a function of the pendulum angle alpha and the winding alpha_1 of spring 1.
 
@@ -94,12 +104,19 @@ def potential(
     return Potential(energy + mgr * np.cos(alpha), inner - mgr * np.sin(alpha), moment1 - inner)
 
 
-def _check(lengths: dict[str, float], stiffness: tuple[float, ...], rest_angle: float,
-           weight: float, mode: int) -> None:
+def _check(
+    lengths: dict[str, float],
+    stiffness: tuple[float, ...],
+    rest_angle: float,
+    weight: float,
+    mode: int,
+) -> None:
     positive(**lengths)
     if not lengths["length1"] < lengths["pendulum"]:
-        raise ValueError(f"length1 must be below pendulum = {lengths['pendulum']} m for angles "
-                         f"without jumps, got {lengths['length1']}")
+        raise ValueError(
+            f"length1 must be below pendulum = {lengths['pendulum']} m for angles "
+            f"without jumps, got {lengths['length1']}"
+        )
     for i, k in enumerate(stiffness, start=1):
         if not 0.0 <= k < np.inf:
             raise ValueError(f"stiffness{i} must be zero or positive [N m/rad], got {k}")
@@ -120,5 +137,7 @@ def _bends(
         slope3 = r * a * np.sin(delta) / (b * c * np.sin(phi3))  # q q' over b c sin(phi_3)
         slope2 = -(q * q + c * c - b * b) / (2.0 * q * q) * slope3
         turn = r * (r - a * np.cos(delta)) / (q * q)
-    return ((np.arctan2(across, along) - mode * phi2, turn - mode * slope2),
-            (mode * (np.pi - phi3), -mode * slope3))
+    return (
+        (np.arctan2(across, along) - mode * phi2, turn - mode * slope2),
+        (mode * (np.pi - phi3), -mode * slope3),
+    )

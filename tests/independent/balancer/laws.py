@@ -126,7 +126,12 @@ def initial_stiffness(theta: ArrayLike, lengths: ArrayLike, stiffness: ArrayLike
 
 
 def slack_moment(
-    angle: ArrayLike, *, pendulum: float, length1: float, reach: float, stiffness1: float,
+    angle: ArrayLike,
+    *,
+    pendulum: float,
+    length1: float,
+    reach: float,
+    stiffness1: float,
     rest_angle: float = 0.0,
 ) -> Array:
     r"""Balancing moment if only spring 1 is there: none until the rest of the chain is taut.
@@ -177,7 +182,15 @@ def scaled(
     >>> scaled({"length1": 0.4, "stiffness1": 2.0, "rest_angle": 0.6}, length=0.5, moment=3.0)
     {'length1': 0.2, 'stiffness1': 6.0, 'rest_angle': 0.6}
     """
-    factors = {"length": length, "pendulum": length, "stiffness": moment, "quadratic": moment,
-               "preload": moment, "weight": moment / length}
-    return {name: value * factors.get(re.sub(r"\d$", "", name), 1.0)
-            for name, value in parameters.items()}
+    factors = {
+        "length": length,
+        "pendulum": length,
+        "stiffness": moment,
+        "quadratic": moment,
+        "preload": moment,
+        "weight": moment / length,
+    }
+    return {
+        name: value * factors.get(re.sub(r"\d$", "", name), 1.0)
+        for name, value in parameters.items()
+    }

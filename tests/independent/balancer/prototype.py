@@ -23,8 +23,12 @@ CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
 MOUNTED = (
     (("907", "iv", 0.03732627), ("907", "v", 0.03755394)),
     (("903", "ii", 0.0217042), ("903", "iii", 0.021610197)),
-    (("907", "iii", 0.035792513), ("907", "vi", 0.03678242),
-     ("908", "ii", 0.071335373), ("908", "iii", 0.068828657)),
+    (
+        ("907", "iii", 0.035792513),
+        ("907", "vi", 0.03678242),
+        ("908", "ii", 0.071335373),
+        ("908", "iii", 0.068828657),
+    ),
 )
 # Degree 5 in degrees, highest first [N m]; the print has 4.4283e-10 for the first.
 EXPECTED = (4.4283e-11, -8.2536e-09, 4.8168e-07, -1.4378e-05, 0.0011225, -0.00029428)
@@ -61,8 +65,10 @@ def stiffnesses(springs: Springs = "measured") -> tuple[float, float, float]:
         return first, first / r1, first / r1 * r2
     if springs not in ("catalogue", "measured"):
         raise ValueError(f"springs must be design, catalogue or measured, got {springs!r}")
-    one, two, three = (sum(CATALOGUE[part] if springs == "catalogue" else found
-                           for part, _, found in axis) for axis in MOUNTED)
+    one, two, three = (
+        sum(CATALOGUE[part] if springs == "catalogue" else found for part, _, found in axis)
+        for axis in MOUNTED
+    )
     return one, two, three
 
 
@@ -114,10 +120,16 @@ def reductions() -> tuple[Reduction, ...]:
     """
     angle = precision_points(90)
     sine, expected = WEIGHT * PENDULUM * np.sin(angle), expected_moment(angle)
-    models = {springs: solve(angle, **parameters(springs))["balancing_moment"]
-              for springs in ("design", "catalogue", "measured")}
+    models = {
+        springs: solve(angle, **parameters(springs))["balancing_moment"]
+        for springs in ("design", "catalogue", "measured")
+    }
     curves = [(name, moment, "sine", sine) for name, moment in models.items()]
-    curves += [("expected", expected, "sine", sine),
-               ("measured", models["measured"], "expected", expected)]
-    return tuple(Reduction(float(work_reduction(moment, reference, angle)), name, against)
-                 for name, moment, against, reference in curves)
+    curves += [
+        ("expected", expected, "sine", sine),
+        ("measured", models["measured"], "expected", expected),
+    ]
+    return tuple(
+        Reduction(float(work_reduction(moment, reference, angle)), name, against)
+        for name, moment, against, reference in curves
+    )

@@ -16,8 +16,9 @@ from tests.independent.balancer.loads import node_loads, pin_force
 TAUT = 1.0 - 1e-14  # a stretched chain whose cosine does not round to more than one
 
 
-def prepared(angles: ArrayLike, points: int, parameters: dict[str, float],
-             names: Iterable[str], listing: str) -> tuple[Balancer, Array]:
+def prepared(
+    angles: ArrayLike, points: int, parameters: dict[str, float], names: Iterable[str], listing: str
+) -> tuple[Balancer, Array]:
     """The balancer and the angles (n,), or the ValueError that says what is wrong with them."""
     if strange := sorted(set(parameters) - set(names)):
         raise ValueError(f"listing {listing} has no {strange[0]}, only {', '.join(sorted(names))}")
@@ -27,8 +28,10 @@ def prepared(angles: ArrayLike, points: int, parameters: dict[str, float],
     if alpha.ndim != 1 or not (np.diff(alpha) > 0.0).all():
         raise ValueError(f"angles must be one row that rises, got {alpha.tolist()}")
     if not device.length[0, 0] < device.pendulum[0]:
-        raise ValueError(f"length1 must be below pendulum = {device.pendulum[0]:g} m, so that the "
-                         f"tip is never below its end, got {device.length[0, 0]:g}")
+        raise ValueError(
+            f"length1 must be below pendulum = {device.pendulum[0]:g} m, so that the "
+            f"tip is never below its end, got {device.length[0, 0]:g}"
+        )
     if device.low[np.isfinite(device.low)].any():
         raise ValueError(f"low must be 0, the stop of a preload, got {device.low[0].min():g}")
     return device, alpha

@@ -49,8 +49,14 @@ class Chain:
         return int(self.spring.shape[-1])
 
 
-def chain(segments: int, *, length: ArrayLike = 1.0, stiffness: ArrayLike = 1.0,
-          scheme: str = "half", prolongation: ArrayLike = 0.0) -> Chain:
+def chain(
+    segments: int,
+    *,
+    length: ArrayLike = 1.0,
+    stiffness: ArrayLike = 1.0,
+    scheme: str = "half",
+    prolongation: ArrayLike = 0.0,
+) -> Chain:
     r"""Cut a rod into `segments` cells of length h = L/n.
 
     Parameters
@@ -88,7 +94,8 @@ def chain(segments: int, *, length: ArrayLike = 1.0, stiffness: ArrayLike = 1.0,
     if segments != int(segments) or segments < 2:
         raise ValueError(f"segments must be a whole number from 2, got {segments}")
     whole, bending, beyond = np.broadcast_arrays(
-        *(np.asarray(value, float)[..., None] for value in (length, stiffness, prolongation)))
+        *(np.asarray(value, float)[..., None] for value in (length, stiffness, prolongation))
+    )
     for name, value, unit in (("length", whole, "m"), ("stiffness", bending, "N m^2")):
         if not np.all((value > 0) & np.isfinite(value)):
             raise ValueError(f"{name} must be positive and finite [{unit}], got {value[..., 0]}")
@@ -97,9 +104,11 @@ def chain(segments: int, *, length: ArrayLike = 1.0, stiffness: ArrayLike = 1.0,
     stub, last, first = SCHEMES[scheme]
     h = whole / segments
     full = np.ones(segments - 1)
-    return Chain(h * np.r_[stub, full, last] + beyond * np.r_[0 * full, 0.0, 1.0],
-                 bending / h * np.r_[first, full],
-                 h * (stub - 0.5 + np.arange(1, segments + 1)))
+    return Chain(
+        h * np.r_[stub, full, last] + beyond * np.r_[0 * full, 0.0, 1.0],
+        bending / h * np.r_[first, full],
+        h * (stub - 0.5 + np.arange(1, segments + 1)),
+    )
 
 
 def unit(angle: Array) -> Array:
@@ -158,7 +167,8 @@ def gradient(c: Chain, clamp: Array, angle: Array, pull: Array, moment: Array) -
     """dV/dtheta (..., n) [N m]."""
     before = moments(c, clamp, angle)
     after = np.concatenate(
-        [before[..., 1:], np.broadcast_to(moment, before.shape[:-1])[..., None]], axis=-1)
+        [before[..., 1:], np.broadcast_to(moment, before.shape[:-1])[..., None]], axis=-1
+    )
     return before - after - c.length[..., 1:] * (pull[..., 1:, :] * normal(angle)).sum(axis=-1)
 
 

@@ -64,15 +64,24 @@ class Standing:
         The inverse of Newton's matrix holds d(pose)/d(F, M).
         """
         first, f = self.angle.shape[-2] * self.angle.shape[-1], self.pose.shape[-1]
-        load = np.eye(self.matrix.border.shape[-1] + first)[first:first + f]
-        moved = [self.matrix.solve(np.broadcast_to(one, (*self.pose.shape[:-1], one.size)))
-                 for one in load]
-        return np.asarray(np.linalg.inv(np.stack(moved, axis=-1)[..., first:first + f, :]))
+        load = np.eye(self.matrix.border.shape[-1] + first)[first : first + f]
+        moved = [
+            self.matrix.solve(np.broadcast_to(one, (*self.pose.shape[:-1], one.size)))
+            for one in load
+        ]
+        return np.asarray(np.linalg.inv(np.stack(moved, axis=-1)[..., first : first + f, :]))
 
 
-def settle(a: Assembly, inputs: ArrayLike, *, seed: Seed, segments: int = 20,
-           force: ArrayLike = (0.0, 0.0), moment: ArrayLike = 0.0,
-           scheme: str = "half") -> Standing:
+def settle(
+    a: Assembly,
+    inputs: ArrayLike,
+    *,
+    seed: Seed,
+    segments: int = 20,
+    force: ArrayLike = (0.0, 0.0),
+    moment: ArrayLike = 0.0,
+    scheme: str = "half",
+) -> Standing:
     r"""Equilibrium of an assembly of chains near a seed.
 
     ::
@@ -163,5 +172,12 @@ def standing(a: Assembly, c: Chain, place: Array, load: Array, unknowns: Array) 
     angle, pose, force = parts(a, c, unknowns)
     root = root_moment(c, place, angle, carried(c, force, NONE), np.zeros(()))
     stored = energy(c, place, angle).sum(axis=-1)
-    return Standing(pose, angle, force, root, stored, stored - (load * pose).sum(axis=-1),
-                    matrix(a, c, angle, pose, force))
+    return Standing(
+        pose,
+        angle,
+        force,
+        root,
+        stored,
+        stored - (load * pose).sum(axis=-1),
+        matrix(a, c, angle, pose, force),
+    )

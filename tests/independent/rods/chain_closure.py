@@ -35,8 +35,9 @@ def clamps(a: Assembly, inputs: Array) -> Array:
 
 def chains(a: Assembly, segments: int, scheme: str = "half") -> Chain:
     """The rods of an assembly in `segments` cells each; `station` is where seeds are sampled."""
-    return chain(segments, length=a.length, stiffness=a.stiffness, scheme=scheme,
-                 prolongation=a.prolongation)
+    return chain(
+        segments, length=a.length, stiffness=a.stiffness, scheme=scheme, prolongation=a.prolongation
+    )
 
 
 def fitted(a: Assembly, tip: Array) -> Array:
@@ -74,8 +75,9 @@ def matrix(a: Assembly, c: Chain, angle: Array, pose: Array, force: Array) -> Bo
     if f == 3:
         corner[..., 2, f:] = turn.reshape(*batch, 2 * k)
         corner[..., 2, 2] = -0.5 * (force * w).sum(axis=(-1, -2))
-    return Bordered(hessian(c, angle, carried(c, force, NONE)), border,
-                    corner + np.swapaxes(corner, -1, -2))
+    return Bordered(
+        hessian(c, angle, carried(c, force, NONE)), border, corner + np.swapaxes(corner, -1, -2)
+    )
 
 
 def parts(a: Assembly, c: Chain, unknowns: Array) -> tuple[Array, Array, Array]:
@@ -86,8 +88,9 @@ def parts(a: Assembly, c: Chain, unknowns: Array) -> tuple[Array, Array, Array]:
     return angle.reshape(*batch, a.rods, -1), pose, force.reshape(*batch, a.rods, 2)
 
 
-def system(a: Assembly, c: Chain, place: Array, load: Array,
-           unknowns: Array) -> tuple[Array, Bordered]:
+def system(
+    a: Assembly, c: Chain, place: Array, load: Array, unknowns: Array
+) -> tuple[Array, Bordered]:
     """Residual (..., N) and Newton's matrix (..., N, N)."""
     angle, pose, force = parts(a, c, unknowns)
     w, turn = arms(a, pose)
@@ -95,7 +98,12 @@ def system(a: Assembly, c: Chain, place: Array, load: Array,
     balance = [force.sum(axis=-2), (force * turn).sum(axis=(-1, -2))[..., None]]
     gap = points(c, place, angle)[..., -1, :] - pose[..., None, :2] - w
     batch = unknowns.shape[:-1]
-    residual = np.concatenate([
-        rods.reshape(*batch, -1), np.concatenate(balance, axis=-1)[..., : a.freedoms] - load,
-        -gap.reshape(*batch, -1)], axis=-1)
+    residual = np.concatenate(
+        [
+            rods.reshape(*batch, -1),
+            np.concatenate(balance, axis=-1)[..., : a.freedoms] - load,
+            -gap.reshape(*batch, -1),
+        ],
+        axis=-1,
+    )
     return residual, matrix(a, c, angle, pose, force)

@@ -50,10 +50,10 @@ class Bordered:
         *batch, k, n, m = self.border.shape
         out = np.zeros((*batch, k * n + m, k * n + m))
         for i in range(k):
-            out[..., i * n:(i + 1) * n, i * n:(i + 1) * n] = self.block[..., i, :, :]
-        out[..., :k * n, k * n:] = self.border.reshape(*batch, k * n, m)
-        out[..., k * n:, :k * n] = np.swapaxes(out[..., :k * n, k * n:], -1, -2)
-        out[..., k * n:, k * n:] = self.corner
+            out[..., i * n : (i + 1) * n, i * n : (i + 1) * n] = self.block[..., i, :, :]
+        out[..., : k * n, k * n :] = self.border.reshape(*batch, k * n, m)
+        out[..., k * n :, : k * n] = np.swapaxes(out[..., : k * n, k * n :], -1, -2)
+        out[..., k * n :, k * n :] = self.corner
         return out
 
 

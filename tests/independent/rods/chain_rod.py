@@ -85,8 +85,15 @@ def number(name: str, value: ArrayLike) -> Array:
     return out
 
 
-def free(c: Chain, clamp: ArrayLike = ORIGIN, *, force: ArrayLike = (0.0, 0.0),
-         moment: ArrayLike = 0.0, line: ArrayLike = (0.0, 0.0), seed: Shape | None = None) -> Rest:
+def free(
+    c: Chain,
+    clamp: ArrayLike = ORIGIN,
+    *,
+    force: ArrayLike = (0.0, 0.0),
+    moment: ArrayLike = 0.0,
+    line: ArrayLike = (0.0, 0.0),
+    seed: Shape | None = None,
+) -> Rest:
     r"""Equilibrium of a clamped chain under dead loads.
 
     Parameters
@@ -122,13 +129,23 @@ def free(c: Chain, clamp: ArrayLike = ORIGIN, *, force: ArrayLike = (0.0, 0.0),
     """
     place = vector("clamp", clamp, 3)
     loads = vector("force", force, 2), vector("line", line, 2), number("moment", moment)
-    batch = np.broadcast_shapes(place.shape[:-1], loads[2].shape, c.spring.shape[:-1],
-                                *(load.shape[:-1] for load in loads[:2]))
+    batch = np.broadcast_shapes(
+        place.shape[:-1],
+        loads[2].shape,
+        c.spring.shape[:-1],
+        *(load.shape[:-1] for load in loads[:2]),
+    )
 
     def equilibrium(part: float, start: Array) -> Array:
         pull, end = carried(c, part * loads[0], part * loads[1]), part * loads[2]
-        return newton(lambda angle: (gradient(c, place, angle, pull, end),
-                                     matrix(c, angle, pull, held=False)), start, c.segments)
+        return newton(
+            lambda angle: (
+                gradient(c, place, angle, pull, end),
+                matrix(c, angle, pull, held=False),
+            ),
+            start,
+            c.segments,
+        )
 
     straight = np.broadcast_to(place[..., 2:], (*batch, c.segments))
     if seed is None:
@@ -139,8 +156,15 @@ def free(c: Chain, clamp: ArrayLike = ORIGIN, *, force: ArrayLike = (0.0, 0.0),
     return rest(c, place, angle, pull, loads[0], loads[2], held=False)
 
 
-def pinned(c: Chain, clamp: ArrayLike, tip: ArrayLike, *, seed: Shape, moment: ArrayLike = 0.0,
-           line: ArrayLike = (0.0, 0.0)) -> Rest:
+def pinned(
+    c: Chain,
+    clamp: ArrayLike,
+    tip: ArrayLike,
+    *,
+    seed: Shape,
+    moment: ArrayLike = 0.0,
+    line: ArrayLike = (0.0, 0.0),
+) -> Rest:
     r"""Equilibrium of a clamped chain whose tip is held in place.
 
     The force on the tip is the multiplier of its place.  It is also the slope of the energy,
@@ -177,8 +201,14 @@ def pinned(c: Chain, clamp: ArrayLike, tip: ArrayLike, *, seed: Shape, moment: A
     """
     place, held, dead = vector("clamp", clamp, 3), vector("tip", tip, 2), vector("line", line, 2)
     end, start, n = number("moment", moment), seeded(c, seed), c.segments
-    batch = np.broadcast_shapes(place.shape[:-1], held.shape[:-1], dead.shape[:-1], end.shape,
-                                start.shape[:-1], c.spring.shape[:-1])
+    batch = np.broadcast_shapes(
+        place.shape[:-1],
+        held.shape[:-1],
+        dead.shape[:-1],
+        end.shape,
+        start.shape[:-1],
+        c.spring.shape[:-1],
+    )
     reach = c.length.sum(axis=-1)
     if not np.all(np.linalg.norm(held - place[..., :2], axis=-1) < reach):
         raise ValueError(f"tip must be nearer to the clamp than the chain's {reach} m, got {tip!r}")
@@ -205,10 +235,16 @@ def matrix(c: Chain, angle: Array, pull: Array, *, held: bool) -> Bordered:
     return Bordered(hessian(c, angle, pull)[..., None, :, :], -slopes, corner)
 
 
-def rest(c: Chain, clamp: Array, angle: Array, pull: Array, force: Array, moment: Array, *,
-         held: bool) -> Rest:
+def rest(
+    c: Chain, clamp: Array, angle: Array, pull: Array, force: Array, moment: Array, *, held: bool
+) -> Rest:
     """What an equilibrium amounts to."""
     tip = points(c, clamp, angle)[..., -1, :]
-    return Rest(angle, tip, np.broadcast_to(force, tip.shape),
-                root_moment(c, clamp, angle, pull, moment), energy(c, clamp, angle),
-                curvatures(matrix(c, angle, pull, held=held).dense(), 2 if held else 0))
+    return Rest(
+        angle,
+        tip,
+        np.broadcast_to(force, tip.shape),
+        root_moment(c, clamp, angle, pull, moment),
+        energy(c, clamp, angle),
+        curvatures(matrix(c, angle, pull, held=held).dense(), 2 if held else 0),
+    )

@@ -19,9 +19,11 @@ def worst(name: str, kind: str, units: tuple[str, ...], **settings) -> float:
     case = load_case(shipped(f"{name}.toml"))
     curves = simulate(case.model_path, replace(plan(case, kind, "mujoco"), settings=settings))
     truth = evaluate(case, curves.x, curves.drive)
-    return max(float(np.abs(curves.channels[n] - truth.channels[n]).max()
-                     / np.ptp(truth.channels[n]))
-               for n in curves.channels if case.channels[n].unit in units)
+    return max(
+        float(np.abs(curves.channels[n] - truth.channels[n]).max() / np.ptp(truth.channels[n]))
+        for n in curves.channels
+        if case.channels[n].unit in units
+    )
 
 
 POSITION = ("m", "rad")
@@ -54,8 +56,10 @@ def test_softness_is_a_wall_that_no_smaller_step_lowers():
 
 def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solref():
     acceleration = ("m/s^2", "rad/s^2")
-    stiff, soft = (worst("hacksaw", "duration", acceleration, timestep=1e-3,
-                         solref=(k * 1e-3, 1.0)) for k in (5, 7))
+    stiff, soft = (
+        worst("hacksaw", "duration", acceleration, timestep=1e-3, solref=(k * 1e-3, 1.0))
+        for k in (5, 7)
+    )
     assert np.log(stiff / soft) / np.log(7 / 5) == pytest.approx(4, abs=0.5)  # softness adds
     finer = worst("hacksaw", "duration", acceleration, timestep=2.5e-4, solref=(5 * 2.5e-4, 1.0))
     assert finer == pytest.approx(stiff, rel=0.1)  # the ratio counts, not the step
@@ -63,29 +67,44 @@ def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solre
 
 def test_gravity_leaves_a_floor_in_accelerations_that_neither_step_nor_solref_lowers():
     acceleration = ("m/s^2", "rad/s^2")
-    floors = [worst("fourbar", "duration", acceleration, timestep=dt, solref=(stiff, 1.0))
-              for dt, stiff in ((1e-3, 0.02), (1e-3, 0.01), (2.5e-4, 0.005))]
+    floors = [
+        worst("fourbar", "duration", acceleration, timestep=dt, solref=(stiff, 1.0))
+        for dt, stiff in ((1e-3, 0.02), (1e-3, 0.01), (2.5e-4, 0.005))
+    ]
     assert np.ptp(floors) < 0.05 * max(floors)
     assert 1e-5 < max(floors) < 1e-3  # 1 - 0.9999 of the open loop's fall, times a length
 
 
-@pytest.mark.parametrize(("integrator", "order", "dt"), [
-    ("RK4", 4, 5e-3), ("RK4", 4, 2e-3), ("Euler", 1, 1e-3)])
+@pytest.mark.parametrize(
+    ("integrator", "order", "dt"), [("RK4", 4, 5e-3), ("RK4", 4, 2e-3), ("Euler", 1, 1e-3)]
+)
 def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt):
     """At 1 ms RK4 is off by 5e-12, and would be by 12e-12 if its bob had 1e-12 kg m2."""
-    errors = [worst("pendulum", "duration", ("rad",), timestep=step, integrator=integrator)
-              for step in (dt, dt / 2)]
+    errors = [
+        worst("pendulum", "duration", ("rad",), timestep=step, integrator=integrator)
+        for step in (dt, dt / 2)
+    ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)  # higher terms
 
 
 def test_a_duration_says_what_it_was_stepped_with(models, edit):
     case = load_case(models / "fourbar.toml")
-    tuned, plain = (simulate(case.model_path, replace(
-        plan(case, "duration", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings)).settings
-        for settings in ({}, {"defaults": True}))
-    assert tuned == {"timestep": 1e-3, "integrator": "RK4", "solver": "NEWTON", "iterations": 100,
-                     "tolerance": 1e-10, "solref": (0.005, 1.0),
-                     "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0)}
+    tuned, plain = (
+        simulate(
+            case.model_path,
+            replace(plan(case, "duration", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings),
+        ).settings
+        for settings in ({}, {"defaults": True})
+    )
+    assert tuned == {
+        "timestep": 1e-3,
+        "integrator": "RK4",
+        "solver": "NEWTON",
+        "iterations": 100,
+        "tolerance": 1e-10,
+        "solref": (0.005, 1.0),
+        "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0),
+    }
     differ = {key for key in tuned if tuned[key] != plain[key]}
     assert differ == {"timestep", "integrator", "solref", "solimp"}
     more = '<connect name="pin" site1="coupler_end" site2="rocker_end" solref="0.02 1"/></equality>'
@@ -97,9 +116,13 @@ def test_a_duration_says_what_it_was_stepped_with(models, edit):
 
 def test_a_sweep_uses_no_settings_of_the_stepping_engine():
     case = load_case(shipped("fourbar.toml"))
-    one, two = (simulate(case.model_path, replace(
-        plan(case, "sweep", "mujoco"), x=np.linspace(0, 1, 5), settings=settings))
-        for settings in ({}, {"defaults": True, "iterations": 1}))
+    one, two = (
+        simulate(
+            case.model_path,
+            replace(plan(case, "sweep", "mujoco"), x=np.linspace(0, 1, 5), settings=settings),
+        )
+        for settings in ({}, {"defaults": True, "iterations": 1})
+    )
     assert one.settings == two.settings == {}
     for name, curve in one.channels.items():  # moments: rounding of closed loops over solref^2
         np.testing.assert_allclose(curve, two.channels[name], rtol=0, atol=1e-10, err_msg=name)
@@ -127,15 +150,18 @@ def test_holding_moment_carries_weight_spring_and_gear(tmp_path):
 
 
 def test_a_freedom_beside_the_drive_is_named(tmp_path):
-    loose = '<body name="b" pos="1 0 0"><joint name="b"/><inertial pos="1 0 0" mass="1" ' \
-            'diaginertia="1 1 1"/></body>'
+    loose = (
+        '<body name="b" pos="1 0 0"><joint name="b"/><inertial pos="1 0 0" mass="1" '
+        'diaginertia="1 1 1"/></body>'
+    )
     with pytest.raises(Unsupported, match=r"1 degree\(s\) of freedom left when a = 0 is held"):
         sweep_of(ARM.format(spring="", more=loose, gear=1), tmp_path)
 
 
 def test_an_equality_of_another_kind_is_named(tmp_path):
     weld = ARM.format(spring="", more="", gear=1).replace(
-        "<actuator>", '<equality><weld name="glue" body1="a"/></equality><actuator>')
+        "<actuator>", '<equality><weld name="glue" body1="a"/></equality><actuator>'
+    )
     with pytest.raises(Unsupported, match="weld 'glue'"):
         sweep_of(weld, tmp_path)
 
@@ -149,12 +175,15 @@ def test_friction_of_a_driven_joint_changes_nothing_that_a_duration_shows(edit, 
         np.testing.assert_array_equal(curve, free.channels[name], err_msg=name)
 
 
-@pytest.mark.parametrize("sensor", ['actuatorfrc name="moment" actuator="m"',
-                                    'jointactuatorfrc name="moment" joint="a"'])
+@pytest.mark.parametrize(
+    "sensor", ['actuatorfrc name="moment" actuator="m"', 'jointactuatorfrc name="moment" joint="a"']
+)
 def test_a_duration_does_not_deliver_the_moment_of_a_drive(sensor, tmp_path):
-    xml = ARM.format(spring="", more="", gear=2).replace(
-        'actuatorfrc name="moment" actuator="m"', sensor).replace(
-        "<sensor>", '<sensor><jointpos name="a" joint="a"/><e_kinetic name="energy"/>')
+    xml = (
+        ARM.format(spring="", more="", gear=2)
+        .replace('actuatorfrc name="moment" actuator="m"', sensor)
+        .replace("<sensor>", '<sensor><jointpos name="a" joint="a"/><e_kinetic name="energy"/>')
+    )
     file, drive = tmp_path / "model.xml", Drive("a", lambda t: (t, 1 + 0 * t, 0 * t))
     file.write_text(xml)
     channels, x = ("a", "moment", "energy"), np.linspace(0, 1, 3)
@@ -171,7 +200,8 @@ def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
     """A bob that starts with 1 rad/s and rubs with 0.5 N m per kg m2: v = 1 - 0.5 t, then rest."""
     xml = ARM.format(spring='frictionloss="1"', more="", gear=1).replace("0 -10 0", "0 0 0")
     xml = xml.replace("<sensor>", '<sensor><jointvel name="v" joint="a"/>').replace(
-        "</mujoco>", '<keyframe><key name="start" qvel="1"/></keyframe></mujoco>')
+        "</mujoco>", '<keyframe><key name="start" qvel="1"/></keyframe></mujoco>'
+    )
     xml = xml.replace('pos="0.5 0 0" mass="3"', 'pos="0 0 0" mass="3"').replace("1 1 1", "2 2 2")
     file = tmp_path / "model.xml"
     file.write_text(xml.replace('gravity="0 0 0"', 'gravity="0 0 0" timestep="1e-3"'))
@@ -181,12 +211,23 @@ def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
 
 
 def test_a_joint_equality_drives_its_follower(tmp_path):
-    follower = '</body><body name="b"><joint name="b"/><inertial pos="1 0 0" mass="1" ' \
-               'diaginertia="1 1 1"/>'
-    xml = ARM.format(spring="", more=follower, gear=1).replace("<actuator>", """<equality>
-      <joint joint1="b" joint2="a" polycoef="0 0.5 0.25 0 0"/></equality><actuator>""").replace(
-      "<sensor>", """<sensor><jointpos name="b" joint="b"/><jointvel name="vb" joint="b"/>
-      <user name="ab" objtype="joint" objname="b" datatype="real" needstage="acc" dim="1"/>""")
+    follower = (
+        '</body><body name="b"><joint name="b"/><inertial pos="1 0 0" mass="1" '
+        'diaginertia="1 1 1"/>'
+    )
+    xml = (
+        ARM.format(spring="", more=follower, gear=1)
+        .replace(
+            "<actuator>",
+            """<equality>
+      <joint joint1="b" joint2="a" polycoef="0 0.5 0.25 0 0"/></equality><actuator>""",
+        )
+        .replace(
+            "<sensor>",
+            """<sensor><jointpos name="b" joint="b"/><jointvel name="vb" joint="b"/>
+      <user name="ab" objtype="joint" objname="b" datatype="real" needstage="acc" dim="1"/>""",
+        )
+    )
     curves = sweep_of(xml, tmp_path, ("b", "vb", "ab"))
     x = curves.x
     np.testing.assert_allclose(curves.channels["b"], 0.5 * x + 0.25 * x**2, atol=1e-14)
@@ -197,7 +238,8 @@ def test_a_joint_equality_drives_its_follower(tmp_path):
 def test_a_run_that_the_engine_resets_is_lost(tmp_path):
     # undamped spring, dt * omega = 100 where RK4 holds to 2.83; MuJoCo resets and carries on
     xml = ARM.format(spring='stiffness="1e8"', more="", gear=1).replace(
-        "<sensor>", '<sensor><jointpos name="a" joint="a"/>')
+        "<sensor>", '<sensor><jointpos name="a" joint="a"/>'
+    )
     file = tmp_path / "model.xml"
     file.write_text(xml)
     settings = {"timestep": 0.01, "integrator": "RK4"}
@@ -214,7 +256,8 @@ def test_start_pose_far_from_assembled_is_refused(models, edit):
 
 def test_acceleration_of_a_point_is_free_of_gravity(tmp_path):
     xml = ARM.format(spring="", more='<site name="tip" pos="2 0 0"/>', gear=1).replace(
-        "<sensor>", '<sensor><framelinacc name="tip" objtype="site" objname="tip"/>')
+        "<sensor>", '<sensor><framelinacc name="tip" objtype="site" objname="tip"/>'
+    )
     curves = sweep_of(xml, tmp_path, ("tip.x", "tip.y"))
     np.testing.assert_allclose(curves.channels["tip.x"], -2 * np.cos(curves.x), atol=1e-14)
     np.testing.assert_allclose(curves.channels["tip.y"], -2 * np.sin(curves.x), atol=1e-14)

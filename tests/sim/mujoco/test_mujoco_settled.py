@@ -61,15 +61,21 @@ def _unit(angle) -> np.ndarray:
 
 def balancer(lengths, k, first=(0.0,), preload=0.0, square=0.0, high=4.0, limit=STIFF) -> str:
     """The MJCF; every segment is a body without rotation at rest."""
-    along = [f'pos="{x!r} {y!r} 0"' for x, y in
-             (np.array(lengths)[:, None] * _unit(posture(lengths, first))).tolist()]
+    along = [
+        f'pos="{x!r} {y!r} 0"'
+        for x, y in (np.array(lengths)[:, None] * _unit(posture(lengths, first))).tolist()
+    ]
     arm = f'<site name="end" {along[-1]}/>'
     for i in reversed(range(len(k))):
         on_stop = f'springref="{-preload / k[1]}" range="{0 if preload else -9} {high}"'
-        arm = (f'<body {along[i - 1] if i else ""}><joint name="s{i + 1}" stiffness="{k[i]} '
-               f'{square}" {on_stop if i == 1 else ""}/>{MASS}{arm}</body>')
-    sensors = "".join(f'<jointpos name="s{i + 1}" joint="s{i + 1}"/><jointvel name="v{i + 1}" '
-                      f'joint="s{i + 1}"/>' for i in range(len(k)))
+        arm = (
+            f'<body {along[i - 1] if i else ""}><joint name="s{i + 1}" stiffness="{k[i]} '
+            f'{square}" {on_stop if i == 1 else ""}/>{MASS}{arm}</body>'
+        )
+    sensors = "".join(
+        f'<jointpos name="s{i + 1}" joint="s{i + 1}"/><jointvel name="v{i + 1}" joint="s{i + 1}"/>'
+        for i in range(len(k))
+    )
     return MODEL.format(limit=limit, mass=MASS, arm=arm, sensors=sensors)
 
 
@@ -126,8 +132,11 @@ def test_the_rest_is_free_body_equilibrium(p, file):
     def open_(unknown, angle):
         theta, (east, north) = unknown[:-2], unknown[-2:]
         s, c = np.sin(theta), np.cos(theta)
-        return [*(-np.diff(moments(theta)) - bar * (east * c - north * s)),
-                bar @ s - np.sin(angle), bar @ c - np.cos(angle)]
+        return [
+            *(-np.diff(moments(theta)) - bar * (east * c - north * s)),
+            bar @ s - np.sin(angle),
+            bar @ c - np.cos(angle),
+        ]
 
     for j, angle in enumerate(curves.x):
         theta = rest + np.cumsum([curves.channels[n][j] for n in names])
@@ -159,8 +168,9 @@ def in_time(path: Path, run: Run) -> Curves:
     return settled(model, data, run)
 
 
-@pytest.mark.parametrize("p", [LINEAR, PRELOADED, CONTACT, FOUR],
-                         ids=["three", "preload", "contact", "four"])
+@pytest.mark.parametrize(
+    "p", [LINEAR, PRELOADED, CONTACT, FOUR], ids=["three", "preload", "contact", "four"]
+)
 def test_the_engine_settles_where_the_sweep_rests(p, file):
     run = to(np.arange(0, 91, 15))
     exact, soft = simulate(file(**p), run), in_time(file(**p), run)
@@ -195,5 +205,6 @@ def test_the_setting_chooses_and_has_no_rates(file):
 def test_an_engine_that_does_not_come_to_rest_is_said_to(file, monkeypatch):
     monkeypatch.setattr(settling, "MOST", 200)
     with pytest.raises(
-            NotSolved, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"):
+        NotSolved, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"
+    ):
         in_time(file(**LINEAR), to([0.0, 10.0]))

@@ -20,28 +20,54 @@ MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 {gravity} 0">
 
 def joints(*names: str) -> str:
     """Sensors of places and rates."""
-    return "".join(f'<jointpos name="{n}" joint="{n}"/><jointvel name="{n}_rate" joint="{n}"/>'
-                   for n in names)
+    return "".join(
+        f'<jointpos name="{n}" joint="{n}"/><jointvel name="{n}_rate" joint="{n}"/>' for n in names
+    )
 
 
-def body(name: str, inside: str = "", at: str = "0 0 0", mass: str = "1", centre: str = "1 0 0",
-         **joint: str) -> str:
+def body(
+    name: str,
+    inside: str = "",
+    at: str = "0 0 0",
+    mass: str = "1",
+    centre: str = "1 0 0",
+    **joint: str,
+) -> str:
     """A link on a joint, its mass in a point."""
     more = " ".join(f'{key}="{value}"' for key, value in joint.items())
-    return (f'<body name="{name}" pos="{at}"><joint name="{name}" {more}/><inertial pos="{centre}" '
-            f'mass="{mass}" diaginertia="1e-6 1e-6 1e-6"/>{inside}</body>')
+    return (
+        f'<body name="{name}" pos="{at}"><joint name="{name}" {more}/><inertial pos="{centre}" '
+        f'mass="{mass}" diaginertia="1e-6 1e-6 1e-6"/>{inside}</body>'
+    )
 
 
 @pytest.fixture
 def sweep(tmp_path: Path):
     """Sweep the joint "a" of a small model over x."""
 
-    def run(x, channels, bodies, equality="", motors="", sensors="", key="",
-            gravity=-G, more="", **settings) -> Curves:
+    def run(
+        x,
+        channels,
+        bodies,
+        equality="",
+        motors="",
+        sensors="",
+        key="",
+        gravity=-G,
+        more="",
+        **settings,
+    ) -> Curves:
         file = tmp_path / "model.xml"
-        file.write_text(MODEL.format(
-            bodies=bodies, equality=equality, motors=motors, key=key, gravity=gravity,
-            sensors=joints(*sensors.split()) + more))
+        file.write_text(
+            MODEL.format(
+                bodies=bodies,
+                equality=equality,
+                motors=motors,
+                key=key,
+                gravity=gravity,
+                sensors=joints(*sensors.split()) + more,
+            )
+        )
         return simulate(file, Run("sweep", np.asarray(x), channels, (RATE,), settings=settings))
 
     return run
@@ -51,15 +77,19 @@ def chain(n: int, stiffness: float, length: float, mass: float, end: str = "") -
     """Links a, b1, b2 ... in a row along x, each with its mass at its far end."""
     inside = end
     for k in range(n - 1, 0, -1):
-        inside = body(f"b{k}", inside, f"{length} 0 0", str(mass), f"{length} 0 0",
-                      stiffness=str(stiffness))
+        inside = body(
+            f"b{k}", inside, f"{length} 0 0", str(mass), f"{length} 0 0", stiffness=str(stiffness)
+        )
     return body("a", inside, mass=str(mass), centre=f"{length} 0 0")
 
 
-@pytest.mark.parametrize(("n", "stiffness", "length", "mass"), [
-    (2, 30.0, 1.0, 1.0), (3, 40.0, 0.7, 1.0), (10, 20.0, 0.1, 0.2), (30, 60.0, 1 / 30, 0.05)])
+@pytest.mark.parametrize(
+    ("n", "stiffness", "length", "mass"),
+    [(2, 30.0, 1.0, 1.0), (3, 40.0, 0.7, 1.0), (10, 20.0, 0.1, 0.2), (30, 60.0, 1 / 30, 0.05)],
+)
 def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sweep):
     """dV/dq = 0 of its energy, solved by scipy; the first link is driven."""
+
     def slope(q):
         bends = G * mass * length * np.arange(n, 0, -1) * np.cos(np.cumsum(q))
         return np.cumsum(bends[::-1])[::-1] + stiffness * q * (np.arange(n) > 0)
@@ -89,19 +119,30 @@ def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
         angle, pin = np.cumsum([first, *unknown[:-2]]), unknown[-2:]
         east, north = length * np.cos(angle), length * np.sin(angle)
         arms = np.array([-north[::-1].cumsum()[::-1], east[::-1].cumsum()[::-1]])
-        return (np.array([0.0, *stiffness * unknown[:-2]]) - pin @ arms,
-                np.array([east.sum() - span, north.sum()]))
+        return (
+            np.array([0.0, *stiffness * unknown[:-2]]) - pin @ arms,
+            np.array([east.sum() - span, north.sum()]),
+        )
 
     names = ["a", *(f"b{k}" for k in range(1, n))]
     x = arc[0] + np.linspace(0.0, 0.5, 6)
-    curves = sweep(x, ("hold", *names), f'<site name="pin" pos="{span} 0 0"/>'
-                   + chain(n, stiffness, length, 0.1, '<site name="end" pos="0.1 0 0"/>'),
-                   '<connect site1="end" site2="pin"/>', sensors=" ".join(names), gravity=0,
-                   key=f'qpos="{" ".join(map(repr, arc.tolist()))}"')
+    curves = sweep(
+        x,
+        ("hold", *names),
+        f'<site name="pin" pos="{span} 0 0"/>'
+        + chain(n, stiffness, length, 0.1, '<site name="end" pos="0.1 0 0"/>'),
+        '<connect site1="end" site2="pin"/>',
+        sensors=" ".join(names),
+        gravity=0,
+        key=f'qpos="{" ".join(map(repr, arc.tolist()))}"',
+    )
     for k, first in enumerate(x):
         found = [curves.channels[name][k] for name in names[1:]]
-        truth = root(lambda u, first=first: np.concatenate(
-            [moments(first, u)[0][1:], moments(first, u)[1]]), [*found, 0.0, 0.0], tol=1e-14).x
+        truth = root(
+            lambda u, first=first: np.concatenate([moments(first, u)[0][1:], moments(first, u)[1]]),
+            [*found, 0.0, 0.0],
+            tol=1e-14,
+        ).x
         np.testing.assert_allclose(found, truth[:-2], atol=1e-12)  # rounding over the softness
         assert curves.channels["hold"][k] == pytest.approx(moments(first, truth)[0][0], abs=1e-12)
 
@@ -109,8 +150,12 @@ def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
 def test_rates_follow_the_path_of_rests(sweep):
     """An inverted pendulum on a spring: k (t - a) = w sin t, so dt/da = k / (k - w cos t)."""
     k, w = 15.0, 10.0
-    curves = sweep(np.linspace(0.0, 2.0, 21), ("hold", "b", "b_rate", "a_rate"), body(
-        "a", body("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"), sensors="a b")
+    curves = sweep(
+        np.linspace(0.0, 2.0, 21),
+        ("hold", "b", "b_rate", "a_rate"),
+        body("a", body("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"),
+        sensors="a b",
+    )
     t = curves.x + curves.channels["b"]
     np.testing.assert_allclose(k * (t - curves.x), w * np.sin(t), atol=1e-13)  # rounding of w
     np.testing.assert_allclose(curves.channels["hold"], -w * np.sin(t), atol=1e-13)
@@ -122,20 +167,29 @@ def test_rates_follow_the_path_of_rests(sweep):
 def test_a_motor_and_a_progressive_spring_hold_a_weight_on_a_slide(sweep):
     """Upwards 3 + 2 * 4 = 11 N less 10 N of weight against 5 q + 7 q^2, at all drive angles."""
     q = (-5 + np.sqrt(25 + 4 * 7)) / 14
-    curves = sweep([0.0, 1.0, 2.0], ("hold", "b"), body("a") + body(
-        "b", centre="0 0 0", type="slide", axis="0 1 0", stiffness="5 7"), sensors="b",
-        motors='<motor joint="b"/><motor joint="b" gear="2"/>', key='ctrl="9 3 4"')
+    curves = sweep(
+        [0.0, 1.0, 2.0],
+        ("hold", "b"),
+        body("a") + body("b", centre="0 0 0", type="slide", axis="0 1 0", stiffness="5 7"),
+        sensors="b",
+        motors='<motor joint="b"/><motor joint="b" gear="2"/>',
+        key='ctrl="9 3 4"',
+    )
     np.testing.assert_allclose(curves.channels["b"], q, atol=1e-14)  # rounding
     np.testing.assert_allclose(curves.channels["hold"], G * np.cos(curves.x), atol=1e-13)
 
 
 def test_joint_equalities_share_what_the_freedom_carries(sweep):
     """c = 0.5 b + 0.1 b^2; V = w sin(a + b) + w sin(c) + k (b - 0.3)^2 / 2."""
-    curves = sweep(np.linspace(0.0, 1.0, 5), ("hold", "b", "c"), body(
-        "a", body("b", stiffness="25", springref="0.3"), centre="0 0 0") + body("c"),
-        '<joint joint1="c" joint2="b" polycoef="0 0.5 0.1 0 0"/>', sensors="b c")
+    curves = sweep(
+        np.linspace(0.0, 1.0, 5),
+        ("hold", "b", "c"),
+        body("a", body("b", stiffness="25", springref="0.3"), centre="0 0 0") + body("c"),
+        '<joint joint1="c" joint2="b" polycoef="0 0.5 0.1 0 0"/>',
+        sensors="b c",
+    )
     b, c = curves.channels["b"], curves.channels["c"]
-    slope = (G * np.cos(curves.x + b) + G * np.cos(c) * (0.5 + 0.2 * b) + 25 * (b - 0.3))
+    slope = G * np.cos(curves.x + b) + G * np.cos(c) * (0.5 + 0.2 * b) + 25 * (b - 0.3)
     np.testing.assert_allclose(slope, 0, atol=1e-13)  # rounding of 25
     np.testing.assert_allclose(c, 0.5 * b + 0.1 * b**2, atol=1e-15)
 
@@ -149,12 +203,19 @@ def test_a_preloaded_joint_leaves_its_stop_where_the_weight_exceeds_the_preload(
     """Released at w cos(a) = preload; beyond, w cos(a + b) = preload - k b."""
     away = -np.arccos(PRELOAD / G)
     x = np.sort([*np.linspace(-np.pi / 2, 0.5, 99), away - 1e-9, away + 1e-9])
-    curves = sweep(x, ("hold", "b"), body("a", body("b", **PRESSED), centre="0 0 0"), sensors="b",
-                   key=f'qpos="{x[0]} 0"')
+    curves = sweep(
+        x,
+        ("hold", "b"),
+        body("a", body("b", **PRESSED), centre="0 0 0"),
+        sensors="b",
+        key=f'qpos="{x[0]} 0"',
+    )
     b, on = curves.channels["b"], x < away
     np.testing.assert_allclose(b[on], 0, atol=1e-15)  # rounding of the pose
-    free = [brentq(lambda q, a=a: G * np.cos(a + q) - PRELOAD + 20 * q, -1, 0.1, xtol=1e-15)
-            for a in x[~on]]
+    free = [
+        brentq(lambda q, a=a: G * np.cos(a + q) - PRELOAD + 20 * q, -1, 0.1, xtol=1e-15)
+        for a in x[~on]
+    ]
     np.testing.assert_allclose(b[~on], free, atol=1e-14)  # rounding of w over k
     assert -1e-9 < b[~on][0] < 0
     np.testing.assert_allclose(curves.channels["hold"], G * np.cos(x + b), atol=1e-13)
@@ -164,12 +225,22 @@ def test_several_stops_switch_at_once_on_both_sides(sweep):
     """Three free wheels on springs of 4 N m/rad to the driven one; each has its own range."""
     x = np.linspace(-1.5, 1.5, 31)
     ranges = {"b": (-1.0, 0.5), "c": (-1.0, 0.5), "d": (0.0, 2.0)}
-    wheels = body("a") + "".join(body(n, centre="0 0 0", range=f"{low} {high}")
-                                 for n, (low, high) in ranges.items())
-    springs = "".join(f'<fixed stiffness="4" springlength="0"><joint joint="a" coef="1"/>'
-                      f'<joint joint="{n}" coef="-1"/></fixed>' for n in ranges)
-    curves = sweep(x, ("hold", *ranges), f"{wheels}</worldbody><tendon>{springs}</tendon>"
-                   "<worldbody>", sensors="b c d", key='qpos="-1.5 -1 -1 0"', gravity=0)
+    wheels = body("a") + "".join(
+        body(n, centre="0 0 0", range=f"{low} {high}") for n, (low, high) in ranges.items()
+    )
+    springs = "".join(
+        f'<fixed stiffness="4" springlength="0"><joint joint="a" coef="1"/>'
+        f'<joint joint="{n}" coef="-1"/></fixed>'
+        for n in ranges
+    )
+    curves = sweep(
+        x,
+        ("hold", *ranges),
+        f"{wheels}</worldbody><tendon>{springs}</tendon><worldbody>",
+        sensors="b c d",
+        key='qpos="-1.5 -1 -1 0"',
+        gravity=0,
+    )
     for name, ends in ranges.items():
         np.testing.assert_allclose(curves.channels[name], np.clip(x, *ends), atol=1e-15)
     moment = sum(4 * (x - np.clip(x, *ends)) for ends in ranges.values())
@@ -182,17 +253,22 @@ def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
     fold = -np.arccos(k / G)
     last = fold - G / k * np.sin(fold)
     begin = first - G / k * np.sin(first)
-    curves = sweep(np.linspace(begin, 2.0, 41), ("hold", "b"), body(
-        "a", body("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"), sensors="b",
-        key=f'qpos="{begin} {first - begin}"')
+    curves = sweep(
+        np.linspace(begin, 2.0, 41),
+        ("hold", "b"),
+        body("a", body("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"),
+        sensors="b",
+        key=f'qpos="{begin} {first - begin}"',
+    )
     assert curves.x.size == np.searchsorted(np.linspace(begin, 2.0, 41), last)
     assert curves.stopped == f"the equilibrium becomes unstable beyond a = {last:.6g}"
     t = curves.x + curves.channels["b"]
     np.testing.assert_allclose(k * (t - curves.x), G * np.sin(t), atol=1e-13)
 
 
-LIFT = body("b", body("a", type="slide", axis="0 1 0", centre="0 0 0"), centre="0 0 0",
-            stiffness="7")
+LIFT = body(
+    "b", body("a", type="slide", axis="0 1 0", centre="0 0 0"), centre="0 0 0", stiffness="7"
+)
 """A mass that the drive lifts along a rod, which stands upright on a spring."""
 
 
@@ -208,8 +284,14 @@ def test_a_sweep_ends_where_a_symmetric_rest_loses_its_hold(sweep):
 
 def test_a_hair_beside_symmetry_the_path_goes_on(sweep):
     """With 1e-6 N m on the rod it leans over in time: k b = m g s sin b + 1e-6."""
-    curves = sweep(np.linspace(0.1, 1.0, 19), ("b",), LIFT, sensors="b", key='qpos="0 0.1" '
-                   'ctrl="0 1e-6"', motors='<motor joint="b"/>')
+    curves = sweep(
+        np.linspace(0.1, 1.0, 19),
+        ("b",),
+        LIFT,
+        sensors="b",
+        key='qpos="0 0.1" ctrl="0 1e-6"',
+        motors='<motor joint="b"/>',
+    )
     s, b = curves.x, curves.channels["b"]
     assert not curves.stopped
     assert b[-1] > 1
@@ -221,9 +303,15 @@ def test_a_sweep_ends_where_stops_block_the_drive(sweep):
     slide = {"type": "slide", "axis": "1 0 0", "centre": "0 0 0"}
     soft = slide | {"stiffness": "3", "range": "-1 0.5"}
     bodies = body("a", '<site name="s"/>', **slide) + body(
-        "b", body("c", '<site name="t"/>', **soft), **soft)
-    curves = sweep(np.linspace(0, 1.4, 30), ("hold", "b"), bodies,
-                   '<connect site1="s" site2="t"/>', sensors="b")
+        "b", body("c", '<site name="t"/>', **soft), **soft
+    )
+    curves = sweep(
+        np.linspace(0, 1.4, 30),
+        ("hold", "b"),
+        bodies,
+        '<connect site1="s" site2="t"/>',
+        sensors="b",
+    )
     assert curves.stopped == "the stops of b, c are in the way beyond a = 1"
     np.testing.assert_array_equal(curves.x, np.linspace(0, 1.4, 30)[:21])
     np.testing.assert_allclose(curves.channels["b"], curves.x / 2, atol=1e-15)
@@ -235,12 +323,26 @@ def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
     first = np.array([-0.9, 1.0, 0.0])
     first[2] = np.arcsin(np.sin(0.9) - np.sin(0.1)) - 0.1  # its end lies on the x axis
     x = np.linspace(np.cos(np.cumsum(first)).sum(), 3.2, 40)
-    arm = body("b", body("c", body("d", '<site name="t" pos="1 0 0"/>', "1 0 0", stiffness="2"),
-                         "1 0 0", stiffness="3"), stiffness="1", springref="-0.3")
-    curves = sweep(x, ("b", "c", "d"), arm + body("a", '<site name="s"/>', type="slide",
-                                                  axis="1 0 0"),
-                   '<connect site1="s" site2="t"/>', sensors="b c d", gravity=0,
-                   key=f'qpos="{first[0]} {first[1]} {first[2]} {x[0]}"')
+    arm = body(
+        "b",
+        body(
+            "c",
+            body("d", '<site name="t" pos="1 0 0"/>', "1 0 0", stiffness="2"),
+            "1 0 0",
+            stiffness="3",
+        ),
+        stiffness="1",
+        springref="-0.3",
+    )
+    curves = sweep(
+        x,
+        ("b", "c", "d"),
+        arm + body("a", '<site name="s"/>', type="slide", axis="1 0 0"),
+        '<connect site1="s" site2="t"/>',
+        sensors="b c d",
+        gravity=0,
+        key=f'qpos="{first[0]} {first[1]} {first[2]} {x[0]}"',
+    )
     assert curves.stopped == "the loops cannot be closed beyond a = 3"
     np.testing.assert_array_equal(curves.x, x[x < 3])
 
@@ -251,17 +353,36 @@ def test_a_start_pose_off_its_rest_settles(sweep):
     np.testing.assert_allclose(curves.channels["b"], [0.0, -0.5], atol=1e-14)  # it hangs
 
 
-@pytest.mark.parametrize(("bodies", "options", "error", "said"), [
-    (body("a", body("b", centre="0 1 0", stiffness="9"), centre="0 0 0"), {}, BadModel,
-     "the start pose is an unstable equilibrium when a = 0"),
-    (body("a") + body("b"), {"gravity": 0}, Unsupported,
-     "1 degree(s) of freedom left when a = 0 is held, and nothing brings them to rest"),
-    (body("a") + body("b"), {}, Unsupported,
-     "1 degree(s) of freedom left when a = 0 is held, and the start pose is not near rest: "
-     "joint 'b' moves by more than 0.5 (rad, or extents)"),
-    (body("a") + body("b", type="slide"), {"gravity": 0, "motors": '<motor joint="b"/>',
-                                           "key": 'ctrl="0 1"'}, Unsupported, "not near rest"),
-])
+@pytest.mark.parametrize(
+    ("bodies", "options", "error", "said"),
+    [
+        (
+            body("a", body("b", centre="0 1 0", stiffness="9"), centre="0 0 0"),
+            {},
+            BadModel,
+            "the start pose is an unstable equilibrium when a = 0",
+        ),
+        (
+            body("a") + body("b"),
+            {"gravity": 0},
+            Unsupported,
+            "1 degree(s) of freedom left when a = 0 is held, and nothing brings them to rest",
+        ),
+        (
+            body("a") + body("b"),
+            {},
+            Unsupported,
+            "1 degree(s) of freedom left when a = 0 is held, and the start pose is not near rest: "
+            "joint 'b' moves by more than 0.5 (rad, or extents)",
+        ),
+        (
+            body("a") + body("b", type="slide"),
+            {"gravity": 0, "motors": '<motor joint="b"/>', "key": 'ctrl="0 1"'},
+            Unsupported,
+            "not near rest",
+        ),
+    ],
+)
 def test_what_does_not_rest_is_named(bodies, options, error, said, sweep):
     with pytest.raises(error) as caught:
         sweep([0.0, 0.1, 0.2], ("hold",), bodies, **options)
@@ -269,11 +390,19 @@ def test_what_does_not_rest_is_named(bodies, options, error, said, sweep):
 
 
 @pytest.mark.parametrize("settled", [False, True])
-@pytest.mark.parametrize(("bodies", "named"), [
-    (body("a", frictionloss="50"), "joint 'a'"),
-    (body("a") + body("b", frictionloss="1", stiffness="9"), "joint 'b'"),
-    (body("a") + "</worldbody><tendon><fixed name='rope' frictionloss='2'><joint joint='a' coef='1'"
-     "/></fixed></tendon><worldbody>", "tendon 'rope'")])
+@pytest.mark.parametrize(
+    ("bodies", "named"),
+    [
+        (body("a", frictionloss="50"), "joint 'a'"),
+        (body("a") + body("b", frictionloss="1", stiffness="9"), "joint 'b'"),
+        (
+            body("a")
+            + "</worldbody><tendon><fixed name='rope' frictionloss='2'><joint joint='a' coef='1'"
+            "/></fixed></tendon><worldbody>",
+            "tendon 'rope'",
+        ),
+    ],
+)
 def test_dry_friction_is_refused_by_name_where_the_model_is_at_rest(bodies, named, settled, sweep):
     with pytest.raises(Unsupported, match=f"frictionloss of {named} in a sweep"):
         sweep([0.0, 0.1], ("hold",), bodies, settled=settled)
@@ -281,8 +410,13 @@ def test_dry_friction_is_refused_by_name_where_the_model_is_at_rest(bodies, name
 
 def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep):
     follower = '<joint joint1="b" joint2="a" polycoef="0 2 0 0 0"/>'
-    curves = sweep([0.0, 0.1, 0.2, 0.3, 0.4], ("hold", "b"), body("a") + body("b", range="-1 .4"),
-                   follower, sensors="b")
+    curves = sweep(
+        [0.0, 0.1, 0.2, 0.3, 0.4],
+        ("hold", "b"),
+        body("a") + body("b", range="-1 .4"),
+        follower,
+        sensors="b",
+    )
     assert curves.x.tolist() == [0.0, 0.1, 0.2]  # b is on the end of its range there
     assert curves.stopped == "joint 'b' is beyond its range at a = 0.3"
 

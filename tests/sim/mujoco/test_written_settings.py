@@ -80,7 +80,8 @@ def in_run(file: Path, settings: dict) -> mujoco.MjModel:
 def in_snippet(file: Path, settings: dict) -> mujoco.MjModel:
     """The model with a snippet pasted."""
     return mujoco.MjModel.from_xml_string(
-        pasted(file, snippet(Setting("mujoco", settings), 1, file)))
+        pasted(file, snippet(Setting("mujoco", settings), 1, file))
+    )
 
 
 @pytest.fixture
@@ -97,7 +98,8 @@ def test_every_setting_is_written_or_is_the_product_s_own() -> None:
 def test_the_settings_of_mujoco_are_what_it_has_by_itself() -> None:
     silent = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body name="a"><joint/><geom size="1"/></body></worldbody><equality>'
-        '<connect body1="a" anchor="0 0 0"/></equality></mujoco>')
+        '<connect body1="a" anchor="0 0 0"/></equality></mujoco>'
+    )
     before = read(silent)
     configure(silent, {key: own(key) for key in SAID})
     assert read(silent) == before
@@ -126,7 +128,8 @@ def test_a_snippet_leaves_to_the_sidecar_what_mujoco_has_no_word_for(scene: Path
     every: dict[str, Knob] = {key: others(key)[0] for key in SAID}
     assert "sidecar" not in snippet(Setting("mujoco", every), 1, scene)
     assert "settings of the sidecar: settled = True" in snippet(
-        Setting("mujoco", {**every, "settled": True}), 1, scene)
+        Setting("mujoco", {**every, "settled": True}), 1, scene
+    )
 
 
 SLIDING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbody>
@@ -138,16 +141,22 @@ SLIDING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbo
 <keyframe><key name="start" qvel="1 0 0"/></keyframe></mujoco>"""
 
 
-@pytest.mark.parametrize("settings", [
-    {"cone": "elliptic"}, {"cone": "elliptic", "impratio": 10.0}, {"noslip_iterations": 3}])
+@pytest.mark.parametrize(
+    "settings",
+    [{"cone": "elliptic"}, {"cone": "elliptic", "impratio": 10.0}, {"noslip_iterations": 3}],
+)
 def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Path) -> None:
     """Bit by bit: no step starts its solver from the last, which a look at a sample changes."""
     file = tmp_path / "sliding.xml"
     file.write_text(SLIDING)
 
     def run(settings: dict) -> Run:
-        return Run("duration", np.linspace(0.0, 0.3, 16), ("x", "turn"),
-                   settings={"warmstart": False, **settings})
+        return Run(
+            "duration",
+            np.linspace(0.0, 0.3, 16),
+            ("x", "turn"),
+            settings={"warmstart": False, **settings},
+        )
 
     wanted = simulate("mujoco", file, run(settings)).channels
     fewer = dict(list(settings.items())[:-1])
@@ -158,14 +167,24 @@ def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Pat
         assert np.abs(curve - without[name]).max() > 1e-9  # the last of the settings acts
 
 
-@pytest.mark.parametrize(("changed", "unchanged"), [
-    ({"refsafe": False}, {}), ({"solver": "CG", "iterations": 2},
-                               {"solver": "CG", "iterations": 2, "warmstart": True})])
-def test_a_program_closes_its_loop_as_the_product_s_own_run(changed: dict, unchanged: dict,
-                                                            tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("changed", "unchanged"),
+    [
+        ({"refsafe": False}, {}),
+        ({"solver": "CG", "iterations": 2}, {"solver": "CG", "iterations": 2, "warmstart": True}),
+    ],
+)
+def test_a_program_closes_its_loop_as_the_product_s_own_run(
+    changed: dict, unchanged: dict, tmp_path: Path
+) -> None:
     """Bit by bit, with a loop of a time constant of one step, or of two iterations a step."""
-    base = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.004, 1.0),
-            "solimp": (0.9999, 0.9999, 0.001), "warmstart": False}
+    base = {
+        "timestep": 4e-3,
+        "integrator": "RK4",
+        "solref": (0.004, 1.0),
+        "solimp": (0.9999, 0.9999, 0.001),
+        "warmstart": False,
+    }
     case = load_case(shipped("fourbar.toml"))
     table = case.run["duration"].model_copy(update={"n": 21})
     case = case.model_copy(update={"run": {"duration": table}})

@@ -24,11 +24,14 @@ def turning(rate: float = 1.0) -> Drive:
     return Drive("crank", lambda t: (rate * t, rate + 0 * t, 0 * t))
 
 
-def mjcf(tmp_path: Path, bodies: str, more: str = "", gravity: str = "0 -9.81 0",
-         flag: str = OFF) -> Path:
+def mjcf(
+    tmp_path: Path, bodies: str, more: str = "", gravity: str = "0 -9.81 0", flag: str = OFF
+) -> Path:
     file = tmp_path / "inline.xml"
-    file.write_text(f'<mujoco><compiler angle="radian"/><option gravity="{gravity}">{flag}</option>'
-                    f"<worldbody>{bodies}</worldbody>{more}</mujoco>")
+    file.write_text(
+        f'<mujoco><compiler angle="radian"/><option gravity="{gravity}">{flag}</option>'
+        f"<worldbody>{bodies}</worldbody>{more}</mujoco>"
+    )
     return file
 
 
@@ -43,13 +46,16 @@ def plane_of(file: Path):
     return find_plane(model, data)
 
 
-@pytest.mark.parametrize(("joint", "e1", "e2", "normal"), [
-    ('axis="0 0 1"', (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    ('axis="0 -1 0"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
-    ('axis="1 0 0"', (0, 1, 0), (0, 0, 1), (1, 0, 0)),
-    ('type="slide" axis="0 1 0"', (1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    ('type="slide" axis="0 0 1"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
-])
+@pytest.mark.parametrize(
+    ("joint", "e1", "e2", "normal"),
+    [
+        ('axis="0 0 1"', (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        ('axis="0 -1 0"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
+        ('axis="1 0 0"', (0, 1, 0), (0, 0, 1), (1, 0, 0)),
+        ('type="slide" axis="0 1 0"', (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        ('type="slide" axis="0 0 1"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    ],
+)
 def test_plane(tmp_path, joint, e1, e2, normal):
     plane = plane_of(mjcf(tmp_path, f"<body><joint {joint}/>{BAR}</body>"))
     if normal == (0, -1, 0) and "slide" in joint:  # both signs of a slide's normal are as good
@@ -61,26 +67,61 @@ def test_plane(tmp_path, joint, e1, e2, normal):
 HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></body>'
 
 
-@pytest.mark.parametrize(("bodies", "more", "options", "named"), [
-    (f'<body><joint name="ball" type="ball"/>{BAR}</body>', "", {}, "ball joint 'ball'"),
-    (f'<body><freejoint name="fly"/>{BAR}</body>', "", {}, "free joint 'fly'"),
-    (HINGES.format(BAR, '<joint name="askew" axis="1 0 0"/>'), "", {}, "'askew' leaves the plane"),
-    (HINGES.format(BAR, '<joint name="up" type="slide" axis="0 0 1"/>'), "", {}, "joint 'up'"),
-    (HINGES.format(BAR, '<joint name="s" type="slide"/><joint name="h"/>'), "",
-     {"gravity": "0 0 0"}, "2 joints on body 'b'"),
-    (ARM, '<tendon><fixed name="rope"><joint joint="arm" coef="1"/></fixed></tendon>', {},
-     "tendon 'rope'"),
-    (ARM, "", {"gravity": "0 0 -9.81"}, "gravity"),
-    (ARM.replace('"arm"/>', '"arm" frictionloss=".1"/>'), "", {}, "frictionloss of joint 'arm'"),
-    (ARM.replace('"arm"/>', '"arm" damping="1 2"/>'), "", {}, "polynomial damping of .*'arm'"),
-    (ARM, '<equality><joint name="lock" joint1="arm"/></equality>', {}, "joint equality 'lock'"),
-    (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
-    (ARM, '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>', {},
-     "actuator 'lag'"),
-    (ARM.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
-        "</body>", '<geom name="tip" size=".1" pos="0 -1 0"/></body>'), "", {"flag": ""},
-     "contact of geoms"),
-])
+@pytest.mark.parametrize(
+    ("bodies", "more", "options", "named"),
+    [
+        (f'<body><joint name="ball" type="ball"/>{BAR}</body>', "", {}, "ball joint 'ball'"),
+        (f'<body><freejoint name="fly"/>{BAR}</body>', "", {}, "free joint 'fly'"),
+        (
+            HINGES.format(BAR, '<joint name="askew" axis="1 0 0"/>'),
+            "",
+            {},
+            "'askew' leaves the plane",
+        ),
+        (HINGES.format(BAR, '<joint name="up" type="slide" axis="0 0 1"/>'), "", {}, "joint 'up'"),
+        (
+            HINGES.format(BAR, '<joint name="s" type="slide"/><joint name="h"/>'),
+            "",
+            {"gravity": "0 0 0"},
+            "2 joints on body 'b'",
+        ),
+        (
+            ARM,
+            '<tendon><fixed name="rope"><joint joint="arm" coef="1"/></fixed></tendon>',
+            {},
+            "tendon 'rope'",
+        ),
+        (ARM, "", {"gravity": "0 0 -9.81"}, "gravity"),
+        (
+            ARM.replace('"arm"/>', '"arm" frictionloss=".1"/>'),
+            "",
+            {},
+            "frictionloss of joint 'arm'",
+        ),
+        (ARM.replace('"arm"/>', '"arm" damping="1 2"/>'), "", {}, "polynomial damping of .*'arm'"),
+        (
+            ARM,
+            '<equality><joint name="lock" joint1="arm"/></equality>',
+            {},
+            "joint equality 'lock'",
+        ),
+        (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
+        (
+            ARM,
+            '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>',
+            {},
+            "actuator 'lag'",
+        ),
+        (
+            ARM.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
+                "</body>", '<geom name="tip" size=".1" pos="0 -1 0"/></body>'
+            ),
+            "",
+            {"flag": ""},
+            "contact of geoms",
+        ),
+    ],
+)
 def test_refused_by_name(tmp_path, bodies, more, options, named):
     with pytest.raises(Unsupported, match=named):
         fall(mjcf(tmp_path, bodies, more, **options))
@@ -103,7 +144,7 @@ def test_bad_names():
 
 
 def test_open_start_pose(edit):
-    file = edit("fourbar.xml", "qpos=\"0  1.35", "qpos=\"0  0.35")
+    file = edit("fourbar.xml", 'qpos="0  1.35', 'qpos="0  0.35')
     with pytest.raises(BadModel, match=r"start pose of key 'start' .* loop 'pin' is open by"):
         simulate(file, Run("sweep", np.linspace(0, 1, 5), (), (turning(),)))
 
@@ -113,14 +154,19 @@ ROCKER = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pi
 
 
 def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "duration"):
-    run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),),
-              settings={"timestep": dt})
+    run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),), settings={"timestep": dt})
     curves = simulate(model, run)
     truth = fourbar.solve(*(d[0] for d in curves.drive), **LENGTHS)
-    pairs = zip(ROCKER, ("rocker_angle", "rocker_rate", "rocker_acceleration", "coupler_angle",
-                         "pin_y"), strict=True)
-    return [np.abs(curves.channels[mine] - truth[theirs]).max()
-            for mine, theirs in pairs if mine in curves.channels]
+    pairs = zip(
+        ROCKER,
+        ("rocker_angle", "rocker_rate", "rocker_acceleration", "coupler_angle", "pin_y"),
+        strict=True,
+    )
+    return [
+        np.abs(curves.channels[mine] - truth[theirs]).max()
+        for mine, theirs in pairs
+        if mine in curves.channels
+    ]
 
 
 def test_second_order():
@@ -140,8 +186,9 @@ def test_sweep_is_exact():
 def test_holding_moment_and_missing_accelerations():
     run = Run("sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", ROCKER[2]), (turning(),))
     curves = simulate(FOURBAR, run)
-    truth = fourbar.solve(curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0,
-                          rocker_mass=2.5)["holding_moment"]
+    truth = fourbar.solve(
+        curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0, rocker_mass=2.5
+    )["holding_moment"]
     # rounding of impulses: 1e-13 N m measured on 20 N m
     np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10)
     assert "no accelerations in a sweep" in curves.missing[ROCKER[2]]
@@ -171,8 +218,11 @@ def test_another_plane_gives_the_same(tmp_path, kind):
     run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning(),))
     there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), (turning(),))
     flat, upright = simulate(FOURBAR, run), simulate(turned_model(tmp_path), there)
-    pairs = [*((c, c, 1) for c in channels), ("pin.y", "pin.z", 1),
-             ("coupler_rate.z", "coupler_rate.y", -1)]
+    pairs = [
+        *((c, c, 1) for c in channels),
+        ("pin.y", "pin.z", 1),
+        ("coupler_rate.z", "coupler_rate.y", -1),
+    ]
     for mine, theirs, sign in pairs:
         # the same arithmetic up to the rounding of the projection
         np.testing.assert_allclose(flat.channels[mine], sign * upright.channels[theirs], atol=1e-9)
@@ -181,11 +231,15 @@ def test_another_plane_gives_the_same(tmp_path, kind):
 def test_spring_angle(tmp_path):
     """Spring against weight: k (q - q_ref) = -m g r cos(crank + q); the crank carries both."""
     k, ref, weight = 50.0, 0.3, 0.5 * 9.81 * 0.4
-    arm = (f'<body name="crank"><joint name="crank"/>{BAR}<body pos="1 0 0">'
-           f'<joint name="arm" stiffness="{k}" springref="{ref}"/>'
-           '<inertial pos=".4 0 0" mass=".5" diaginertia=".01 .02 .02"/></body></body>')
-    sensor = ('<sensor><jointpos name="arm" joint="arm"/>'
-              '<jointactuatorfrc name="moment" joint="crank"/></sensor>')
+    arm = (
+        f'<body name="crank"><joint name="crank"/>{BAR}<body pos="1 0 0">'
+        f'<joint name="arm" stiffness="{k}" springref="{ref}"/>'
+        '<inertial pos=".4 0 0" mass=".5" diaginertia=".01 .02 .02"/></body></body>'
+    )
+    sensor = (
+        '<sensor><jointpos name="arm" joint="arm"/>'
+        '<jointactuatorfrc name="moment" joint="crank"/></sensor>'
+    )
     x = np.array([0.0, 0.2])
     run = Run("sweep", x, ("arm", "moment"), (Drive("crank", lambda t: (t, 0 * t, 0 * t)),))
     got = simulate(mjcf(tmp_path, arm, sensor), run).channels
@@ -197,8 +251,10 @@ def test_spring_angle(tmp_path):
 
 
 def test_sliding_spring_oscillates(tmp_path):
-    body = ('<body><joint name="s" type="slide" axis="1 0 0" stiffness="40" springref=".1"/>'
-            '<inertial pos=".2 .3 0" mass=".4" diaginertia=".1 .1 .1"/></body>')
+    body = (
+        '<body><joint name="s" type="slide" axis="1 0 0" stiffness="40" springref=".1"/>'
+        '<inertial pos=".2 .3 0" mass=".4" diaginertia=".1 .1 .1"/></body>'
+    )
     sensor = '<sensor><jointpos name="s" joint="s"/></sensor>'
     run = Run("duration", np.linspace(0, 2, 201), ("s",), settings={"timestep": 1e-3})
     got = simulate(mjcf(tmp_path, body, sensor), run)
@@ -223,9 +279,12 @@ def pendulum(dt: float):
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     sn, cn, *_ = ellipj(ellipk(k * k) + w * run.x, k * k)
     angle = -2 * np.arcsin(k * sn)
-    errors = [got["angle"] - angle, got["rate"] + 2 * k * w * cn,
-              got["acceleration"] + 9.81 * np.sin(angle),
-              got["kinetic"] + got["potential"] - got["kinetic"][0] - got["potential"][0]]
+    errors = [
+        got["angle"] - angle,
+        got["rate"] + 2 * k * w * cn,
+        got["acceleration"] + 9.81 * np.sin(angle),
+        got["kinetic"] + got["potential"] - got["kinetic"][0] - got["potential"][0],
+    ]
     return np.array([np.abs(e).max() for e in errors])
 
 
@@ -239,15 +298,17 @@ def test_pendulum():
 
 
 def test_too_few_iterations_diverge():
-    run = Run("duration", np.linspace(0, 7, 71), ("rocker",), (turning(),),
-              settings={"iterations": 3})
+    run = Run(
+        "duration", np.linspace(0, 7, 71), ("rocker",), (turning(),), settings={"iterations": 3}
+    )
     with pytest.raises(Diverged, match="lost at time"):
         simulate(FOURBAR, run)
 
 
 def test_defaults_are_softer_and_recorded():
-    run = Run("duration", np.linspace(0, 6, 61), ("rocker",), (turning(),),
-              settings={"defaults": True})
+    run = Run(
+        "duration", np.linspace(0, 6, 61), ("rocker",), (turning(),), settings={"defaults": True}
+    )
     curves = simulate(FOURBAR, run)
     assert curves.settings["iterations"] == 10
     assert curves.settings["error_bias"] == (1 - 0.1) ** 60

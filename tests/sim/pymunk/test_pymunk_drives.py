@@ -13,16 +13,19 @@ from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import build, put
 from tests.shipped import shipped
 
-HEAD = ('<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"><flag contact="disable"/>'
-        "</option>")
+HEAD = (
+    '<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"><flag contact="disable"/>'
+    "</option>"
+)
 G = 9.81
 
 
 def bar(length: float, mass: float) -> str:
     """A uniform bar along x."""
     turn = mass * length**2 / 12
-    return (f'<inertial pos="{length / 2} 0 0" mass="{mass}" '
-            f'diaginertia="{turn / 100} {turn} {turn}"/>')
+    return (
+        f'<inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{turn / 100} {turn} {turn}"/>'
+    )
 
 
 FIVEBAR = f"""{HEAD}<worldbody>
@@ -42,8 +45,14 @@ TIP = ("tip.x", "tip.y", "speed.x", "speed.y", "rush.x", "rush.y")
 
 def swing(joint: str, start: float, rate: float, far: float, w: float) -> Drive:
     """A steady motion and an oscillation."""
-    return Drive(joint, lambda t: (start + rate * t + far * np.sin(w * t),
-                                   rate + far * w * np.cos(w * t), -far * w**2 * np.sin(w * t)))
+    return Drive(
+        joint,
+        lambda t: (
+            start + rate * t + far * np.sin(w * t),
+            rate + far * w * np.cos(w * t),
+            -far * w**2 * np.sin(w * t),
+        ),
+    )
 
 
 def hold(joint: str, value: float) -> Drive:
@@ -75,8 +84,12 @@ def along(function, place, rate):
 def five_truth(place, rate, acceleration):
     """Tip position, velocity, acceleration (6, n) at a state of the drives."""
     h = 1e-4  # error h^2 of the central difference: 1e-8
-    late, early = (along(five_tip, place + s * h * rate + 0.5 * h**2 * acceleration,
-                         rate + s * h * acceleration) for s in (1, -1))
+    late, early = (
+        along(
+            five_tip, place + s * h * rate + 0.5 * h**2 * acceleration, rate + s * h * acceleration
+        )
+        for s in (1, -1)
+    )
     return np.concatenate([five_tip(place), along(five_tip, place, rate), (late - early) / (2 * h)])
 
 
@@ -86,6 +99,7 @@ def write(tmp_path):
         file = tmp_path / "inline.xml"
         file.write_text(text)
         return file
+
     return to_file
 
 
@@ -153,8 +167,12 @@ def cylinder_weight(length):
 
 
 def test_a_driven_slide_between_moving_links_and_its_force(write):
-    run = Run("sweep", np.linspace(0, 1, 21), ("boom", "boom_rate", "force"),
-              (swing("stroke", 1.8, 0.3, 0.1, 5),))
+    run = Run(
+        "sweep",
+        np.linspace(0, 1, 21),
+        ("boom", "boom_rate", "force"),
+        (swing("stroke", 1.8, 0.3, 0.1, 5),),
+    )
     got = simulate(write(CYLINDER), run)
     place, rate, _ = (part[0] for part in got.drive)
     # rounding times the boom's transmission and the solver's
@@ -166,13 +184,22 @@ def test_a_driven_slide_between_moving_links_and_its_force(write):
 def test_a_driven_slide_between_moving_links_is_second_order(write):
     file, errors = write(CYLINDER), []
     for dt in (2e-3, 1e-3):
-        run = Run("duration", np.linspace(0, 1, 51), ("boom", "boom_rate"),
-                  (swing("stroke", 1.8, 0.3, 0.1, 5),), settings={"timestep": dt})
+        run = Run(
+            "duration",
+            np.linspace(0, 1, 51),
+            ("boom", "boom_rate"),
+            (swing("stroke", 1.8, 0.3, 0.1, 5),),
+            settings={"timestep": dt},
+        )
         got = simulate(file, run)
         place, rate, _ = (part[0] for part in got.drive)
-        errors.append([np.abs(got.channels["boom"] - boom(place)).max(),
-                       np.abs(got.channels["boom_rate"] - along(boom, place, rate)).max(),
-                       np.abs(place - run.drives[0].law(run.x)[0]).max()])
+        errors.append(
+            [
+                np.abs(got.channels["boom"] - boom(place)).max(),
+                np.abs(got.channels["boom_rate"] - along(boom, place, rate)).max(),
+                np.abs(place - run.drives[0].law(run.x)[0]).max(),
+            ]
+        )
     assert np.all(np.log2(np.divide(*errors)) > 1.8), errors
     assert max(errors[1]) < 1e-5  # (turning of the slide dt)^2 and the gap
 
@@ -209,8 +236,10 @@ def test_a_sweep_stops_at_a_limit_position_and_keeps_what_it_has():
     got = simulate(shipped("fourbar.xml"), run)
     done = got.x.size
     assert got.x[-1] < LIMIT < run.x[done]
-    assert got.stopped.startswith(f"stopped at rocker = {got.x[-1]:.6g}: the loops cannot be "
-                                  f"closed at rocker = {run.x[done]:.6g}, open by")
+    assert got.stopped.startswith(
+        f"stopped at rocker = {got.x[-1]:.6g}: the loops cannot be "
+        f"closed at rocker = {run.x[done]:.6g}, open by"
+    )
     assert all(part.shape == (1, done) for part in got.drive)
     np.testing.assert_allclose(got.channels["rocker"], got.x, atol=1e-12)
     np.testing.assert_allclose(got.channels["rocker_rate"], 1, atol=1e-9)

@@ -14,8 +14,9 @@ TURN = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
 def bar(length: float, mass: float) -> str:
     """A uniform bar along x."""
     turn = mass * length**2 / 12
-    return (f'<inertial pos="{length / 2} 0 0" mass="{mass}" '
-            f'diaginertia="{turn / 100} {turn} {turn}"/>')
+    return (
+        f'<inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{turn / 100} {turn} {turn}"/>'
+    )
 
 
 def model(bodies: str, more: str, qpos: str, ctrl: str) -> str:
@@ -26,15 +27,19 @@ def model(bodies: str, more: str, qpos: str, ctrl: str) -> str:
 
 
 def slider_crank(ctrl: str, motors: str) -> str:
-    return model(f"""<body><joint name="crank"/>{bar(CRANK, 1)}<site name="a" pos="{CRANK} 0 0"/>
+    return model(
+        f"""<body><joint name="crank"/>{bar(CRANK, 1)}<site name="a" pos="{CRANK} 0 0"/>
       </body><body><joint name="slider" type="slide" axis="1 0 0"/>
         <inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>
         <body><joint name="rod"/><inertial pos="-1.25 0 0" mass="2" diaginertia=".01 1 1"/>
           <site name="b" pos="{-ROD} 0 0"/></body></body>""",
-      f"""<equality><connect site1="a" site2="b"/></equality>
+        f"""<equality><connect site1="a" site2="b"/></equality>
       <actuator><motor name="hold" joint="crank"/>{motors}</actuator>
       <sensor><actuatorfrc name="hold" actuator="hold"/><actuatorfrc name="load" actuator="load"/>
-      </sensor>""", "0.5 3.3312 -0.1929", ctrl)
+      </sensor>""",
+        "0.5 3.3312 -0.1929",
+        ctrl,
+    )
 
 
 def rod_angle(x):
@@ -49,13 +54,22 @@ def slope(function, x):
     return np.imag(function(x + 1e-30j)) / 1e-30
 
 
-@pytest.mark.parametrize(("motor", "ctrl", "force"), [
-    ('<motor name="load" joint="slider"/>', "7 30", 30),
-    ('<motor name="load" joint="slider" gear="2" ctrlrange="-9 9" ctrllimited="true"/>',
-     "7 30", 18),
-    ('<motor name="load" joint="slider" gear="2" forcerange="-3 5" forcelimited="true"/>',
-     "7 -30", -6),
-])
+@pytest.mark.parametrize(
+    ("motor", "ctrl", "force"),
+    [
+        ('<motor name="load" joint="slider"/>', "7 30", 30),
+        (
+            '<motor name="load" joint="slider" gear="2" ctrlrange="-9 9" ctrllimited="true"/>',
+            "7 30",
+            18,
+        ),
+        (
+            '<motor name="load" joint="slider" gear="2" forcerange="-3 5" forcelimited="true"/>',
+            "7 -30",
+            -6,
+        ),
+    ],
+)
 def test_the_crank_holds_a_force_on_the_slider(motor, ctrl, force, tmp_path):
     """M = -F dx/dtheta; the ctrl of the crank's own motor does not count."""
     file = tmp_path / "load.xml"
@@ -79,16 +93,21 @@ def test_the_crank_holds_a_moment_between_slider_and_rod(tmp_path):
 def test_the_boom_holds_a_force_in_the_cylinder(tmp_path):
     """M = -F ds/dtheta, by the slide of two moving links with their centres off its axis."""
     file = tmp_path / "load.xml"
-    file.write_text(model(f"""<body><joint/>
+    file.write_text(
+        model(
+            f"""<body><joint/>
         <inertial pos=".4 .2 0" mass="2" diaginertia=".1 .2 .2"/>
         <body><joint name="stroke" type="slide" axis="1 0 0"/><site name="eye"/>
           <inertial pos="-.1 .1 0" mass=".5" diaginertia=".01 .01 .01"/></body></body>
       <body pos="1 0 0"><joint name="crank"/>{bar(1.5, 3)}
         <site name="lug" pos="1.5 0 0"/></body>""",
-      """<equality><connect site1="eye" site2="lug"/></equality>
+            """<equality><connect site1="eye" site2="lug"/></equality>
       <actuator><motor name="load" joint="stroke"/></actuator>
       <sensor><jointactuatorfrc name="hold" joint="crank"/></sensor>""",
-      ".98279 1.80278 1.5708", "50"))
+            ".98279 1.80278 1.5708",
+            "50",
+        )
+    )
     run = Run("sweep", np.linspace(1.5708, 2.5, 21), ("hold",), (TURN,))
     got = with_pymunk.simulate(file, run).channels["hold"]
     stroke = slope(lambda x: np.sqrt(1 + 1.5**2 + 3 * np.cos(x)), run.x)
@@ -97,12 +116,18 @@ def test_the_boom_holds_a_force_in_the_cylinder(tmp_path):
 
 def test_a_pushed_block_and_a_turned_wheel_gain_speed_evenly(tmp_path):
     file = tmp_path / "load.xml"
-    file.write_text(model("""<body><joint name="s" type="slide" axis="1 0 0"/>
+    file.write_text(
+        model(
+            """<body><joint name="s" type="slide" axis="1 0 0"/>
         <inertial pos="0 .3 0" mass="2" diaginertia=".1 .1 .1"/></body>
       <body><joint name="h" axis="0 0 -1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 .5"/>
-      </body>""", """<actuator><motor joint="s"/><motor joint="h"/></actuator>
+      </body>""",
+            """<actuator><motor joint="s"/><motor joint="h"/></actuator>
       <sensor><jointpos name="s" joint="s"/><jointpos name="h" joint="h"/></sensor>""",
-      "0 0", "3 -2"))
+            "0 0",
+            "3 -2",
+        )
+    )
     run = Run("duration", np.linspace(0, 1, 11), ("s", "h"))
     got = with_pymunk.simulate(file, run).channels
     np.testing.assert_allclose(got["s"], 1.5 * run.x**2 / 2, atol=1e-12)  # leapfrog: exact
@@ -112,13 +137,19 @@ def test_a_pushed_block_and_a_turned_wheel_gain_speed_evenly(tmp_path):
 def test_loads_between_free_links_move_them_as_in_mujoco(tmp_path):
     """A moment between two arms and a force that shoots a block along the second."""
     file = tmp_path / "load.xml"
-    file.write_text(model(f"""<body><joint name="a"/>{bar(1, 2)}
+    file.write_text(
+        model(
+            f"""<body><joint name="a"/>{bar(1, 2)}
       <body pos="1 0 0"><joint name="b"/>{bar(0.8, 1)}
       <body pos=".2 .1 0"><joint name="c" type="slide" axis="1 0 0"/>
         <inertial pos=".1 .05 0" mass=".5" diaginertia=".01 .02 .02"/></body></body></body>""",
-      """<actuator><motor joint="b"/><motor joint="c"/></actuator>
+            """<actuator><motor joint="b"/><motor joint="c"/></actuator>
       <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/>
-      <jointpos name="c" joint="c"/></sensor>""", "0 0.5 0", "1.5 -2"))
+      <jointpos name="c" joint="c"/></sensor>""",
+            "0 0.5 0",
+            "1.5 -2",
+        )
+    )
     errors = []
     for dt in (2e-3, 1e-3):
         run = Run("duration", np.linspace(0, 1, 51), ("a", "b", "c"), settings={"timestep": dt})

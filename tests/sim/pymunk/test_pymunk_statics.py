@@ -24,21 +24,29 @@ def swept(folder: Path, text: str, x, channels, joint: str, law=lambda x: x):
 
 def arm(joint: str, gravity: str = HEAVY) -> str:
     """A bar of 2 kg and 0.8 m on a crank's pin; the crank is 1 m long and weighs nothing much."""
-    return (f'{gravity}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
-            f'diaginertia="1 1 1"/><body pos="1 0 0"><joint name="arm" {joint}/>'
-            '<inertial pos=".4 0 0" mass="2" diaginertia=".01 .2 .2"/></body></body></worldbody>'
-            '<sensor><jointpos name="arm" joint="arm"/><e_potential name="energy"/>'
-            f'{MOMENT}</sensor>')
+    return (
+        f'{gravity}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
+        f'diaginertia="1 1 1"/><body pos="1 0 0"><joint name="arm" {joint}/>'
+        '<inertial pos=".4 0 0" mass="2" diaginertia=".01 .2 .2"/></body></body></worldbody>'
+        '<sensor><jointpos name="arm" joint="arm"/><e_potential name="energy"/>'
+        f"{MOMENT}</sensor>"
+    )
 
 
-@pytest.mark.parametrize("stiffness", [(9.0, -4.0, 0.0), (25.0, 5.0, 0.0), (3.0, 0.0, 8.0),
-                                       (6.0, -7.0, 3.0)])
+@pytest.mark.parametrize(
+    "stiffness", [(9.0, -4.0, 0.0), (25.0, 5.0, 0.0), (3.0, 0.0, 8.0), (6.0, -7.0, 3.0)]
+)
 def test_polynomial_spring_against_weight(stiffness, tmp_path):
     """k e + a e^2 + b e^3 = -m g s cos(crank + arm), e the arm's angle less the spring's rest."""
     k, a, b = stiffness
     x, ref = np.linspace(0.3, 1.2, 7), 0.2
-    got = swept(tmp_path, arm(f'stiffness="{k} {a} {b}" springref="{ref}"'), x,
-                ("arm", "moment", "energy"), "crank").channels
+    got = swept(
+        tmp_path,
+        arm(f'stiffness="{k} {a} {b}" springref="{ref}"'),
+        x,
+        ("arm", "moment", "energy"),
+        "crank",
+    ).channels
 
     def lacking(e, crank):
         return e * (k + e * (a + e * b)) + 2 * 9.81 * 0.4 * np.cos(crank + ref + e)
@@ -54,11 +62,13 @@ def test_polynomial_spring_against_weight(stiffness, tmp_path):
 
 def test_polynomial_spring_of_a_slide(tmp_path):
     """40 e - 30 e^2 = m g sin(crank): a block hangs in a guide that the crank tilts."""
-    text = (f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
-            'diaginertia="1 1 1"/><body><joint name="block" type="slide" axis="-1 0 0" '
-            'stiffness="40 -30"/><inertial pos="-.3 .1 0" mass=".8" diaginertia=".1 .1 .1"/>'
-            f'</body></body></worldbody><sensor><jointpos name="block" joint="block"/>{MOMENT}'
-            '</sensor>')
+    text = (
+        f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
+        'diaginertia="1 1 1"/><body><joint name="block" type="slide" axis="-1 0 0" '
+        'stiffness="40 -30"/><inertial pos="-.3 .1 0" mass=".8" diaginertia=".1 .1 .1"/>'
+        f'</body></body></worldbody><sensor><jointpos name="block" joint="block"/>{MOMENT}'
+        "</sensor>"
+    )
     x = np.linspace(0.1, 1.3, 7)
     curves = swept(tmp_path, text, x, ("block", "moment"), "crank")
     got = curves.channels
@@ -73,14 +83,24 @@ def test_polynomial_spring_of_a_slide(tmp_path):
 def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
     """It rests on its stop until the weight's moment is more than the preload k 0.6."""
     x, k = np.linspace(0.0, 1.5, 31), 8.0
-    got = swept(tmp_path, arm(f'stiffness="{k}" springref="0.6" range="-2 0"'), x,
-                ("arm", "moment"), "crank", law).channels
+    got = swept(
+        tmp_path,
+        arm(f'stiffness="{k}" springref="0.6" range="-2 0"'),
+        x,
+        ("arm", "moment"),
+        "crank",
+        law,
+    ).channels
 
     def lacking(q, crank):
         return k * (q - 0.6) + 2 * 9.81 * 0.4 * np.cos(crank + q)
 
-    angle = np.array([brentq(lacking, -2, 0, args=(c,), xtol=1e-15) if lacking(0, c) > 0 else 0.0
-                      for c in law(x)])
+    angle = np.array(
+        [
+            brentq(lacking, -2, 0, args=(c,), xtol=1e-15) if lacking(0, c) > 0 else 0.0
+            for c in law(x)
+        ]
+    )
     assert 5 < (angle == 0).sum() < 25
     # a joint is left within 1e-12 rad of its stop
     np.testing.assert_allclose(got["arm"], angle, atol=1e-11)
@@ -90,14 +110,21 @@ def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
 
 def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
     """Released at 0.8 rad, the joint turns back where the spring's energy is the same."""
-    body = ('<worldbody><body><joint name="arm" stiffness="5 2 -1"/><inertial pos="0 0 0" mass="1" '
-            'diaginertia=".1 .1 .1"/></body></worldbody><sensor><jointpos name="arm" joint="arm"/>'
-            '<e_potential name="v"/><e_kinetic name="t"/></sensor><keyframe><key name="start" '
-            'qpos=".8"/></keyframe>')
+    body = (
+        '<worldbody><body><joint name="arm" stiffness="5 2 -1"/><inertial pos="0 0 0" mass="1" '
+        'diaginertia=".1 .1 .1"/></body></worldbody><sensor><jointpos name="arm" joint="arm"/>'
+        '<e_potential name="v"/><e_kinetic name="t"/></sensor><keyframe><key name="start" '
+        'qpos=".8"/></keyframe>'
+    )
     file = tmp_path / "model.xml"
     file.write_text(f"<mujoco>{FLAT}{body}</mujoco>")
-    got = [simulate(file, Run("duration", np.linspace(0, 3, 301), ("arm", "v", "t"),
-                              settings={"timestep": dt})).channels for dt in (2e-3, 1e-3)]
+    got = [
+        simulate(
+            file,
+            Run("duration", np.linspace(0, 3, 301), ("arm", "v", "t"), settings={"timestep": dt}),
+        ).channels
+        for dt in (2e-3, 1e-3)
+    ]
     start = 0.8**2 * (5 / 2 + 0.8 * (2 / 3 - 0.8 / 4))
     coarse, fine = (np.abs(c["v"] + c["t"] - start).max() for c in got)
     assert 3.7 < coarse / fine < 4.3  # second order: 4 in theory
@@ -108,8 +135,9 @@ def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
 
 def rest_posture(lengths, angles):
     """Angles of the segments from the upright, clockwise; the last two reach (0, 1), elbow up."""
-    tip = 1j - sum(length * 1j * np.exp(-1j * angle)
-                   for length, angle in zip(lengths, angles, strict=False))
+    tip = 1j - sum(
+        length * 1j * np.exp(-1j * angle) for length, angle in zip(lengths, angles, strict=False)
+    )
     reach, (a, b) = abs(tip), lengths[-2:]
     base = np.angle(1j / tip)
     first = base - np.arccos((reach**2 + a**2 - b**2) / (2 * reach * a))
@@ -120,23 +148,29 @@ def rest_posture(lengths, angles):
 def balancer(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
     """A chain of uniform segments, 1 kg/m, from O to the tip of a pendulum of 1 m, at rest."""
     bodies, place = "", "0 0 0"
-    for k, (length, spring, angle, stop) in enumerate(zip(
-            lengths, springs, rest_posture(lengths, angles), stops, strict=False), 1):
+    for k, (length, spring, angle, stop) in enumerate(
+        zip(lengths, springs, rest_posture(lengths, angles), stops, strict=False), 1
+    ):
         x, y, turn = length * np.sin(angle), length * np.cos(angle), length**3 / 12
-        bodies += (f'<body pos="{place}"><joint name="winding{k}" axis="0 0 -1" '
-                   f'stiffness="{spring}" {stop}/><inertial pos="{x / 2:.17g} {y / 2:.17g} 0" '
-                   f'mass="{length}" diaginertia="{turn} {turn} {turn}"/>'
-                   f'<site name="end{k}" pos="{x:.17g} {y:.17g} 0"/>')
+        bodies += (
+            f'<body pos="{place}"><joint name="winding{k}" axis="0 0 -1" '
+            f'stiffness="{spring}" {stop}/><inertial pos="{x / 2:.17g} {y / 2:.17g} 0" '
+            f'mass="{length}" diaginertia="{turn} {turn} {turn}"/>'
+            f'<site name="end{k}" pos="{x:.17g} {y:.17g} 0"/>'
+        )
         place = f"{x:.17g} {y:.17g} 0"
-    sensors = "".join(f'<jointpos name="winding{k + 1}" joint="winding{k + 1}"/>'
-                      for k in range(len(lengths)))
-    return (f'{FLAT}<worldbody>{bodies}{"</body>" * len(lengths)}<body><joint name="pendulum" '
-            'axis="0 0 -1"/><inertial pos="0 .5 0" mass="1" diaginertia=".1 .1 .1"/>'
-            '<site name="tip" pos="0 1 0"/></body></worldbody><equality>'
-            f'<connect name="pin" site1="end{len(lengths)}" site2="tip"/></equality>'
-            '<actuator><motor name="hold" joint="pendulum"/></actuator><sensor>'
-            '<actuatorfrc name="hold" actuator="hold"/><e_potential name="energy"/>'
-            f'{sensors}</sensor>')
+    sensors = "".join(
+        f'<jointpos name="winding{k + 1}" joint="winding{k + 1}"/>' for k in range(len(lengths))
+    )
+    return (
+        f'{FLAT}<worldbody>{bodies}{"</body>" * len(lengths)}<body><joint name="pendulum" '
+        'axis="0 0 -1"/><inertial pos="0 .5 0" mass="1" diaginertia=".1 .1 .1"/>'
+        '<site name="tip" pos="0 1 0"/></body></worldbody><equality>'
+        f'<connect name="pin" site1="end{len(lengths)}" site2="tip"/></equality>'
+        '<actuator><motor name="hold" joint="pendulum"/></actuator><sensor>'
+        '<actuatorfrc name="hold" actuator="hold"/><e_potential name="energy"/>'
+        f"{sensors}</sensor>"
+    )
 
 
 def preloaded(moment: float, stiffness: float) -> str:
@@ -149,31 +183,66 @@ def preloaded(moment: float, stiffness: float) -> str:
 # 90 degrees, are the equilibria of its eq. 4-17 by a root finder on the angle of segment 1 (and 2),
 # to six digits, those of the last to five.
 BALANCERS = {
-    "plain": (balancer((0.3394, 0.4573, 0.4752), (1.2701, 0.8473, 4.1078), (0.6641,)),
-              (0.172048, 0.337469, 0.494344, 0.639681, 0.768529, 0.872421, 0.939433, 0.974829,
-               1.027206)),
-    "released": (balancer((0.4764, 0.4975, 0.4986), (0.9341, 0.1211, 0.0927),
-                          stops=("", preloaded(0.3983, 0.1211), "")),
-                 (0.163031, 0.326062, 0.489094, 0.652125, 0.786675, 0.860044, 0.924901, 0.980266,
-                  1.028843)),
-    "nonlinear": (balancer((0.3334, 0.4987, 0.482), ("1.5601 -0.6047",) * 3),
-                  (0.182371, 0.351288, 0.505149, 0.642404, 0.761397, 0.860177, 0.936272, 0.986410,
-                   1.006150)),
-    "contact": (balancer((0.4029, 0.4568, 0.4343), (0.8971, 0.089, 0.3411),
-                         stops=("", 'range="-4 0.8693"', "")),
-                (0.037889, 0.084999, 0.142124, 0.209025, 0.353097, 0.509670, 0.666243, 0.822817,
-                 0.979390)),
-    "four": (balancer((0.3252, 0.2926, 0.357, 0.3558), (0.9512, 0.2082, 0.1392, 0.0614),
-                      (0.0, 0.0), ("", preloaded(0.6055, 0.2082), preloaded(0.2502, 0.1392), "")),
-             (0.09961, 0.19922, 0.29883, 0.39844, 0.49805, 0.59766, 0.68141, 0.74312, 0.80315,
-              0.86103, 0.91647, 0.94406, 0.96846, 0.99192, 1.01564)),
+    "plain": (
+        balancer((0.3394, 0.4573, 0.4752), (1.2701, 0.8473, 4.1078), (0.6641,)),
+        (0.172048, 0.337469, 0.494344, 0.639681, 0.768529, 0.872421, 0.939433, 0.974829, 1.027206),
+    ),
+    "released": (
+        balancer(
+            (0.4764, 0.4975, 0.4986),
+            (0.9341, 0.1211, 0.0927),
+            stops=("", preloaded(0.3983, 0.1211), ""),
+        ),
+        (0.163031, 0.326062, 0.489094, 0.652125, 0.786675, 0.860044, 0.924901, 0.980266, 1.028843),
+    ),
+    "nonlinear": (
+        balancer((0.3334, 0.4987, 0.482), ("1.5601 -0.6047",) * 3),
+        (0.182371, 0.351288, 0.505149, 0.642404, 0.761397, 0.860177, 0.936272, 0.986410, 1.006150),
+    ),
+    "contact": (
+        balancer(
+            (0.4029, 0.4568, 0.4343), (0.8971, 0.089, 0.3411), stops=("", 'range="-4 0.8693"', "")
+        ),
+        (0.037889, 0.084999, 0.142124, 0.209025, 0.353097, 0.509670, 0.666243, 0.822817, 0.979390),
+    ),
+    "four": (
+        balancer(
+            (0.3252, 0.2926, 0.357, 0.3558),
+            (0.9512, 0.2082, 0.1392, 0.0614),
+            (0.0, 0.0),
+            ("", preloaded(0.6055, 0.2082), preloaded(0.2502, 0.1392), ""),
+        ),
+        (
+            0.09961,
+            0.19922,
+            0.29883,
+            0.39844,
+            0.49805,
+            0.59766,
+            0.68141,
+            0.74312,
+            0.80315,
+            0.86103,
+            0.91647,
+            0.94406,
+            0.96846,
+            0.99192,
+            1.01564,
+        ),
+    ),
 }
 
 
 def balanced(folder: Path, name: str, degrees, law=lambda x: x):
     windings = [f"winding{k}" for k in range(1, 5 if name == "four" else 4)]
-    return swept(folder, BALANCERS[name][0], np.radians(degrees), ("hold", "energy", *windings),
-                 "pendulum", law)
+    return swept(
+        folder,
+        BALANCERS[name][0],
+        np.radians(degrees),
+        ("hold", "energy", *windings),
+        "pendulum",
+        law,
+    )
 
 
 @pytest.mark.parametrize("name", BALANCERS)
@@ -190,8 +259,11 @@ def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path
     h = 0.02
     x = np.add.outer(np.arange(1.0, 90.0, 8.0), (-h, 0.0, h)).ravel()
     got = balanced(tmp_path, name, x).channels
-    k, a = (1.5601, -0.6047) if name == "nonlinear" else (
-        {"plain": 1.2701, "released": 0.9341, "contact": 0.8971, "four": 0.9512}[name], 0.0)
+    k, a = (
+        (1.5601, -0.6047)
+        if name == "nonlinear"
+        else ({"plain": 1.2701, "released": 0.9341, "contact": 0.8971, "four": 0.9512}[name], 0.0)
+    )
     spring1 = got["winding1"] * (k + a * got["winding1"])
     np.testing.assert_allclose(got["hold"], spring1, atol=1e-10)  # rest, and a stop, to 1e-12 rad
     before, _, after = got["energy"].reshape(-1, 3).T
@@ -206,8 +278,9 @@ def test_a_preload_is_released_at_its_moment(tmp_path):
     got = balanced(tmp_path, "released", (0, 20, 40, release - 0.01, release + 0.01)).channels
     np.testing.assert_allclose(got["winding2"][:4], 0, atol=1e-11)  # left within 1e-12 rad
     assert got["winding2"][4] > 1e-5
-    np.testing.assert_allclose(got["hold"][:4], 0.9341 * np.radians((0, 20, 40, release - 0.01)),
-                               atol=1e-11)
+    np.testing.assert_allclose(
+        got["hold"][:4], 0.9341 * np.radians((0, 20, 40, release - 0.01)), atol=1e-11
+    )
 
 
 def test_a_joint_meets_its_upper_stop(tmp_path):
@@ -237,8 +310,11 @@ def test_a_sweep_may_begin_anywhere(tmp_path):
 def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
     """The energy only paces the steps: a wrong one makes them more, and no other moment."""
     energy = LinkJoint.spring_energy
-    monkeypatch.setattr(LinkJoint, "spring_energy", lambda self, value: (
-        energy(self, value) * (1.01 if self.name == "winding2" else 1.0)))
+    monkeypatch.setattr(
+        LinkJoint,
+        "spring_energy",
+        lambda self, value: energy(self, value) * (1.01 if self.name == "winding2" else 1.0),
+    )
     moments = BALANCERS["plain"][1]
     got = balanced(tmp_path, "plain", np.linspace(0, 90, 10)).channels["hold"]
     np.testing.assert_allclose(got[1:], moments, atol=5.01e-7)  # half a unit of the last digit
@@ -247,13 +323,17 @@ def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
 def chain(links: int, stiffness: float) -> str:
     """Uniform links, 1 m and 1 kg in all, with equal springs, on a turning crank."""
     size = 1 / links
-    link = (f'<joint name="j{{}}" stiffness="{stiffness}"/><inertial pos="{size / 2} 0 0" '
-            f'mass="{size}" diaginertia="1 1 {size**3 / 12}"/>')
+    link = (
+        f'<joint name="j{{}}" stiffness="{stiffness}"/><inertial pos="{size / 2} 0 0" '
+        f'mass="{size}" diaginertia="1 1 {size**3 / 12}"/>'
+    )
     bodies = "".join(f'<body pos="{size if k else 1} 0 0">{link.format(k)}' for k in range(links))
     sensors = "".join(f'<jointpos name="j{k}" joint="j{k}"/>' for k in range(links))
-    return (f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
-            f'diaginertia="1 1 1"/>{bodies}{"</body>" * links}</body></worldbody>'
-            f'<sensor>{sensors}{MOMENT}</sensor>')
+    return (
+        f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
+        f'diaginertia="1 1 1"/>{bodies}{"</body>" * links}</body></worldbody>'
+        f"<sensor>{sensors}{MOMENT}</sensor>"
+    )
 
 
 @pytest.mark.parametrize(("links", "stiffness"), [(3, 1.0), (6, 20.0)])
@@ -278,15 +358,16 @@ def test_a_stop_in_the_way_ends_the_sweep(edit):
     drive = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
     got = simulate(file, Run("sweep", np.linspace(0, 3, 61), ("rocker",), (drive,)))
     pin = 3 + 2.5 * np.exp(2.4j)
-    last = np.angle(pin) + np.arccos((1 + abs(pin)**2 - 4) / (2 * abs(pin)))
+    last = np.angle(pin) + np.arccos((1 + abs(pin) ** 2 - 4) / (2 * abs(pin)))
     assert got.x[-1] < last < got.x[-1] + 0.05
     assert "joint 'rocker' is on its stop before crank = " in got.stopped
 
 
 def test_stops_on_both_sides_lock_a_balancer(tmp_path):
     """With joints 1 and 2 on their stops the pendulum can go no further."""
-    text = balancer((0.45, 0.5, 0.4), (1.0, 1.0, 1.0),
-                    stops=('range="-1 0.6"', 'range="-1 0.3"', ""))
+    text = balancer(
+        (0.45, 0.5, 0.4), (1.0, 1.0, 1.0), stops=('range="-1 0.6"', 'range="-1 0.3"', "")
+    )
     got = swept(tmp_path, text, np.linspace(0, 1.5, 31), ("winding1", "winding2"), "pendulum")
     assert 3 < len(got.x) < 31
     assert "joint 'winding1', 'winding2' is on its stop before pendulum = " in got.stopped

@@ -16,32 +16,69 @@ from proofmass.sim.pymunk.engine import simulate
 
 # Lines 2119 and 2169 of the thesis's text: preloads that are never released
 LOCKED = {
-    "three": {"length1": 0.4056, "length2": 0.3925, "length3": 0.4953, "rest_angle": 0.8973,
-              "preload2": 0.5217, "low2": 0.0,
-              **{f"stiffness{k}": 2.0217 for k in (1, 2, 3)},
-              **{f"quadratic{k}": -0.958 for k in (1, 2, 3)}},
-    "four": {"length1": 0.25, "length2": 0.2501, "length3": 0.25, "length4": 0.2501,
-             "preload2": 0.6911, "preload3": 0.4107, "low2": 0.0, "low3": 0.0,
-             **{f"stiffness{k}": 2.4835 for k in (1, 2, 3, 4)},
-             **{f"quadratic{k}": -1.5903 for k in (1, 2, 3, 4)}},
+    "three": {
+        "length1": 0.4056,
+        "length2": 0.3925,
+        "length3": 0.4953,
+        "rest_angle": 0.8973,
+        "preload2": 0.5217,
+        "low2": 0.0,
+        **{f"stiffness{k}": 2.0217 for k in (1, 2, 3)},
+        **{f"quadratic{k}": -0.958 for k in (1, 2, 3)},
+    },
+    "four": {
+        "length1": 0.25,
+        "length2": 0.2501,
+        "length3": 0.25,
+        "length4": 0.2501,
+        "preload2": 0.6911,
+        "preload3": 0.4107,
+        "low2": 0.0,
+        "low3": 0.0,
+        **{f"stiffness{k}": 2.4835 for k in (1, 2, 3, 4)},
+        **{f"quadratic{k}": -1.5903 for k in (1, 2, 3, 4)},
+    },
 }
 # lengths and springs at random: joint 3 comes to its stop in steps of 1e-12 rad
-SHORT = {"length1": 0.35671057, "length2": 0.3456592, "length3": 0.44842218, "length4": 0.17554,
-         "stiffness1": 4.3498, "stiffness2": 0.2945, "stiffness3": 1.518, "stiffness4": 0.0373,
-         "preload3": 0.6971, "low3": 0.0, "rest_angle": 0.0606, "rest_angle2": -0.308, "mode": -1}
+SHORT = {
+    "length1": 0.35671057,
+    "length2": 0.3456592,
+    "length3": 0.44842218,
+    "length4": 0.17554,
+    "stiffness1": 4.3498,
+    "stiffness2": 0.2945,
+    "stiffness3": 1.518,
+    "stiffness4": 0.0373,
+    "preload3": 0.6971,
+    "low3": 0.0,
+    "rest_angle": 0.0606,
+    "rest_angle2": -0.308,
+    "mode": -1,
+}
 # the same, of a chain that is straight but for 0.02 rad: a repetition leaves much of an error
-STRAIGHT = {"length1": 0.23149409, "length2": 0.28570825, "length3": 0.20806789,
-            "length4": 0.27494166, "stiffness1": 0.1752, "stiffness2": 0.9795,
-            "stiffness3": 0.7184, "stiffness4": 3.989, "preload2": 0.9402, "low2": 0.0,
-            "high3": 0.967, "mode": -1}
+STRAIGHT = {
+    "length1": 0.23149409,
+    "length2": 0.28570825,
+    "length3": 0.20806789,
+    "length4": 0.27494166,
+    "stiffness1": 0.1752,
+    "stiffness2": 0.9795,
+    "stiffness3": 0.7184,
+    "stiffness4": 3.989,
+    "preload2": 0.9402,
+    "low2": 0.0,
+    "high3": 0.967,
+    "mode": -1,
+}
 
 
 def light(folder: Path, parameters, degrees, channels):
     """Sweep a balancer whose segments have masses of 1 to 4 g, on a pendulum of 1 kg."""
     file = write_case(folder, "light", title="", source="", parameters=parameters)
     drive = Drive("pendulum", lambda x: (x, 0 * x, 0 * x))
-    return simulate(file.with_suffix(".xml"),
-                    Run("sweep", np.radians(degrees), channels, (drive,))).channels
+    return simulate(
+        file.with_suffix(".xml"), Run("sweep", np.radians(degrees), channels, (drive,))
+    ).channels
 
 
 @pytest.mark.parametrize("name", LOCKED)

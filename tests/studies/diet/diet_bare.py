@@ -34,8 +34,12 @@ def follow(file, times, joints, bodies, finer=1):
         for _ in range(steps):
             mujoco.mj_step(model, data)
         mujoco.mj_forward(model, data)
-        rows.append([*(float(data.qpos[model.joint(j).qposadr[0]]) for j in joints),
-                     *(float(x) for b in bodies for x in data.body(b).xpos)])
+        rows.append(
+            [
+                *(float(data.qpos[model.joint(j).qposadr[0]]) for j in joints),
+                *(float(x) for b in bodies for x in data.body(b).xpos),
+            ]
+        )
     return np.array(rows)
 
 
@@ -47,11 +51,20 @@ def main():
     one, two = (follow(f, times, joints, bodies) for f in given["files"])
     fine = follow(given["files"][0], times, joints, bodies, FINER)
     names = [*joints, *(f"{b}.{x}" for b in bodies for x in "xyz")]
-    print(json.dumps({name: {
-        "size": float(np.abs(fine[:, k]).max()), "range": float(np.ptp(fine[:, k])),
-        "moved": float(np.abs(one[:, k] - two[:, k]).max()),
-        "before": float(np.abs(one[:, k] - fine[:, k]).max()),
-        "after": float(np.abs(two[:, k] - fine[:, k]).max())} for k, name in enumerate(names)}))
+    print(
+        json.dumps(
+            {
+                name: {
+                    "size": float(np.abs(fine[:, k]).max()),
+                    "range": float(np.ptp(fine[:, k])),
+                    "moved": float(np.abs(one[:, k] - two[:, k]).max()),
+                    "before": float(np.abs(one[:, k] - fine[:, k]).max()),
+                    "after": float(np.abs(two[:, k] - fine[:, k]).max()),
+                }
+                for k, name in enumerate(names)
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -57,20 +57,37 @@ LEAN = {**NOTHING, "mask": 'contype="0" conaffinity="0"'}
 BALLAST = {
     "option": 'tolerance="0" iterations="200"',
     "asset": '<mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
-             '<texture name="sky" type="2d" builtin="checker" width="64" height="64"/>'
-             '<material name="paint" texture="sky"/>',
+    '<texture name="sky" type="2d" builtin="checker" width="64" height="64"/>'
+    '<material name="paint" texture="sky"/>',
     "world": '<light name="sun"/><camera name="eye"/><site name="mark"/>'
-             '<geom name="floor" type="plane" size="9 9 .1" pos="0 0 -20"/>'
-             '<geom name="boulder" type="mesh" mesh="rock" pos="40 0 0" contype="0" '
-             'conaffinity="0" material="paint"/>'
-             '<body name="plate" pos="0 -60 0"><geom name="plate" size=".1"/></body>',
+    '<geom name="floor" type="plane" size="9 9 .1" pos="0 0 -20"/>'
+    '<geom name="boulder" type="mesh" mesh="rock" pos="40 0 0" contype="0" '
+    'conaffinity="0" material="paint"/>'
+    '<body name="plate" pos="0 -60 0"><geom name="plate" size=".1"/></body>',
     "loop": '<weld name="weld" body1="plate" body2="world"/>',
     "actuator": '<motor name="motor" joint="arm"/>',
-    "key": '<key name="other"/>', "mask": ""}
-IDLE = ('<body name="idle" pos="0 -50 0" gravcomp="1"><joint name="idle" armature="1e6"/>'
-        '<geom name="idle" size=".1" mass="1"/></body></worldbody>')
-LISTS = ("joints", "bodies", "geoms", "equalities", "actuators", "sensors", "keys", "lights",
-         "cameras", "meshes", "textures", "materials", "sites")
+    "key": '<key name="other"/>',
+    "mask": "",
+}
+IDLE = (
+    '<body name="idle" pos="0 -50 0" gravcomp="1"><joint name="idle" armature="1e6"/>'
+    '<geom name="idle" size=".1" mass="1"/></body></worldbody>'
+)
+LISTS = (
+    "joints",
+    "bodies",
+    "geoms",
+    "equalities",
+    "actuators",
+    "sensors",
+    "keys",
+    "lights",
+    "cameras",
+    "meshes",
+    "textures",
+    "materials",
+    "sites",
+)
 
 
 def model(folder: Path, **parts: str) -> Path:
@@ -124,9 +141,16 @@ def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
     assert np.abs(poses[0][7:]).max() > 0.1  # and it does move
 
 
-@pytest.mark.parametrize(("kind", "name"), [
-    ("contact of geom", "ball"), ("contact of geom", "table"), ("equality", "pin"),
-    ("body", "ball"), ("body", "brace")])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("contact of geom", "ball"),
+        ("contact of geom", "table"),
+        ("equality", "pin"),
+        ("body", "ball"),
+        ("body", "brace"),
+    ],
+)
 def test_what_matters_is_kept(stripped, kind, name):
     entry = next(e for e in stripped[1].entries if (e.kind, e.name) == (kind, name))
     assert entry.outcome == "matters"
@@ -211,19 +235,28 @@ def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar
     x, y, z = map(float, speed.split())
     t = steps * slim.opt.timestep
     assert data.xpos[1] == pytest.approx([1.5 + x * t, 2.5 + y * t, 3 + z * t], abs=1e-12)
-    assert data.xmat[1][:2] == pytest.approx([np.cos(np.pi + 2 * t), -np.sin(np.pi + 2 * t)],
-                                             abs=1e-12)
+    assert data.xmat[1][:2] == pytest.approx(
+        [np.cos(np.pi + 2 * t), -np.sin(np.pi + 2 * t)], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("name", ["fourbar", "balancer4_sam", "rod_pinned"])
 def test_a_model_is_written_with_all_its_digits(tmp_path, name):
     from proofmass.sidecar import load_case
+
     rods = load_case(shipped(f"{name}.toml")).rods
     draft, file = Draft(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"
     write(draft, file)
     before, after = draft.compiled(), Draft(file, rods).compiled()
-    for field in ("qpos0", "key_qpos", "key_ctrl", "body_inertia", "jnt_stiffness", "eq_solref",
-                  "geom_quat"):
+    for field in (
+        "qpos0",
+        "key_qpos",
+        "key_ctrl",
+        "body_inertia",
+        "jnt_stiffness",
+        "eq_solref",
+        "geom_quat",
+    ):
         assert np.array_equal(getattr(before, field), getattr(after, field)), field
 
 
@@ -237,11 +270,13 @@ def test_the_digits_are_put_back():
 
 def test_sidecars_say_what_a_model_is_for(models, edit):
     # two cases of one model: both keys stay; a sensor that no channel reads goes
-    edit("pendulum.toml", r'kinetic = .*\n', "")
-    (models / "other.toml").write_text((models / "pendulum.toml").read_text().replace(
-        "\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1))
-    edit("pendulum.xml", r"<keyframe>", '<keyframe><key name="other" qpos="1"/>'
-                                        '<key name="third"/>')
+    edit("pendulum.toml", r"kinetic = .*\n", "")
+    (models / "other.toml").write_text(
+        (models / "pendulum.toml")
+        .read_text()
+        .replace("\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1)
+    )
+    edit("pendulum.xml", r"<keyframe>", '<keyframe><key name="other" qpos="1"/><key name="third"/>')
     scene, found = searched(models / "pendulum.xml")
     assert {w.name for w in scene.watches} == {"pendulum duration", "other duration"}
     left = names(found.slim.spec)
@@ -271,9 +306,14 @@ def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, mo
 
 def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
     file = tmp_path / "disc.xml"
-    file.write_text(FLYING.format(speed="1 2 0", wind="").replace("<worldbody>", """
+    file.write_text(
+        FLYING.format(speed="1 2 0", wind="").replace(
+            "<worldbody>",
+            """
         <asset><material name="steel" rgba=".5 .5 .5 1"/></asset>
-        <default><geom material="steel"/></default><worldbody>"""))
+        <default><geom material="steel"/></default><worldbody>""",
+        )
+    )
     _, found = searched(file)
     write(found.slim, tmp_path / "slim.xml")
     slim = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
@@ -281,8 +321,10 @@ def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
     assert slim.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
 
 
-@pytest.mark.parametrize("usual", ["", '<tendon material="red"/>',
-                                   '<default class="rope"><tendon material="red"/></default>'])
+@pytest.mark.parametrize(
+    "usual",
+    ["", '<tendon material="red"/>', '<default class="rope"><tendon material="red"/></default>'],
+)
 def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
     """A material goes from the geom, and stays where a tendon is made of it."""
     file, own = tmp_path / "rope.xml", 'class="rope"' if "class" in usual else ""
@@ -308,8 +350,9 @@ def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
 def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations):
     # Newton's first step ends in the minimum of what is quadratic, as soft equalities alone are
     text = model(tmp_path).read_text()
-    text = text.replace("<freejoint", "<!-- <freejoint").replace('name="ball"/>\n      <geom',
-                                                                  'name="ball"/> -->\n      <geom')
+    text = text.replace("<freejoint", "<!-- <freejoint").replace(
+        'name="ball"/>\n      <geom', 'name="ball"/> -->\n      <geom'
+    )
     text = text.replace("0 3 0.1 1 0 0 0 ", "")
     (tmp_path / "bars.xml").write_text(text if loops else re.sub("<connect.*?/>", "", text))
     scene = scene_of(tmp_path / "bars.xml", 0.1)
@@ -321,9 +364,12 @@ WRONG = {
     "missing": (None, "no such model"),
     "not XML": ("<mujoco><worldbody></mujoco>", "XML"),
     "does not compile": ('<mujoco><sensor><jointpos joint="none"/></sensor></mujoco>', "'none'"),
-    "diverges": ('<mujoco><option timestep="1"/><worldbody><body><joint stiffness="1e9"/>'
-                 '<geom size="1"/></body></worldbody><keyframe><key qpos="1"/></keyframe></mujoco>',
-                 "diverged")}
+    "diverges": (
+        '<mujoco><option timestep="1"/><worldbody><body><joint stiffness="1e9"/>'
+        '<geom size="1"/></body></worldbody><keyframe><key qpos="1"/></keyframe></mujoco>',
+        "diverged",
+    ),
+}
 
 
 @pytest.mark.parametrize("wrong", WRONG)

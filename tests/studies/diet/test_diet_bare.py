@@ -41,8 +41,12 @@ DOUBLE = """<mujoco><option timestep="0.0005" integrator="RK4" tolerance="1e-14"
 def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str, dict[str, float]]:
     """What `tests/studies/diet/diet_bare.py` measures; no site, no path of this project."""
     asked = {"files": [str(before), str(after)], "seconds": seconds, **more}
-    done = subprocess.run([sys.executable, "-I", str(BARE), json.dumps(asked)],
-                          capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-I", str(BARE), json.dumps(asked)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return json.loads(done.stdout)
 
 
@@ -96,8 +100,9 @@ def test_a_fat_four_bar_of_which_the_crank_is_watched(tmp_path):
     assert shown["moved"] <= 1e-6 * shown["size"]
     assert shown["range"] > 0.1
     # mutations: a step that the diet refused, and the pin
-    longer = written(found.slim.without(partial(set_option, name="timestep", value=0.002)),
-                     tmp_path, "longer")
+    longer = written(
+        found.slim.without(partial(set_option, name="timestep", value=0.002)), tmp_path, "longer"
+    )
     assert bare(FAT, longer, 1.0, joints=["crank"])["crank"]["after"] > 1.5 * shown["before"]
     loose = written(found.slim.without(lambda d: d.drop("equalities", "pin")), tmp_path, "loose")
     assert bare(FAT, loose, 1.0, joints=["crank"])["crank"]["moved"] > 0.01
@@ -114,16 +119,27 @@ def test_a_step_as_long_as_the_error_allows(tmp_path):
     assert left.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4  # others are of first order
     assert (left.opt.tolerance, left.opt.iterations) == (1e-8, 100)
     span = 2.0 - 2.0 % (16 * left.opt.timestep)
-    shown = bare(file, slim, span, joints=["upper", "lower"], samples=round(
-        span / (16 * left.opt.timestep)) + 1)
+    shown = bare(
+        file,
+        slim,
+        span,
+        joints=["upper", "lower"],
+        samples=round(span / (16 * left.opt.timestep)) + 1,
+    )
     for name, part in shown.items():
         assert part["after"] <= allowed * part["range"], name
     # a mutation: four times the step that was found, 256 times the error of RK4
     step = 4 * left.opt.timestep
-    wrong = written(found.slim.without(partial(set_option, name="timestep", value=step)), tmp_path,
-                    "wrong")
-    worse = bare(file, wrong, span, joints=["upper", "lower"], samples=round(
-        span / (16 * left.opt.timestep)) + 1)
+    wrong = written(
+        found.slim.without(partial(set_option, name="timestep", value=step)), tmp_path, "wrong"
+    )
+    worse = bare(
+        file,
+        wrong,
+        span,
+        joints=["upper", "lower"],
+        samples=round(span / (16 * left.opt.timestep)) + 1,
+    )
     assert max(part["after"] / part["range"] for part in worse.values()) > allowed
 
 

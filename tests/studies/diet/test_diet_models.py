@@ -25,9 +25,14 @@ def gone(file: Path) -> list[str]:
     return [e.title for e in found.entries if e.outcome == "harmless"]
 
 
-@pytest.mark.parametrize("file", [shipped("pendulum.xml"), *(
-    pytest.param(f, marks=pytest.mark.slow) for f in OWN if f.stem != "pendulum")],
-    ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [
+        shipped("pendulum.xml"),
+        *(pytest.param(f, marks=pytest.mark.slow) for f in OWN if f.stem != "pendulum"),
+    ],
+    ids=lambda file: file.stem,
+)
 def test_own_models_have_nothing_left_to_remove(file):
     assert gone(file) == []
 
@@ -56,8 +61,9 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
         error = float(np.abs(before - truth).max())
         assert c.outcome == "agrees"
         # by a tenth of what is left of the tolerance, or by rounding of a number where it is 1e-10
-        assert c.error_max <= error + max(0.1 * (c.allowed - error),
-                                          1e-12 * float(np.abs(before).max()))
+        assert c.error_max <= error + max(
+            0.1 * (c.allowed - error), 1e-12 * float(np.abs(before).max())
+        )
     refused = [e for e in found.entries if e.kind == "option" and e.outcome == "matters"]
     assert any(e.name.startswith("time step") for e in refused)
 

@@ -43,13 +43,19 @@ def test_the_cheapest_value_is_tried_first(tmp_path):
     scene = scene_of(falling(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
     own = scene.draft
     assert names(options.tolerances, own, scene) == [
-        "tolerance 1e-14 to 1e-8", "tolerance 1e-14 to 1e-10", "tolerance 1e-14 to 1e-12"]
+        "tolerance 1e-14 to 1e-8",
+        "tolerance 1e-14 to 1e-10",
+        "tolerance 1e-14 to 1e-12",
+    ]
     assert names(options.caps, own, scene) == ["iterations 200 to 100"]
     assert names(options.searches, own, scene) == []
     assert names(options.searches, set_to(own, ls_iterations=60), scene) == [
-        "ls_iterations 60 to 50"]
+        "ls_iterations 60 to 50"
+    ]
     assert names(options.integrators, own, scene) == [
-        "integrator RK4 to Euler", "integrator RK4 to implicitfast"]
+        "integrator RK4 to Euler",
+        "integrator RK4 to implicitfast",
+    ]
     euler = set_to(own, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
     assert names(options.integrators, euler, scene) == []
     assert names(options.solvers, own, scene) == []  # there is nothing to solve
@@ -59,7 +65,9 @@ def test_the_cheapest_value_is_tried_first(tmp_path):
     assert (options.work(own), options.work(euler)) == (4000.0, 1000.0)
     loops = scene_of(model(tmp_path), 0.1)
     assert names(options.solvers, loops.draft, loops) == [
-        "solver Newton to CG", "solver Newton to PGS"]
+        "solver Newton to CG",
+        "solver Newton to PGS",
+    ]
 
 
 def test_steps_fit_between_samples(tmp_path):
@@ -89,13 +97,15 @@ def test_the_way_with_less_work_is_taken(tmp_path):
     assert not [e for e in kept.entries if e.kind == "option"]
 
 
-@pytest.mark.parametrize(("saved", "outcome"), [((0.1, 0.2, 0.3), "harmless"),
-                                                ((-0.1, 0.2, 0.3), "no gain"),
-                                                ((-0.3, -0.2, -0.1), "no gain")])
+@pytest.mark.parametrize(
+    ("saved", "outcome"),
+    [((0.1, 0.2, 0.3), "harmless"), ((-0.1, 0.2, 0.3), "no gain"), ((-0.3, -0.2, -0.1), "no gain")],
+)
 def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, saved, outcome):
     """A Jacobian that is kept another way changes nothing, and is taken if it saves time."""
-    monkeypatch.setattr(diet, "paced", lambda models, run, rounds, limit: Pace(
-        (Cost(2.0, 3), Cost(1.0, 2)), saved))
+    monkeypatch.setattr(
+        diet, "paced", lambda models, run, rounds, limit: Pace((Cost(2.0, 3), Cost(1.0, 2)), saved)
+    )
     scene = scene_of(falling(tmp_path), 0.2)
     now, entries = DietSearch(scene, rounds=9).optioned(scene.draft)
     entry = entries[-1]
@@ -123,8 +133,9 @@ def test_a_bound_that_allows_anything_is_noticed(tmp_path):
     """A mutation: with a loose bound the step is as long as there is room for."""
     scene = scene_of(falling(tmp_path), 1.0)
     watch = scene.watches[0]
-    loose = replace(watch, bound=replace(watch.bound, allowed=dict.fromkeys(
-        watch.bound.allowed, 1e9)))
+    loose = replace(
+        watch, bound=replace(watch.bound, allowed=dict.fromkeys(watch.bound.allowed, 1e9))
+    )
     strict = DietSearch(scene, rounds=0).run().slim.compiled().opt.timestep
     found = DietSearch(replace(scene, watches=(loose,)), rounds=0).run().slim.compiled()
     assert found.opt.timestep == pytest.approx(float(watch.bound.run.x[1]))

@@ -16,12 +16,15 @@ from proofmass.studies.diet.trial import clocked, median_interval, race, saved
 PENDULUM = """<mujoco><option timestep="0.001"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
   <geom size=".1" pos="0.3 0 0" contype="0" conaffinity="0"/></body>{more}</worldbody>
   <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
-CROWD = "".join(f'<body pos="{k} 9 0"><joint axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'
-                for k in range(20))
+CROWD = "".join(
+    f'<body pos="{k} 9 0"><joint axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'
+    for k in range(20)
+)
 
 
 def noisy_ratios(rng: np.random.Generator, effect: float, n: int = ROUNDS) -> list[float]:
     """Ratios of times as a shared machine gives them: skewed, with a fifth of them disturbed."""
+
     def times(factor: float) -> np.ndarray:
         own = 1 + 0.03 * rng.exponential(size=n)
         return factor * own * np.where(rng.random(n) < 0.2, 1 + 2 * rng.random(n), 1.0)
@@ -81,8 +84,7 @@ def test_a_narrower_interval_would_take_noise_for_a_change():
 
 
 def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
-    """A machine that gets slower and slower does not show in the ratio; one that costs twice does.
-    """
+    """A machine that gets slower does not show in the ratio; a model that costs twice does."""
     asked = []
 
     def run(model, run):
@@ -97,7 +99,7 @@ def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
     low, middle, high = found.saved
     assert middle == pytest.approx(0.5, abs=0.05)
     assert 0.4 < low <= high < 0.6
-    pairs = [asked[k:k + 2] for k in range(0, len(asked), 2)]
+    pairs = [asked[k : k + 2] for k in range(0, len(asked), 2)]
     assert len(pairs) == 16
     assert all(set(pair) == {"one", "two"} for pair in pairs)
     assert len({pair[0] for pair in pairs}) == 2

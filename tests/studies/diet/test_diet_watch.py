@@ -105,11 +105,15 @@ def test_what_acts_on_what_is_named_stays(tmp_path):
 
 
 def test_a_name_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match=r"far\.xml: --watch: no joint, body, site or sensor is "
-                       r"called 'crnk'; did you mean 'crank'\? there are: hinge, far, crank, rock"):
+    with pytest.raises(
+        InputError,
+        match=r"far\.xml: --watch: no joint, body, site or sensor is "
+        r"called 'crnk'; did you mean 'crank'\? there are: hinge, far, crank, rock",
+    ):
         scene_of(far(tmp_path), 0.3, ("crnk",))
-    answer = CliRunner().invoke(app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o",
-                                      str(tmp_path / "slim.xml")])
+    answer = CliRunner().invoke(
+        app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o", str(tmp_path / "slim.xml")]
+    )
     assert answer.exit_code == 2
     assert "did you mean 'crank'?" in answer.output.replace("\n", " ")
     assert "Traceback" not in answer.output
@@ -166,11 +170,13 @@ TREES = """<mujoco><option jacobian="{jacobian}" gravity="0 0 -9.81"/><worldbody
   <body name="high" pos="9 0 .29"><freejoint/><geom size=".1"/></body>
 </worldbody>{tie}</mujoco>"""
 TIES = {
-    "": False, TIE.replace("hinge", "a").replace('"far"', '"b"'): True,
+    "": False,
+    TIE.replace("hinge", "a").replace('"far"', '"b"'): True,
     '<tendon><fixed><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed></tendon>': True,
     '<tendon><spatial stiffness="1"><site site="a"/><site site="b"/></spatial></tendon>': True,
     '<actuator><position site="a" refsite="b" gear="1 0 0 0 0 0"/></actuator>': True,
-    '<actuator><motor joint="a"/><motor joint="b"/></actuator>': False}
+    '<actuator><motor joint="a"/><motor joint="b"/></actuator>': False,
+}
 
 
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])

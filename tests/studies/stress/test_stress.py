@@ -29,15 +29,19 @@ from proofmass.worker import TimedOut
 def test_a_boundary_is_between_its_sides(start, reach, edge):
     up = reach > start
     holds, breaks, failure = bisect(
-        lambda x: Failure("gone", BoundaryKind.UNSTABLE, True) if (x > edge) is up else None, start, reach)
+        lambda x: Failure("gone", BoundaryKind.UNSTABLE, True) if (x > edge) is up else None,
+        start,
+        reach,
+    )
     assert sorted([holds, edge, breaks])[1] == edge
     assert max(breaks / holds, holds / breaks) <= 1.01
     assert failure == ("gone", "unstable", True)
 
 
 def test_what_never_holds_and_what_always_does():
-    never = Sought("", "", "", "", "", 1.0, 9.0,
-                   lambda x: Tried(Failure("no", BoundaryKind.UNSTABLE))).find()
+    never = Sought(
+        "", "", "", "", "", 1.0, 9.0, lambda x: Tried(Failure("no", BoundaryKind.UNSTABLE))
+    ).find()
     assert np.isnan(never.measured)
     assert np.isnan(never.ratio)
     assert never.failure == "at 1 already: no"
@@ -82,9 +86,15 @@ def test_a_run_that_is_finite_and_wrong_is_lost(stand):
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 @pytest.mark.parametrize("factor", [3e-6, pytest.param(1e6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("name", "kind"), [
-    ("slider_crank", "duration"), ("slider_crank", "sweep"), ("fourbar_released", "duration"),
-    ("balancer_sine", "sweep")])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("slider_crank", "duration"),
+        ("slider_crank", "sweep"),
+        ("fourbar_released", "duration"),
+        ("balancer_sine", "sweep"),
+    ],
+)
 def test_scaled_mechanisms_have_scaled_curves(stand, name, kind, engine, factor):
     """Masses as they are, gravity with the lengths: errors are those at the mechanism's own size.
 
@@ -133,8 +143,10 @@ def test_a_scale_that_forgets_something_is_noticed(stand):
     larger = variants.larger(held.case, held.models, 4.0)
     assert held.lost(larger) is None
     forgotten = variants.with_model(
-        larger, held.models,
-        lambda root: variants.set_gravity(root, compile_model(larger.model_path), 0.25))
+        larger,
+        held.models,
+        lambda root: variants.set_gravity(root, compile_model(larger.model_path), 0.25),
+    )
     assert held.lost(forgotten)
     assert held.lost(larger.model_copy(update={"channels": held.case.channels})) is None
     crank = stand("slider_crank")
@@ -145,11 +157,11 @@ def test_a_scale_that_forgets_something_is_noticed(stand):
 @pytest.mark.parametrize(("engine", "factor"), [("mujoco", 1e6), ("pymunk", 1e-6)])
 def test_stronger_springs_need_proportional_moments(stand, engine, factor):
     held = stand("balancer_sine", engine, "sweep")
-    few = held.case.model_copy(update={"run": {
-        "sweep": held.case.run["sweep"].model_copy(update={"n": 10})}})
+    few = held.case.model_copy(
+        update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 10})}}
+    )
     assert held.lost(variants.stiffer(few, held.models, factor)) is None
-    wrong = variants.stiffer(few, held.models, factor).model_copy(
-        update={"channels": few.channels})
+    wrong = variants.stiffer(few, held.models, factor).model_copy(update={"channels": few.channels})
     assert held.lost(wrong).message.startswith("effort off by")
 
 
@@ -164,16 +176,23 @@ def test_the_least_inertia_bounds_the_size(stand):
     assert "mjMINVAL" in found.failure
     assert "stiffness: there is no spring and no rod" in skipped
     assert {s.knob for s in sought} == {
-        "time step", "gravity", "spring in pivot", "all lengths larger", "all lengths smaller",
-        "steps", "steps until the energy is off by 1 %"}
+        "time step",
+        "gravity",
+        "spring in pivot",
+        "all lengths larger",
+        "all lengths smaller",
+        "steps",
+        "steps until the energy is off by 1 %",
+    }
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_limit_positions_come_from_the_reference(stand, engine):
     """The crank of (2, 2, 2.5, 3), at first at -2 rad, stops at arccos((4 + 9 - 4.5^2) / 12)."""
     held = stand("triple_rocker", engine)
-    case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
-        update={"n": 41})}})
+    case = held.case.model_copy(
+        update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
+    )
     way = next(near_singular.limits(replace(held, case=case)))
     assert way.knob == "drive's way"
     assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
@@ -188,8 +207,10 @@ def test_a_model_with_another_limit_position_is_noticed(stand):
 
     def change(root):
         next(s for s in root.iter("site") if s.get("name") == "rocker_end").set("pos", "2.55 0 0")
-    case = held.case.model_copy(update={"run": {"sweep": held.case.run["sweep"].model_copy(
-        update={"n": 41})}})
+
+    case = held.case.model_copy(
+        update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
+    )
     wrong = variants.with_model(case, held.models, change)
     sought = next(s for s in extremes(wrong, held.store)[0] if s.knob == "drive's way")
     found = sought.find()
@@ -220,11 +241,14 @@ def test_a_long_run_turns_on_or_goes_to_and_fro(stand):
 def test_a_case_is_run_as_its_first_solver_is_set(stand, monkeypatch):
     """The snapping rod's mujoco:settled falls where its plain sweep ends."""
     held, stands = stand("rod_snap", kind="sweep"), []
-    monkeypatch.setattr("proofmass.studies.stress.extremes.AXES",
-                        (lambda one: stands.append(one) or (),))
+    monkeypatch.setattr(
+        "proofmass.studies.stress.extremes.AXES", (lambda one: stands.append(one) or (),)
+    )
     extremes(held.case, held.store)
-    assert [one.setting for one in stands] == [Setting("mujoco", {"settled": True}),
-                                               Setting("pymunk", {})]
+    assert [one.setting for one in stands] == [
+        Setting("mujoco", {"settled": True}),
+        Setting("pymunk", {}),
+    ]
 
 
 def test_a_reference_that_is_late_is_not_the_engines_fault(stand, monkeypatch):
@@ -234,12 +258,14 @@ def test_a_reference_that_is_late_is_not_the_engines_fault(stand, monkeypatch):
         if function is observe:
             raise TimedOut(words)
         return function(*arguments)
+
     monkeypatch.setattr("proofmass.studies.stress.stand.isolated", late)
     failure = held.lost(held.case)
     assert failure.message == f"no reference: {words}; the engine has its run"
 
     def never(function, *arguments, timeout):
         raise TimedOut(words)
+
     monkeypatch.setattr("proofmass.studies.stress.stand.isolated", never)
     failure = held.lost(held.case, timestep=2e-3)
     assert failure.message == f"timed out: {words}"
@@ -264,17 +290,75 @@ def test_trials_are_made_once(tmp_path):
 
 
 def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
-    rows = [Boundary("spring, \"soft\"", "mujoco", "Euler", "dt ω", "1", 0.1, 10.0, 1.99, 2.005,
-                     1.99, 2.0, "2 √(1 + ζ²)", BoundaryKind.UNSTABLE, "grew, without a word", True),
-            Boundary("spring, hard", "mujoco", "discrete", "dt ω", "1", 0.1, 10.0, 10.0,
-                     theory=np.inf, law="implicit"),
-            Boundary("fourbar", "pymunk", "as in the model", "gravity", "times", 1.0, 1e6,
-                     limit=BoundaryKind.INACCURATE, failure="at 1 already: no"),
-            Boundary("fourbar", "pymunk", "as in the model", "size", "times", 1.0, 1e-6, 0.1,
-                     0.099, limit=BoundaryKind.REFUSED, failure="refused: too small"),
-            Boundary("fourbar", "pymunk", "as in the model", "steps", "1", 100.0, 1e6, 1000.0,
-                     1009.0, 1e-3, limit=BoundaryKind.OURS,
-                     failure="no reference: none in 60 s; the engine has its run")]
+    rows = [
+        Boundary(
+            'spring, "soft"',
+            "mujoco",
+            "Euler",
+            "dt ω",
+            "1",
+            0.1,
+            10.0,
+            1.99,
+            2.005,
+            1.99,
+            2.0,
+            "2 √(1 + ζ²)",
+            BoundaryKind.UNSTABLE,
+            "grew, without a word",
+            True,
+        ),
+        Boundary(
+            "spring, hard",
+            "mujoco",
+            "discrete",
+            "dt ω",
+            "1",
+            0.1,
+            10.0,
+            10.0,
+            theory=np.inf,
+            law="implicit",
+        ),
+        Boundary(
+            "fourbar",
+            "pymunk",
+            "as in the model",
+            "gravity",
+            "times",
+            1.0,
+            1e6,
+            limit=BoundaryKind.INACCURATE,
+            failure="at 1 already: no",
+        ),
+        Boundary(
+            "fourbar",
+            "pymunk",
+            "as in the model",
+            "size",
+            "times",
+            1.0,
+            1e-6,
+            0.1,
+            0.099,
+            limit=BoundaryKind.REFUSED,
+            failure="refused: too small",
+        ),
+        Boundary(
+            "fourbar",
+            "pymunk",
+            "as in the model",
+            "steps",
+            "1",
+            100.0,
+            1e6,
+            1000.0,
+            1009.0,
+            1e-3,
+            limit=BoundaryKind.OURS,
+            failure="no reference: none in 60 s; the engine has its run",
+        ),
+    ]
     write_boundaries(rows, tmp_path / "stress.csv")
     assert repr(read_boundaries(tmp_path / "stress.csv")) == repr(rows)
     page = write_stress(tmp_path, tmp_path).first.read_text(encoding="utf-8")
@@ -290,8 +374,9 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     assert [row.found for row in rows] == [True, False, False, True, False]
     assert [row.unknown for row in rows] == [False, False, False, False, True]
     drawing = (tmp_path / "figures" / "fourbar-stress.svg").read_text(encoding="utf-8")
-    grounds = re.findall(r'<pattern.*?<rect[^>]* fill="(#\w+)".*?stroke: (#\w+)', drawing,
-                         re.DOTALL)
+    grounds = re.findall(
+        r'<pattern.*?<rect[^>]* fill="(#\w+)".*?stroke: (#\w+)', drawing, re.DOTALL
+    )
     assert grounds  # of the bars and in the legend, each other than the lines on it
     assert all(ground != lines for ground, lines in grounds)
     for some, here in ((rows[:2], False), (rows[2:], True)):
@@ -300,9 +385,14 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["nowhere.toml"], "nowhere.toml: no such file"),
-    (["fourbar.xml"], "neither"), (["--only", "colour"], "--only colour: no such knob")])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere.toml"], "nowhere.toml: no such file"),
+        (["fourbar.xml"], "neither"),
+        (["--only", "colour"], "--only colour: no such knob"),
+    ],
+)
 def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fourbar.txt").write_text("")

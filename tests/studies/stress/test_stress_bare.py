@@ -35,8 +35,13 @@ PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
 def bare(engine: str, name: str) -> float:
     """A limit as a script measures it, away from this folder and its packages."""
     with TemporaryDirectory() as folder:
-        answer = subprocess.run([sys.executable, "-I", str(BARE / f"with_{engine}.py"), name],
-                                cwd=folder, capture_output=True, text=True, check=True)
+        answer = subprocess.run(
+            [sys.executable, "-I", str(BARE / f"with_{engine}.py"), name],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
     return float(json.loads(answer.stdout)[name])
 
 
@@ -52,28 +57,47 @@ def test_the_scripts_import_their_engine_and_numpy_alone():
     plain = {"cmath", "functools", "json", "math", "numpy", "pathlib", "sys"}
     for engine in ("mujoco", "pymunk"):
         tree = ast.parse((BARE / f"with_{engine}.py").read_text(encoding="utf-8"))
-        names = {name.name for node in ast.walk(tree) if isinstance(node, ast.Import)
-                 for name in node.names} | {node.module for node in ast.walk(tree)
-                                            if isinstance(node, ast.ImportFrom)}
+        names = {
+            name.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Import)
+            for name in node.names
+        } | {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         assert engine in names
         assert names <= {*plain, engine}
 
 
-@pytest.mark.parametrize(("case", "integrator"), [
-    ("pendulum", "Euler"), ("pendulum", "RK4"), ("fourbar", "RK4"),
-    *(pytest.param(case, integrator, marks=pytest.mark.slow) for case, integrator in (
-        ("pendulum", "implicit"), ("pendulum", "implicitfast"), ("pendulum", "discrete"),
-        ("fourbar", "Euler"), *(("fourbar_released", integrator) for integrator in (
-            "RK4", "Euler", "implicit", "implicitfast", "discrete"))))])
+@pytest.mark.parametrize(
+    ("case", "integrator"),
+    [
+        ("pendulum", "Euler"),
+        ("pendulum", "RK4"),
+        ("fourbar", "RK4"),
+        *(
+            pytest.param(case, integrator, marks=pytest.mark.slow)
+            for case, integrator in (
+                ("pendulum", "implicit"),
+                ("pendulum", "implicitfast"),
+                ("pendulum", "discrete"),
+                ("fourbar", "Euler"),
+                *(
+                    ("fourbar_released", integrator)
+                    for integrator in ("RK4", "Euler", "implicit", "implicitfast", "discrete")
+                ),
+            )
+        ),
+    ],
+)
 def test_time_steps_of_mujoco(stand, case, integrator):
     sought = next(s for s in extremes.steps(stand(case)) if s.setting == integrator)
     agrees(sought, bare("mujoco", f"{case}, {integrator}"))
 
 
-@pytest.mark.parametrize("case", [
-    "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "case", ["pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)]
+)
 def test_time_steps_of_chipmunk(stand, case):
-    sought, = extremes.steps(stand(case, "pymunk"))
+    (sought,) = extremes.steps(stand(case, "pymunk"))
     agrees(sought, bare("pymunk", f"{case}, step"))
 
 
@@ -86,19 +110,19 @@ def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_gravity_of_a_pendulum(stand, engine):
-    sought, = extremes.weights(stand("pendulum", engine))
+    (sought,) = extremes.weights(stand("pendulum", engine))
     agrees(sought, bare(engine, "pendulum, gravity"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_springs_in_a_pendulum(stand, engine):
-    sought, = extremes.stiffnesses(stand("pendulum", engine))
+    (sought,) = extremes.stiffnesses(stand("pendulum", engine))
     agrees(sought, bare(engine, "pendulum, spring"))
 
 
 def test_speed_of_a_driven_four_bar(stand):
-    sought, = extremes.speeds(stand("fourbar"))
+    (sought,) = extremes.speeds(stand("fourbar"))
     agrees(sought, bare("mujoco", "fourbar, drive speed"))
 
 
@@ -114,8 +138,9 @@ SMALL = {
     "spring, ζ = 0, Euler": "spring on a hinge, ζ = 0, Euler, dt ω",
     "spring, ζ = 0.3, Euler": "spring on a hinge, ζ = 0.3, Euler, dt ω",
     "spring, ζ = 1, Euler": "spring on a hinge, ζ = 1, Euler, dt ω",
-    "spring, ζ = 1, explicit damping, Euler":
-        "spring on a hinge, ζ = 1, explicit damping, Euler, dt ω",
+    "spring, ζ = 1, explicit damping, Euler": (
+        "spring on a hinge, ζ = 1, explicit damping, Euler, dt ω"
+    ),
     "spring, ζ = 0.3, implicitfast": "spring on a hinge, ζ = 0.3, implicitfast, dt ω",
     "spring, ζ = 0, RK4": "spring on a hinge, ζ = 0, RK4, dt ω",
     "spring, ζ = 1, RK4": "spring on a hinge, ζ = 1, RK4, dt ω",
@@ -128,15 +153,22 @@ SMALL = {
     "spring, ζ = 0": "spring on a hinge, ζ = 0, pymunk, dt ω",
     "spring, ζ = 0.1": "spring on a hinge, ζ = 0.1, pymunk, dt ω",
     "row of 5 masses": "5 masses in a row on springs, pymunk, dt √(k/m)",
-    "hung pendulum": "hung pendulum, pymunk, gravity dt²/L"}
+    "hung pendulum": "hung pendulum, pymunk, gravity dt²/L",
+}
 
 
-QUICK = ("spring, ζ = 0.3, Euler", "hung pendulum, Euler", "velocity servo, Euler",
-         "loop with refsafe off, RK4")
+QUICK = (
+    "spring, ζ = 0.3, Euler",
+    "hung pendulum, Euler",
+    "velocity servo, Euler",
+    "loop with refsafe off, RK4",
+)
 
 
-@pytest.mark.parametrize("name", [
-    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SMALL])
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SMALL],
+)
 def test_small_models_have_the_limits_of_theory_in_the_engines_themselves(name):
     sought = PROBES[SMALL[name]]
     limit = bare(sought.engine, name)
@@ -145,8 +177,11 @@ def test_small_models_have_the_limits_of_theory_in_the_engines_themselves(name):
 
 
 def test_chipmunk_holds_a_damped_spring_everywhere():
-    assert bare("pymunk", "spring, ζ = 0.3") == np.inf == PROBES[
-        "spring on a hinge, ζ = 0.3, pymunk, dt ω"].theory
+    assert (
+        bare("pymunk", "spring, ζ = 0.3")
+        == np.inf
+        == PROBES["spring on a hinge, ζ = 0.3, pymunk, dt ω"].theory
+    )
 
 
 @pytest.mark.parametrize("step", [1e-3, 1.37e-3, 9.99e-3, 0.01, 0.0101, 0.13, 0.77, 2.5])
@@ -186,16 +221,19 @@ def test_a_step_that_was_not_asked_for_is_an_error(stand, engine, monkeypatch):
     held = stand("pendulum", engine)
     assert held.stepped(held.case, 1.0, timestep=0.0137).step == pytest.approx(0.0137, rel=1e-12)
     whole = in_steps
-    monkeypatch.setattr("proofmass.studies.stress.stand.in_steps",
-                        lambda case, seconds, step: whole(case, seconds, 1.01 * step))
+    monkeypatch.setattr(
+        "proofmass.studies.stress.stand.in_steps",
+        lambda case, seconds, step: whole(case, seconds, 1.01 * step),
+    )
     with pytest.raises(RuntimeError, match=r"took steps of 0.0069\d* s where 0.0137 s were asked"):
         held.stepped(held.case, 1.0, timestep=0.0137)
 
 
 def test_a_run_that_is_lost_has_no_step_to_tell(stand, monkeypatch):
     held = stand("pendulum")
-    monkeypatch.setattr("proofmass.studies.stress.stand.tried",
-                        lambda *_: Measurement(outcome="diverged"))
+    monkeypatch.setattr(
+        "proofmass.studies.stress.stand.tried", lambda *_: Measurement(outcome="diverged")
+    )
     assert np.isnan(held.stepped(held.case, 1.0, timestep=0.01).step)
 
 

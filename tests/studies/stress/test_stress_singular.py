@@ -16,7 +16,7 @@ from proofmass.studies.stress.boundary import BoundaryKind, Failure, bisect
 from proofmass.studies.stress.stand import tried
 from proofmass.studies.variants import reread
 
-PYMUNK, = engine_of("pymunk").schemes
+(PYMUNK,) = engine_of("pymunk").schemes
 RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
 
 
@@ -42,10 +42,19 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
     assert near_singular.unclosed(case, link, "duration", held.models, shortest * 0.999)
 
 
-@pytest.mark.parametrize(("name", "kind", "farthest"), [
-    ("fourbar", "sweep", 1.0 + 3.0),  # over the ends of coupler and rocker: crank and ground
-    ("fivebar", "duration", np.abs(2 * np.exp(1j * (a := np.linspace(0.0, 2 * np.pi, 100_001)))
-                                   - 2 - np.exp(2j * a)).max())])
+@pytest.mark.parametrize(
+    ("name", "kind", "farthest"),
+    [
+        ("fourbar", "sweep", 1.0 + 3.0),  # over the ends of coupler and rocker: crank and ground
+        (
+            "fivebar",
+            "duration",
+            np.abs(
+                2 * np.exp(1j * (a := np.linspace(0.0, 2 * np.pi, 100_001))) - 2 - np.exp(2j * a)
+            ).max(),
+        ),
+    ],
+)
 def test_arms_reach_as_far_as_their_ends_are_apart(stand, name, kind, farthest):
     """Both links by the same share shorter, until they are stretched."""
     held = stand(name)
@@ -63,8 +72,7 @@ def test_an_arm_is_what_nothing_else_holds_or_drives(stand):
         assert not near_singular.last_arm(stand(name).case), name
 
 
-@pytest.mark.parametrize("name", [
-    "fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
 def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
     """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
     held = stand(name)
@@ -72,9 +80,13 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
     arm = near_singular.last_arm(held.case)
     shortest = {"fourbar": 8 / 9, "fivebar": 2 / 3}[name]
     shares = np.geomspace(2e-3, 3e-5, 4)
-    cases = [near_singular.shortened(held.case, arm, held.models, shortest * (1 + share))
-             for share in shares]
-    found = [tried(StudyRun(case, "duration", held.setting, "stress"), held.store) for case in cases]
+    cases = [
+        near_singular.shortened(held.case, arm, held.models, shortest * (1 + share))
+        for share in shares
+    ]
+    found = [
+        tried(StudyRun(case, "duration", held.setting, "stress"), held.store) for case in cases
+    ]
     ratio = [one.errors["position"] / one.invariants["gap"] for one in found]
     # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
     assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
@@ -99,7 +111,8 @@ def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(s
     monkeypatch.setattr("proofmass.studies.stress.stand.tried", lambda *_: answer)
     held = replace(held, case=reread(held.case))
     assert near_singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
-        "stopped: no pose", BoundaryKind.OURS)
+        "stopped: no pose", BoundaryKind.OURS
+    )
     assert held.tried(held.case).failure == Failure("stopped: no pose", BoundaryKind.UNSTABLE)
 
 
@@ -120,8 +133,11 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
     for pieces in (10, 20):
         chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
         holds, breaks, failure = bisect(
-            lambda far, chain=chain: near_singular.snapped(chain, far).failure, 0.99 * fold,
-            1.01 * fold, 1e-4)
+            lambda far, chain=chain: near_singular.snapped(chain, far).failure,
+            0.99 * fold,
+            1.01 * fold,
+            1e-4,
+        )
         assert "unstable" in failure.message
         ends.append(np.sqrt(holds * breaks))
     # bisected to 1e-4, of which Richardson makes 5/3
@@ -134,15 +150,17 @@ def test_a_rod_of_another_length_snaps_elsewhere(stand):
     """2 % longer in the engine alone: its ends are nearer for it, and the fold is elsewhere."""
     held = stand("rod_snap", kind="sweep", segments=10)
     start = held.case.drive[0].start
-    right, wrong = (marks(distance=distance)["snaps to the left"] + start
-                    for distance in (0.8, 0.8 / 1.02))
+    right, wrong = (
+        marks(distance=distance)["snaps to the left"] + start for distance in (0.8, 0.8 / 1.02)
+    )
     rod = held.case.rod["rod"].model_copy(update={"length": 1.02})
     longer = held.case.model_copy(update={"rod": {"rod": rod}})
     assert abs(wrong / right - 1) > 0.01
     middle = np.sqrt(right * wrong)
     theirs = replace(held, case=longer)
     assert bool(near_singular.snapped(held, middle).failure) is not bool(
-        near_singular.snapped(theirs, middle).failure)
+        near_singular.snapped(theirs, middle).failure
+    )
 
 
 def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
@@ -154,8 +172,10 @@ def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
     assert failure.message.startswith("position off by")
 
 
-@pytest.mark.parametrize(("swing", "holds", "breaks"), [
-    (0.05, 0.98, 1.03), pytest.param(0.5, 1.03, 2.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("swing", "holds", "breaks"),
+    [(0.05, 0.98, 1.03), pytest.param(0.5, 1.03, 2.0, marks=pytest.mark.slow)],
+)
 def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, breaks):
     """Its bodies go straight ahead in a step, which is off by the square of its angle, (dt w A)^2.
 
@@ -166,6 +186,7 @@ def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, br
     def change(root):
         for key in root.iter("key"):
             key.set("qpos", repr(swing))
+
     held = replace(held, case=variants.with_model(held.case, held.models, change))
     (sought,) = extremes.stiffnesses(held)
     steps = min(held.seconds / held.step, extremes.BRIEF)
@@ -184,9 +205,12 @@ def test_stiffest_is_where_the_phase_is_off():
 def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
     """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
     held = stand("pendulum", integrator="RK4")
-    case = extremes.with_spring(extremes.weighed(held.case, held.models), held.models,
-                                 extremes.last_hinge(held.case)[0],
-                                 (0.3 / held.step) ** 2)
+    case = extremes.with_spring(
+        extremes.weighed(held.case, held.models),
+        held.models,
+        extremes.last_hinge(held.case)[0],
+        (0.3 / held.step) ** 2,
+    )
     steps = theory.faded_after(RK4, 0.3, 0.99)
     assert extremes.drifted(held, case, {}, 0.95 * steps).failure is None
     failure = extremes.drifted(held, case, {}, 1.05 * steps).failure

@@ -12,13 +12,18 @@ from proofmass.studies.stress.boundary import Sought
 from proofmass.studies.stress.problems import probes, stepping, wheel
 
 PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
-QUICK = ["spring on a hinge, ζ = 0.3, Euler, dt ω", "spring on a hinge, ζ = 1, implicitfast, dt ω",
-         "spring on a hinge, ζ = 0, RK4, dt ω", "spring on a hinge, ζ = 0.3, discrete, dt ω",
-         "spring on a hinge, ζ = 1, explicit damping, Euler, dt ω",
-         "velocity servo, Euler, dt kv/I",
-         "loop with refsafe off, Euler, dt/solref", "hung pendulum, Euler, gravity dt²/L",
-         "column of 4 segments, at rest, load L²/EI",
-         "four-bar 2, 2, 2.5, 3 to its limit position, sweep, crank"]
+QUICK = [
+    "spring on a hinge, ζ = 0.3, Euler, dt ω",
+    "spring on a hinge, ζ = 1, implicitfast, dt ω",
+    "spring on a hinge, ζ = 0, RK4, dt ω",
+    "spring on a hinge, ζ = 0.3, discrete, dt ω",
+    "spring on a hinge, ζ = 1, explicit damping, Euler, dt ω",
+    "velocity servo, Euler, dt kv/I",
+    "loop with refsafe off, Euler, dt/solref",
+    "hung pendulum, Euler, gravity dt²/L",
+    "column of 4 segments, at rest, load L²/EI",
+    "four-bar 2, 2, 2.5, 3 to its limit position, sweep, crank",
+]
 
 
 def near(sought: Sought) -> bool:
@@ -47,8 +52,17 @@ def test_all_other_boundaries_are_where_theory_says(name):
 def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
     """Stiffness enters the limit by its root: 0.8 moves it by 12 %."""
     text = wheel(factor)
-    wrong = Sought("", "mujoco", "", "", "1", 0.5, 10.0,
-                   lambda z: stepping("mujoco", text, z, {"integrator": "Euler"}), theory=2.0)
+    wrong = Sought(
+        "",
+        "mujoco",
+        "",
+        "",
+        "1",
+        0.5,
+        10.0,
+        lambda z: stepping("mujoco", text, z, {"integrator": "Euler"}),
+        theory=2.0,
+    )
     assert wrong.find().ratio == pytest.approx(factor**-0.5, rel=0.01)
     assert not near(wrong)
 

@@ -69,9 +69,17 @@ def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
     assert MARGIN * found.row.errors["position"] <= 1e-4 < MARGIN * 100 * 0.001**2
 
 
-@pytest.mark.parametrize("changed", [
-    {"errors": {"position": 1.0001e-4 / MARGIN}}, {"errors": {"position": nan}}, {"errors": {}},
-    {"errors": {"position": inf}}, {"outcome": "diverged"}, {"seconds": nan}])
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"errors": {"position": 1.0001e-4 / MARGIN}},
+        {"errors": {"position": nan}},
+        {"errors": {}},
+        {"errors": {"position": inf}},
+        {"outcome": "diverged"},
+        {"seconds": nan},
+    ],
+)
 def test_what_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> None:
     rows = [replace(row, **changed) if row.value == 0.0005 else row for row in line("quick")]
     assert chosen(fourbar, rows, 1e-4).row.value == 0.00025
@@ -91,11 +99,15 @@ def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tupl
 
 def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
     rows, verdicts = study()
-    both = {e: chosen(fourbar, rows, 1e-6, engine=e, verdicts=verdicts).row.engine
-            for e in ("mujoco", "pymunk")}
+    both = {
+        e: chosen(fourbar, rows, 1e-6, engine=e, verdicts=verdicts).row.engine
+        for e in ("mujoco", "pymunk")
+    }
     assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
-    steps = [chosen(fourbar, line("quick"), 1e-3, of=of).row.value
-             for of in ("position", "rate", "acceleration")]
+    steps = [
+        chosen(fourbar, line("quick"), 1e-3, of=of).row.value
+        for of in ("position", "rate", "acceleration")
+    ]
     assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
 
 
@@ -135,8 +147,10 @@ def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
     assert "never" not in found.beside
     assert found.ratio > 1
     own = verdict("plain", 1.0, level, "iterations")
-    assert "never get there" in chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6,
-                                       verdicts=own).beside
+    assert (
+        "never get there"
+        in chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6, verdicts=own).beside
+    )
 
 
 def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
@@ -162,8 +176,11 @@ def test_a_floor_is_named(fourbar: Case) -> None:
     found = chosen(fourbar, mine, 1e-4, verdicts=verdicts)
     assert "defaults never get there: the error floor is 2e-4, softness of the loop" in found.beside
     assert np.isnan(found.ratio)
-    with pytest.raises(Cannot, match=r"the best, MuJoCo RK4, solref 8 dt.* the error floor is "
-                       r"3e-8, cap of solimp; halving solref divides the error by 4.0"):
+    with pytest.raises(
+        Cannot,
+        match=r"the best, MuJoCo RK4, solref 8 dt.* the error floor is "
+        r"3e-8, cap of solimp; halving solref divides the error by 4.0",
+    ):
         chosen(fourbar, mine, 1e-9, verdicts=verdicts)
     # 100 h^2 with 6.28e-5 / h seconds: to 0.8 * 5e-10, h = 2e-6 s and 31 s
     needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
@@ -174,21 +191,29 @@ def test_a_floor_is_named(fourbar: Case) -> None:
     with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
         chosen(fourbar, line("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
     lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
-    with pytest.raises(Cannot, match=r"^no setting ran, of \d+: \d+ diverged; the first, "
-                       r"[^;]*: diverged: open by 1 m$"):
+    with pytest.raises(
+        Cannot,
+        match=r"^no setting ran, of \d+: \d+ diverged; the first, "
+        r"[^;]*: diverged: open by 1 m$",
+    ):
         chosen(fourbar, lost, 1e-3)
 
 
 def test_many_reasons_are_two(fourbar: Case) -> None:
     """A reason of its own for each setting, such as the time at which it was lost."""
-    lost = [replace(row, outcome=outcome, message=f"lost at {k} s", errors={}) for k, (row, outcome)
-            in enumerate(zip(line("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False))]
+    lost = [
+        replace(row, outcome=outcome, message=f"lost at {k} s", errors={})
+        for k, (row, outcome) in enumerate(
+            zip(line("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False)
+        )
+    ]
     with pytest.raises(Cannot) as why:
         chosen(fourbar, lost, 1e-3)
     first, second = str(why.value).split("; ")
     assert first == f"no setting ran, of {len(lost)}: " + ", ".join(
-        f"{n} {word}" for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")],
-                                            reverse=True))
+        f"{n} {word}"
+        for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")], reverse=True)
+    )
     assert second == "the first, quick, timestep 16 ms: diverged: lost at 0 s"
     other = [replace(row, errors={"rate": 1.0}) for row in line("quick")]
     with pytest.raises(Cannot, match="ran without position errors"):
@@ -206,8 +231,10 @@ def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
     for solver in case.run["duration"].solvers:
         engine, _, variant = solver.partition(":")
         if variant != "default":
-            own = {name: tuple(value) if isinstance(value, list) else value
-                   for name, value in plan(case, "duration", solver).settings.items()}
+            own = {
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in plan(case, "duration", solver).settings.items()
+            }
             assert (engine, {"timestep": step, **own}) in tried
 
 
@@ -225,8 +252,11 @@ def stiff(models: Path, edit: Callable[..., Path]) -> Path:
     edit("slider_crank.xml", 'solref="0.005 1"', 'solref="0.0002 1"')
     edit("slider_crank.toml", r"slider_mass = 1\.5", "slider_mass = 1e-7")
     edit("slider_crank.toml", r'"mujoco", "mujoco:default", "pymunk", "pymunk:default"', '"mujoco"')
-    return edit("slider_crank.toml", r"(?s)\[\[tolerance\]\].*",
-                '[[tolerance]]\nof_range = 1e-3\nwhy = "other steps are lost"\n')
+    return edit(
+        "slider_crank.toml",
+        r"(?s)\[\[tolerance\]\].*",
+        '[[tolerance]]\nof_range = 1e-3\nwhy = "other steps are lost"\n',
+    )
 
 
 @pytest.mark.slow
@@ -236,27 +266,47 @@ def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
     rows = search(load_case(stiff), "position", 5e-3, Store(folder / "runs"), repeats=0)
     assert "MuJoCo, as in the model" in {row.line for row in rows if row.outcome == "ran"}
     assert len({row.line for row in rows if row.outcome != "ran"}) > 10
-    found = CliRunner().invoke(app, ["choose", str(stiff), "--error", "1e-2", "--store",
-                                     str(folder)])
+    found = CliRunner().invoke(
+        app, ["choose", str(stiff), "--error", "1e-2", "--store", str(folder)]
+    )
     assert found.exit_code == 0, found.output
 
 
-KNOBS = [{"timestep": 1e-3 / 3, "integrator": "EULER", "solver": "cg", "iterations": 7,
-          "tolerance": 0.0},
-         {"solref": (0.02 / 3, 1.0), "solimp": (0.9999, 0.9999, 0.001)},
-         {"solref": (0.03,)}, {"solimp": (0.99, 0.999)},
-         {"integrator": "discrete"}, {"defaults": True}, {"defaults": True, "timestep": 1e-5}]
+KNOBS = [
+    {
+        "timestep": 1e-3 / 3,
+        "integrator": "EULER",
+        "solver": "cg",
+        "iterations": 7,
+        "tolerance": 0.0,
+    },
+    {"solref": (0.02 / 3, 1.0), "solimp": (0.9999, 0.9999, 0.001)},
+    {"solref": (0.03,)},
+    {"solimp": (0.99, 0.999)},
+    {"integrator": "discrete"},
+    {"defaults": True},
+    {"defaults": True, "timestep": 1e-5},
+]
 
 
 @pytest.mark.parametrize("knobs", KNOBS)
-@pytest.mark.parametrize("own", ["", ' solref="0.5 2"', ' class="soft"',
-                                 ' class="soft" solref="0.5 2" solimp="0.8 0.9 0.002 0.4 3"'])
+@pytest.mark.parametrize(
+    "own",
+    [
+        "",
+        ' solref="0.5 2"',
+        ' class="soft"',
+        ' class="soft" solref="0.5 2" solimp="0.8 0.9 0.002 0.4 3"',
+    ],
+)
 def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) -> None:
     """The compiled options are, to the last bit, what `configure` writes."""
     file = tmp_path / "fourbar.xml"
     text = shipped("fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
-    soft = ('<default><default class="soft"><equality solref="0.3 3" solimp="0.7 0.8 0.003"/>'
-            '</default></default><worldbody>')
+    soft = (
+        '<default><default class="soft"><equality solref="0.3 3" solimp="0.7 0.8 0.003"/>'
+        "</default></default><worldbody>"
+    )
     file.write_text(text.replace("<worldbody>", soft, 1))
     lines = snippet(Setting("mujoco", knobs), 0, file)
     merged = mujoco.MjModel.from_xml_string(pasted(file, lines))
@@ -307,14 +357,30 @@ def test_a_free_motion_starts_later_on_the_same_motion() -> None:
     assert rate == pytest.approx(truth["rate"], abs=1e-12)
 
 
-@pytest.mark.parametrize("name", [
-    "fourbar", "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["fourbar", "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)]
+)
 def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     case = load_case(shipped(f"{name}.toml"))
-    case = case.model_copy(update={"run": {"duration": case.run["duration"].model_copy(
-        update={"n": 101, "until": None if case.drive else 1.0})}})
-    row = StudyRow("trade", name, "duration", "mujoco", "", "timestep", 2e-3,
-              {"timestep": 2e-3, "integrator": "RK4"})
+    case = case.model_copy(
+        update={
+            "run": {
+                "duration": case.run["duration"].model_copy(
+                    update={"n": 101, "until": None if case.drive else 1.0}
+                )
+            }
+        }
+    )
+    row = StudyRow(
+        "trade",
+        name,
+        "duration",
+        "mujoco",
+        "",
+        "timestep",
+        2e-3,
+        {"timestep": 2e-3, "integrator": "RK4"},
+    )
     curves = shifted(case, "duration", Setting("mujoco", row.knobs))
     whole, _ = fresh(case, "duration", Setting("mujoco", row.knobs), 0)
     width = whole.x[1] - whole.x[0]
@@ -336,8 +402,17 @@ def test_no_other_start_is_said() -> None:
 
 def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
     """One iteration a step leaves loops open."""
-    row = StudyRow("trade", "fourbar", "duration", "pymunk", "", "iterations", 1.0,
-              {"timestep": 0.0174, "iterations": 1, "error_bias": 0.0}, steps=361)
+    row = StudyRow(
+        "trade",
+        "fourbar",
+        "duration",
+        "pymunk",
+        "",
+        "iterations",
+        1.0,
+        {"timestep": 0.0174, "iterations": 1, "error_bias": 0.0},
+        steps=361,
+    )
     check = verify(fourbar, "duration", row, "position", 1e9)
     assert np.isnan([check.fresh, check.shifted]).all()
     assert not check.holds(1e9)
@@ -355,25 +430,34 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
     exec(printed(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
 
 
-@pytest.mark.parametrize(("asked", "right"), [
-    ("pendulum.toml --error 0", "between 0 and 1, such as 1e-5"),
-    ("pendulum.toml --error nan", "between 0 and 1, such as 1e-5"),
-    ("pendulum.toml --error 1e-5 --budget -1", "--budget -1: give a number of seconds above 0"),
-    ("pendulum.toml --error 1e-5 --longest nan", "--longest nan: give a number of seconds above"),
-    ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
-    ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
-    ("pendulum.toml --error 1e-5 --drive servo", "no drive moves in time; leave it out"),
-    ("fourbar.toml --error 1e-5 --drive rope", "servo, equality; pymunk has gear, motor"),
-    ("fourbar.toml --error 1e-5 --drive gear --solver mujoco", "mujoco has flywheel, servo,"),
-    ("pendulum.toml --error 1e-5 -o run.txt", "the name of a Python program, such as run.py"),
-    ("pendulum.toml --error 1e-5 -o nowhere/run.py", "there is no folder nowhere"),
-    ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time"),
-    ("fourbar.toml --error 1e-5 --run sweep -o run.py", "the sweep of fourbar has no time"),
-    ("nope.toml --error 1e-5", "no such file"), (". --error 1e-5", "the sidecar of one case")])
+@pytest.mark.parametrize(
+    ("asked", "right"),
+    [
+        ("pendulum.toml --error 0", "between 0 and 1, such as 1e-5"),
+        ("pendulum.toml --error nan", "between 0 and 1, such as 1e-5"),
+        ("pendulum.toml --error 1e-5 --budget -1", "--budget -1: give a number of seconds above 0"),
+        (
+            "pendulum.toml --error 1e-5 --longest nan",
+            "--longest nan: give a number of seconds above",
+        ),
+        ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
+        ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
+        ("pendulum.toml --error 1e-5 --drive servo", "no drive moves in time; leave it out"),
+        ("fourbar.toml --error 1e-5 --drive rope", "servo, equality; pymunk has gear, motor"),
+        ("fourbar.toml --error 1e-5 --drive gear --solver mujoco", "mujoco has flywheel, servo,"),
+        ("pendulum.toml --error 1e-5 -o run.txt", "the name of a Python program, such as run.py"),
+        ("pendulum.toml --error 1e-5 -o nowhere/run.py", "there is no folder nowhere"),
+        ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time"),
+        ("fourbar.toml --error 1e-5 --run sweep -o run.py", "the sweep of fourbar has no time"),
+        ("nope.toml --error 1e-5", "no such file"),
+        (". --error 1e-5", "the sidecar of one case"),
+    ],
+)
 def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: Path) -> None:
     words = asked.split()
-    found = CliRunner().invoke(app, ["choose", str(models / words[0]), *words[1:],
-                                     "--store", str(tmp_path)])
+    found = CliRunner().invoke(
+        app, ["choose", str(models / words[0]), *words[1:], "--store", str(tmp_path)]
+    )
     assert found.exit_code == 2
     assert right in found.stderr
     assert found.stderr.count("\n") == 1
@@ -391,9 +475,14 @@ def test_a_drive_names_its_engine(fourbar: Case) -> None:
 def test_fewer_iterations_come_first() -> None:
     """Though the clock says otherwise by a little; not before what is cheaper by its step."""
     one = line("a")[0]
-    rows = [replace(one, line=name, seconds=seconds, knobs={"timestep": step, "iterations": count})
-            for name, seconds, step, count in (("many", 0.10, 1e-3, 10), ("few", 0.11, 1e-3, 3),
-                                               ("coarse", 0.05, 2e-3, 30))]
+    rows = [
+        replace(one, line=name, seconds=seconds, knobs={"timestep": step, "iterations": count})
+        for name, seconds, step, count in (
+            ("many", 0.10, 1e-3, 10),
+            ("few", 0.11, 1e-3, 3),
+            ("coarse", 0.05, 2e-3, 30),
+        )
+    ]
     assert [row.line for row in enough(rows, "position", 1.0)] == ["coarse", "few", "many"]
 
 
@@ -415,57 +504,112 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     assert not found.stdout
 
 
-def at(line: str = "", error: float = 1e-5, value: float = 1e-3, seconds: float = 1.0,
-       engine: str = "mujoco", outcome: str = "ran", message: str = "", **knobs: object) -> StudyRow:
-    return StudyRow("trade", "fourbar", "duration", engine, line, "timestep", value,
-               {"timestep": value, **knobs}, {"position": error}, {}, seconds, 70,
-               outcome=outcome, message=message)
+def at(
+    line: str = "",
+    error: float = 1e-5,
+    value: float = 1e-3,
+    seconds: float = 1.0,
+    engine: str = "mujoco",
+    outcome: str = "ran",
+    message: str = "",
+    **knobs: object,
+) -> StudyRow:
+    return StudyRow(
+        "trade",
+        "fourbar",
+        "duration",
+        engine,
+        line,
+        "timestep",
+        value,
+        {"timestep": value, **knobs},
+        {"position": error},
+        {},
+        seconds,
+        70,
+        outcome=outcome,
+        message=message,
+    )
 
 
 def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
-    return Verdict("fourbar", "duration", engine, line, kind, floor=floor, cause="softness",
-                   evidence="halving it divides the error by 4")
+    return Verdict(
+        "fourbar",
+        "duration",
+        engine,
+        line,
+        kind,
+        floor=floor,
+        cause="softness",
+        evidence="halving it divides the error by 4",
+    )
 
 
-@pytest.mark.parametrize(("floors", "found"), [
-    ([floor_of("own", 2.0)], 0),  # a line falls to its own floor, however far it is
-    ([floor_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
-    ([floor_of("other", 2.8)], 0), ([floor_of("other", 3.2)], None), ([floor_of("other", 1.4)], 0),
-    ([floor_of("other", 1.2)], None), ([floor_of("own", nan)], None),
-    ([floor_of("own", 2.0, "pymunk")], None), ([floor_of("own", 2.0, kind="rate")], None),
-    ([floor_of("other", 2.0), floor_of("own", 9.0)], 1),
-    ([floor_of("other", 2.8), floor_of("another", 1.8)], 1),
-    ([floor_of("other", 1.4), floor_of("another", 2.2)], 1)])
+@pytest.mark.parametrize(
+    ("floors", "found"),
+    [
+        ([floor_of("own", 2.0)], 0),  # a line falls to its own floor, however far it is
+        ([floor_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
+        ([floor_of("other", 2.8)], 0),
+        ([floor_of("other", 3.2)], None),
+        ([floor_of("other", 1.4)], 0),
+        ([floor_of("other", 1.2)], None),
+        ([floor_of("own", nan)], None),
+        ([floor_of("own", 2.0, "pymunk")], None),
+        ([floor_of("own", 2.0, kind="rate")], None),
+        ([floor_of("other", 2.0), floor_of("own", 9.0)], 1),
+        ([floor_of("other", 2.8), floor_of("another", 1.8)], 1),
+        ([floor_of("other", 1.4), floor_of("another", 2.2)], 1),
+    ],
+)
 def test_the_floor_that_a_setting_is_at(floors: list[Verdict], found: int | None) -> None:
     assert floor_at(at("own", 2.0), "position", iter(floors)) == (
-        None if found is None else floors[found])
+        None if found is None else floors[found]
+    )
 
 
 def test_settings_that_are_enough_have_a_margin_of_two() -> None:
-    rows = [at("dear", 5e-5, seconds=2.0), at("cheap", 5e-5), at("off", 5.1e-5),
-            at("untimed", seconds=0.0), at("lost", outcome="stopped")]
+    rows = [
+        at("dear", 5e-5, seconds=2.0),
+        at("cheap", 5e-5),
+        at("off", 5.1e-5),
+        at("untimed", seconds=0.0),
+        at("lost", outcome="stopped"),
+    ]
     assert [row.line for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
     assert enough(rows, "rate", 1e-4) == []
 
 
 def test_why_none_is_enough() -> None:
     """The best, and its floor with the evidence."""
-    rows = [at("poor", 1e-3), at("fine", 1.23e-5, 1e-4), at("none", nan), at("lost", 0.0,
-                                                                          outcome="stopped")]
-    short = ("no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
-             "best, fine, timestep 0.1 ms, is 1.2e-5 off")
+    rows = [
+        at("poor", 1e-3),
+        at("fine", 1.23e-5, 1e-4),
+        at("none", nan),
+        at("lost", 0.0, outcome="stopped"),
+    ]
+    short = (
+        "no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
+        "best, fine, timestep 0.1 ms, is 1.2e-5 off"
+    )
     none = "no line of settings falls with its step at its end, so none promises to get there"
     assert best(rows, "position", 1.27e-6, []) == (short, none)
     assert best(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
-        f"{short}: the error floor is 1.2e-5, softness", "halving it divides the error by 4",
-        none)
+        f"{short}: the error floor is 1.2e-5, softness",
+        "halving it divides the error by 4",
+        none,
+    )
     assert best([], "position", 1.0, []) == ("no setting was measured",)
-    lost = [at("one", nan), at("two", outcome="diverged", message="why"),
-            at("three", outcome="diverged")]
+    lost = [
+        at("one", nan),
+        at("two", outcome="diverged", message="why"),
+        at("three", outcome="diverged"),
+    ]
     assert best(lost[1:], "rate", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
     assert best(lost, "rate", 1.0, []) == (
         "no setting ran, of 3: 2 diverged, 1 ran without rate errors",
-        "the first, one, timestep 1 ms: ran")
+        "the first, one, timestep 1 ms: ran",
+    )
 
 
 def test_what_the_defaults_would_cost() -> None:
@@ -479,18 +623,26 @@ def test_what_the_defaults_would_cost() -> None:
         return at("plain", error, value, seconds, defaults=True, **more)
 
     nothing = "the defaults were not measured, or did not run"
-    for row in (at(), plain(1e-5, 1e-3, engine="pymunk"), plain(nan, 1e-3),
-                plain(1e-5, 1e-3, outcome="stopped")):
+    for row in (
+        at(),
+        plain(1e-5, 1e-3, engine="pymunk"),
+        plain(nan, 1e-3),
+        plain(1e-5, 1e-3, outcome="stopped"),
+    ):
         assert of(row) == (nothing, pytest.approx(nan, nan_ok=True))
     assert of(plain(4e-5, 1e-3, 2.345), plain(1e-5, 5e-4, 4.0)) == (
         "4.7 times cheaper than the engine's defaults refined to the same error, "
-        "2.3 s at timestep 1 ms", 4.69)
+        "2.3 s at timestep 1 ms",
+        4.69,
+    )
     # of second order: 3.2e-3 is 64 times half of 1e-4, so 8 times as many steps
     coarse, fine = plain(1.28e-2, 2e-3), plain(3.2e-3, 1e-3)
     text, ratio = of(coarse, fine, plain(9e-1, 4e-3))
     assert ratio == pytest.approx(8 * 2.0 / 0.5)
-    assert text == ("the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms; of order "
-                    "2 they would take 16 s, 32 times as long")
+    assert text == (
+        "the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms; of order "
+        "2 they would take 16 s, 32 times as long"
+    )
     text, ratio = of(plain(1.3e-2, 2e-3), fine)
     order = np.log2(1.3e-2 / 3.2e-3)  # 2.02: 7.8 times as many steps
     assert ratio == pytest.approx(64 ** (1 / order) * 4.0)
@@ -501,14 +653,17 @@ def test_what_the_defaults_would_cost() -> None:
     assert of(flat, fine) == (short, pytest.approx(nan, nan_ok=True))
     assert of(coarse, fine, floors=(floor_of("plain", 3.2e-3), floor_of("other", 3.2e-3))) == (
         "the engine's defaults never get there: the error floor is 3.2e-3, softness",
-        pytest.approx(nan, nan_ok=True))
+        pytest.approx(nan, nan_ok=True),
+    )
     assert of(coarse, fine, floors=(floor_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
     near, nearer = plain(5.6e-5 * 4, 2e-3), plain(5.6e-5, 1e-3)  # 5e-5 is needed
     for floor, never in ((5.1e-5, True), (4.9e-5, False)):
         said = of(near, nearer, floors=(floor_of("plain", floor),))[0]
         assert ("never get there" in said) is never
     assert beside([fine], fine, "position", 1e-4, ()) == (
-        "these are the engine's defaults, refined", 1.0)
+        "these are the engine's defaults, refined",
+        1.0,
+    )
 
 
 def test_only_the_step_may_differ_from_the_defaults() -> None:
@@ -524,8 +679,9 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     used = Setting("mujoco", {"segments": 20})
     module = sys.modules[fresh.__module__]
     found = {"again": (1.0, used), "elsewhere": 2.0}
-    monkeypatch.setattr(module, "limited", lambda case, kind, function, *told, least=0.0: (
-        found[function.__name__]))
+    monkeypatch.setattr(
+        module, "limited", lambda case, kind, function, *told, least=0.0: found[function.__name__]
+    )
     assert verify(fourbar, "rest", at(), "rate", 3.0) == Check(1.0, 2.0, "", used)
     poor = verify(fourbar, "rest", at(), "rate", 0.5)
     assert (poor.fresh, poor.again, poor.words) == (1.0, False, "run again with the lines below 1")
@@ -535,6 +691,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
             if function.__name__ == "again":
                 return 1.0, used
             raise error
+
         return call
 
     monkeypatch.setattr(module, "limited", fails(Unsupported("a rest has one start")))
@@ -558,8 +715,11 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
 
     def check(case, kind, row, of, wanted):
         asked.append((case, kind, of))
-        return Check(*((3.14e-5, 4.14e-4) if row.line == "lucky" else (2.22e-5, 4.56e-5)), "",
-                     Setting("mujoco", {"timestep": 1e-3}))
+        return Check(
+            *((3.14e-5, 4.14e-4) if row.line == "lucky" else (2.22e-5, 4.56e-5)),
+            "",
+            Setting("mujoco", {"timestep": 1e-3}),
+        )
 
     found = choose(fourbar, "duration", rows, 1.27e-4, verify=check)
     assert asked == [(fourbar, "duration", "position")] * 2
@@ -569,10 +729,12 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
         "run again with the lines below 2.2e-5; 4.6e-5 from a shifted start",
         "the defaults were not measured, or did not run",
         "lucky, timestep 2 ms is 1.2e-5 off, but run again with the lines below 3.1e-5; "
-        "4.1e-4 from a shifted start"]
+        "4.1e-4 from a shifted start",
+    ]
     once = replace(found, check=replace(found.check, note="a rest -- has one"), refused=())
     assert words(once, fourbar)[2] == (
-        "run again with the lines below 2.2e-5; from a shifted start: a rest -- has one")
+        "run again with the lines below 2.2e-5; from a shifted start: a rest -- has one"
+    )
     chaotic = replace(once, motion="chaotic: errors are judged up to 15 s")
     assert words(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"
     assert "\n  chaotic: errors are judged up to 15 s\n" in printed(chaotic, fourbar)
@@ -582,8 +744,11 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     assert "\n-->\n<option" in text
     assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
     assert "from a\n    shifted start\n-->" in printed(found, fourbar)
-    planar = replace(once, row=replace(once.row, engine="pymunk"), check=replace(
-        once.check, used=Setting("pymunk", {"timestep": 1e-3})))
+    planar = replace(
+        once,
+        row=replace(once.row, engine="pymunk"),
+        check=replace(once.check, used=Setting("pymunk", {"timestep": 1e-3})),
+    )
     assert printed(planar, fourbar).startswith("# fourbar, duration: ")
     with pytest.raises(Cannot) as why:
         choose(fourbar, "duration", rows[:1], 1e-4, verify=check)

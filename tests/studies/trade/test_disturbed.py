@@ -46,8 +46,9 @@ def short(case: Case, until: float) -> Case:
     """The same with its samples, for a shorter time."""
     table = case.run["duration"]
     n = round((table.n - 1) * until / table.until) + 1
-    return case.model_copy(update={"run": {"duration": table.model_copy(
-        update={"n": n, "until": until})}})
+    return case.model_copy(
+        update={"run": {"duration": table.model_copy(update={"n": n, "until": until})}}
+    )
 
 
 def slope(_: float, y: np.ndarray) -> list[float]:
@@ -55,18 +56,30 @@ def slope(_: float, y: np.ndarray) -> list[float]:
     a, b, u, v = y
     across = HALF * np.cos(a - b)
     matrix = np.array([[MOMENT + HALF**2 + 1.0, across], [across, MOMENT + HALF**2]])
-    right = np.array([-HALF * v * v * np.sin(a - b) - 1.5 * G * np.sin(a),
-                      HALF * u * u * np.sin(a - b) - HALF * G * np.sin(b)])
+    right = np.array(
+        [
+            -HALF * v * v * np.sin(a - b) - 1.5 * G * np.sin(a),
+            HALF * u * u * np.sin(a - b) - HALF * G * np.sin(b),
+        ]
+    )
     return [u, v, *np.linalg.solve(matrix, right)]
 
 
 def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
     """Angles of the joints and place of the tip (n, 4) from a start that is moved."""
     x = TIMES[until + 1e-9 >= TIMES]
-    y = solve_ivp(slope, (0.0, until), [2.0 + upper, 3.0 + upper + lower, 0.0, 0.0], "DOP853", x,
-                  rtol=1e-12, atol=1e-13).y
-    return np.array([y[0], y[1] - y[0], np.sin(y[0]) + np.sin(y[1]),
-                     -np.cos(y[0]) - np.cos(y[1])]).T
+    y = solve_ivp(
+        slope,
+        (0.0, until),
+        [2.0 + upper, 3.0 + upper + lower, 0.0, 0.0],
+        "DOP853",
+        x,
+        rtol=1e-12,
+        atol=1e-13,
+    ).y
+    return np.array(
+        [y[0], y[1] - y[0], np.sin(y[0]) + np.sin(y[1]), -np.cos(y[0]) - np.cos(y[1])]
+    ).T
 
 
 def away_by_hand(until: float) -> np.ndarray:
@@ -92,7 +105,7 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
     away = np.maximum.accumulate(away_by_hand(20.0))
     assert motion.horizon == TIMES[np.argmax(away > 1e-4) - 1]
     linear = np.flatnonzero(away <= 1e-2)[-1] + 2
-    rate = np.polyfit(TIMES[linear // 5:linear], np.log(away[linear // 5:linear]), 1)[0]
+    rate = np.polyfit(TIMES[linear // 5 : linear], np.log(away[linear // 5 : linear]), 1)[0]
     assert motion.rate == pytest.approx(rate, rel=0.2)  # RK4 is 5e-3 off at the end, and elsewhere
     cut = within(double, "duration", motion)
     assert grid(cut, "duration")[-1] == pytest.approx(motion.horizon, abs=0.051)
@@ -123,14 +136,17 @@ def test_a_rate_is_that_of_the_exponential_and_the_horizon_where_it_passes(rate)
     motion = answer(x, np.minimum(1e-9 * np.exp(rate * x), 1.0))
     assert motion.rate == pytest.approx(rate, rel=0.02)
     passes = np.log(1e5) / rate
-    assert (np.isnan(motion.horizon) if passes > 20.0
-            else motion.horizon == pytest.approx(passes, abs=0.02))
+    assert (
+        np.isnan(motion.horizon)
+        if passes > 20.0
+        else motion.horizon == pytest.approx(passes, abs=0.02)
+    )
 
 
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
 def test_what_grows_with_a_power_of_time_is_not_chaotic(power):
     x = np.linspace(0.0, 20.0, 2001)
-    motion = answer(x, 1e-9 * (1.0 + 100.0 * (x / 5.0)**power))
+    motion = answer(x, 1e-9 * (1.0 + 100.0 * (x / 5.0) ** power))
     assert np.isnan(motion.rate)
     assert "chaotic" not in motion.words
     assert motion.words.startswith("sensitive" if motion.growth >= 100 else "")
@@ -179,8 +195,13 @@ def bare(until: float, integrator: int, step: float) -> np.ndarray:
 @pytest.mark.slow
 def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
     """Euler is off by half of the range: that is no floor, and no cause is made up for it."""
-    monkeypatch.setattr(trade, "lines", lambda case, kind: [
-        line for line in lines(case, kind) if line.name in ("MuJoCo Euler", "MuJoCo RK4")])
+    monkeypatch.setattr(
+        trade,
+        "lines",
+        lambda case, kind: [
+            line for line in lines(case, kind) if line.name in ("MuJoCo Euler", "MuJoCo RK4")
+        ],
+    )
     case = short(double, 5.0)
     study = trade.trade([case], Store(tmp_path), repeats=0)
     told = {v.line: v for v in study.verdicts if v.kind == "position"}
@@ -198,10 +219,13 @@ def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_path, monkeypatch):
-    monkeypatch.setattr(trade, "lines", lambda case, kind: [
-        line for line in lines(case, kind) if line.name == "MuJoCo RK4"])
+    monkeypatch.setattr(
+        trade,
+        "lines",
+        lambda case, kind: [line for line in lines(case, kind) if line.name == "MuJoCo RK4"],
+    )
     study = trade.trade([double], Store(tmp_path), repeats=0)
-    case, = study.cases
+    (case,) = study.cases
     assert all(v.motion.startswith("chaotic") and v.horizon < 15.0 for v in study.verdicts)
     assert case.run["duration"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)
     assert min(row.errors["position"] for row in study.rows) < 1e-3

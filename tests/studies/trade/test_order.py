@@ -26,8 +26,11 @@ WALL = 2e-7
 # A step that ends near the folded pose leaves the loop open after 3000 iterations, which a rate
 # does not see and a difference of rates does: order 1.5 from 12 to 2 ms, and none below.
 SINGULAR = "change_point", "acceleration"
-CASES = {case.name: case for case in map(load_case, models_like())
-         if "duration" in case.run and not case.reference.endswith(".csv")}  # these have an error
+CASES = {
+    case.name: case
+    for case in map(load_case, models_like())
+    if "duration" in case.run and not case.reference.endswith(".csv")
+}  # these have an error
 
 
 def errors(case, folder, change=lambda setting: setting):
@@ -36,11 +39,17 @@ def errors(case, folder, change=lambda setting: setting):
     own = compiled(case).opt.timestep
     k = next((k for k, size in enumerate(line.sizes) if size < 2 * own), -2)
     pair = [change(setting) for setting in line.settings[k:][:2]]
-    rows = run([StudyRun(case, "duration", setting) for setting in pair], Store(folder), repeats=0,
-               timeout=600.0)
+    rows = run(
+        [StudyRun(case, "duration", setting) for setting in pair],
+        Store(folder),
+        repeats=0,
+        timeout=600.0,
+    )
     assert all(row.errors for row in rows), [row.message for row in rows]
-    return {kind: [(s.knobs["timestep"], row.errors[kind])
-                   for s, row in zip(pair, rows, strict=True)] for kind in rows[0].errors}
+    return {
+        kind: [(s.knobs["timestep"], row.errors[kind]) for s, row in zip(pair, rows, strict=True)]
+        for kind in rows[0].errors
+    }
 
 
 @pytest.mark.slow
@@ -80,8 +89,11 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
 
 
 def test_that_order_is_expected_of_what_is_let_go_alone():
-    for name, orders in (("pendulum", (1.0, 2.0)), ("fourbar_released", (1.0, 2.0)),
-                         ("fourbar", (1.0,))):
+    for name, orders in (
+        ("pendulum", (1.0, 2.0)),
+        ("fourbar_released", (1.0, 2.0)),
+        ("fourbar", (1.0,)),
+    ):
         case = load_case(shipped(f"{name}.toml"))
         line = next(one for one in lines(case, "duration") if one.axis == "error_bias")
         assert expected(case, "duration", line, "position") == orders

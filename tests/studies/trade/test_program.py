@@ -33,8 +33,12 @@ from proofmass.studies.trade.program import (
 )
 from tests.shipped import shipped
 
-COARSE = {"timestep": 4e-3, "integrator": "RK4", "solref": (0.032, 1.0),
-          "solimp": (0.9999, 0.9999, 0.001)}
+COARSE = {
+    "timestep": 4e-3,
+    "integrator": "RK4",
+    "solref": (0.032, 1.0),
+    "solimp": (0.9999, 0.9999, 0.001),
+}
 
 
 def short(name: str, n: int = 21, until: float | None = None) -> Case:
@@ -48,8 +52,9 @@ def bare(text: str, folder: Path) -> dict[str, np.ndarray]:
     """The curves that a program writes in a bare interpreter, in an empty folder."""
     file = folder / "run.py"
     file.write_text(text)
-    subprocess.run([sys.executable, "-I", str(file), "out.csv"], cwd=folder, check=True,
-                   capture_output=True)
+    subprocess.run(
+        [sys.executable, "-I", str(file), "out.csv"], cwd=folder, check=True, capture_output=True
+    )
     with (folder / "out.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
@@ -62,8 +67,9 @@ def imports(text: str) -> set[str]:
     return names | {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
 
 
-@pytest.mark.parametrize("name", ["fourbar", "pendulum", "fourbar_released", "hacksaw",
-                                  "slider_crank"])
+@pytest.mark.parametrize(
+    "name", ["fourbar", "pendulum", "fourbar_released", "hacksaw", "slider_crank"]
+)
 def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
     """The same steps from the same state.
 
@@ -71,7 +77,7 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
     1e-10 to 1e-8 of the forces, which the stiff loops turn into accelerations.
     """
     case, setting = short(name), Setting("mujoco", COARSE)
-    text = written(case, setting, IMPOSED[0], "A head\nwith \"\"\" and \\ in it.")
+    text = written(case, setting, IMPOSED[0], 'A head\nwith """ and \\ in it.')
     assert imports(text) == {"csv", "sys", "time", "mujoco", "numpy"}
     assert "proofmass" not in text
     found = bare(text, tmp_path)
@@ -86,8 +92,10 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
 def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
     """Against Jacobi's elliptic functions, written out here; RK4 at 10 ms is 1e-7 off."""
     case = short("pendulum", 101, 2.0)
-    found = bare(written(case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}),
-                         IMPOSED[0], ""), tmp_path)
+    found = bare(
+        written(case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}), IMPOSED[0], ""),
+        tmp_path,
+    )
     k, w = math.sin(math.pi / 4), math.sqrt(9.81)  # released from the horizontal
     sn = ellipj(ellipk(k**2) - w * found["t"], k**2)[0]
     exact = -2 * np.arcsin(k * sn)
@@ -96,16 +104,19 @@ def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
     assert np.abs(found["angle"] - exact).max() > 1e-10  # it is the engine's motion, not ours
 
 
-@pytest.mark.parametrize(("drive", "position"), [
-    (Imposed("flywheel"), 1e-5), (Imposed("servo", 2.0), 3e-5), (Imposed("equality", 0.5), 3e-5)])
+@pytest.mark.parametrize(
+    ("drive", "position"),
+    [(Imposed("flywheel"), 1e-5), (Imposed("servo", 2.0), 3e-5), (Imposed("equality", 0.5), 3e-5)],
+)
 def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_path: Path) -> None:
     """Against the two circles of its joints, written out here: the crank turns at 1 rad/s.
 
     implicitfast at 1 ms: a servo of gain 2 lets the crank lag by its load over kp, 1e-5 rad.
     """
     case = short("fourbar", 91)
-    setting = Setting("mujoco", {**COARSE, "timestep": 1e-3, "integrator": "implicitfast",
-                                 "solref": (4e-3, 1.0)})
+    setting = Setting(
+        "mujoco", {**COARSE, "timestep": 1e-3, "integrator": "implicitfast", "solref": (4e-3, 1.0)}
+    )
     found = bare(written(case, setting, drive, ""), tmp_path)
     t = found["t"]
     assert t[-1] == pytest.approx(2 * np.pi)
@@ -131,8 +142,11 @@ def test_a_servo_of_too_high_a_gain_is_lost() -> None:
 
 def swinging(x, far):
     """A law that is no formula: value, rate and acceleration."""
-    return far * np.sin(x) ** 3, 3 * far * np.sin(x) ** 2 * np.cos(x), far * (
-        6 * np.sin(x) * np.cos(x) ** 2 - 3 * np.sin(x) ** 3)
+    return (
+        far * np.sin(x) ** 3,
+        3 * far * np.sin(x) ** 2 * np.cos(x),
+        far * (6 * np.sin(x) * np.cos(x) ** 2 - 3 * np.sin(x) ** 3),
+    )
 
 
 LEADER = Swing(0.3, 1.7, 2.5)
@@ -140,7 +154,8 @@ LAWS = {
     "steady": [Steady(0.5, -2.0, x_is_time=True)],
     "swing": [LEADER],
     "in proportion": [LEADER, InProportion(LEADER, 0.3, -0.5, 2.0)],
-    "table": [FunctionLaw(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)]}
+    "table": [FunctionLaw(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)],
+}
 
 
 @pytest.mark.parametrize("laws", LAWS.values(), ids=LAWS)
@@ -172,14 +187,16 @@ def test_a_law_that_is_written_wrongly_is_noticed() -> None:
     assert good.steps > 0
     assert good.seconds > 0
     wrong = text.replace("0.0 + 1.0 * t", "0.0 + 1.001 * t").replace(
-        "data.qvel[:] = [", "data.qvel[:] = 1.001 * np.array([", 1)
+        "data.qvel[:] = [", "data.qvel[:] = 1.001 * np.array([", 1
+    )
     head, _, tail = wrong.partition("1.001 * np.array([")
     wrong = head + "1.001 * np.array([" + tail.replace("]", "])", 1)
     assert run_program(case, setting, wrong, 30.0).errors["position"] > 1e-3
 
 
-@pytest.mark.parametrize(("broken", "said"), [
-    ("import csv", "nothing = 1 /"), ("def main", "def other")])
+@pytest.mark.parametrize(
+    ("broken", "said"), [("import csv", "nothing = 1 /"), ("def main", "def other")]
+)
 def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = written(case, setting, IMPOSED[0], "").replace(broken, said, 1)
@@ -220,12 +237,15 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
     """Includes are put in place, also those of included files, and meshes keep their place."""
     (tmp_path / "part.xml").write_text(
         '<mujocoinclude><include file="inner.xml"/><body name="a"><joint name="a"/>'
-        '<geom type="mesh" mesh="m" mass="1"/></body></mujocoinclude>')
+        '<geom type="mesh" mesh="m" mass="1"/></body></mujocoinclude>'
+    )
     (tmp_path / "inner.xml").write_text('<mujocoinclude><site name="s"/></mujocoinclude>')
     whole = tmp_path / "whole.xml"
-    whole.write_text('<mujoco><compiler meshdir="shapes"/><asset><mesh name="m" file="m.stl"/>'
-                     '</asset><worldbody><include file="part.xml"/></worldbody><keyframe>'
-                     '<key name="start" qpos="0"/></keyframe></mujoco>')
+    whole.write_text(
+        '<mujoco><compiler meshdir="shapes"/><asset><mesh name="m" file="m.stl"/>'
+        '</asset><worldbody><include file="part.xml"/></worldbody><keyframe>'
+        '<key name="start" qpos="0"/></keyframe></mujoco>'
+    )
     root = expanded(whole)
     assert root.find(".//include") is None
     assert [child.tag for child in root.find("worldbody") or []] == ["site", "body"]
@@ -246,24 +266,35 @@ def test_what_no_program_can_be_written_for_is_named() -> None:
         write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
 
 
-PID = ('<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>'
-       '</instance></plugin></extension>')
+PID = (
+    '<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>'
+    "</instance></plugin></extension>"
+)
 HELD = '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" biastype="none"/>'
 
 
-@pytest.mark.parametrize(("hand", "key", "refused"), [
-    ('<position name="hand" joint="crank" kp="100"/>', "", True),
-    ('<velocity name="hand" joint="crank" kv="100"/>', "", True),
-    ('<plugin name="hand" joint="crank" plugin="mujoco.pid" instance="pid"/>', "", True),
-    (HELD, ' act="3"', True), (HELD, "", False),
-    ('<motor name="hand" joint="crank" damping="1"/>', ' ctrl="0 5"', False),
-    ('<position name="hand" joint="rocker" kp="100"/>', "", False)])
-def test_a_servo_beside_another_of_the_model_is_refused(hand: str, key: str, refused: bool,
-                                                        edit) -> None:
+@pytest.mark.parametrize(
+    ("hand", "key", "refused"),
+    [
+        ('<position name="hand" joint="crank" kp="100"/>', "", True),
+        ('<velocity name="hand" joint="crank" kv="100"/>', "", True),
+        ('<plugin name="hand" joint="crank" plugin="mujoco.pid" instance="pid"/>', "", True),
+        (HELD, ' act="3"', True),
+        (HELD, "", False),
+        ('<motor name="hand" joint="crank" damping="1"/>', ' ctrl="0 5"', False),
+        ('<position name="hand" joint="rocker" kp="100"/>', "", False),
+    ],
+)
+def test_a_servo_beside_another_of_the_model_is_refused(
+    hand: str, key: str, refused: bool, edit
+) -> None:
     """A position actuator of 100 N m/rad puts the rocker off by 4e-4 of its range where a servo
     drives at 1 ms, and by 1e-6 with a flywheel, an equality, or in the product's own run."""
-    edit("fourbar.xml", '<motor name="motor" joint="crank"/>',
-         f'<motor name="motor" joint="crank"/>{hand}')
+    edit(
+        "fourbar.xml",
+        '<motor name="motor" joint="crank"/>',
+        f'<motor name="motor" joint="crank"/>{hand}',
+    )
     edit("fourbar.xml", '<key name="start"', f'<key name="start"{key}')
     model = edit("fourbar.xml", "<worldbody>", (PID if "pid" in hand else "") + "<worldbody>")
     _, run = Setting("mujoco", COARSE).applied(short("fourbar"), "duration")
@@ -278,18 +309,31 @@ def test_a_servo_beside_another_of_the_model_is_refused(hand: str, key: str, ref
         write_program(model, run, "", "", Imposed("servo", 0.5))
 
 
-@pytest.mark.parametrize(("options", "kind", "said"), [
-    ('<flag actuation="disable"/>', "servo", 'servo, is off: the model has <flag actuation="dis'),
-    ('<flag equality="disable"/>', "equality", 'equality, is off: the model has <flag equality="'),
-    ('<flag constraint="disable"/>', "equality", "has <flag constraint="),
-    ('', "servo", "servo, is off: the model disables the actuators of group 0")])
-def test_a_drive_that_the_model_disables_is_refused(options: str, kind: str, said: str,
-                                                    tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("options", "kind", "said"),
+    [
+        (
+            '<flag actuation="disable"/>',
+            "servo",
+            'servo, is off: the model has <flag actuation="dis',
+        ),
+        (
+            '<flag equality="disable"/>',
+            "equality",
+            'equality, is off: the model has <flag equality="',
+        ),
+        ('<flag constraint="disable"/>', "equality", "has <flag constraint="),
+        ("", "servo", "servo, is off: the model disables the actuators of group 0"),
+    ],
+)
+def test_a_drive_that_the_model_disables_is_refused(
+    options: str, kind: str, said: str, tmp_path
+) -> None:
     model = tmp_path / "arm.xml"
     group = "" if options else 'actuatorgroupdisable="0"'
-    model.write_text(f'''<mujoco><option {group}>{options}</option><worldbody><body>
+    model.write_text(f"""<mujoco><option {group}>{options}</option><worldbody><body>
       <joint name="arm"/><geom size=".1" pos="1 0 0"/></body></worldbody>
-      <keyframe><key name="start"/></keyframe></mujoco>''')
+      <keyframe><key name="start"/></keyframe></mujoco>""")
     times = np.linspace(0.0, 1.0, 11)
     run = Run("duration", times, (), (Drive("arm", lambda x: (x, 1.0 + 0.0 * x, 0.0 * x)),))
     assert "MODEL" in write_program(model, run, "", "", Imposed("flywheel"))
@@ -304,8 +348,9 @@ def test_free_motions_have_one_program() -> None:
 
 def test_a_program_is_written_in_a_worker() -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
-    assert program(case, setting, IMPOSED[0], "a head") == written(case, setting, IMPOSED[0],
-                                                                   "a head")
+    assert program(case, setting, IMPOSED[0], "a head") == written(
+        case, setting, IMPOSED[0], "a head"
+    )
 
 
 def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
@@ -314,9 +359,15 @@ def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
     T = J(a) a'^2 / 2 with J by central differences of the closed pose; no constraint solver.
     """
     case = short("fourbar_released", 21, 0.4)
-    found = bare(written(case, Setting("mujoco", {**COARSE, "timestep": 1e-3,
-                                                  "solref": (8e-3, 1.0)}), IMPOSED[0], ""),
-                 tmp_path)
+    found = bare(
+        written(
+            case,
+            Setting("mujoco", {**COARSE, "timestep": 1e-3, "solref": (8e-3, 1.0)}),
+            IMPOSED[0],
+            "",
+        ),
+        tmp_path,
+    )
     truth = released(found["t"], 0.0)
     assert np.ptp(truth) > 0.1
     assert found["rocker"] == pytest.approx(truth, abs=1e-5 * np.ptp(truth))
@@ -324,6 +375,7 @@ def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
 
 def released(t: np.ndarray, start: float) -> np.ndarray:
     """The rocker of the four-bar 1, 2, 2.5, 3 of uniform bars, 1 kg/m, its crank let go."""
+
     def pose(a):
         crank = np.array([math.cos(a), math.sin(a)])
         d = crank - [3.0, 0.0]
@@ -409,19 +461,23 @@ def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
     """A model with classes, a mesh, an include, loads with a state, and names to be quoted."""
     (folder / "shapes").mkdir()
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
-    faces = [np.append(np.zeros(3, "<f4"), corners[[*face]]).astype("<f4").tobytes() + b"\0\0"
-             for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    faces = [
+        np.append(np.zeros(3, "<f4"), corners[[*face]]).astype("<f4").tobytes() + b"\0\0"
+        for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+    ]
     (folder / "shapes" / "m.stl").write_bytes(bytes(80) + b"\4\0\0\0" + b"".join(faces))
     (folder / "rocker.xml").write_text(ROCKER)
     (folder / "odd.xml").write_text(ODD.replace("GRAVITY", gravity), encoding="utf-8")
     drives = (Drive("cr'an\"k é", Steady(0.0, rate, x_is_time=True)),) if rate else ()
-    return folder / "odd.xml", Run("duration", np.linspace(0.0, 0.5, 21),
-                                   ('ro"ck\\, é', "acc.y"), drives=drives)
+    return folder / "odd.xml", Run(
+        "duration", np.linspace(0.0, 0.5, 21), ('ro"ck\\, é', "acc.y"), drives=drives
+    )
 
 
 @pytest.mark.parametrize(("gravity", "rate"), [("", 1.0), (' gravity="disable"', 1.0), ("", 0.0)])
 def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
-        gravity: str, rate: float, tmp_path: Path) -> None:
+    gravity: str, rate: float, tmp_path: Path
+) -> None:
     """Bit by bit; and it needs none of the model's files."""
     model, run = odd(tmp_path, gravity, rate)
     motion = motion_source([each.law for each in run.drives], run.x)
@@ -460,7 +516,8 @@ def test_long_lines_of_a_model_are_broken(tmp_path: Path) -> None:
 
 
 def test_large_files_of_a_model_are_named_by_their_place(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model, run = odd(tmp_path, rate=0.0)
     monkeypatch.setattr("proofmass.sim.mujoco.program.CARRIED", 100)
     text = write_program(model, run, "", "")

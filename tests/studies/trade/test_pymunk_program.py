@@ -30,10 +30,21 @@ from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from tests.shipped import models_like, shipped
 
-ALL = sorted(file.stem for file in models_like()
-             if "pymunk" in getattr(load_case(file).run.get("duration"), "solvers", ()))
-QUICK = ("pendulum", "fourbar_released", "fourbar", "slider_crank", "threeprr", "hacksaw",
-         "double_rocker", "inverted_slider_crank_held")
+ALL = sorted(
+    file.stem
+    for file in models_like()
+    if "pymunk" in getattr(load_case(file).run.get("duration"), "solvers", ())
+)
+QUICK = (
+    "pendulum",
+    "fourbar_released",
+    "fourbar",
+    "slider_crank",
+    "threeprr",
+    "hacksaw",
+    "double_rocker",
+    "inverted_slider_crank_held",
+)
 MODULES = {"csv", "math", "sys", "time", "numpy", "pymunk"}
 SAMPLES = 21
 EXACT = {"iterations": 1000, "error_bias": 0.0}  # of chains without loops: solved to rounding
@@ -53,8 +64,9 @@ def started(folder: Path, text: str) -> subprocess.CompletedProcess:
     """Run a program in a new folder."""
     folder.mkdir()
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return subprocess.run([sys.executable, "-I", "run.py"], cwd=folder, capture_output=True,
-                          text=True)
+    return subprocess.run(
+        [sys.executable, "-I", "run.py"], cwd=folder, capture_output=True, text=True
+    )
 
 
 def ran(folder: Path, text: str) -> Ran:
@@ -86,11 +98,19 @@ def motion_of(run: Run) -> str:
 
 def run_of(case: Case, samples: int = SAMPLES) -> Run:
     """The first samples of a case's duration in pymunk."""
-    drives = tuple(Drive(d.joint, law) for d, law in
-                   zip(case.drive, reference.laws(case, "duration"), strict=True))
-    return Run("duration", reference.grid(case, "duration")[:samples],
-               tuple(case.channels_of("duration")), drives, case.start,
-               case.settings.get("pymunk", {}), case.rods)
+    drives = tuple(
+        Drive(d.joint, law)
+        for d, law in zip(case.drive, reference.laws(case, "duration"), strict=True)
+    )
+    return Run(
+        "duration",
+        reference.grid(case, "duration")[:samples],
+        tuple(case.channels_of("duration")),
+        drives,
+        case.start,
+        case.settings.get("pymunk", {}),
+        case.rods,
+    )
 
 
 def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tuple[Ran, Curves]:
@@ -102,8 +122,9 @@ def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tup
     return ran(folder / "bare", text), wanted
 
 
-@pytest.mark.parametrize("name", [
-    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL])
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL]
+)
 def test_a_program_does_what_simulate_does(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     got, wanted = both(case, run_of(case), tmp_path)
@@ -131,13 +152,21 @@ def test_a_motor_does_not_drift(tmp_path):
     """A hundred turns, by rates that are corrected at every step, in few iterations."""
     file = tmp_path / "wheel.xml"
     inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
-    file.write_text(planar(f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
-                           f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
-                           '<jointpos name="value" joint="wheel"/>'
-                           '<framexaxis name="way" objtype="xbody" objname="wheel"/>'))
-    run = Run("duration", np.linspace(0, 10, 11), ("value", "way.angle"),
-              (Drive("wheel", lambda t: (4 + 20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
-              settings={"timestep": 1e-3, "iterations": 10, "error_bias": 0.0})
+    file.write_text(
+        planar(
+            f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
+            f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
+            '<jointpos name="value" joint="wheel"/>'
+            '<framexaxis name="way" objtype="xbody" objname="wheel"/>',
+        )
+    )
+    run = Run(
+        "duration",
+        np.linspace(0, 10, 11),
+        ("value", "way.angle"),
+        (Drive("wheel", lambda t: (4 + 20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
+        settings={"timestep": 1e-3, "iterations": 10, "error_bias": 0.0},
+    )
     motion = "def motion(t):\n    return 4 + 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
     text = write_program(file, run, motion, "", Imposed("motor"))
     got, truth = ran(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
@@ -150,14 +179,26 @@ def test_a_motor_does_not_drift(tmp_path):
     assert abs(ran(tmp_path / "late", late).curves["value"] - truth).max() > 0.01
 
 
-def planar(bodies: str, sensors: str = "", more: str = "", qpos: str = "", qvel: str = "",
-           ctrl: str = "", gravity: str = "0 -9.81 0") -> str:
+def planar(
+    bodies: str,
+    sensors: str = "",
+    more: str = "",
+    qpos: str = "",
+    qvel: str = "",
+    ctrl: str = "",
+    gravity: str = "0 -9.81 0",
+) -> str:
     """An MJCF without contact, its start pose in a key."""
-    key = "".join(f' {name}="{text}"' for name, text in
-                  (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl)) if text)
-    return (f'<mujoco><compiler angle="radian"/><option gravity="{gravity}">'
-            f'<flag contact="disable"/></option><worldbody>{bodies}</worldbody>{more}'
-            f'<sensor>{sensors}</sensor><keyframe><key name="start"{key}/></keyframe></mujoco>')
+    key = "".join(
+        f' {name}="{text}"'
+        for name, text in (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl))
+        if text
+    )
+    return (
+        f'<mujoco><compiler angle="radian"/><option gravity="{gravity}">'
+        f'<flag contact="disable"/></option><worldbody>{bodies}</worldbody>{more}'
+        f'<sensor>{sensors}</sensor><keyframe><key name="start"{key}/></keyframe></mujoco>'
+    )
 
 
 # In the x-z plane with its normal along -y, about which two hinges turn backwards; springs of all
@@ -172,7 +213,7 @@ RICH = planar(
     '  <site name="tip" pos="0.8 0 0.1" euler="0.1 0.2 0.3"/></body>'
     ' <body><joint name="flap" axis="0 1 0" pos="0 0 0.1" stiffness="2 1 3" limited="true" '
     '  range="-0.5 0.4"/><inertial pos="-0.3 0 0.1" mass="0.7" diaginertia=".01 .03 .03"/></body>'
-    '</body>'
+    "</body>"
     '<body name="ground"><joint name="wheel" axis="0 1 0" armature="0.02" '
     ' stiffness="0.4" springref="0.9"/>'
     ' <inertial pos="0.1 0 0" mass="1" diaginertia=".01 .01 .01"/>'
@@ -198,12 +239,29 @@ RICH = planar(
     '<motor name="turn" joint="flap"/>'
     ' <general name="pull" site="tip" refsite="here" gear="1 0 -2 0 0.3 0"/>'
     ' <general name="pull 2" site="tip" refsite="here" gear="0 0 1 0 0 0"/></actuator>',
-    qpos="0.05 0.4 0.1 0.2 0.1", qvel="0.3 0 1 2 0", ctrl="-3 0.7 0.4 0.5 0.2",
-    gravity="0.5 0 -9.81")
-CHANNELS = ("arm", "flap_rate", "lift_acc", 'lift, "m"', "rail_rate", "rail", "potential",
-            "kinetic", "push", "moment", "way.angle",
-            *(f"{name}.{part}" for part in "xyz"
-              for name in ("tip", "tip_v", "tip_a", "pointer", "turning", "spin")))
+    qpos="0.05 0.4 0.1 0.2 0.1",
+    qvel="0.3 0 1 2 0",
+    ctrl="-3 0.7 0.4 0.5 0.2",
+    gravity="0.5 0 -9.81",
+)
+CHANNELS = (
+    "arm",
+    "flap_rate",
+    "lift_acc",
+    'lift, "m"',
+    "rail_rate",
+    "rail",
+    "potential",
+    "kinetic",
+    "push",
+    "moment",
+    "way.angle",
+    *(
+        f"{name}.{part}"
+        for part in "xyz"
+        for name in ("tip", "tip_v", "tip_a", "pointer", "turning", "spin")
+    ),
+)
 WHEEL = Drive("wheel", Swing(0.2, 1.0, 0.7))
 
 
@@ -211,8 +269,9 @@ WHEEL = Drive("wheel", Swing(0.2, 1.0, 0.7))
 def test_springs_limits_loads_and_all_channels(drives, tmp_path):
     file = tmp_path / "rich.xml"
     file.write_text(RICH)
-    run = Run("duration", np.linspace(0, 0.5, 51), CHANNELS, drives,
-              settings={"timestep": 2e-3, **EXACT})
+    run = Run(
+        "duration", np.linspace(0, 0.5, 51), CHANNELS, drives, settings={"timestep": 2e-3, **EXACT}
+    )
     wanted = simulate(file, run)
     assert set(wanted.channels) == set(CHANNELS)
     text = write_program(file, run, motion_of(run), "")
@@ -233,8 +292,12 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     truth = -2 * np.arcsin(k * ellipj(ellipk(k**2) + w * run.x, k**2)[0])
     for dt in (2e-3, 1e-3):
-        text = write_program(shipped("pendulum.xml"), replace(
-            run, settings={"timestep": dt, "iterations": 10, "error_bias": 0.0}), "", "")
+        text = write_program(
+            shipped("pendulum.xml"),
+            replace(run, settings={"timestep": dt, "iterations": 10, "error_bias": 0.0}),
+            "",
+            "",
+        )
         errors.append(abs(ran(tmp_path / f"{dt}", text).curves["angle"] - truth).max())
     # (w dt)^2 / 24 of the period, a phase of 1e-5 rad after 10 s, and some more of a wide swing
     assert errors[1] < 1e-4
@@ -252,19 +315,27 @@ LOADED = planar(
     '<jointpos name="arm" joint="arm"/><jointpos name="block" joint="block"/>',
     '<actuator><motor name="push" joint="block"/><motor name="twist" joint="arm"/>'
     '<general name="pull" site="tip" refsite="here" gear="1 0 -2 0 0.3 0"/></actuator>',
-    qpos="0.2 0.1", qvel="0.5 -0.3", ctrl="4 0.7 0.9", gravity="1 0 -9.81")
+    qpos="0.2 0.1",
+    qvel="0.5 -0.3",
+    ctrl="4 0.7 0.9",
+    gravity="1 0 -9.81",
+)
 
 
 def loaded(_, state):
     """Rates of the arm's angle and the block's way and of their rates, in three dimensions."""
     angle, way, angle_rate, way_rate = state
-    gravity, normal, along = np.array([1, 0, -9.81]), np.array([0, -1, 0]), np.array([.6, 0, -.8])
-    turn = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0],
-                     [np.sin(angle), 0, np.cos(angle)]])  # about -y
+    gravity, normal, along = np.array([1, 0, -9.81]), np.array([0, -1, 0]), np.array([0.6, 0, -0.8])
+    turn = np.array(
+        [[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]]
+    )  # about -y
     centre, tip = turn @ [0.4, 0, 0.1], turn @ [1, 0, 0]
     wound, stretched = angle - 0.3, way + 0.1
-    moment = normal @ (np.cross(centre, ARM * gravity) + np.cross(tip, 0.9 * np.array([1, 0, -2]))
-                       + 0.9 * np.array([0, 0.3, 0]))
+    moment = normal @ (
+        np.cross(centre, ARM * gravity)
+        + np.cross(tip, 0.9 * np.array([1, 0, -2]))
+        + 0.9 * np.array([0, 0.3, 0])
+    )
     moment += 0.7 - wound * (6 + 2 * wound + 3 * wound**2)
     force = BLOCK * gravity @ along - 20 * stretched + 4
     return angle_rate, way_rate, moment / (0.05 + ARM * centre @ centre), force / BLOCK
@@ -275,8 +346,9 @@ def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
     file = tmp_path / "loaded.xml"
     file.write_text(LOADED)
     run, errors = Run("duration", np.linspace(0, 2, 41), ("arm", "block")), []
-    truth = solve_ivp(loaded, (0, 2), [0.2, 0.1, 0.5, -0.3], "DOP853", run.x, rtol=1e-12,
-                      atol=1e-12).y[:2]
+    truth = solve_ivp(
+        loaded, (0, 2), [0.2, 0.1, 0.5, -0.3], "DOP853", run.x, rtol=1e-12, atol=1e-12
+    ).y[:2]
     for dt in (4e-3, 2e-3):
         text = write_program(file, replace(run, settings={"timestep": dt, **EXACT}), "", "")
         curves = ran(tmp_path / f"{dt}", text).curves
@@ -292,8 +364,9 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     that of the program of second: their ratio is 74 at 1 ms, 375 at 0.2 ms, 750 at 0.1 ms.
     """
     case = load_case(shipped("fourbar_released.toml"))
-    run = replace(run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100,
-                                               "error_bias": 0.0})
+    run = replace(
+        run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100, "error_bias": 0.0}
+    )
     truth = reference.evaluate(case, run.x, None).channels
     text = write_program(case.model_path, run, "", "")
     place = "for body, ((x, y, angle)"
@@ -302,8 +375,13 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     errors = []
     for k, program in enumerate((text, text.replace(place, plain + place))):
         got = ran(tmp_path / str(k), program).curves
-        errors.append(max(abs(got[n] - truth[n]).max() / np.ptp(truth[n])
-                          for n in got if case.channels[n].unit in ("rad", "m")))
+        errors.append(
+            max(
+                abs(got[n] - truth[n]).max() / np.ptp(truth[n])
+                for n in got
+                if case.channels[n].unit in ("rad", "m")
+            )
+        )
     assert errors[0] < 3e-6  # second order: 2.9e-5 at 1 ms
     assert errors[1] > 100 * errors[0]
 
@@ -314,8 +392,7 @@ def test_a_lost_run_says_so_as_simulate_does(tmp_path):
     run = replace(run_of(case), settings={"timestep": 2e-3, "iterations": 50, "error_bias": 0.0})
     with pytest.raises(Diverged) as lost:
         simulate(case.model_path, run)
-    done = started(tmp_path / "bare", write_program(
-        case.model_path, run, motion_of(run), ""))
+    done = started(tmp_path / "bare", write_program(case.model_path, run, motion_of(run), ""))
     assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{lost.value}\n")
     assert not (tmp_path / "bare" / "curves.csv").exists()
 
@@ -341,8 +418,12 @@ def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
     tree = ast.parse(text)
     told = ast.get_docstring(tree, clean=False)
     assert (told and told.removesuffix("\n")) == doc
-    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import)
-                for alias in node.names}
+    imported = {
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    }
     imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     assert imported <= MODULES
     for word in ("proofmass", "sim.", "analytic", "spring"):
@@ -353,15 +434,20 @@ def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
 
 def test_the_examples_in_the_writer_hold():
     assert [doctest.testmod(module) for module in (pymunk_program, program_text)] == [
-        (0, 3), (0, 1)]
+        (0, 3),
+        (0, 1),
+    ]
 
 
-@pytest.mark.parametrize(("change", "drive", "error", "named"), [
-    ({"kind": "sweep"}, Imposed("gear"), Unsupported, "a sweep"),
-    ({"settings": {"timestep": 1e-3}}, Imposed("gear"), BadSetting, "iterations: missing"),
-    ({}, Imposed("motor"), Unsupported, "a motor on slide joint 'slider_1'"),
-    ({}, Imposed("belt"), ValueError, "'belt'; known: gear, motor"),
-])
+@pytest.mark.parametrize(
+    ("change", "drive", "error", "named"),
+    [
+        ({"kind": "sweep"}, Imposed("gear"), Unsupported, "a sweep"),
+        ({"settings": {"timestep": 1e-3}}, Imposed("gear"), BadSetting, "iterations: missing"),
+        ({}, Imposed("motor"), Unsupported, "a motor on slide joint 'slider_1'"),
+        ({}, Imposed("belt"), ValueError, "'belt'; known: gear, motor"),
+    ],
+)
 def test_what_cannot_be_written_is_named(change, drive, error, named):
     case = load_case(shipped("threeprr.toml"))
     run = replace(run_of(case), **{"settings": {"timestep": 1e-3, **EXACT}, **change})

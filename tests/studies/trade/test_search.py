@@ -35,21 +35,47 @@ class World:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **families: tuple):
         self.families = families
         self.asked: list[tuple[str, float, int]] = []
-        monkeypatch.setattr(module, "families", lambda case, engine: [
-            SettingFamily("mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False)
-            for name, one in families.items()])
+        monkeypatch.setattr(
+            module,
+            "families",
+            lambda case, engine: [
+                SettingFamily(
+                    "mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False
+                )
+                for name, one in families.items()
+            ],
+        )
         monkeypatch.setattr(module, "run", self.run)
 
-    def run(self, tasks: list[StudyRun], store: object, workers: object, *, repeats: int,
-            timeout: float, progress: object) -> list[StudyRow]:
+    def run(
+        self,
+        tasks: list[StudyRun],
+        store: object,
+        workers: object,
+        *,
+        repeats: int,
+        timeout: float,
+        progress: object,
+    ) -> list[StudyRow]:
         rows = []
         for task in tasks:
             self.asked.append((task.line, task.value, repeats))
             order, scale, floor, cost, *_ = self.families[task.line]
             steps = round(6.28 / task.value)
-            row = StudyRow("choose", "fourbar", "duration", "mujoco", task.line, "timestep", task.value,
-                      dict(task.setting.knobs), {"position": scale * task.value**order + floor},
-                      seconds=cost * steps, steps=steps, repeats=(1.0,) * repeats)
+            row = StudyRow(
+                "choose",
+                "fourbar",
+                "duration",
+                "mujoco",
+                task.line,
+                "timestep",
+                task.value,
+                dict(task.setting.knobs),
+                {"position": scale * task.value**order + floor},
+                seconds=cost * steps,
+                steps=steps,
+                repeats=(1.0,) * repeats,
+            )
             if order == 0:
                 row = replace(row, errors={}, seconds=nan, outcome="diverged")
             elif row.seconds > timeout:
@@ -61,8 +87,11 @@ class World:
         """The least cost of a step of an odd share of a sample that is good enough."""
         costs = [inf]
         for order, scale, floor, cost, *_ in self.families.values():
-            costs += [cost * round(6.28 * n / SAMPLE) for n in range(1, 4001, 2)
-                      if order and scale * (SAMPLE / n) ** order + floor <= needed][:1]
+            costs += [
+                cost * round(6.28 * n / SAMPLE)
+                for n in range(1, 4001, 2)
+                if order and scale * (SAMPLE / n) ** order + floor <= needed
+            ][:1]
         return min(costs)
 
 
@@ -71,20 +100,26 @@ def partial_setting(name: str) -> Callable[[float], Setting]:
 
 
 @pytest.mark.parametrize("needed", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_the_cheapest_is_found_within_a_tenth(needed: float, fourbar: Case, monkeypatch,
-                                               tmp_path) -> None:
+def test_the_cheapest_is_found_within_a_tenth(
+    needed: float, fourbar: Case, monkeypatch, tmp_path
+) -> None:
     """Steps are as close as 1.25, and 0.8 of the error is aimed at: 0.8^(1/4) to 0.8 of a step.
 
     Of the two families the quick one of first order is cheaper for large errors.
     """
-    world = World(monkeypatch, first=(1.0, 0.5, 0.0, 1e-6), fourth=(4.0, 100.0, 0.0, 5e-6),
-                  second=(2.0, 50.0, 0.0, 2e-6))
+    world = World(
+        monkeypatch,
+        first=(1.0, 0.5, 0.0, 1e-6),
+        fourth=(4.0, 100.0, 0.0, 5e-6),
+        second=(2.0, 50.0, 0.0, 2e-6),
+    )
     rows = search(fourbar, "position", needed, Store(tmp_path))
     good = min(row.seconds for row in rows if row.errors["position"] <= needed)
     assert good <= 1.25 * world.best(needed)
     assert len(world.asked) < 40
-    chosen = min((row for row in rows if row.errors["position"] <= needed),
-                 key=lambda row: row.seconds)
+    chosen = min(
+        (row for row in rows if row.errors["position"] <= needed), key=lambda row: row.seconds
+    )
     assert len(chosen.repeats) == 5  # timed in rounds
     steps = [(line, value) for line, value, repeats in world.asked if not repeats]
     assert len(steps) == len(set(steps))
@@ -93,11 +128,14 @@ def test_the_cheapest_is_found_within_a_tenth(needed: float, fourbar: Case, monk
 
 def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path) -> None:
     """A dear family ends with its first step, one that is lost after three."""
-    world = World(monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3),
-                  lost=(0, 0, 0, 0))
+    world = World(
+        monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3), lost=(0, 0, 0, 0)
+    )
     search(fourbar, "position", 1e-6, Store(tmp_path))
-    counts = {name: sum(line == name and not repeats for line, _, repeats in world.asked)
-              for name in world.families}
+    counts = {
+        name: sum(line == name and not repeats for line, _, repeats in world.asked)
+        for name in world.families
+    }
     assert counts["dear"] == 1
     assert counts["lost"] == module.HOPELESS
     assert counts["good"] >= 1
@@ -112,11 +150,17 @@ def test_a_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
 
 def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_path) -> None:
     """Up to `PLAIN` times the cheapest, where another family would end."""
-    world = World(monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), plain=(1.0, 0.01, 0.0, 1e-6, True),
-                  other=(1.0, 0.01, 0.0, 1e-6))
+    world = World(
+        monkeypatch,
+        good=(4.0, 1.0, 0.0, 1e-6),
+        plain=(1.0, 0.01, 0.0, 1e-6, True),
+        other=(1.0, 0.01, 0.0, 1e-6),
+    )
     search(fourbar, "position", 1e-6, Store(tmp_path))
-    finest = {name: min(value for line, value, _ in world.asked if line == name)
-              for name in ("plain", "other")}
+    finest = {
+        name: min(value for line, value, _ in world.asked if line == name)
+        for name in ("plain", "other")
+    }
     assert finest["plain"] < finest["other"]
 
 
@@ -141,9 +185,19 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
 def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
     """By the square of the step: a hundredth of the error is a tenth of the step, and its loops."""
     knobs = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
-    row = StudyRow("choose", "fourbar", "duration", "mujoco", "RK4", "timestep", SAMPLE, knobs,
-              {"position": 1e-8}, seconds=1.0)
-    task, = finer_for_drives(fourbar, [(row, 1e-2)], 1e-4)
+    row = StudyRow(
+        "choose",
+        "fourbar",
+        "duration",
+        "mujoco",
+        "RK4",
+        "timestep",
+        SAMPLE,
+        knobs,
+        {"position": 1e-8},
+        seconds=1.0,
+    )
+    (task,) = finer_for_drives(fourbar, [(row, 1e-2)], 1e-4)
     assert SAMPLE / 14 < task.value <= SAMPLE * (0.8 * 1e-2) ** 0.5
     assert task.setting.knobs["solref"] == pytest.approx((4 * task.value, 1.0))
     assert not finer_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
@@ -153,18 +207,27 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
 
 def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
     """With its error, or why it is lost."""
-    given = {Imposed("servo", 2.0): ProgramRun(failure="lost"), Imposed("servo", 0.5): ProgramRun(
-        {"position": 3e-4}, 2.0, 9), Imposed("servo", 0.2): ProgramRun({"position": 2e-3}, 1.0, 9)}
-    monkeypatch.setattr("proofmass.studies.trade.verify.ran_as",
-                        lambda case, setting, drive, *_: given.get(drive, ProgramRun(failure="lost")))
+    given = {
+        Imposed("servo", 2.0): ProgramRun(failure="lost"),
+        Imposed("servo", 0.5): ProgramRun({"position": 3e-4}, 2.0, 9),
+        Imposed("servo", 0.2): ProgramRun({"position": 2e-3}, 1.0, 9),
+    }
+    monkeypatch.setattr(
+        "proofmass.studies.trade.verify.ran_as",
+        lambda case, setting, drive, *_: given.get(drive, ProgramRun(failure="lost")),
+    )
     setting = Setting("mujoco", {"timestep": 1e-3})
-    check = Check(1e-6, 1e-6, "", setting, ProgramRun({"position": 1e-6}, 1.0, 9), Imposed("flywheel"))
+    check = Check(
+        1e-6, 1e-6, "", setting, ProgramRun({"position": 1e-6}, 1.0, 9), Imposed("flywheel")
+    )
     found = other_drives(fourbar, check, "position", None, 9.0)
     assert [drive.kind for drive, _ in found] == ["servo", "equality"]
     assert found[0][0].gain == 0.5
     told = replace(check, others=tuple(found)).other_drives("position", 1e-4)
-    assert told == ["its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good "
-                    "enough", "its drive moved by an equality of gain 0.5 instead: lost"]
+    assert told == [
+        "its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good enough",
+        "its drive moved by an equality of gain 0.5 instead: lost",
+    ]
     assert "enough" not in replace(check, others=tuple(found)).other_drives("position", 1e-3)[0]
 
 
@@ -183,9 +246,12 @@ def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
 
 def test_few_iterations_come_with_a_bias(fourbar):
     """Each step of such a family has the same share, whatever the step is."""
-    found = [one for one in families(fourbar, "pymunk") if one.name == "pymunk, bias 0.01 a step, "
-             "3 iterations"]
+    found = [
+        one
+        for one in families(fourbar, "pymunk")
+        if one.name == "pymunk, bias 0.01 a step, 3 iterations"
+    ]
     assert len(found) == 1
     for step in (1e-2, 1e-3):
         bias = found[0].at(step).knobs["error_bias"]
-        assert bias ** step == pytest.approx(0.99, rel=1e-12)
+        assert bias**step == pytest.approx(0.99, rel=1e-12)

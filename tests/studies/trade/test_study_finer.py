@@ -29,7 +29,7 @@ def test_the_order_tells_which_step_is_good_enough(order):
     """With a fifth of the error to spare."""
     needed = 1e-8
     rows = coarse(order=order, scale=1e-6 / 1e-3**order)
-    found, = promises(rows, [], "position", needed)
+    (found,) = promises(rows, [], "position", needed)
     assert 1e-6 * (found.step / 1e-3) ** order == pytest.approx(0.8 * needed)
     assert found.falls == pytest.approx(order)
     assert found.seconds == pytest.approx(rows[-1].seconds * rows[-1].value / found.step)
@@ -48,7 +48,9 @@ def test_a_line_at_its_floor_promises_nothing():
 def test_the_cheapest_promise_is_the_first():
     dear, cheap = coarse("dear", seconds=1e-4), coarse("cheap", seconds=1e-5)
     assert [one.row.line for one in promises(dear + cheap, [], "position", NEEDED)] == [
-        "cheap", "dear"]
+        "cheap",
+        "dear",
+    ]
 
 
 def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
@@ -63,14 +65,19 @@ def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
 def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
     """Settings that somebody measured before, on their lines; none of another model."""
     store, own = Store(tmp_path), tasks(models)[0].case
-    asked = [Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
-             Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"})]
-    rows = run([StudyRun(own, "duration", setting, "choose") for setting in asked], store, repeats=1)
+    asked = [
+        Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
+        Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"}),
+    ]
+    rows = run(
+        [StudyRun(own, "duration", setting, "choose") for setting in asked], store, repeats=1
+    )
     found = sorted(known(own, "duration", [], store), key=lambda row: row.value)
     assert [row.line for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
     assert [row.value for row in found] == [4e-4, 1e-3]
     assert [(row.errors, row.key, row.repeats) for row in found] == [
-        (row.errors, row.key, row.repeats) for row in rows]
+        (row.errors, row.key, row.repeats) for row in rows
+    ]
     assert [row.key for row in known(own, "duration", rows[:1], store)] == [rows[1].key]
     assert list(known(own, "duration", [], store, "pymunk")) == []
     file = models / "pendulum.xml"

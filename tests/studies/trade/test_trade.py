@@ -73,8 +73,9 @@ def test_a_floor_is_what_two_halvings_leave(share, shown):
     assert halved([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
 
 
-@pytest.mark.parametrize("errors", [
-    (0.8, 0.8, 0.8), (0.011, 0.011, 0.011), (1e-3, 1.06e-3, 1.06e-3), (1e-3, 1e-3), ()])
+@pytest.mark.parametrize(
+    "errors", [(0.8, 0.8, 0.8), (0.011, 0.011, 0.011), (1e-3, 1.06e-3, 1.06e-3), (1e-3, 1e-3), ()]
+)
 def test_a_floor_is_asymptotic_and_measured_twice(errors):
     assert not halved(errors)
 
@@ -89,12 +90,30 @@ def test_a_finer_step_that_is_worse_is_found():
 
 
 def tracked(errors, seconds=0.1, outcomes=()):
-    line = ConvergenceSeries("mujoco", "x", "timestep", tuple(
-        Setting("mujoco", {"timestep": 0.1 / 2**k}) for k in range(8)))
-    rows = [StudyRow("trade", "", "duration", "mujoco", "x", "timestep", 0.0, errors={"rate": e},
-                seconds=seconds) for e in errors]
-    rows += [StudyRow("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
-             for o in outcomes]
+    line = ConvergenceSeries(
+        "mujoco",
+        "x",
+        "timestep",
+        tuple(Setting("mujoco", {"timestep": 0.1 / 2**k}) for k in range(8)),
+    )
+    rows = [
+        StudyRow(
+            "trade",
+            "",
+            "duration",
+            "mujoco",
+            "x",
+            "timestep",
+            0.0,
+            errors={"rate": e},
+            seconds=seconds,
+        )
+        for e in errors
+    ]
+    rows += [
+        StudyRow("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
+        for o in outcomes
+    ]
     return Track(line, rows)
 
 
@@ -132,35 +151,68 @@ def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
 def placed(errors, seconds=0.5, **kinds):
     """A track whose rows know their steps; `errors` of positions."""
     track = tracked([])
-    track.rows = [StudyRow("trade", "", "duration", "mujoco", "x", "timestep", size,
-                      {"timestep": size}, {"position": e, **{k: v[n] for k, v in kinds.items()}},
-                      seconds=seconds) for n, (size, e) in enumerate(
-                          zip(track.line.sizes, errors, strict=False))]
+    track.rows = [
+        StudyRow(
+            "trade",
+            "",
+            "duration",
+            "mujoco",
+            "x",
+            "timestep",
+            size,
+            {"timestep": size},
+            {"position": e, **{k: v[n] for k, v in kinds.items()}},
+            seconds=seconds,
+        )
+        for n, (size, e) in enumerate(zip(track.line.sizes, errors, strict=False))
+    ]
     return track
 
 
-@pytest.mark.parametrize(("errors", "expected", "words"), [
-    # 8e-3 / 1e-4 is 80 of first order: 25 ms / 80, and 80 times 0.5 s
-    ((3.2e-2, 1.6e-2, 8e-3), 1.0, "order 1 down to 8e-3 at timestep 25 ms; 1e-4 would need a step "
-     "of about 3.1e-4 s and about 40 s a run, if that order holds"),
-    ((0.09, 0.045), 1.0, "not yet asymptotic: order 1 down to 0.045 at timestep 50 ms, of the last "
-     "refinement alone; 1e-4 would need a step of about 1.1e-4 s and about 225 s a run, if that "
-     "order holds"),
-    ((0.09, 0.056), 1.0, "not yet asymptotic: 0.056 at timestep 50 ms, and no order is seen"),
-    ((0.58, 0.5, 0.36), 1.0, "not yet asymptotic: 0.36 at timestep 25 ms, and no order is seen"),
-    ((0.81, 0.8, 0.81), 1.0, "not yet asymptotic: 0.81 at timestep 25 ms, and no order is seen"),
-    ((1e-4, 2.5e-5, 6.25e-6), 2.0, "order 2 down to 6.3e-6 at timestep 25 ms"),
-    ((1e-4, 5e-5, 4.8e-5), 2.0, "no error floor is shown: 4.8e-5 at timestep 25 ms, why"),
-    ((1e-4,), 2.0, "")])
+@pytest.mark.parametrize(
+    ("errors", "expected", "words"),
+    [
+        # 8e-3 / 1e-4 is 80 of first order: 25 ms / 80, and 80 times 0.5 s
+        (
+            (3.2e-2, 1.6e-2, 8e-3),
+            1.0,
+            "order 1 down to 8e-3 at timestep 25 ms; 1e-4 would need a step "
+            "of about 3.1e-4 s and about 40 s a run, if that order holds",
+        ),
+        (
+            (0.09, 0.045),
+            1.0,
+            "not yet asymptotic: order 1 down to 0.045 at timestep 50 ms, of the last "
+            "refinement alone; 1e-4 would need a step of about 1.1e-4 s and about 225 s a run, if "
+            "that order holds",
+        ),
+        ((0.09, 0.056), 1.0, "not yet asymptotic: 0.056 at timestep 50 ms, and no order is seen"),
+        (
+            (0.58, 0.5, 0.36),
+            1.0,
+            "not yet asymptotic: 0.36 at timestep 25 ms, and no order is seen",
+        ),
+        (
+            (0.81, 0.8, 0.81),
+            1.0,
+            "not yet asymptotic: 0.81 at timestep 25 ms, and no order is seen",
+        ),
+        ((1e-4, 2.5e-5, 6.25e-6), 2.0, "order 2 down to 6.3e-6 at timestep 25 ms"),
+        ((1e-4, 5e-5, 4.8e-5), 2.0, "no error floor is shown: 4.8e-5 at timestep 25 ms, why"),
+        ((1e-4,), 2.0, ""),
+    ],
+)
 def test_how_far_a_line_came_is_told_without_a_number_where_no_order_is_seen(
-        errors, expected, words):
+    errors, expected, words
+):
     assert reached(placed(errors), "position", expected, "why", "") == words
 
 
 def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
     track = placed([1e-3] * 3, acceleration=[0.13] * 3)
     assert reached(track, "acceleration", 1.0, "", "it ends") == (
-        "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends")
+        "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends"
+    )
     far = placed([0.5] * 3, acceleration=[0.13] * 3)
     assert reached(far, "acceleration", 1.0, "", "").startswith("not yet asymptotic")
 
@@ -168,13 +220,15 @@ def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
 def test_a_finer_step_that_is_worse_is_told_with_both():
     track = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
     assert worsened(track, "position") == (
-        "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms")
+        "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms"
+    )
     assert worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
 
 
 def test_what_ended_a_line_is_told():
     assert ended(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
-        "the line ends there, at a run of more than 2 s")
+        "the line ends there, at a run of more than 2 s"
+    )
     assert ended(placed([1e-3, 1e-4]), 2.0) == ""
     assert ended(tracked([1e-2], outcomes=["timed out"]), 2.0) == "timestep 0 ms: timed out"
 
@@ -201,6 +255,7 @@ def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
 
 def test_every_integrator_of_mujoco_has_a_line():
     import mujoco
+
     there = {name.removeprefix("mjINT_").lower() for name in mujoco.mjtIntegrator.__members__}
     assert {name.lower() for name in INTEGRATORS} == there
 
@@ -227,17 +282,28 @@ PENDULUM = load_case(shipped("pendulum.toml"))
 # Released from rest, semi-implicit Euler is a leapfrog half a step early: places are off by the
 # first order, rates by the second. Runge-Kutta is of fourth order, Chipmunk with bias 0 of second;
 # its bias, which falls with the step, is of first order.
-ORDERS = {"MuJoCo Euler": (1, 2), "MuJoCo discrete": (1, 2), "MuJoCo RK4": (4, 4),
-          "pymunk, no bias": (2, 2), "pymunk, defaults": (1, 1)}
+ORDERS = {
+    "MuJoCo Euler": (1, 2),
+    "MuJoCo discrete": (1, 2),
+    "MuJoCo RK4": (4, 4),
+    "pymunk, no bias": (2, 2),
+    "pymunk, defaults": (1, 1),
+}
 
 
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory):
     """The trade of the pendulum, some of its lines."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trade, "lines", lambda case, kind: [
-            replace(line, settings=line.settings[:5])
-            for line in lines(case, kind) if line.name in ORDERS])
+        patch.setattr(
+            trade,
+            "lines",
+            lambda case, kind: [
+                replace(line, settings=line.settings[:5])
+                for line in lines(case, kind)
+                if line.name in ORDERS
+            ],
+        )
         folder = tmp_path_factory.mktemp("pendulum")
         study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=1)
         trade.write_study(study, folder)
@@ -264,10 +330,14 @@ def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
 def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):
     """The closed form has a point mass; this one has 1e-12 kg m2, a phase of 1e-11 in 10 s."""
     edit("pendulum.xml", '"1e-14 1e-14 1e-14"', '"1e-12 1e-12 1e-12"')
-    monkeypatch.setattr(trade, "lines", lambda case, kind: [
-        line for line in lines(case, kind) if line.name == "MuJoCo RK4"])
-    study = trade.trade([load_case(tmp_path / "models" / "pendulum.toml")],
-                        Store(tmp_path / "runs"), repeats=0)
+    monkeypatch.setattr(
+        trade,
+        "lines",
+        lambda case, kind: [line for line in lines(case, kind) if line.name == "MuJoCo RK4"],
+    )
+    study = trade.trade(
+        [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
+    )
     told = next(v for v in study.verdicts if v.kind == "position")
     assert off(told.observed, told.expected)
     assert told.remark.startswith("the reference: ")
@@ -294,14 +364,18 @@ def test_a_wrong_integrator_is_off(pendulum):
     case = load_case(shipped("pendulum.toml"))
     fourth = next(line for line in lines(case, "duration") if line.name == "MuJoCo RK4")
     rows = [row for row in pendulum[0].rows if row.line == "MuJoCo Euler"]
-    seen = observed(Track(fourth, rows[:len(fourth.settings)]).points("position"))
+    seen = observed(Track(fourth, rows[: len(fourth.settings)]).points("position"))
     assert all(off(seen, order) for order in expected(case, "duration", fourth, "position"))
 
 
 def test_failures_stay_in_the_table(tmp_path, monkeypatch):
     case = load_case(shipped("fourbar.toml"))
-    line = ConvergenceSeries("pymunk", "few", "iterations", tuple(
-        Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)))
+    line = ConvergenceSeries(
+        "pymunk",
+        "few",
+        "iterations",
+        tuple(Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)),
+    )
     monkeypatch.setattr(trade, "lines", lambda *_: [line])
     study = trade.trade([case], Store(tmp_path), repeats=1)
     assert [row.outcome for row in study.rows] == ["diverged", "ran"]
@@ -320,8 +394,11 @@ def command(*args):
 
 def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
     monkeypatch.setattr(axes, "WORK", 3e3)
-    monkeypatch.setattr(trade, "lines", lambda case, kind: [
-        line for line in lines(case, kind) if line.name in ORDERS])
+    monkeypatch.setattr(
+        trade,
+        "lines",
+        lambda case, kind: [line for line in lines(case, kind) if line.name in ORDERS],
+    )
     first = command(shipped("pendulum.toml"), "-o", tmp_path, "--error", "rate")
     assert first.exit_code == 0, first.output
     assert "MuJoCo RK4" in first.output
@@ -334,12 +411,18 @@ def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, mon
     assert (tmp_path / "trade.csv").read_text() == before
 
 
-@pytest.mark.parametrize(("args", "words"), [
-    (["nothing.toml"], "no such file"),
-    ([shipped("pendulum.toml"), "--run", "sweep"], "no such run"),
-    ([shipped("pendulum.toml"), "--run", "motion"], "--run"),
-    ([shipped("pendulum.toml"), "--longest", "0"], "--longest 0: give a number of seconds above 0"),
-])
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["nothing.toml"], "no such file"),
+        ([shipped("pendulum.toml"), "--run", "sweep"], "no such run"),
+        ([shipped("pendulum.toml"), "--run", "motion"], "--run"),
+        (
+            [shipped("pendulum.toml"), "--longest", "0"],
+            "--longest 0: give a number of seconds above 0",
+        ),
+    ],
+)
 def test_bad_input_is_one_line(args, words, tmp_path):
     answer = command(*args, "-o", tmp_path)
     assert answer.exit_code == 2

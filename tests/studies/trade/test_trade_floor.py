@@ -15,15 +15,19 @@ from tests.shipped import shipped
 
 HARD = (0.9999, 0.9999, 0.001)
 FOURBAR = load_case(shipped("fourbar.toml"))
-STIFF = Setting("mujoco", {"timestep": 2e-3, "integrator": "RK4", "solref": (0.032, 1.0),
-                           "solimp": HARD})
+STIFF = Setting(
+    "mujoco", {"timestep": 2e-3, "integrator": "RK4", "solref": (0.032, 1.0), "solimp": HARD}
+)
 
 
 def moved(folder, case, setting, kind="duration"):
     """The errors of a setting, and all its causes moved."""
     wanted = probes(case, kind, setting, folder)
-    first, *rows = run([StudyRun(case, kind, setting), *(StudyRun(p.case, kind, p.setting)
-                                                     for p in wanted)], Store(folder), repeats=0)
+    first, *rows = run(
+        [StudyRun(case, kind, setting), *(StudyRun(p.case, kind, p.setting) for p in wanted)],
+        Store(folder),
+        repeats=0,
+    )
     return first.errors, list(zip(wanted, rows, strict=True))
 
 
@@ -43,7 +47,8 @@ def test_softness_of_loops_goes_with_solref_squared(tmp_path):
     assert "halving solref divides the error by" in evidence
     # of accelerations the share 1 - d of the open loop's remains, whatever solref
     assert judge(errors["acceleration"], found, "acceleration")[0] == (
-        "softness of the loops, solimp")
+        "softness of the loops, solimp"
+    )
 
 
 def test_a_floor_moves_with_what_it_is_made_of(tmp_path):
@@ -114,8 +119,17 @@ def test_samples_between_the_ends_of_links_are_found(tmp_path):
 
 
 def row(error, outcome="ran"):
-    return StudyRow("floor", "", "duration", "mujoco", "", "", 0.0, outcome=outcome,
-               errors={"rate": error} if outcome == "ran" else {})
+    return StudyRow(
+        "floor",
+        "",
+        "duration",
+        "mujoco",
+        "",
+        "",
+        0.0,
+        outcome=outcome,
+        errors={"rate": error} if outcome == "ran" else {},
+    )
 
 
 def probe(cause, better=True):
@@ -128,8 +142,9 @@ def test_what_nothing_moves_is_unknown():
     assert judge(1.0, [], "rate") == ("unknown", "")
 
 
-@pytest.mark.parametrize(("share", "cause"), [(0.17, "unknown"), (0.2, "softness"),
-                                              (0.5, "softness")])
+@pytest.mark.parametrize(
+    ("share", "cause"), [(0.17, "unknown"), (0.2, "softness"), (0.5, "softness")]
+)
 def test_a_cause_has_a_fifth_of_the_error(share, cause):
     """Of first order: halving it takes half of its share away."""
     assert judge(1.0, [(probe("softness"), row(1 - share / 2))], "rate")[0] == cause
@@ -178,11 +193,17 @@ def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
 
 
 def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
-    biased = {p.move: p.setting.knobs["error_bias"] for p in probes(
-        FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5}), tmp_path) if "bias" in p.cause}
+    biased = {
+        p.move: p.setting.knobs["error_bias"]
+        for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5}), tmp_path)
+        if "bias" in p.cause
+    }
     assert list(biased.values()) == [0.25, 0.0]
-    assert not [p for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}),
-                                  tmp_path) if "bias" in p.cause]
+    assert not [
+        p
+        for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}), tmp_path)
+        if "bias" in p.cause
+    ]
 
 
 def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
@@ -197,8 +218,9 @@ def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
     assert found["softness of the loops"].setting.knobs["solref"] == (0.01, 1.0)
 
 
-@pytest.mark.parametrize(("name", "missing"), [("stephenson", "the reference"),
-                                               ("pendulum", "softness of the loops")])
+@pytest.mark.parametrize(
+    ("name", "missing"), [("stephenson", "the reference"), ("pendulum", "softness of the loops")]
+)
 def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     setting = Setting("mujoco", {"timestep": 1e-3})

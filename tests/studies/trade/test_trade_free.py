@@ -4,7 +4,6 @@ Nothing of this package is on the other side: scipy integrates the crank's own e
 and bare Chipmunk are stepped here.
 """
 
-
 import mujoco
 import numpy as np
 import pymunk
@@ -58,10 +57,18 @@ def slope(f, a: float, h: float = 1e-3) -> float:
 @pytest.fixture(scope="module")
 def truth() -> np.ndarray:
     """Rocker's angle and the place of its pin (n, 3)."""
-    found = solve_ivp(lambda _, y: [y[1], -(0.5 * slope(inertia, y[0]) * y[1]**2
-                                            + slope(height, y[0])) / inertia(y[0])],
-                      (0.0, END), [0.0, 0.0], "DOP853", np.linspace(0.0, END, N),
-                      rtol=1e-10, atol=1e-11).y[0]
+    found = solve_ivp(
+        lambda _, y: [
+            y[1],
+            -(0.5 * slope(inertia, y[0]) * y[1] ** 2 + slope(height, y[0])) / inertia(y[0]),
+        ],
+        (0.0, END),
+        [0.0, 0.0],
+        "DOP853",
+        np.linspace(0.0, END, N),
+        rtol=1e-10,
+        atol=1e-11,
+    ).y[0]
     poses = [pose(a) for a in found]
     return np.column_stack([np.unwrap([each[3] for each in poses]), [each[1] for each in poses]])
 
@@ -99,10 +106,17 @@ def in_chipmunk(per: int) -> np.ndarray:
         space.add(body)
         return body
 
-    crank, coupler, rocker = bar(1.0, p / 2, 0.0), bar(2.0, (p + q) / 2, c), bar(
-        2.5, (ground + q) / 2, r)
-    for one, two, at in ((space.static_body, crank, (0, 0)), (crank, coupler, p),
-                         (space.static_body, rocker, ground), (coupler, rocker, q)):
+    crank, coupler, rocker = (
+        bar(1.0, p / 2, 0.0),
+        bar(2.0, (p + q) / 2, c),
+        bar(2.5, (ground + q) / 2, r),
+    )
+    for one, two, at in (
+        (space.static_body, crank, (0, 0)),
+        (crank, coupler, p),
+        (space.static_body, rocker, ground),
+        (coupler, rocker, q),
+    ):
         space.add(pymunk.PivotJoint(one, two, (float(at[0]), float(at[1]))))
     found = []
     for _ in range(N):
@@ -119,15 +133,19 @@ def study(tmp_path_factory) -> trade.Trade:
     case = case.model_copy(update={"run": {"duration": table}})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(axes, "WORK", 3.2e4)
-        patch.setattr(trade, "lines", lambda case, kind: [
-            line for line in lines(case, kind) if line.name in NAMES])
+        patch.setattr(
+            trade,
+            "lines",
+            lambda case, kind: [line for line in lines(case, kind) if line.name in NAMES],
+        )
         return trade.trade([case], Store(tmp_path_factory.mktemp("free")), repeats=0)
 
 
 def errors(study: trade.Trade, name: str) -> dict[int, float]:
     """Of positions, by steps a sample."""
-    return {round(0.01 / row.value): row.errors["position"] for row in study.rows
-            if row.line == name}
+    return {
+        round(0.01 / row.value): row.errors["position"] for row in study.rows if row.line == name
+    }
 
 
 @pytest.mark.slow

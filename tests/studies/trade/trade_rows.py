@@ -9,27 +9,61 @@ SPAN = 6.28  # s of motion
 STEPS = tuple(0.016 / 2**k for k in range(9))  # s
 
 
-def line(name: str, engine: str = "mujoco", order: float = 2.0, scale: float = 100.0,
-         floor: float = 0.0, cost: float = 1e-5, **knobs: object) -> list[StudyRow]:
+def line(
+    name: str,
+    engine: str = "mujoco",
+    order: float = 2.0,
+    scale: float = 100.0,
+    floor: float = 0.0,
+    cost: float = 1e-5,
+    **knobs: object,
+) -> list[StudyRow]:
     """Errors scale * step^order + floor; a step costs `cost` seconds; rates are 10 times as far off
     and accelerations 100 times."""
     rows = []
     for dt in STEPS:
         error, steps = scale * dt**order + floor, round(SPAN / dt)
-        rows.append(StudyRow("trade", "fourbar", "duration", engine, name, "timestep", dt,
-                        {"timestep": dt, **knobs},
-                        {"position": error, "rate": 10 * error, "acceleration": 100 * error},
-                        {"gap": 1e-3 * error}, steps * cost, steps, (steps * cost,) * 5, True, 0.0))
+        rows.append(
+            StudyRow(
+                "trade",
+                "fourbar",
+                "duration",
+                engine,
+                name,
+                "timestep",
+                dt,
+                {"timestep": dt, **knobs},
+                {"position": error, "rate": 10 * error, "acceleration": 100 * error},
+                {"gap": 1e-3 * error},
+                steps * cost,
+                steps,
+                (steps * cost,) * 5,
+                True,
+                0.0,
+            )
+        )
     return rows
 
 
-def verdict(name: str, expected: float, floor: float = float("nan"), cause: str = "",
-            engine: str = "mujoco") -> list[Verdict]:
+def verdict(
+    name: str, expected: float, floor: float = float("nan"), cause: str = "", engine: str = "mujoco"
+) -> list[Verdict]:
     """The same for all kinds."""
-    return [Verdict("fourbar", "duration", engine, name, kind, expected + 0.01, expected,
-                    factor * floor, cause,
-                    "halving solref divides the error by 4.0, the step by 1.0" if cause else "")
-            for kind, factor in (("position", 1), ("rate", 10), ("acceleration", 100))]
+    return [
+        Verdict(
+            "fourbar",
+            "duration",
+            engine,
+            name,
+            kind,
+            expected + 0.01,
+            expected,
+            factor * floor,
+            cause,
+            "halving solref divides the error by 4.0, the step by 1.0" if cause else "",
+        )
+        for kind, factor in (("position", 1), ("rate", 10), ("acceleration", 100))
+    ]
 
 
 def study() -> tuple[list[StudyRow], list[Verdict]]:
@@ -38,14 +72,30 @@ def study() -> tuple[list[StudyRow], list[Verdict]]:
     for k, name in enumerate(("Euler", "implicit", "implicitfast", "RK4", "discrete")):
         order, scale, cost = (4.0, 3e3, 4e-5) if name == "RK4" else (1.0, 0.2, 1e-5 * (1 + k / 20))
         soft = 2e-4 * (1 + k / 10)
-        rows += line(f"MuJoCo {name}, defaults", "mujoco", order, scale, soft, cost,
-                     integrator=name, defaults=True)
+        rows += line(
+            f"MuJoCo {name}, defaults",
+            "mujoco",
+            order,
+            scale,
+            soft,
+            cost,
+            integrator=name,
+            defaults=True,
+        )
         verdicts += verdict(f"MuJoCo {name}, defaults", order, soft, "softness of the loop")
-        own = line(f"MuJoCo {name}, solref 8 dt", "mujoco", order, 1.5 * scale, 3e-8, cost,
-                   integrator=name)
+        own = line(
+            f"MuJoCo {name}, solref 8 dt", "mujoco", order, 1.5 * scale, 3e-8, cost, integrator=name
+        )
         if name == "RK4":
-            own[0] = replace(own[0], errors={}, outcome="diverged", steps=0, seconds=float("nan"),
-                             repeats=(), message="the loops are open by 0.3 m")
+            own[0] = replace(
+                own[0],
+                errors={},
+                outcome="diverged",
+                steps=0,
+                seconds=float("nan"),
+                repeats=(),
+                message="the loops are open by 0.3 m",
+            )
             verdicts += verdict(f"MuJoCo {name}, solref 8 dt", order, 3e-8, "cap of solimp")
         else:
             verdicts += verdict(f"MuJoCo {name}, solref 8 dt", order)

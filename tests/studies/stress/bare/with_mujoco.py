@@ -23,8 +23,11 @@ MODELS = Path(__file__).parents[4] / "models" / "linkages"
 WITHIN = 2e-3  # share of a limit to which it is bisected
 LOST = 0.1
 GRAVITY = 9.81
-WARNINGS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
-            mujoco.mjtWarning.mjWARN_BADQACC)
+WARNINGS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 
 
 def limit(lost, low, high):
@@ -81,8 +84,10 @@ def integrate(slope, y, step, count):
         b = slope(ahead(y, 0.5 * step, a))
         c = slope(ahead(y, 0.5 * step, b))
         d = slope(ahead(y, step, c))
-        y = [p + step / 6 * (q + 2 * r + 2 * s + t)
-             for p, q, r, s, t in zip(y, a, b, c, d, strict=True)]
+        y = [
+            p + step / 6 * (q + 2 * r + 2 * s + t)
+            for p, q, r, s, t in zip(y, a, b, c, d, strict=True)
+        ]
         rows.append(y)
     return np.array(rows)
 
@@ -134,6 +139,7 @@ def pendulum_gravity():
 
 def pendulum_spring(seconds=0.1, step=1e-3):
     """The stiffest spring in the pivot [N m/rad], of 1 kg m2, over a tenth of a second with RK4."""
+
     def lost(stiffness):
         model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
         model.jnt_stiffness[0] = stiffness
@@ -141,9 +147,14 @@ def pendulum_spring(seconds=0.1, step=1e-3):
         if found is None:
             return True
         each = 40  # fine steps of the truth in one that is tried
-        true = integrate(lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
-                         [-math.pi / 2, 0.0], step / each, each * round(seconds / step))
+        true = integrate(
+            lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
+            [-math.pi / 2, 0.0],
+            step / each,
+            each * round(seconds / step),
+        )
         return off(found, true[::each, :1]) > LOST
+
     return limit(lost, 1e5, 1e7)
 
 
@@ -170,10 +181,12 @@ def energies(crank):
     beta_rate = a * math.sin(crank - gamma) / (b * math.sin(gamma - beta))
     gamma_rate = a * math.sin(crank - beta) / (c * math.sin(gamma - beta))
     middle = cmath.rect(a, crank) * 1j + cmath.rect(b / 2, beta) * 1j * beta_rate
-    inertia = (a**3 / 3 + b * abs(middle) ** 2 + b**3 / 12 * beta_rate**2
-               + c**3 / 3 * gamma_rate**2)
-    height = (a * a / 2 * math.sin(crank) + b * (a * math.sin(crank) + b / 2 * math.sin(beta))
-              + c * c / 2 * math.sin(gamma))
+    inertia = a**3 / 3 + b * abs(middle) ** 2 + b**3 / 12 * beta_rate**2 + c**3 / 3 * gamma_rate**2
+    height = (
+        a * a / 2 * math.sin(crank)
+        + b * (a * math.sin(crank) + b / 2 * math.sin(beta))
+        + c * c / 2 * math.sin(gamma)
+    )
     return inertia, GRAVITY * height
 
 
@@ -206,8 +219,12 @@ def between(x):
     place, rate = released().T
     k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
     s = x / FINE - k
-    return (place[k] * (1 + 2 * s) * (1 - s) ** 2 + FINE * rate[k] * s * (1 - s) ** 2
-            + place[k + 1] * s**2 * (3 - 2 * s) + FINE * rate[k + 1] * s**2 * (s - 1))
+    return (
+        place[k] * (1 + 2 * s) * (1 - s) ** 2
+        + FINE * rate[k] * s * (1 - s) ** 2
+        + place[k + 1] * s**2 * (3 - 2 * s)
+        + FINE * rate[k + 1] * s**2 * (s - 1)
+    )
 
 
 def fourbar(step, integrator=None):
@@ -229,18 +246,21 @@ def looked(data):
 
 def apart(model, rows):
     """Whether a run is lost before any truth is asked."""
-    return (rows is None or not np.isfinite(rows).all()
-            or rows[:, 4].max() > LOST * model.stat.extent)
+    return (
+        rows is None or not np.isfinite(rows).all() or rows[:, 4].max() > LOST * model.stat.extent
+    )
 
 
 def fourbar_step(integrator, seconds=2.0):
     """Largest time step [s] of a four-bar that is let go."""
+
     def lost(step):
         model, steps = fourbar(step, integrator), round(seconds / step)
         rows = stepped(model, steps, looked)
         if apart(model, rows):
             return True
         return off(rows[:, :4], places(between(step * np.arange(steps + 1)))) > LOST
+
     return limit(lost, 2e-3, 1.0)
 
 
@@ -256,6 +276,7 @@ def driven(step, integrator=None, times=1.0):
         place = data.qpos.copy()
         mujoco.mj_setConst(model, data)  # how stiff a loop is depends on what it moves
         data.qpos[:], data.qvel[:] = place, times * rates
+
     rows = stepped(model, round(2 * math.pi / times / step), looked, start)
     return apart(model, rows) or off(rows[:, :4], places(rows[:, 5])) > LOST
 
@@ -321,46 +342,63 @@ def grows(model, step, integrator, what="qpos", steps=3000, bound=1.0):
 
 def spring_step(integrator, zeta, flag=""):
     """Largest dt omega of a spring."""
-    return limit(lambda z: grows(oscillator(stiffness=1.0, damping=2 * zeta, flag=flag), z,
-                                 integrator), 0.3, 50.0)
+    return limit(
+        lambda z: grows(oscillator(stiffness=1.0, damping=2 * zeta, flag=flag), z, integrator),
+        0.3,
+        50.0,
+    )
 
 
 def hung_gravity(integrator):
     """Largest gravity dt2 / L of a point mass that hangs."""
+
     def lost(gravity):
         model = mujoco.MjModel.from_xml_string(f"""<mujoco>
   <option gravity="0 {-gravity!r} 0"/><worldbody><body><joint axis="0 0 1"/>
   <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body></worldbody>
   <keyframe><key qpos="1e-6"/></keyframe></mujoco>""")
         return grows(model, 1.0, integrator, bound=1e-3)
+
     return limit(lost, 0.5, 50.0)
 
 
 def servo_gain(integrator):
     """Largest dt kv / I of a velocity servo."""
-    rest = ('<actuator><velocity joint="joint" kv="1"/></actuator>'
-            '<keyframe><key qpos="0" qvel="0.001"/></keyframe>')
+    rest = (
+        '<actuator><velocity joint="joint" kv="1"/></actuator>'
+        '<keyframe><key qpos="0" qvel="0.001"/></keyframe>'
+    )
     return limit(lambda z: grows(oscillator(rest), z, integrator, "qvel"), 0.3, 50.0)
 
 
 def loop_softness(integrator):
     """Largest dt / timeconst of an equality, without refsafe."""
+
     def lost(ratio):
-        model = oscillator('<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>'
-                           '<keyframe><key qpos="0.001"/></keyframe>', "slide",
-                           gravity="0 0 1e-3", flag='refsafe="disable"')
+        model = oscillator(
+            '<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>'
+            '<keyframe><key qpos="0.001"/></keyframe>',
+            "slide",
+            gravity="0 0 1e-3",
+            flag='refsafe="disable"',
+        )
         model.eq_solref[0] = 1 / ratio, 1.0
         return grows(model, 1.0, integrator)
+
     return limit(lost, 0.3, 50.0)
 
 
 LIMITS = {
-    **{f"pendulum, {name}": partial(pendulum_step, name)
-       for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")},
+    **{
+        f"pendulum, {name}": partial(pendulum_step, name)
+        for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")
+    },
     "pendulum, gravity": pendulum_gravity,
     "pendulum, spring": pendulum_spring,
-    **{f"fourbar_released, {name}": partial(fourbar_step, name)
-       for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")},
+    **{
+        f"fourbar_released, {name}": partial(fourbar_step, name)
+        for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")
+    },
     "fourbar, drive speed": fourbar_speed,
     "fourbar, Euler": partial(driven_step, "Euler"),
     "fourbar, RK4": partial(driven_step, "RK4"),
@@ -369,8 +407,9 @@ LIMITS = {
     "spring, ζ = 0, Euler": partial(spring_step, "Euler", 0.0),
     "spring, ζ = 0.3, Euler": partial(spring_step, "Euler", 0.3),
     "spring, ζ = 1, Euler": partial(spring_step, "Euler", 1.0),
-    "spring, ζ = 1, explicit damping, Euler": partial(spring_step, "Euler", 1.0,
-                                                      'eulerdamp="disable"'),
+    "spring, ζ = 1, explicit damping, Euler": partial(
+        spring_step, "Euler", 1.0, 'eulerdamp="disable"'
+    ),
     "spring, ζ = 0.3, implicitfast": partial(spring_step, "implicitfast", 0.3),
     "spring, ζ = 0, RK4": partial(spring_step, "RK4", 0.0),
     "spring, ζ = 1, RK4": partial(spring_step, "RK4", 1.0),

@@ -57,8 +57,10 @@ def integrate(slope, y, step, count):
         b = slope(ahead(y, 0.5 * step, a))
         c = slope(ahead(y, 0.5 * step, b))
         d = slope(ahead(y, step, c))
-        y = [p + step / 6 * (q + 2 * r + 2 * s + t)
-             for p, q, r, s, t in zip(y, a, b, c, d, strict=True)]
+        y = [
+            p + step / 6 * (q + 2 * r + 2 * s + t)
+            for p, q, r, s, t in zip(y, a, b, c, d, strict=True)
+        ]
         rows.append(y)
     return np.array(rows)
 
@@ -163,12 +165,18 @@ def pendulum_gravity():
 
 def pendulum_spring(seconds=0.1, step=1e-3):
     """The stiffest spring in the pivot [N m/rad], over a tenth of a second at 1 ms."""
+
     def lost(stiffness):
         steps, each = round(seconds / step), 40  # fine steps of the truth in one that is tried
-        true = integrate(lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
-                         [-math.pi / 2, 0.0], step / each, each * steps)[::each, 0]
+        true = integrate(
+            lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
+            [-math.pi / 2, 0.0],
+            step / each,
+            each * steps,
+        )[::each, 0]
         found = pendulum(step, steps, GRAVITY, float(true[1]), stiffness)  # let go at rest: even
         return off(found, true[:, None]) > LOST
+
     return limit(lost, 1e4, 1e6)
 
 
@@ -195,10 +203,12 @@ def energies(crank):
     beta_rate = a * math.sin(crank - gamma) / (b * math.sin(gamma - beta))
     gamma_rate = a * math.sin(crank - beta) / (c * math.sin(gamma - beta))
     middle = cmath.rect(a, crank) * 1j + cmath.rect(b / 2, beta) * 1j * beta_rate
-    inertia = (a**3 / 3 + b * abs(middle) ** 2 + b**3 / 12 * beta_rate**2
-               + c**3 / 3 * gamma_rate**2)
-    height = (a * a / 2 * math.sin(crank) + b * (a * math.sin(crank) + b / 2 * math.sin(beta))
-              + c * c / 2 * math.sin(gamma))
+    inertia = a**3 / 3 + b * abs(middle) ** 2 + b**3 / 12 * beta_rate**2 + c**3 / 3 * gamma_rate**2
+    height = (
+        a * a / 2 * math.sin(crank)
+        + b * (a * math.sin(crank) + b / 2 * math.sin(beta))
+        + c * c / 2 * math.sin(gamma)
+    )
     return inertia, GRAVITY * height
 
 
@@ -224,20 +234,27 @@ def between(x):
     place, rate = released().T
     k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
     s = x / FINE - k
-    return (place[k] * (1 + 2 * s) * (1 - s) ** 2 + FINE * rate[k] * s * (1 - s) ** 2
-            + place[k + 1] * s**2 * (3 - 2 * s) + FINE * rate[k + 1] * s**2 * (s - 1))
+    return (
+        place[k] * (1 + 2 * s) * (1 - s) ** 2
+        + FINE * rate[k] * s * (1 - s) ** 2
+        + place[k + 1] * s**2 * (3 - 2 * s)
+        + FINE * rate[k + 1] * s**2 * (s - 1)
+    )
 
 
 def middles(crank):
     """Places and angles of crank, coupler and rocker."""
     beta, gamma = closed(crank)
-    return ((cmath.rect(0.5, crank), crank),
-            (cmath.rect(1.0, crank) + cmath.rect(1.0, beta), beta),
-            (3.0 + cmath.rect(1.25, gamma), gamma))
+    return (
+        (cmath.rect(0.5, crank), crank),
+        (cmath.rect(1.0, crank) + cmath.rect(1.0, beta), beta),
+        (3.0 + cmath.rect(1.25, gamma), gamma),
+    )
 
 
 def fourbar_step(seconds=2.0):
     """Largest time step [s] of a four-bar that is let go."""
+
     def lost(step):
         steps, space = round(seconds / step), space_of(GRAVITY)
         bodies = [pymunk.Body(m, m**3 / 12) for m in BARS[:3]]  # 1 kg/m
@@ -247,8 +264,12 @@ def fourbar_step(seconds=2.0):
         for body, (place, angle) in zip(bodies, start, strict=True):
             body.position, body.angle = (place.real, place.imag), angle
         pin = cmath.rect(2.5, start[2][1]) + 3.0
-        for one, other, at in ((space.static_body, crank, 0j), (crank, coupler, 1 + 0j),
-                               (space.static_body, rocker, 3 + 0j), (coupler, rocker, pin)):
+        for one, other, at in (
+            (space.static_body, crank, 0j),
+            (crank, coupler, 1 + 0j),
+            (space.static_body, rocker, 3 + 0j),
+            (coupler, rocker, pin),
+        ):
             pinned(space, one, other, (at.real, at.imag))
         for body, here, there in zip(bodies, before, start, strict=True):
             led(body, here, there, step)
@@ -265,6 +286,7 @@ def fourbar_step(seconds=2.0):
         beta, gamma = np.unwrap(pairs, axis=0).T
         wanted = np.column_stack([gamma, beta, 3 + 2.5 * np.cos(gamma), 2.5 * np.sin(gamma)])
         return off(rows[:, :4], wanted) > LOST
+
     return limit(lost, 4e-3, 1.0)
 
 
@@ -285,11 +307,13 @@ def grows(space, body, step, steps=3000, bound=1.0):
 
 def spring_step(zeta, high=50.0):
     """Largest dt omega of a wheel on a spring and a damper."""
+
     def lost(z):
         space, body = space_of(0.0), pymunk.Body(1.0, 1.0)
         body.angle = 1e-3
         space.add(body, pymunk.DampedRotarySpring(space.static_body, body, 0.0, 1.0, 2 * zeta))
         return grows(space, body, z)
+
     if zeta > 0.25:
         return math.inf if not any(map(lost, np.geomspace(0.3, high, 12).tolist())) else math.nan
     return limit(lost, 0.3, high)
@@ -297,6 +321,7 @@ def spring_step(zeta, high=50.0):
 
 def row_step(masses=5):
     """Largest dt sqrt(k/m) of masses in a row on springs."""
+
     def lost(z):
         space = space_of(0.0)
         last = space.static_body
@@ -306,11 +331,13 @@ def row_step(masses=5):
             space.add(body, pymunk.DampedSpring(last, body, (0, 0), (0, 0), 1.0, 1.0, 0.0))
             last = body
         return grows(space, last, z, steps=1000, bound=0.1)  # far from 1 m, where springs turn over
+
     return limit(lost, 0.1, 10.0)
 
 
 def hung_gravity():
     """Largest gravity dt2 / L of a point mass that hangs."""
+
     def lost(gravity):
         space, body = space_of(gravity), pymunk.Body(1.0, 1e-12)
         place, body.angle = hung(1e-6)
@@ -318,15 +345,20 @@ def hung_gravity():
         space.add(body)
         pinned(space, space.static_body, body, (0.0, 0.0))
         return grows(space, body, 1.0, bound=1e-3)
+
     return limit(lost, 0.5, 50.0)
 
 
 LIMITS = {
-    "pendulum, step": pendulum_step, "pendulum, gravity": pendulum_gravity,
+    "pendulum, step": pendulum_step,
+    "pendulum, gravity": pendulum_gravity,
     "pendulum as a point mass, step": partial(pendulum_step, POINT),
-    "pendulum, spring": pendulum_spring, "fourbar_released, step": fourbar_step,
-    "spring, ζ = 0": partial(spring_step, 0.0), "spring, ζ = 0.1": partial(spring_step, 0.1),
-    "spring, ζ = 0.3": partial(spring_step, 0.3), "row of 5 masses": row_step,
+    "pendulum, spring": pendulum_spring,
+    "fourbar_released, step": fourbar_step,
+    "spring, ζ = 0": partial(spring_step, 0.0),
+    "spring, ζ = 0.1": partial(spring_step, 0.1),
+    "spring, ζ = 0.3": partial(spring_step, 0.3),
+    "row of 5 masses": row_step,
     "hung pendulum": hung_gravity,
 }
 
