@@ -95,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         )
         write_study(study, folder)
         cases = study.cases
-        stepped = [case for case in cases if "duration" in case.run]
+        stepped = [case for case in cases if "dynamics" in case.run]
         wanted = (1e-2,) if given.quick else WANTED
         rows = refined_rows(stepped, study, folder, wanted)
         found = picks(stepped, rows, study.verdicts, wanted)
@@ -119,8 +119,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def time_of(case: Case) -> float:
-    """How much time a duration simulates [s]."""
-    return float(np.ptp(grid(case, "duration")))
+    """How much time a dynamics run simulates [s]."""
+    return float(np.ptp(grid(case, "dynamics")))
 
 
 def refined_rows(

@@ -162,7 +162,7 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
     check = partial(verify, store=store, longest=LONGEST, drive=asked.drive)
     return choose_with_drive(
         case,
-        "duration",
+        "dynamics",
         rows,
         asked.error,
         asked.of,

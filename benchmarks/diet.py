@@ -64,7 +64,7 @@ OWN = """## proofmass's own models
 Of {all} models {clean} have no feature left to remove; their options were left alone, which
 [`trade` and `choose`](accuracy.md) are for. Drawn geoms could go, for no run needs them, and stay
 for the eye; what they cost together is the time and the memory of the table, on {machine}.
-Steps of a sweep or a rest are its poses.
+Steps of a sweep or an equilibrium run are its poses.
 """
 COLUMNS = (
     "model",

@@ -82,7 +82,7 @@ def duel(
     Half of them are drawn from everything, half have one to three knobs other than the chosen.
     """
     dice = random.Random(seed)
-    times = grid(case, "duration")
+    times = grid(case, "dynamics")
     sample = float(times[1] - times[0])
     own = prepared(case, chosen, drive)
     error, seconds = ran(own, name, of, inf)

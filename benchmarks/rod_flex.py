@@ -40,7 +40,7 @@ HEAD = """# Rods as MuJoCo's own flex
 `python -m benchmarks.rod_flex` made this. Since version 3.17 a `<flex>` of dimension 1 bends: a
 discrete elastic rod with three sliding joints a point, its edges held by a soft equality and its
 bending stiffness by the integrator `discrete`, which lets a step last longer than the fast modes.
-Setting `flex = true` in a run `rest` builds it in place of the chain of links
+Setting `flex = true` in a run `equilibrium` builds it in place of the chain of links
 (`proofmass/sim/mujoco/flex.py`): the clamp is an edge on the ground with half of it behind the
 clamp, so that all is of second order.
 
@@ -72,7 +72,7 @@ def at_rest(load: float, links: int, flex: bool) -> Curves:
         return simulate(
             file,
             Run(
-                "rest",
+                "equilibrium",
                 ARC,
                 ("rod.x", "rod.y"),
                 rods=(rod,),

@@ -52,10 +52,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(f"{'case':<18}{'solver':<16}{'steps':>8}{'bare [s]':>10}{'run [s]':>10}{'ratio':>8}")
     for name in ("fourbar",) if quick else ("fourbar", "hacksaw", "pendulum"):
         case = load_case(ROOT / "models" / "linkages" / f"{name}.toml")
-        for solver in case.run["duration"].solvers:
+        for solver in case.run["dynamics"].solvers:
             if not solver.startswith("mujoco"):
                 continue
-            run = replace(plan(case, "duration", solver))
+            run = replace(plan(case, "dynamics", solver))
             alone, whole, steps = [], [], 0
             for _ in range(1 if quick else REPEATS):
                 alone.append(bare(case.model_path, run))

@@ -16,7 +16,7 @@ from proofmass import Case, compare, load_case, solve
 MODELS = Path(__file__).parent.parent / "models"
 SAMPLES = 360  # of a turn, which takes 2 pi s
 STEPS = [2 * math.pi / SAMPLES / count for count in (8, 16, 32)]  # s
-RUN = "duration"
+RUN = "dynamics"
 
 
 def error(case: Case, engine: str, step: float) -> tuple[float, float]:

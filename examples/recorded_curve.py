@@ -24,7 +24,7 @@ title = "Slider-crank against a recording"
 source = "examples/recorded_curve.py: a formula in place of a test rig"
 model = "slider_crank.xml"
 reference = "rig.csv"
-drive = { joint = "crank", law = ["crank", "crank rate", "crank acceleration"] }
+drive = { joint = "crank", profile = ["crank", "crank rate", "crank acceleration"] }
 run.sweep.solvers = ["mujoco", "pymunk"]
 channels."slider.x" = { equals = "slider", unit = "mm" }
 

@@ -21,7 +21,7 @@ SEGMENTS = (10, 20, 40)
 def tip(case: Case, engine: str, segments: int) -> float:
     """How high the tip of the rod comes to rest [m]."""
     rod = case.rod["rod"].model_copy(update={"segments": segments})
-    curves = solve(case.model_copy(update={"rod": {"rod": rod}}), "rest", engine)
+    curves = solve(case.model_copy(update={"rod": {"rod": rod}}), "equilibrium", engine)
     return float(curves.channels["rod.y"][-1])
 
 

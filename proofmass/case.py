@@ -39,10 +39,10 @@ class DriveTable(Strict):
     """``[drive]``, or one of several ``[[drive]]``: a joint that is moved, and how.
 
     One of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and ``period`` (a swing
-    to and fro); ``law`` with ``until``, a function of the reference's module, or three columns of
-    a recorded reference (value, rate, acceleration).  The first drive leads.  Another with ``from``
-    and ``to`` keeps its proportion to the first one's progress (`to` may equal `from`: it is held);
-    one with a joint alone takes its row of the first one's law.
+    to and fro); ``profile`` with ``until``, a function of the reference's module, or three columns
+    of a recorded reference (value, rate, acceleration).  The first drive leads.  Another with
+    ``from`` and ``to`` keeps its proportion to the first one's progress (`to` may equal
+    `from`: it is held); one with a joint alone takes its row of the first one's profile.
     """
 
     joint: str
@@ -50,20 +50,20 @@ class DriveTable(Strict):
     to: float | None = None
     rate: float | None = None
     period: float | None = Field(None, gt=0)
-    law: str | tuple[str, str, str] | None = None
+    profile: str | tuple[str, str, str] | None = None
     until: float | None = Field(None, gt=0)
     parameters: dict[str, float] = Field({})
 
-    @field_validator("law", mode="before")
+    @field_validator("profile", mode="before")
     @classmethod
-    def _named(cls, law: Any) -> Any:
-        columns = isinstance(law, list | tuple) and [type(c) for c in law] == [str] * 3
-        if law is not None and not isinstance(law, str) and not columns:
+    def _named(cls, profile: Any) -> Any:
+        columns = isinstance(profile, list | tuple) and [type(c) for c in profile] == [str] * 3
+        if profile is not None and not isinstance(profile, str) and not columns:
             raise ValueError(
-                f"{law!r} is neither the name of a function of the reference's module "
+                f"{profile!r} is neither the name of a function of the reference's module "
                 f"nor three columns of a recorded curve: [value, rate, acceleration]"
             )
-        return law
+        return profile
 
     @property
     def steady(self) -> bool:
@@ -72,12 +72,12 @@ class DriveTable(Strict):
 
     def check_leader(self) -> None:
         """Raise ValueError if this table alone does not say how its joint moves."""
-        if (self.to is None) == (self.law is None):
-            raise ValueError("give either from, to and rate, or from, to and period, or law")
+        if (self.to is None) == (self.profile is None):
+            raise ValueError("give either from, to and rate, or from, to and period, or profile")
         if self.rate is not None and not self.steady:
             raise ValueError("rate goes with from and to alone")
-        if isinstance(self.law, str) and self.until is None:
-            raise ValueError("a law needs until = the last time [s]")
+        if isinstance(self.profile, str) and self.until is None:
+            raise ValueError("a profile needs until = the last time [s]")
         if self.to is not None and self.to == self.start:
             raise ValueError("to must differ from 'from'")
         if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
@@ -100,7 +100,7 @@ MOST_SAMPLES = 10**8
 
 
 class RunTable(Strict):
-    """``[run.sweep]``, ``[run.duration]`` or ``[run.rest]``: how many samples, which solvers.
+    """``[run.sweep]``, ``[run.dynamics]`` or ``[run.equilibrium]``: samples and solvers.
 
     `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.  A run,
     its model and its reference have `timeout` [s] and `memory` [GiB].
@@ -147,8 +147,8 @@ class Tolerance(Strict):
     """``[[tolerance]]``: a number, where it holds, and the reason for it.
 
     `run`, `solver`, `unit` and `channels` select; what is left out selects all.  The number is
-    `abs`, in the channel's unit, or `of_range`, a share of the reference curve's range; of a curve
-    that does not move, a share of its size, see `proofmass.compare.scale_of`.
+    `abs`, in the channel's unit, or `relative_to_range`, a share of the reference curve's range;
+    of a curve that does not move, a share of its size, see `proofmass.compare.scale_of`.
     """
 
     run: Kind | None = None
@@ -156,7 +156,7 @@ class Tolerance(Strict):
     unit: tuple[str, ...] = ("*",)
     channels: tuple[str, ...] = ("*",)
     abs: float | None = Field(None, gt=0)
-    of_range: float | None = Field(None, gt=0)
+    relative_to_range: float | None = Field(None, gt=0)
     why: str
 
     @field_validator("solver", "unit", "channels", mode="before")
@@ -166,8 +166,8 @@ class Tolerance(Strict):
 
     @model_validator(mode="after")
     def _complete(self) -> "Tolerance":
-        if (self.abs is None) == (self.of_range is None):
-            raise ValueError("give either abs (in the channel's unit) or of_range")
+        if (self.abs is None) == (self.relative_to_range is None):
+            raise ValueError("give either abs (in the channel's unit) or relative_to_range")
         if not self.why.strip():
             raise ValueError("why is empty; a tolerance needs its reason")
         return self
@@ -186,7 +186,7 @@ class Tolerance(Strict):
 
     def allowed(self, scale: float) -> float:
         """The largest error allowed on a curve of that range or size, in the curve's unit."""
-        return self.abs if self.abs is not None else float(self.of_range or 0) * scale
+        return self.abs if self.abs is not None else float(self.relative_to_range or 0) * scale
 
 
 class View(Strict):
@@ -241,7 +241,7 @@ class ChartTable(Strict):
 
 
 class Beside(Strict):
-    """``[beside.NAME]``: another parameter set of the same reference, drawn thin in every view."""
+    """``[compare_with.NAME]``: another parameter set of the reference, drawn thin in every view."""
 
     parameters: dict[str, float | str]
 
@@ -323,7 +323,7 @@ class Refine(Strict):
     """
 
     segments: tuple[Segments, ...] = Field(min_length=2)
-    run: Kind = "rest"
+    run: Kind = "equilibrium"
     channels: tuple[str, ...] = ("*",)
     order: float = Field(gt=0)
     within: float = Field(gt=0)
@@ -355,7 +355,7 @@ class Refine(Strict):
 
     def sampled(self, run: RunTable) -> RunTable:
         """The run with the samples that all numbers of segments have in common."""
-        if self.run != "rest":
+        if self.run != "equilibrium":
             return run
         return run.model_copy(update={"n": gcd(*self.segments) + 1, "until": None})
 
@@ -387,7 +387,7 @@ class Case(Strict):
     tolerance: tuple[Tolerance, ...] = ()
     view: tuple[View, ...] = ()
     chart: tuple[ChartTable, ...] = ()
-    beside: dict[str, Beside] = Field({})
+    compare_with: dict[str, Beside] = Field({})
     refine: Refine | None = None
     unchecked: bool = False
     unmatched: tuple[str, ...] = ()
@@ -441,14 +441,14 @@ class Case(Strict):
             if k and drive.to is not None and drives[0].to is None:
                 raise ValueError(
                     f"joint {drive.joint!r} has from and to, but the first drive has "
-                    f"none to be in proportion with; leave them out or give a law"
+                    f"none to be in proportion with; leave them out or give a profile"
                 )
-            alone = k and drive.to is None and drive.law is None
+            alone = k and drive.to is None and drive.profile is None
             if alone and drives[0].to is not None:
                 raise ValueError(f"joint {drive.joint!r} needs from and to")
-            if alone and not isinstance(drives[0].law, str):
+            if alone and not isinstance(drives[0].profile, str):
                 raise ValueError(
-                    f"joint {drive.joint!r} needs law = [value, rate, acceleration], "
+                    f"joint {drive.joint!r} needs profile = [value, rate, acceleration], "
                     f"three columns of its own"
                 )
         return drives
@@ -457,7 +457,7 @@ class Case(Strict):
     def _consistent(self) -> "Case":
         if "sweep" in self.run and not self.drive:
             raise ValueError("run.sweep needs a [drive]: the joint that is moved")
-        if "rest" in self.run:
+        if "equilibrium" in self.run:
             self._restful()
         if self.recorded and not (self.file.parent / self.reference).is_file():
             raise ValueError(
@@ -474,7 +474,7 @@ class Case(Strict):
                         else "is missing: samples"
                     )
                 )
-            if kind == "duration" and not (self.drive or run.until or self.recorded):
+            if kind == "dynamics" and not (self.drive or run.until or self.recorded):
                 raise ValueError(f"run.{kind}.until is missing: the last time [s]")
             for solver in run.solvers:
                 self._overlap(kind, solver)
@@ -484,8 +484,8 @@ class Case(Strict):
     def _drawable(self) -> "Case":
         for view in self.view:
             self.run_of(view)
-        if self.beside and not self.view:
-            raise ValueError("beside is drawn in views; give a [[view]]")
+        if self.compare_with and not self.view:
+            raise ValueError("compare_with is drawn in views; give a [[view]]")
         return self
 
     @model_validator(mode="after")
@@ -538,9 +538,9 @@ class Case(Strict):
     def _restful(self) -> None:
         shortest = min((rod.length for rod in self.rod.values()), default=None)
         if shortest is None:
-            raise ValueError("run.rest needs a [rod.NAME]: it is sampled along its length")
-        if (self.run["rest"].until or shortest) > shortest:
-            raise ValueError(f"run.rest.until goes beyond the shortest rod, {shortest:g} m")
+            raise ValueError("run.equilibrium needs a [rod.NAME]: it is sampled along its length")
+        if (self.run["equilibrium"].until or shortest) > shortest:
+            raise ValueError(f"run.equilibrium.until goes beyond the shortest rod, {shortest:g} m")
 
     def _has_run(self, key: str, kind: Kind | None) -> None:
         if kind is not None and kind not in self.run:

@@ -249,7 +249,7 @@ def step_unchecked(model: Path) -> list[Comparison]:
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
     return [
-        Comparison(model.stem, NATIVE, "duration", "", "", outcome=outcome, message=message, **cost)
+        Comparison(model.stem, NATIVE, "dynamics", "", "", outcome=outcome, message=message, **cost)
     ]
 
 

@@ -34,7 +34,7 @@ Paths = Annotated[
 Longest = Annotated[
     float, typer.Option(help="Wall time after which a run is given up.", metavar="SECONDS")
 ]
-Runs = StrEnum("Runs", ["duration", "rest", "sweep"])
+Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
 Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
 
 

@@ -28,7 +28,7 @@ UNCHECKED = (
     "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
     "a solver delivers, or say unchecked = true"
 )
-START = 0.1  # share of a duration in which errors of the start are expected to decay
+START = 0.1  # share of dynamics in which errors of the start are expected to decay
 CONSTANT = 1e-3  # a curve whose range is less of its size does not move, up to what drives do
 ZERO = 1e-12  # of the mechanism's size: what a reference computes instead of a zero
 SMALL = 1e-6  # change of a parameter for a slope: the square of it is 1e-12, rounding 1e-10 of it
@@ -80,7 +80,7 @@ class Comparison:
     seconds, steps, gap
         Cost of the run, and its largest loop gap [m].
     error_later : float
-        Largest absolute difference after the first tenth of a duration, in `unit`: the start pose
+        Largest absolute difference after the first tenth of dynamics, in `unit`: the start pose
         is often in another equilibrium of a soft loop than the motion; NaN in other runs.
     """
 
@@ -103,12 +103,12 @@ class Comparison:
     error_later: float = NAN
 
     @property
-    def of_range(self) -> float:
+    def relative_to_range(self) -> float:
         """Largest error over `scale_of` the reference curve; NaN when it has none."""
         return self._share(self.error_max)
 
     @property
-    def of_range_later(self) -> float:
+    def relative_to_range_later(self) -> float:
         """The same for `error_later`."""
         return self._share(self.error_later)
 
@@ -215,7 +215,7 @@ def one(
         "error_rms": rms,
         "nrmse": rms / scale if scale else NAN,
         "error_later": float(error[curves.x >= start_until(curves)].max())
-        if run == "duration"
+        if run == "dynamics"
         else NAN,
         "would_notice": would_notice,
     }
@@ -230,7 +230,7 @@ def start_until(curves: Curves) -> float:
 
 
 def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> float:
-    """What ``of_range`` is a share of, in SI units.
+    """What ``relative_to_range`` is a share of, in SI units.
 
     It is the range of the reference curve, unless that is constant: its range is less than a
     thousandth of its size.  Then it is that size.  Where a place or an angle is zero is a
@@ -257,7 +257,7 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> f
 def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
     """The time T of `scale_of` [s]; 0 if nothing tells it."""
     if not case.drive:
-        return float(np.ptp(curves.x)) if run == "duration" else 0.0
+        return float(np.ptp(curves.x)) if run == "dynamics" else 0.0
     if curves.drive is None or not extent:
         return 0.0
     units = joints(compiled(case))
@@ -285,7 +285,7 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome,
     if not allowed:
         return Outcome.DIFFERS, (
             "the reference is zero and the mechanism has no size of this "
-            "quantity, so of_range allows nothing: give the tolerance as abs"
+            "quantity, so relative_to_range allows nothing: give the tolerance as abs"
         )
     quantity, factor = si_unit(unit or "1")
     turns = error * factor / (2 * np.pi)

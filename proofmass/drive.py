@@ -24,7 +24,7 @@ its most rows."""
 
 @dataclass(frozen=True)
 class Steady:
-    """Constant speed; x is the drive value itself (a sweep) or time (a duration)."""
+    """Constant speed; x is the drive value itself (a sweep) or time (dynamics)."""
 
     start: float
     rate: float

@@ -26,13 +26,27 @@ class InputError(Exception):
         return f"{self.file}: {self.key + ': ' if self.key else ''}{self.wrong}"
 
 
+RENAMED = {
+    "duration": "dynamics",
+    "rest": "equilibrium",
+    "law": "profile",
+    "of_range": "relative_to_range",
+    "beside": "compare_with",
+}
+"""Keys of sidecars by their former names."""
+
+
 def suggest(word: str, there: Iterable[str], known: str = "there are") -> str:
     """What would have been right instead of a word: the nearest name, and all of them.
 
     >>> suggest("mujco", ["mujoco", "pymunk"])
     "did you mean 'mujoco'? there are: mujoco, pymunk"
+    >>> suggest("rest", ["sweep", "equilibrium"])
+    "'rest' is called 'equilibrium' now; there are: sweep, equilibrium"
     """
     there = list(dict.fromkeys(there))
+    if (now := RENAMED.get(word)) in there:
+        return f"{word!r} is called {now!r} now; {known}: {', '.join(there)}"
     near = get_close_matches(word, there, 1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}{known}: {', '.join(there) or 'none'}"

@@ -47,7 +47,7 @@ def grid(case: Case, kind: Kind) -> Array:
     if isinstance(truth, Recorded):
         return truth.x
     n = run.n or 0
-    if kind == "rest":
+    if kind == "equilibrium":
         return np.linspace(0.0, run.until or min(rod.length for rod in case.rods), n)
     if leader is None or not leader.steady:
         end = run.until or (leader.until or leader.period if leader else None)
@@ -66,20 +66,24 @@ def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
 def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The law of drive number k."""
     drive, truth, leader = case.drive[k], module_of(case), case.drive[0]
-    if kind == "rest":
+    if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
-    if drive.law is not None or drive.to is None:
+    if drive.profile is not None or drive.to is None:
         if isinstance(truth, Recorded):
-            return Samples(truth.x, *(column(case, truth, "drive.law", c) for c in drive.law or ()))
-        shared = drive.law is None or (k == 0 and any(d.law is None for d in case.drive[1:]))
-        teller = leader if drive.law is None else drive
+            return Samples(
+                truth.x, *(column(case, truth, "drive.profile", c) for c in drive.profile or ())
+            )
+        shared = drive.profile is None or (
+            k == 0 and any(d.profile is None for d in case.drive[1:])
+        )
+        teller = leader if drive.profile is None else drive
         k_of_teller = case.drive.index(teller)
-        function = getattr(truth, str(teller.law), None)
+        function = getattr(truth, str(teller.profile), None)
         if function is None:
             raise InputError(
                 case.file,
-                case.drive_key(k_of_teller, "law"),
-                f"reference {case.reference} has no function {teller.law!r}",
+                case.drive_key(k_of_teller, "profile"),
+                f"reference {case.reference} has no function {teller.profile!r}",
             )
         takes = list(inspect.signature(function).parameters.values())[1:]
         names = [p.name for p in takes]
@@ -88,7 +92,7 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
                 raise InputError(
                     case.file,
                     case.drive_key(k_of_teller, f"parameters.{name}"),
-                    f"{teller.law}() has no such parameter; {suggest(name, names, 'known')}",
+                    f"{teller.profile}() has no such parameter; {suggest(name, names, 'known')}",
                 )
         return FunctionLaw(function, dict(teller.parameters), k if shared else None)
     if k:
@@ -96,7 +100,7 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
         return InProportion(law(case, kind, 0), leader.start, ratio, drive.start)
     if drive.period:
         return Swing(drive.start, drive.to, drive.period)
-    return Steady(drive.start, drive.speed, x_is_time=kind == "duration")
+    return Steady(drive.start, drive.speed, x_is_time=kind == "dynamics")
 
 
 def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Curves:
@@ -215,7 +219,7 @@ def call(
 def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
     tell = getattr(module_of(case), "facts", None)
-    parameters = case.parameters if beside is None else case.beside[beside].parameters
+    parameters = case.parameters if beside is None else case.compare_with[beside].parameters
     try:
         return tell(**parameters) if tell else {}
     except (TypeError, ValueError):  # the parameters are at fault, which the runs have said

@@ -47,7 +47,10 @@ def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> S
     state = None if recorded else curves.drive
     parameters, key = case.parameters, "parameters"
     if beside is not None:
-        parameters, key = case.beside[beside].parameters, f"beside.{beside!r}.parameters"
+        parameters, key = (
+            case.compare_with[beside].parameters,
+            f"compare_with.{beside!r}.parameters",
+        )
     known = quantities(case, curves.x, state, parameters, key)
     moved = {d.joint: curves.drive[0][k] for k, d in enumerate(case.drive) if curves.drive}
     there = {**known, **moved, **channels(case, curves.x, known)}
@@ -133,7 +136,7 @@ def check_views(case: Case, run: str, curves: Curves) -> None:
     """Raise InputError if a view of that run cannot be drawn."""
     for view in case.view:
         if case.run_of(view) == run:
-            for beside in (None, *case.beside):
+            for beside in (None, *case.compare_with):
                 found = seen(case, view, curves, beside)
             both = {found.units[n] for n in (*view.y, *view.stack, view.dashed) if n}
             if len(both) > 1 and (view.stack or view.dashed):

@@ -26,19 +26,19 @@ from proofmass.strict import Kind, Strict
 from proofmass.units import KINDS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
-SAMPLES = 361  # of a sweep or a duration: a turn in degrees
+SAMPLES = 361  # of a sweep or dynamics: a turn in degrees
 OTHERS = "*"
 """The key of ``[channels]`` for all sensors that are not listed."""
 OWN = {"file", "unmatched"}
 """What a `Case` knows beside the keys of its sidecar."""
-ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "beside", "refine", "unchecked")
+ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "compare_with", "refine", "unchecked")
 TomlTable = dict[str, Any]
 
 
 class Accuracy(Strict):
     """``accuracy.ENGINE``: shares of the range instead of those that the engine states.
 
-    `sweep` is of all channels of a sweep, the others of the channels of a duration.
+    `sweep` is of all channels of a sweep, the others of the channels of dynamics.
     """
 
     sweep: float | None = Field(None, gt=0)
@@ -68,11 +68,11 @@ def fill_defaults(table: TomlTable, file: Path) -> TomlTable:
 
 
 def fill_runs(table: TomlTable) -> TomlTable:
-    """A driven case has a sweep and a duration if it names no run; runs have proofmass's engines.
+    """A driven case has a sweep and dynamics if it names no run; runs have proofmass's engines.
 
-    A duration has each engine's own default settings as well, which are shown and not checked.
+    Dynamics has each engine's own default settings as well, which are shown and not checked.
     """
-    runs = table.get("run", {"sweep": {}, "duration": {}} if "drive" in table else None)
+    runs = table.get("run", {"sweep": {}, "dynamics": {}} if "drive" in table else None)
     if not isinstance(runs, dict):
         return table
     recorded = str(table.get("reference", "")).endswith(".csv")
@@ -81,8 +81,8 @@ def fill_runs(table: TomlTable) -> TomlTable:
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
     defaults: TomlTable = {
         "sweep": {**own, "solvers": there},
-        "duration": {**own, "solvers": timed},
-        "rest": {"solvers": there},
+        "dynamics": {**own, "solvers": timed},
+        "equilibrium": {"solvers": there},
     }
     return {
         **table,
@@ -230,7 +230,7 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
                             solver=(engine,),
                             unit=units,
                             abs=None,
-                            of_range=getattr(level, part) or limit.of_range,
+                            relative_to_range=getattr(level, part) or limit.relative_to_range,
                             why=limit.why,
                         )
                     )
@@ -258,7 +258,7 @@ def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
 def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
     there = [channel.unit for channel in case.channels_of(kind).values()]
-    if kind != "duration":
+    if kind != "dynamics":
         return {"sweep": ("*",)} if kind == "sweep" and there else {}
     units = {
         part: tuple(

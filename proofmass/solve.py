@@ -17,7 +17,7 @@ from proofmass.worker import Crashed, isolated
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
-BETWEEN = 20  # places between two samples of a duration where a law is looked at as well
+BETWEEN = 20  # places between two samples of dynamics where a law is looked at as well
 
 
 def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def check_drives(case: Case, run: Run) -> None:
     if not run.drives:
         return
     model, x = compiled(case), run.x
-    if run.kind == "duration":
+    if run.kind == "dynamics":
         x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
     units = joints(model)
     for k, (drive, *motion) in enumerate(zip(run.drives, *run.motion(x), strict=True)):
@@ -127,7 +127,7 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     ----------
     case : Case
         The sidecar.
-    kind : "sweep", "duration" or "rest"
+    kind : "sweep", "dynamics" or "equilibrium"
         Which of its runs.
     solver : str
         Engine, or ``engine:variant``.

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from proofmass.errors import suggest
 
-Kind = Literal["sweep", "duration", "rest"]
+Kind = Literal["sweep", "dynamics", "equilibrium"]
 
 
 class Strict(BaseModel):

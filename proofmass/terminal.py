@@ -126,7 +126,7 @@ def summary(result: Result, every_channel: bool = False, width: int = 240) -> It
             figures = [
                 f"{number(c.error_max)} {c.unit}".strip(),
                 number(c.allowed),
-                number(c.of_range),
+                number(c.relative_to_range),
                 f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
                 str(c.steps or "–"),
             ]

@@ -90,5 +90,5 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
 def first_samples(case: Case, run: Run) -> Curves:
     """The prescribed motion at the first samples of a run; all of a recorded curve."""
     x = run.x if case.recorded else run.x[:FEW]
-    moved = case.drive and run.kind != "rest"
+    moved = case.drive and run.kind != "equilibrium"
     return Curves(x, {}, drive=run.motion(x) if moved else None)

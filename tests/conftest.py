@@ -58,7 +58,7 @@ def models(tmp_path: Path) -> Path:
 def stand(tmp_path: Path, models: Path) -> Callable[..., Stand]:
     """``stand(name, engine, kind, **knobs)``: a case in one engine and run, with a store."""
 
-    def of(name: str, engine: str = "mujoco", kind: str = "duration", **knobs: object) -> Stand:
+    def of(name: str, engine: str = "mujoco", kind: str = "dynamics", **knobs: object) -> Stand:
         return Stand(
             load_case(models / f"{name}.toml"),
             kind,

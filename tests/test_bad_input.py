@@ -92,8 +92,9 @@ SIDECARS = {
     "unknown setting": ("hacksaw.toml", r"timestep = 1e-4", "step = 1e-4", ["'step'", "timestep"]),
     "two tolerances": (
         "fourbar.toml",
-        r'solver = "mujoco"\nof_range = 1e-12',
-        'solver = "mujoco"\nof_range = 1e-12\nwhy = "a"\n[[tolerance]]\nof_range = 1',
+        r'solver = "mujoco"\nrelative_to_range = 1e-12',
+        'solver = "mujoco"\nrelative_to_range = 1e-12\nwhy = "a"\n'
+        "[[tolerance]]\nrelative_to_range = 1",
         ["2 tolerances", "exactly one"],
     ),
     "wrong branch": ("fourbar.toml", r"mode = 1 ", "mode = -1 ", ["start", "mode +1", "-1"]),
@@ -129,7 +130,7 @@ MODELS = {
         "fourbar.xml",
         r'<joint name="rocker"/>',
         '<joint name="rocker" axis="0 0.1 1"/>',
-        ["fourbar.toml", "run.duration.solvers", "pymunk", "'rocker' leaves the plane"],
+        ["fourbar.toml", "run.dynamics.solvers", "pymunk", "'rocker' leaves the plane"],
     ),
     "a freedom too many": (
         "fourbar.xml",
@@ -175,13 +176,13 @@ DRIVES = {
         "hacksaw_recorded.toml",
         r"\[drive\](\n.*\n.*)",
         '[[drive]]\\1\n[[drive]]\njoint = "theta1"',
-        ["drive", "'theta1' needs law = [value, rate, acceleration]"],
+        ["drive", "'theta1' needs profile = [value, rate, acceleration]"],
     ),
     "no such law": (
         "fivebar_circle.toml",
-        r'law = "circle"',
-        'law = "cirlce"',
-        ["drive.0.law", "reference fivebar has no function 'cirlce'"],
+        r'profile = "circle"',
+        'profile = "cirlce"',
+        ["drive.0.profile", "reference fivebar has no function 'cirlce'"],
     ),
     "a swing with a rate": (
         "triple_rocker.toml",
@@ -197,9 +198,9 @@ DRIVES = {
     ),
     "one column": (
         "hacksaw_recorded.toml",
-        r"law = .*",
-        'law = ["omega2"]',
-        ["drive.0.law", "['omega2']", "name of a function", "three columns"],
+        r"profile = .*",
+        'profile = ["omega2"]',
+        ["drive.0.profile", "['omega2']", "name of a function", "three columns"],
     ),
     "no such parameter of a law": (
         "fivebar_circle.toml",
@@ -394,7 +395,7 @@ def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
     edit("triple_rocker.xml", '<joint name="crank"', '<joint name="crank" range="-2 1.9"')
     edit("triple_rocker.toml", r"n = \d+", "n = 4")  # the third of a swing is at 1.5 rad at most
     with pytest.raises(InputError, match="to 2 rad, beyond its range"):
-        plan(load_case(models / "triple_rocker.toml"), "duration", "mujoco")
+        plan(load_case(models / "triple_rocker.toml"), "dynamics", "mujoco")
 
 
 @pytest.mark.parametrize(
@@ -403,7 +404,7 @@ def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
 def test_a_drive_may_end_where_its_joint_does(joint, models, edit):
     edit("fourbar.xml", '<joint name="crank"', f'<joint name="crank" {joint}')
     case = load_case(models / "fourbar.toml")
-    assert [plan(case, kind, "mujoco").kind for kind in case.run] == ["sweep", "duration"]
+    assert [plan(case, kind, "mujoco").kind for kind in case.run] == ["sweep", "dynamics"]
 
 
 def test_a_range_that_a_flag_disables_holds_no_drive(models, edit):
@@ -436,7 +437,7 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
     edit(name, old, new)
     edit("pendulum.toml", r"n = \d+", "n = 2")
     with pytest.raises(InputError) as caught:
-        run_here(load_case(models / "pendulum.toml"), "duration", solver)
+        run_here(load_case(models / "pendulum.toml"), "dynamics", solver)
     assert words in str(caught.value)
     assert "give a longer step or a shorter run" in str(caught.value)
 
@@ -451,13 +452,13 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
 def test_a_body_at_which_chipmunk_would_abort_is_named(old, new, models, edit):
     edit("pendulum.xml", old, new)
     with pytest.raises(InputError, match=r"pendulum\.xml: body 'bob': mass .* must be positive"):
-        solve(load_case(models / "pendulum.toml"), "duration", "pymunk")
+        solve(load_case(models / "pendulum.toml"), "dynamics", "pymunk")
 
 
 def test_a_start_that_is_too_large_for_numbers_is_no_crash(models, edit):
     edit("pendulum.xml", 'qpos="[^"]*"', 'qpos="1e308"')
     with pytest.raises(InputError, match=r"pendulum\.xml: .* open by inf m"):
-        solve(load_case(models / "pendulum.toml"), "duration", "pymunk")
+        solve(load_case(models / "pendulum.toml"), "dynamics", "pymunk")
 
 
 def test_what_mujoco_itself_refuses_is_an_error_of_the_model(models, edit):

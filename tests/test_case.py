@@ -18,7 +18,7 @@ from tests.shipped import shipped
             "pendulum",
             "n = 1001",
             "n = 1",
-            "run.duration.n",
+            "run.dynamics.n",
             "Input should be greater than or equal to 2",
         ),
         ("pendulum", "title = ", "title = = ", "", "not TOML: .*"),
@@ -70,28 +70,28 @@ from tests.shipped import shipped
             r'solver = "pymunk"',
             'solver = "*"\n',
             "",
-            "2 tolerances cover channel 'angle' of mujoco in duration; exactly one may",
+            "2 tolerances cover channel 'angle' of mujoco in dynamics; exactly one may",
         ),
         (
             "pendulum",
             r'solver = "mujoco"',
             'solver = "mujoco"\nrun = "sweep"',
             "",
-            "tolerance.0.run: there is no run.sweep; there are: duration",
+            "tolerance.0.run: there is no run.sweep; there are: dynamics",
         ),
         (
             "rod_cantilever",
-            r"\[run.rest\]",
-            "[run.rest]\nuntil = 99.0",
+            r"\[run.equilibrium\]",
+            "[run.equilibrium]\nuntil = 99.0",
             "",
-            r"run.rest.until goes beyond the shortest rod, \S+ m",
+            r"run.equilibrium.until goes beyond the shortest rod, \S+ m",
         ),
         (
             "rod_cantilever",
             r"(?s)\[rod\.rod\].*?\n\n",
             "",
             "",
-            r"run.rest needs a \[rod.NAME\]: it is sampled along its length",
+            r"run.equilibrium needs a \[rod.NAME\]: it is sampled along its length",
         ),
     ],
 )
@@ -106,31 +106,33 @@ def test_a_fault_is_said_at_its_key(name, old, new, key, wrong, models, edit):
 def test_a_rest_may_end_where_its_shortest_rod_does(models, edit):
     case = load_case(shipped("rod_cantilever.toml"))
     length = min(rod.length for rod in case.rods)
-    file = edit("rod_cantilever.toml", r"\[run.rest\]", f"[run.rest]\nuntil = {length!r}")
-    assert load_case(str(file)).run["rest"].until == length
+    file = edit(
+        "rod_cantilever.toml", r"\[run.equilibrium\]", f"[run.equilibrium]\nuntil = {length!r}"
+    )
+    assert load_case(str(file)).run["equilibrium"].until == length
 
 
 def test_channels_and_tolerances_of_a_run():
     case = load_case(shipped("fourbar.toml"))
-    assert set(case.channels) - set(case.channels_of("duration")) == {"holding_moment"}
+    assert set(case.channels) - set(case.channels_of("dynamics")) == {"holding_moment"}
     assert list(case.channels_of("sweep")) == list(case.channels)
-    assert case.tolerance_for("duration", "mujoco", "rocker_rate").of_range == 2e-6
-    assert case.tolerance_for("duration", "mujoco:default", "rocker") is None
+    assert case.tolerance_for("dynamics", "mujoco", "rocker_rate").relative_to_range == 2e-6
+    assert case.tolerance_for("dynamics", "mujoco:default", "rocker") is None
 
 
 def test_a_key_of_a_drive_has_a_number_where_there_are_several():
-    assert load_case(shipped("fourbar.toml")).drive_key(0, "law") == "drive.law"
+    assert load_case(shipped("fourbar.toml")).drive_key(0, "profile") == "drive.profile"
     threeprr = load_case(shipped("threeprr.toml"))
-    assert threeprr.drive_key(2, "law") == "drive.2.law"
+    assert threeprr.drive_key(2, "profile") == "drive.2.profile"
     two = threeprr.model_copy(update={"drive": threeprr.drive[:2]})
-    assert two.drive_key(0, "law") == "drive.0.law"
+    assert two.drive_key(0, "profile") == "drive.0.profile"
 
 
 def test_a_view_shows_the_first_run_that_has_its_channels():
     case = load_case(shipped("fourbar.toml"))
     channels = {
         **case.channels,
-        "rocker": case.channels["rocker"].model_copy(update={"only": "duration"}),
+        "rocker": case.channels["rocker"].model_copy(update={"only": "dynamics"}),
     }
     case = case.model_copy(update={"channels": channels})
 
@@ -138,18 +140,21 @@ def test_a_view_shows_the_first_run_that_has_its_channels():
         return case.run_of(View(title="one", **view))
 
     assert shown(x="crank", y="pin.x") == "sweep"
-    assert shown(x="crank", y="rocker") == "duration"
+    assert shown(x="crank", y="rocker") == "dynamics"
     assert shown(x="crank", y="holding_moment") == "sweep"
-    assert shown(x="crank", y="pin.x", run="duration") == "duration"
+    assert shown(x="crank", y="pin.x", run="dynamics") == "dynamics"
     for view, words in (
         (
             {"x": "rocker", "y": "holding_moment"},
             "no run.* records its channels rocker, holding_moment",
         ),
-        ({"x": "crank", "y": "pin.x", "run": "rest"}, "no run.rest records its channels pin.x"),
         (
-            {"x": "crank", "y": "other", "run": "rest"},
-            "no run.rest records its channels (it names none)",
+            {"x": "crank", "y": "pin.x", "run": "equilibrium"},
+            "no run.equilibrium records its channels pin.x",
+        ),
+        (
+            {"x": "crank", "y": "other", "run": "equilibrium"},
+            "no run.equilibrium records its channels (it names none)",
         ),
     ):
         with pytest.raises(ValueError, match="view 'one': ") as error:

@@ -112,8 +112,8 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
     )
     edit(
         "pendulum.toml",
-        r"\[run.duration\]",
-        "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.duration]",
+        r"\[run.dynamics\]",
+        "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.dynamics]",
     )
     workers.fails["validate"] = OSError()  # the runs meet it as well
     assert load(short).name == "pendulum"
@@ -224,13 +224,13 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     monkeypatch.setattr(CHECK, "validate", validate)
     case = load(short)
     assert seen == [case]
-    found, curves = run_one(case, "duration", "mujoco")
+    found, curves = run_one(case, "dynamics", "mujoco")
     assert workers[-1] == ("measured", 7.0, 3.0)
     assert {c.outcome for c in found} == {"agrees"}
     assert found[0].would_notice
     assert curves.x.size == 11
-    held = run_one(case, "duration", "mujoco", hold=lambda *told: [told])[0]
-    assert held[0][:3] == (case, "duration", "mujoco")
+    held = run_one(case, "dynamics", "mujoco", hold=lambda *told: [told])[0]
+    assert held[0][:3] == (case, "dynamics", "mujoco")
     assert held[0][3].x.size == 11
 
 
@@ -239,27 +239,27 @@ def test_a_run_that_is_lost_has_a_verdict_for_each_of_its_channels(kind, short, 
     case = load(short)
     of_one = {
         name: case.channels[name].model_copy(update={"only": kind_of})
-        for name, kind_of in (("rate", "sweep"), ("angle", "duration"))
+        for name, kind_of in (("rate", "sweep"), ("angle", "dynamics"))
     }
     case = case.model_copy(update={"channels": {**case.channels, **of_one}})
     workers.fails["measured"] = kind("why")
     if kind is Unsupported:
-        assert wrong(run_one, case, "duration", "mujoco") == (
-            "run.duration.solvers",
+        assert wrong(run_one, case, "dynamics", "mujoco") == (
+            "run.dynamics.solvers",
             "mujoco cannot run pendulum.xml: why; leave it out",
         )
         return
-    found, curves = run_one(case, "duration", "mujoco")
+    found, curves = run_one(case, "dynamics", "mujoco")
     assert curves is None
     more = {
-        "timed out": "; timeout in [run.duration] allows more",
-        "out of memory": "; memory in [run.duration] allows more",
+        "timed out": "; timeout in [run.dynamics] allows more",
+        "out of memory": "; memory in [run.dynamics] allows more",
     }.get(FAILURES[kind], "")
     assert found == [
         Comparison(
             "pendulum",
             "mujoco",
-            "duration",
+            "dynamics",
             name,
             unit,
             outcome=FAILURES[kind],
@@ -283,7 +283,7 @@ def test_what_a_run_means_to_raise_is_no_crash(error, short, monkeypatch):
 
     monkeypatch.setattr(CHECK, "run_here", fail)
     with pytest.raises(type(error)) as raised:
-        measured(load(short), "duration", "mujoco", None)
+        measured(load(short), "dynamics", "mujoco", None)
     assert raised.value is error
 
 
@@ -293,19 +293,19 @@ def test_what_nobody_meant_to_raise_is_a_crash(short, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(CHECK, name, lambda case, *_: {}[case.name])
             with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
-                measured(case, "duration", "mujoco", None)
+                measured(case, "dynamics", "mujoco", None)
 
 
 def test_a_sweep_that_ends_early_says_where(short):
     case = load(short)
     whole, part = Curves(np.zeros(11), {}), Curves(np.zeros(4), {}, stopped="a limit")
-    assert stopped(case, "duration", "mujoco", None) is None
-    assert stopped(case, "duration", "mujoco", whole) is None
-    error = stopped(case, "duration", "mujoco", part)
+    assert stopped(case, "dynamics", "mujoco", None) is None
+    assert stopped(case, "dynamics", "mujoco", whole) is None
+    error = stopped(case, "dynamics", "mujoco", part)
     assert (error.file, error.key, error.wrong) == (
         short,
         "drive",
-        "the mujoco duration ends at sample 4 of 11, which are kept: a limit",
+        "the mujoco dynamics ends at sample 4 of 11, which are kept: a limit",
     )
 
 
@@ -316,7 +316,7 @@ def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
         "pendulum",
         "mujoco",
-        "duration",
+        "dynamics",
         "",
         "",
     )
@@ -353,14 +353,14 @@ def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path
         ("fourbar", ""),
     ]
     (curves,) = found.curves.items()
-    assert (curves[0], curves[1].x.size) == (("pendulum", "duration", "mujoco"), 11)
+    assert (curves[0], curves[1].x.size) == (("pendulum", "dynamics", "mujoco"), 11)
     assert [(e.file, e.key) for e in found.errors] == [
         (tmp_path / "none", ""),
         (twin / "pendulum.toml", ""),
         (bad, "title"),
     ]
     assert found.errors[1].wrong == f"its name is taken by {short}; results go by name"
-    assert told == [("pendulum duration mujoco", 1, 2), ("fourbar.xml", 2, 2)]
+    assert told == [("pendulum dynamics mujoco", 1, 2), ("fourbar.xml", 2, 2)]
     assert found.exit_code == 2
 
 
@@ -415,12 +415,12 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
 def test_a_run_of_a_refinement_is_held_by_its_errors_alone(short, monkeypatch):
     case = load(short)
     monkeypatch.setattr(CHECK, "run_one", lambda *task, hold: (task, hold))
-    assert one_task((case, "duration", "mujoco")) == ((case, "duration", "mujoco"), compare)
-    assert one_task(finer(case, 2, None)) == ((case, "duration", "mujoco"), errors)
+    assert one_task((case, "dynamics", "mujoco")) == ((case, "dynamics", "mujoco"), compare)
+    assert one_task(finer(case, 2, None)) == ((case, "dynamics", "mujoco"), errors)
 
 
 def finer(case, segments, add):
-    return Finer(case, "duration", "mujoco", segments, SimpleNamespace(add=add))
+    return Finer(case, "dynamics", "mujoco", segments, SimpleNamespace(add=add))
 
 
 def test_runs_of_a_refinement_are_judged_by_their_study(short):
@@ -436,7 +436,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
         return [f"row {segments}"], [f"order of {found[0][0]}"]
 
     tasks = [finer(case, n, add) for n in (2, 3, 4, 5)]
-    assert label(tasks[0]) == "pendulum duration mujoco, 2 segments"
+    assert label(tasks[0]) == "pendulum dynamics mujoco, 2 segments"
     assert file_of(tasks[0]) == short
     result = Result()
     judge(tasks, {k: ([f"run {k}"], curves if k == 3 else None) for k in (3, 0, 1, 2)}, result)

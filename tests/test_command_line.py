@@ -50,7 +50,7 @@ def test_exit_1_where_something_differs(models, edit):
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
     answer = run("check", models / "pendulum.toml")
     assert answer.exit_code == 1
-    assert "pendulum duration mujoco differs: 5 of 5 channels" in answer.output
+    assert "pendulum dynamics mujoco differs: 5 of 5 channels" in answer.output
 
 
 def test_exit_1_where_a_run_takes_too_long(models, edit):
@@ -113,7 +113,7 @@ def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
         f"{models / 'pendulum.toml'}::mujoco", "-p", "no:cacheprovider"
     )
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*duration angle: differs*allowed*"])
+    result.stdout.fnmatch_lines(["*dynamics angle: differs*allowed*"])
     assert "Traceback" not in result.stdout.str()
 
 

@@ -42,13 +42,13 @@ def test_error_measures_of_a_known_difference():
     x = np.linspace(0, 1, 5)
     truth = np.array([0.0, 1, 2, 3, 4])
     error = np.array([0, 0, -2e-11, 1e-11, 0])
-    c = one(case, "duration", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {})
+    c = one(case, "dynamics", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {})
     assert c.outcome == "agrees"
     assert c.error_max == pytest.approx(2e-11, rel=1e-4, abs=0)  # 1e-16 of rounding at 2
     assert c.at == 0.5
     assert c.error_rms == pytest.approx(1e-11, rel=1e-4, abs=0)  # sqrt((4 + 1) / 5) e-11
     assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4, abs=0)
-    assert c.of_range == pytest.approx(5e-12, rel=1e-4, abs=0)
+    assert c.relative_to_range == pytest.approx(5e-12, rel=1e-4, abs=0)
     assert c.allowed == pytest.approx(4e-10, rel=1e-4, abs=0)
     assert c.message.startswith("RK4 at 1 ms")  # the tolerance's reason
 
@@ -73,25 +73,29 @@ def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
     truth = np.array([0.0, 1, 2, 3, 4])
     curves = Curves(x, {"angle": truth + np.array([0, 0, -2e-11, 1e-11, 0])})
     rad, deg = (
-        one(case, "duration", "mujoco", "angle", curves, truth, {})
+        one(case, "dynamics", "mujoco", "angle", curves, truth, {})
         for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg"))
     )
     assert (deg.unit, deg.outcome) == ("deg", "agrees")
     for name in ("error_max", "error_rms", "error_later", "allowed"):
         assert getattr(deg, name) == pytest.approx(np.rad2deg(getattr(rad, name)), rel=1e-4, abs=0)
-    assert (deg.nrmse, deg.of_range) == pytest.approx((rad.nrmse, rad.of_range), rel=1e-4, abs=0)
+    assert (deg.nrmse, deg.relative_to_range) == pytest.approx(
+        (rad.nrmse, rad.relative_to_range), rel=1e-4, abs=0
+    )
     off = Curves(x, {"angle": truth + 2 * np.pi})
     assert one(
-        in_unit(PENDULUM, "angle", unit="deg"), "duration", "mujoco", "angle", off, truth, {}
+        in_unit(PENDULUM, "angle", unit="deg"), "dynamics", "mujoco", "angle", off, truth, {}
     ).message.startswith("off by 1 whole turn")
 
 
 def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
     x, zero = np.linspace(0, 4, 3), np.zeros(3)
-    c = one(PENDULUM, "duration", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {})
+    c = one(PENDULUM, "dynamics", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {})
     assert c.nrmse == pytest.approx(2.0)  # 0.5 rad/s; one in the 4 s of the motion is 0.25
     rod = load_case(shipped("rod_cantilever.toml"))
-    c = one(rod, "rest", "mujoco", "rod.moment", Curves(x, {"rod.moment": zero + 0.5}), zero, {})
+    c = one(
+        rod, "equilibrium", "mujoco", "rod.moment", Curves(x, {"rod.moment": zero + 0.5}), zero, {}
+    )
     assert np.isnan(c.nrmse)
 
 
@@ -100,13 +104,13 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     truth, error = np.sin(x), 1e-11 * (13 - x)
     curves = Curves(x, {"angle": truth + error})
     assert start_until(curves) == 3.0
-    c = one(PENDULUM, "duration", "mujoco", "angle", curves, truth, {})
+    c = one(PENDULUM, "dynamics", "mujoco", "angle", curves, truth, {})
     assert c.error_later == pytest.approx(1e-10, rel=1e-4, abs=0)  # at 3; 1e-16 of rounding at 1
-    assert c.of_range_later == pytest.approx(c.of_range / 1.1, rel=1e-4, abs=0)
+    assert c.relative_to_range_later == pytest.approx(c.relative_to_range / 1.1, rel=1e-4, abs=0)
     rod = load_case(shipped("rod_cantilever.toml"))
     name = next(iter(rod.channels))
     assert np.isnan(
-        one(rod, "rest", "mujoco", name, Curves(x, {name: truth}), truth, {}).error_later
+        one(rod, "equilibrium", "mujoco", name, Curves(x, {name: truth}), truth, {}).error_later
     )
 
 
@@ -115,14 +119,14 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
     lost = Curves(
         x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"}, seconds=2.0
     )
-    c = one(PENDULUM, "duration", "mujoco", "angle", lost, x, {})
+    c = one(PENDULUM, "dynamics", "mujoco", "angle", lost, x, {})
     assert (c.outcome, c.at) == ("differs", 0.5)
     assert np.isnan(c.error_max)
     for name, message in (("rate", "no such sensor"), ("kinetic", "")):
-        c = one(PENDULUM, "duration", "mujoco", name, lost, x, {})
+        c = one(PENDULUM, "dynamics", "mujoco", name, lost, x, {})
         assert (c.channel, c.outcome, c.message, c.seconds) == (name, "unsupported", message, 2.0)
-    c = one(PENDULUM, "duration", "mujoco:default", "angle", Curves(x, {"angle": x}), x, {})
-    assert (c.outcome, c.error_max, c.of_range) == ("unchecked", 0.0, 0.0)
+    c = one(PENDULUM, "dynamics", "mujoco:default", "angle", Curves(x, {"angle": x}), x, {})
+    assert (c.outcome, c.error_max, c.relative_to_range) == ("unchecked", 0.0, 0.0)
     assert np.isnan(c.allowed)
     assert c.message == "no tolerance covers this channel of this solver"
 
@@ -140,7 +144,7 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
             "N m",
             "differs",
             "the reference is zero and the mechanism has no size of this "
-            "quantity, so of_range allows nothing: give the tolerance as abs",
+            "quantity, so relative_to_range allows nothing: give the tolerance as abs",
         ),
         (
             2 * np.pi,
@@ -236,7 +240,7 @@ def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
 def test_tolerance_selects_by_run_solver_unit_and_channel():
     t = Tolerance(run="sweep", solver="mujoco*", unit="m", channels=["pin.*"], abs=1, why="x")
     assert t.covers("sweep", "mujoco:fine", "pin.x", "m")
-    assert not t.covers("duration", "mujoco", "pin.x", "m")
+    assert not t.covers("dynamics", "mujoco", "pin.x", "m")
     assert not t.covers("sweep", "pymunk", "pin.x", "m")
     assert not t.covers("sweep", "mujoco", "pin.x", "rad")
     assert not t.covers("sweep", "mujoco", "slider", "m")
@@ -400,7 +404,7 @@ rate = { equals = RATE, unit = "rad/s" }
 "hub.x" = { equals = "hub.x", unit = "m" }
 "hub_velocity.x" = { equals = "hub_velocity.x", unit = "m/s" }
 [[tolerance]]
-of_range = 1e-12
+relative_to_range = 1e-12
 why = "rounding"
 """
 
@@ -464,14 +468,16 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
     assert of("fourbar", [1.0, -4.0]) == 0.25
     assert of("threeprr", [1.0, 2.0], [0.0, -6.0], [1.0, 1.0]) == 0.5  # sliders: 6 m/s through 3 m
     assert of("fourbar", [0.0, 0.0]) == of("fourbar") == of("fourbar", [1.0, 1.0], extent=0) == 0.0
-    assert of("pendulum", run="duration") == 4.0
+    assert of("pendulum", run="dynamics") == 4.0
     assert of("pendulum", run="sweep") == 0.0
-    assert scale("rate", [0.0, 0.0], "pendulum", "duration") == 0.25  # rad/s
+    assert scale("rate", [0.0, 0.0], "pendulum", "dynamics") == 0.25  # rad/s
 
 
 def test_what_has_no_size_needs_an_absolute_tolerance():
-    assert scale("rod.moment", [0.0, 0.0], "rod_cantilever", "rest") == 0.0
-    assert scale("rod.angle", [0.0, 0.0], "rod_cantilever", "rest") == 1.0  # whatever the time
+    assert scale("rod.moment", [0.0, 0.0], "rod_cantilever", "equilibrium") == 0.0
+    assert (
+        scale("rod.angle", [0.0, 0.0], "rod_cantilever", "equilibrium") == 1.0
+    )  # whatever the time
     outcome, message = verdict(1e-17, 0.0, "N m", "rounding")
     assert outcome == "differs"
     assert "give the tolerance as abs" in message
@@ -480,10 +486,15 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
 @pytest.mark.parametrize(
     ("name", "kind", "key", "rel"),
     [
-        ("hacksaw", "duration", "coupler", 1e-3),
-        ("fourbar", "duration", "ground", 1e-3),
-        ("fivebar", "duration", "left_x", 1e-3),  # 0: an absolute change
-        ("rod_cantilever", "rest", "length", 0.1),  # at its end; the curvature over 2.6 % of it
+        ("hacksaw", "dynamics", "coupler", 1e-3),
+        ("fourbar", "dynamics", "ground", 1e-3),
+        ("fivebar", "dynamics", "left_x", 1e-3),  # 0: an absolute change
+        (
+            "rod_cantilever",
+            "equilibrium",
+            "length",
+            0.1,
+        ),  # at its end; the curvature over 2.6 % of it
     ],
 )
 def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
@@ -511,9 +522,9 @@ def test_would_notice_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
     curves = Curves(x, evaluate(PENDULUM, x, None).channels)
 
     def angle(case, solver: str = "mujoco") -> Comparison:
-        return next(c for c in compare(case, "duration", solver, curves) if c.channel == "angle")
+        return next(c for c in compare(case, "dynamics", solver, curves) if c.channel == "angle")
 
-    rad, deg = angle(PENDULUM), angle(in_unit(PENDULUM, "angle", unit="deg", only="duration"))
+    rad, deg = angle(PENDULUM), angle(in_unit(PENDULUM, "angle", unit="deg", only="dynamics"))
     assert set(deg.would_notice) == set(rad.would_notice) >= {"length", "gravity"}
     for key, change in rad.would_notice.items():
         assert deg.would_notice[key].size == pytest.approx(change.size)
@@ -523,13 +534,13 @@ def test_would_notice_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
 def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
     case = load_case(shipped("fourbar.toml"))
     x = np.linspace(0.0, 1.0, 5)
-    state = plan(case, "duration", "mujoco").motion(x)
+    state = plan(case, "dynamics", "mujoco").motion(x)
     curves = Curves(x, evaluate(case, x, state).channels, drive=state)
-    view = View(title="two units", x="rocker", y="rocker", dashed="rocker_rate", run="duration")
+    view = View(title="two units", x="rocker", y="rocker", dashed="rocker_rate", run="dynamics")
     with pytest.raises(InputError, match="one axis, but units"):
-        compare(case.model_copy(update={"view": (view,)}), "duration", "mujoco", curves)
+        compare(case.model_copy(update={"view": (view,)}), "dynamics", "mujoco", curves)
     other = view.model_copy(update={"run": "sweep"})
-    assert compare(case.model_copy(update={"view": (other,)}), "duration", "mujoco", curves)
+    assert compare(case.model_copy(update={"view": (other,)}), "dynamics", "mujoco", curves)
 
 
 def test_a_recorded_curve_is_not_asked_at_the_drives_state():

@@ -95,12 +95,12 @@ def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
     case = short(tmp_path)
     assert {kind: (run.n, run.solvers) for kind, run in case.run.items()} == {
         "sweep": (361, ("mujoco", "pymunk")),
-        "duration": (361, ("mujoco", "mujoco:default", "pymunk", "pymunk:default")),
+        "dynamics": (361, ("mujoco", "mujoco:default", "pymunk", "pymunk:default")),
     }
     assert case.channels["rocker"].equals == "rocker_angle"
     assert case.channels["coupler_rate.z"].unit == "rad/s"
     allowed = {
-        (kind, solver, name): tolerance and (tolerance.of_range, tolerance.why)
+        (kind, solver, name): tolerance and (tolerance.relative_to_range, tolerance.why)
         for kind, run in case.run.items()
         for solver in run.solvers
         for name in case.channels_of(kind)
@@ -108,10 +108,10 @@ def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
     }
     for engine, own in (("mujoco", MUJOCO), ("pymunk", PYMUNK)):
         assert allowed["sweep", engine, "holding_moment"] == own["sweep"]
-        assert allowed["duration", engine, "pin.x"] == own["position"]
-        assert allowed["duration", engine, "rocker_rate"] == own["velocity"]
-        assert allowed["duration", engine, "point_acceleration.y"] == own["acceleration"]
-    assert not any(allowed["duration", f"{e}:default", "pin.x"] for e in ("mujoco", "pymunk"))
+        assert allowed["dynamics", engine, "pin.x"] == own["position"]
+        assert allowed["dynamics", engine, "rocker_rate"] == own["velocity"]
+        assert allowed["dynamics", engine, "point_acceleration.y"] == own["acceleration"]
+    assert not any(allowed["dynamics", f"{e}:default", "pin.x"] for e in ("mujoco", "pymunk"))
 
 
 def test_an_accuracy_replaces_the_engine_s_share_and_keeps_its_reason(tmp_path):
@@ -119,15 +119,18 @@ def test_an_accuracy_replaces_the_engine_s_share_and_keeps_its_reason(tmp_path):
     velocity, sweep, position = (
         case.tolerance_for(*place)
         for place in (
-            ("duration", "pymunk", "rocker_rate"),
+            ("dynamics", "pymunk", "rocker_rate"),
             ("sweep", "pymunk", "rocker"),
-            ("duration", "pymunk", "rocker"),
+            ("dynamics", "pymunk", "rocker"),
         )
     )
-    assert (velocity.of_range, velocity.why) == (7e-7, PYMUNK["velocity"].why)
-    assert (sweep.of_range, position.of_range) == (3e-11, PYMUNK["position"].of_range)
-    assert case.tolerance_for("duration", "mujoco", "rocker_rate").of_range == (
-        MUJOCO["velocity"].of_range
+    assert (velocity.relative_to_range, velocity.why) == (7e-7, PYMUNK["velocity"].why)
+    assert (sweep.relative_to_range, position.relative_to_range) == (
+        3e-11,
+        PYMUNK["position"].relative_to_range,
+    )
+    assert case.tolerance_for("dynamics", "mujoco", "rocker_rate").relative_to_range == (
+        MUJOCO["velocity"].relative_to_range
     )
 
 
@@ -139,9 +142,12 @@ def test_a_tolerance_of_its_own_stands_alone_for_its_run_and_engine(tmp_path):
     )
     assert case.tolerance_for("sweep", "pymunk", "pin.x").abs == 1.0
     assert case.tolerance_for("sweep", "pymunk", "pin.y") is None
-    assert case.tolerance_for("sweep", "mujoco", "pin.y").of_range == MUJOCO["sweep"].of_range
-    assert case.tolerance_for("duration", "pymunk", "pin.y").of_range == (
-        PYMUNK["position"].of_range
+    assert (
+        case.tolerance_for("sweep", "mujoco", "pin.y").relative_to_range
+        == MUJOCO["sweep"].relative_to_range
+    )
+    assert case.tolerance_for("dynamics", "pymunk", "pin.y").relative_to_range == (
+        PYMUNK["position"].relative_to_range
     )
 
 
@@ -152,7 +158,7 @@ def test_listed_channels_are_all_unless_the_others_are_asked_for(tmp_path):
     assert (case.channels["pin.x"].equals, case.channels["pin.x"].unit) == (0.5, "mm")
     assert "pin.y" not in case.channels  # the sensor is listed
     assert case.channels["point.y"].equals == "point_y"
-    position = case.tolerance_for("duration", "mujoco", "pin.x")
+    position = case.tolerance_for("dynamics", "mujoco", "pin.x")
     assert position.unit == ("rad", "m", "mm")
 
 
@@ -193,7 +199,7 @@ def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
         ),
         (
             "accuracy.mujoco = { sweep = 1e-9 }",
-            '[[tolerance]]\nof_range = 1.0\nwhy = "w"',
+            '[[tolerance]]\nrelative_to_range = 1.0\nwhy = "w"',
             "accuracy.mujoco.sweep: it is used by no run",
         ),
         ("", '[channels]\n"*" = { unit = "m" }', 'channels."*": it stands for all sensors'),

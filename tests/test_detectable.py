@@ -49,7 +49,7 @@ def exact(case: Case, kind) -> Curves:
     """The curves of an engine without errors."""
     x = grid(case, kind)
     state = plan(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
-    state = None if kind == "rest" else state
+    state = None if kind == "equilibrium" else state
     return Curves(x, evaluate(case, x, state).channels, drive=state)
 
 
@@ -304,7 +304,7 @@ def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
         patch.setattr(module, "evaluate", evaluated)
         patch.setattr(module, "changeable", lambda case: {"none": 0.0, "some": -5.0})
         curves = Curves(np.zeros(1), {"y": np.zeros(1)})
-        found = detectable_changes(RunReference(case, "rest", curves), {"y": 1e-3})
+        found = detectable_changes(RunReference(case, "equilibrium", curves), {"y": 1e-3})
         assert asked[0] == {}
         assert asked[1] == {"none": pytest.approx(5e-6)}
         assert asked[3] == {"some": pytest.approx(-5.0 + 5e-6, abs=1e-12)}

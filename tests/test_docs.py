@@ -73,7 +73,7 @@ HEADINGS = {
     "tolerance": "`[[tolerance]]`",
     "view": "`[[view]]`",
     "chart": "`[[chart]]`",
-    "beside": "`[beside.NAME]`",
+    "compare_with": "`[compare_with.NAME]`",
     "refine": "`[refine]`",
 }
 ACCURACY = "`accuracy.ENGINE`"

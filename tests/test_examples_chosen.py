@@ -22,7 +22,7 @@ COMMANDS = dict(
     )
 )
 COMMANDS = {name: asked for asked, name in COMMANDS.items()}
-HEAD = re.compile(r'^"""(\w+), duration: (\w+) within (\S+) of its range\.$', re.MULTILINE)
+HEAD = re.compile(r'^"""(\w+), dynamics: (\w+) within (\S+) of its range\.$', re.MULTILINE)
 PRINTED = re.compile(r"as a program that runs by itself.*?: (\S+) off in")
 ROUNDED = 1.06  # two digits are printed
 OTHERS = 1.2  # another version of an engine may take its sums in another order

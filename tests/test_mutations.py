@@ -180,7 +180,7 @@ def runs(quick: bool) -> list[tuple[str, str, str, str]]:
             for solver in ("mujoco", "pymunk"):
                 fast = (kind, solver) == ("sweep", "mujoco") or (
                     (name, key) in QUICK
-                    and ((kind, solver) != ("duration", "pymunk") or "sweep" not in case.run)
+                    and ((kind, solver) != ("dynamics", "pymunk") or "sweep" not in case.run)
                 )
                 fast = fast and (name, solver, kind) not in LONG
                 if solver in run.solvers and fast == quick:

@@ -57,9 +57,9 @@ WRONG = {
     ),
     "run of a tolerance": (
         "fourbar_released",
-        r'run = "duration"',
+        r'run = "dynamics"',
         'run = "sweep"',
-        ["tolerance.0.run", "no run.sweep", "there are: duration"],
+        ["tolerance.0.run", "no run.sweep", "there are: dynamics"],
     ),
     "nothing covered": (
         "fourbar",
@@ -77,7 +77,7 @@ WRONG = {
         "fourbar",
         r'"mujoco", "mujoco:default"',
         '"mujoco", "mujco:default"',
-        ["run.duration.solvers", "'mujco'", "did you mean 'mujoco'?"],
+        ["run.dynamics.solvers", "'mujco'", "did you mean 'mujoco'?"],
     ),
     "channels of refine": (
         "rod_cantilever",

@@ -55,7 +55,7 @@ def studied(
     found: list[Comparison] = []
     for task in refinements(case):
         if task.solver == "mujoco":
-            s = grid(task.case, "rest")
+            s = grid(task.case, "equilibrium")
             truth = evaluate(task.case, s, None).channels
             curves = Curves(
                 s,
@@ -64,9 +64,9 @@ def studied(
                 steps=1,
             )
             study = task.study
-            found = study.add(task.segments, (errors(task.case, "rest", "mujoco", curves), curves))[
-                1
-            ]
+            found = study.add(
+                task.segments, (errors(task.case, "equilibrium", "mujoco", curves), curves)
+            )[1]
     return study, found
 
 
@@ -89,7 +89,7 @@ def test_both_engines_show_the_order_and_the_limit(few):
         "limit of rod.y",
     }
     assert result.exit_code == 0
-    assert "rod_cantilever rest pymunk, 20 segments" in labels
+    assert "rod_cantilever equilibrium pymunk, 20 segments" in labels
     assert len(labels) == 2 + 2 * len(SEGMENTS)
     both = {name: [row for row in result.refined if row.solver == name] for name in ENGINES}
     assert [row.segments for row in both["mujoco"]] == [n for n in SEGMENTS for _ in range(3)]
@@ -207,7 +207,13 @@ def test_a_lost_run_loses_the_study():
     """Which number of segments, and why."""
     study, _ = studied(power(2.0))
     lost = Comparison(
-        "rod_cantilever", "mujoco", "rest", "rod.x", "m", outcome="diverged", message="not at rest"
+        "rod_cantilever",
+        "mujoco",
+        "equilibrium",
+        "rod.x",
+        "m",
+        outcome="diverged",
+        message="not at rest",
     )
     again = RefinementStudy(study.case, study.refine, "mujoco")
     for n, found in study.runs.items():
@@ -262,7 +268,7 @@ def test_samples_have_their_places_on_the_links(segments, n, edit):
     tasks = list(refinements(case.model_copy(update={"refine": refine})))
     assert tuple(t.case.rod["rod"].segments for t in tasks) == segments * 2
     for task in tasks:
-        np.testing.assert_array_equal(grid(task.case, "rest"), np.linspace(0, 1, n))
+        np.testing.assert_array_equal(grid(task.case, "equilibrium"), np.linspace(0, 1, n))
 
 
 def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:

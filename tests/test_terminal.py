@@ -227,7 +227,7 @@ def test_cases_are_listed_with_their_runs():
             "fourbar",
             "fourbar.xml",
             "fourbar",
-            "sweep: mujoco, pymunk; duration: mujoco, mujoco:default, pymunk, pymunk:default",
+            "sweep: mujoco, pymunk; dynamics: mujoco, mujoco:default, pymunk, pymunk:default",
             "17",
             case.title,
         ],

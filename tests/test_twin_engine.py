@@ -71,7 +71,7 @@ model = "{model}"
 reference = "pendulum"
 parameters = {{ length = 1.0, mass = 1.0, gravity = 9.81, amplitude = -1.5707963267948966 }}
 
-[run.duration]
+[run.dynamics]
 until = 1.0
 n = 101
 solvers = {solvers}
@@ -81,7 +81,7 @@ angle = {{ equals = "angle", unit = "rad" }}
 rate = {{ equals = "rate", unit = "rad/s" }}
 
 [[tolerance]]
-of_range = 1e-4  # a hundredth of what 1 % of gravity changes
+relative_to_range = 1e-4  # a hundredth of what 1 % of gravity changes
 why = "leapfrog at 1 ms: the phase is off by (omega dt)^2 / 24 of the way"
 """
 
@@ -143,7 +143,7 @@ def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_p
 
 def test_an_unknown_engine_is_answered_with_those_there_are(site: Path, tmp_path: Path) -> None:
     (error,) = check([written(tmp_path, "twim")]).errors
-    assert error.key == "run.duration.solvers"
+    assert error.key == "run.dynamics.solvers"
     assert error.wrong.startswith("no simulator 'twim'; did you mean 'twin'? there are: mujoco, ")
 
 

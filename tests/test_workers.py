@@ -78,9 +78,9 @@ def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path)
 @pytest.mark.parametrize("name", ["pendulum", "fourbar"])
 def test_a_choice_is_verified_in_workers(name, models, edit, here):
     """The general solver, from which a free motion starts later, is a reference too."""
-    edit(f"{name}.toml", r"(?s)(run.duration.*?\nn = )\d+", r"\g<1>5")
-    row = StudyRow("trade", name, "duration", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
-    done = verify(load_case(models / f"{name}.toml"), "duration", row, "position", 1e-3)
+    edit(f"{name}.toml", r"(?s)(run.dynamics.*?\nn = )\d+", r"\g<1>5")
+    row = StudyRow("trade", name, "dynamics", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
+    done = verify(load_case(models / f"{name}.toml"), "dynamics", row, "position", 1e-3)
     assert done.fresh > 0
     assert done.shifted > 0
     assert not here
@@ -98,7 +98,7 @@ def test_changed_models_are_compiled_and_followed_in_workers(models, here, stand
 
 
 def test_rods_in_other_numbers_of_segments_are_built_in_workers(models, here):
-    task = StudyRun(load_case(models / "rod_cantilever.toml"), "rest", Setting("mujoco"))
+    task = StudyRun(load_case(models / "rod_cantilever.toml"), "equilibrium", Setting("mujoco"))
     keys = {key_of(StudyRun(task.case, task.run, task.setting.but(segments=n))) for n in (10, 20)}
     assert len(keys) == 2
     assert not here
@@ -117,7 +117,7 @@ def test_a_diet_compiles_its_model_in_a_worker_first(models, edit, here, monkeyp
 def test_a_diet_evaluates_its_references_in_workers(models, edit, here):
     edit("pendulum.toml", r"until = 10\.0", "until = 0.1")
     found = scene.scene_of(models / "pendulum.xml", 1.0)
-    assert "pendulum duration" in {watch.name for watch in found.watches}
+    assert "pendulum dynamics" in {watch.name for watch in found.watches}
 
 
 def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, edit, here):

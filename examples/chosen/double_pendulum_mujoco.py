@@ -1,4 +1,4 @@
-"""double_pendulum, duration: position within 1e-6 of its range.
+"""double_pendulum, dynamics: position within 1e-6 of its range.
 
 MuJoCo RK4, timestep 4.44 ms: 3e-7 off in 3.4e-3 s, 450 steps
 as a program that runs by itself: 3e-7 off in 0.016 s; 3e-7 from a shifted start

@@ -1,4 +1,4 @@
-"""fourbar, duration: position within 1e-5 of its range.
+"""fourbar, dynamics: position within 1e-5 of its range.
 
 MuJoCo RK4, solref 4 steps, timestep 17.5 ms: 1.8e-6 off in 0.011 s, 360 steps
 as a program that runs by itself, its drive moved by a flywheel: 1.8e-6 off in 0.015 s;

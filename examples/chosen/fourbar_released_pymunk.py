@@ -1,4 +1,4 @@
-"""fourbar_released, duration: position within 1e-3 of its range.
+"""fourbar_released, dynamics: position within 1e-3 of its range.
 
 pymunk, no bias, 3 iterations, timestep 2 ms: 3.1e-4 off in 6.7e-3 s, 1001 steps
 as a program that runs by itself: 3.1e-4 off in 2.8e-3 s; 3.1e-4 from a shifted start

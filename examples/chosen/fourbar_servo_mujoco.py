@@ -1,4 +1,4 @@
-"""fourbar, duration: position within 1e-4 of its range.
+"""fourbar, dynamics: position within 1e-4 of its range.
 
 MuJoCo implicitfast, solref 2 steps, timestep 3.49 ms: 3e-5 off in 7.3e-3 s, 1800 steps
 as a program that runs by itself, its drive moved by a servo of gain 2: 7e-5 off in 0.014 s;

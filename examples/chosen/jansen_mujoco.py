@@ -1,4 +1,4 @@
-"""jansen, duration: position within 1e-5 of its range.
+"""jansen, dynamics: position within 1e-5 of its range.
 
 MuJoCo RK4, solref 2 steps, timestep 3.49 ms: 2.8e-6 off in 0.064 s, 900 steps
 as a program that runs by itself, its drive moved by a flywheel: 2.9e-6 off in 0.07 s;

@@ -1,4 +1,4 @@
-"""pendulum, duration: position within 1e-6 of its range.
+"""pendulum, dynamics: position within 1e-6 of its range.
 
 MuJoCo RK4, timestep 10 ms: 4e-8 off in 0.011 s, 1000 steps
 as a program that runs by itself: 4e-8 off in 0.062 s; 3.9e-8 from a shifted start

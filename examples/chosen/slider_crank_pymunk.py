@@ -1,4 +1,4 @@
-"""slider_crank, duration: position within 1e-4 of its range.
+"""slider_crank, dynamics: position within 1e-4 of its range.
 
 pymunk, no bias, 30 iterations, timestep 5.82 ms: 1.3e-5 off in 0.026 s, 1081 steps
 as a program that runs by itself, its drive moved by a gear: 1.3e-5 off in 0.026 s; 1.3e-5

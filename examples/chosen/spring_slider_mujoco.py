@@ -1,4 +1,4 @@
-"""spring_slider, duration: position within 1e-5 of its range.
+"""spring_slider, dynamics: position within 1e-5 of its range.
 
 MuJoCo RK4, solref 4 steps, timestep 4.44 ms: 3.5e-6 off in 6.9e-3 s, 450 steps
 as a program that runs by itself: 3.5e-6 off in 0.011 s; 3.5e-6 from a shifted start

@@ -154,7 +154,7 @@ def write_case(
         "target": target,
         "target_moment": target_moment,
         "solvers": list(solvers),
-        "beside": beside,
+        "compare_with": beside,
         "pendulum": float(design.pendulum[0]),
         "mass": float(design.weight[0]) / GRAVITY,
         "gravity": GRAVITY,

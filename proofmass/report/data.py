@@ -115,9 +115,9 @@ def beyond_limits(runs: Iterable[Shown]) -> bool:
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
     """Name, unit and scale of a run's parameter: time, arc length, or a sweep's joint."""
-    if kind == "rest":
+    if kind == "equilibrium":
         return "arc length s", "m", 1.0
-    if kind == "duration" or case.leader is None or not case.leader.steady:
+    if kind == "dynamics" or case.leader is None or not case.leader.steady:
         return "time t", "s", 1.0
     if drive_units(case)[0] == "m":
         return f"{case.leader.joint} position", "m", 1.0
@@ -164,7 +164,7 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     if (
         case.leader is None
         or not view.curves
-        or view.kind == "rest"
+        or view.kind == "equilibrium"
         or (case.leader.steady and len(case.drive) == 1)
     ):
         return {}

@@ -490,7 +490,7 @@ def spoken(case: Case, picture: Picture, k: int) -> str:
                 else f"{np.degrees(value):.0f}°".replace("-0°", "0°")
             )
         )
-    if case.leader is None and "rest" in case.run:
+    if case.leader is None and "equilibrium" in case.run:
         return "at rest"
     if case.leader is None or not case.leader.steady:
         words.insert(0, f"t {number(picture.x[k])} s")
@@ -571,4 +571,4 @@ def path_panel(
         ylabel=f"{name}.{picture.axes[1]} [m]",
     )
     ax.locator_params(nbins=5)
-    ax.set_title(f"{name}: its {'shape' if view.kind == 'rest' else 'path'}")
+    ax.set_title(f"{name}: its {'shape' if view.kind == 'equilibrium' else 'path'}")

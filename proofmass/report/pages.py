@@ -40,8 +40,8 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 HEADINGS = {
     "sweep": "Sweep: the mechanism pose by pose, no time stepping",
-    "rest": "Rest: the shapes of the rods in equilibrium, along their length",
-    "duration": "Duration: the motion over time, as each engine steps it",
+    "equilibrium": "Equilibrium: the shapes of the rods, along their length",
+    "dynamics": "Dynamics: the motion over time, as each engine steps it",
 }
 CAPTIONS = {
     "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
@@ -121,7 +121,7 @@ def write_report(
                     if f"view-{k}" in drawings.figures
                 ],
                 charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
-                beside=tell(tables.side_by_side, None) if case.beside else None,
+                beside=tell(tables.side_by_side, None) if case.compare_with else None,
                 mechanism=mechanism(case, drawings),
                 note=drawings.note,
                 studied=[(s.title, link) for s in studies if (link := s.of(case))],
@@ -254,7 +254,7 @@ def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) 
     steps = {
         s: float(str(c.settings["timestep"]))
         for v in views
-        if v.kind == "duration"
+        if v.kind == "dynamics"
         for s, c in v.curves.items()
         if "timestep" in c.settings
     }
@@ -324,7 +324,7 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
                 f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
                 f"{view.x_name}; numbers in the table below"
             )
-            caption = CAPTIONS["shapes" if (view.kind, what) == ("rest", "paths") else what]
+            caption = CAPTIONS["shapes" if (view.kind, what) == ("equilibrium", "paths") else what]
             figures.append(
                 {"svg": Markup(inline(svg, stem, label)), "caption": caption, "stem": stem}
             )

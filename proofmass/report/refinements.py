@@ -264,7 +264,7 @@ def costs(view: Shown) -> Iterator[tuple[str, list[str]]]:
 def caption(refine: Refine) -> str:
     """What is asked for, and how it was sampled."""
     coarse, fine = refine.last
-    samples = ", which have the same places on the links of all" * (refine.run == "rest")
+    samples = ", which have the same places on the links of all" * (refine.run == "equilibrium")
     bound = "" if refine.richardson is None else f"; it may be {number(refine.richardson)} m off"
     return (
         f"Each rod in {', '.join(map(str, refine.segments))} segments: largest error over the "

@@ -67,7 +67,7 @@ def comparisons(view: Shown) -> list[Group]:
                 (
                     number(c.error_max),
                     place(view, c.at),
-                    number(c.of_range),
+                    number(c.relative_to_range),
                     number(c.error_rms),
                     number(c.nrmse),
                     number(c.allowed),
@@ -232,11 +232,11 @@ def is_unit(text: str) -> bool:
 
 def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
     """The case and the parameter sets beside it: heads, then rows of facts and of parameters."""
-    heads = [case.name, *case.beside]
-    told = [facts(case), *(facts(case, name) for name in case.beside)]
+    heads = [case.name, *case.compare_with]
+    told = [facts(case), *(facts(case, name) for name in case.compare_with)]
     given = [
         parameters(case, values)
-        for values in (case.parameters, *(b.parameters for b in case.beside.values()))
+        for values in (case.parameters, *(b.parameters for b in case.compare_with.values()))
     ]
     return heads, [
         [
@@ -316,7 +316,7 @@ def reasons(case: Case) -> list[dict[str, str]]:
             "why": t.why,
             "size": f"{number(t.abs)} (absolute)"
             if t.abs is not None
-            else f"{number(t.of_range or NAN)} of range",
+            else f"{number(t.relative_to_range or NAN)} of range",
         }
         for t in case.tolerance
     ]

@@ -80,7 +80,7 @@ def viewed(shown: Shown, view: View) -> Viewed:
     return Viewed(
         view,
         own,
-        {name: seen(case, view, longest, name) for name in case.beside},
+        {name: seen(case, view, longest, name) for name in case.compare_with},
         replace(
             shown,
             curves=curves,

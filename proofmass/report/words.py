@@ -51,7 +51,7 @@ def headline(
     comparisons : iterable of Comparison
         Of this case; others are passed over.
     steps : mapping of str to float, optional
-        Time step of each solver in the duration run [s].
+        Time step of each solver in the dynamics run [s].
 
     Returns
     -------
@@ -68,8 +68,8 @@ def headline(
             + "; ".join(parts)
             + "."
         )
-    quiet = [kind for kind in ("sweep", "rest") if kind in case.run] or ["sweep"]
-    sweep, duration = by_solver(own, *quiet), by_solver(own, "duration")
+    quiet = [kind for kind in ("sweep", "equilibrium") if kind in case.run] or ["sweep"]
+    sweep, dynamics = by_solver(own, *quiet), by_solver(own, "dynamics")
     within = " and ".join(quiet)
     true, false = ("The model matches the reference", "The model does not match the reference")
     if from_model(case):
@@ -109,14 +109,12 @@ def headline(
         told(
             s,
             rows,
-            f" at dt = {number(1e3 * steps[s])} ms"
-            if steps and s in steps
-            else " over the duration",
+            f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else " in dynamics",
         )
-        for s, rows in duration.items()
+        for s, rows in dynamics.items()
         if not plain(rows)
     ]
-    parts += unchecked({s: rows for s, rows in duration.items() if plain(rows)})
+    parts += unchecked({s: rows for s, rows in dynamics.items() if plain(rows)})
     joint = "" if not parts else ". " if first.startswith(true) else ": "
     return first + joint + "; ".join(parts) + "."
 
@@ -190,11 +188,11 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
 def distances(rows: Iterable[Comparison]) -> list[str]:
     """The largest error of positions, of velocities, of accelerations and of all else, apart.
 
-    If it is at least twice the largest one after the first tenth of a duration, both are told.
+    If it is at least twice the largest one after the first tenth of dynamics, both are told.
     """
     kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*KINDS, "force or energy")}
     for c in rows:
-        if math.isfinite(c.of_range):
+        if math.isfinite(c.relative_to_range):
             unit = si_unit(c.unit)[0]
             kind = next((k for k, units in KINDS.items() if unit in units), "force or energy")
             kinds[kind].append(c)
@@ -202,7 +200,10 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
     for kind, own in kinds.items():
         if not own:
             continue
-        share, later = max(c.of_range for c in own), max(c.of_range_later for c in own)
+        share, later = (
+            max(c.relative_to_range for c in own),
+            max(c.relative_to_range_later for c in own),
+        )
         text = f"{portion(share)}{' of the range' * (not words)} in {kind}"
         if share >= 2 * later:
             text += f" at the start, {portion(later)} after a tenth of the run"

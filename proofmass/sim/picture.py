@@ -313,7 +313,7 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
     """
     compiled, data = load(model, run)
     scene = PictureScene(compiled, data.qpos)
-    x = run.x[:1] if run.kind == "rest" else np.linspace(run.x[0], run.x[-1], count)
+    x = run.x[:1] if run.kind == "equilibrium" else np.linspace(run.x[0], run.x[-1], count)
     rows, stopped = follow(compiled, data, replace(run, x=x))
     drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
     return replace(
@@ -330,7 +330,7 @@ def follow(
     """
     mujoco.mj_kinematics(model, data)
     rows, kept = [], ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
-    still = run.drives or run.kind == "rest"
+    still = run.drives or run.kind == "equilibrium"
     moves = swept(model, data, run) if still else stepped(model, data, run)
     first, stopped = {name: getattr(data, name).copy() for name in kept}, ""
     try:

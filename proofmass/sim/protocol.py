@@ -35,10 +35,10 @@ class AccuracyLimit(NamedTuple):
     """How far an engine may be off, as a share of the reference's range, and why.
 
     The `accuracy` of an engine has one for ``sweep`` (all channels), and for ``position``,
-    ``velocity`` and ``acceleration`` (channels of a duration), as far as the engine states them.
+    ``velocity`` and ``acceleration`` (channels of dynamics), as far as the engine states them.
     """
 
-    of_range: float
+    relative_to_range: float
     why: str
 
 
@@ -128,7 +128,7 @@ class Drive:
         Name of the driven joint in the MJCF.
     law : callable
         ``law(x) -> (value, rate, acceleration)`` for arrays of x, in the joint's SI units.
-        In a sweep x is the run's x; in a duration it is time [s].
+        In a sweep x is the run's x; in dynamics it is time [s].
     """
 
     joint: str
@@ -198,17 +198,17 @@ class Run:
 
     Attributes
     ----------
-    kind : {"sweep", "duration", "rest", "passive"}
+    kind : {"sweep", "dynamics", "equilibrium", "passive"}
         Quasi-static poses, time stepping, or one pose at rest with the shapes of its rods.  A
         passive run steps a model that no sidecar speaks of, as the engine does by itself, from
         the key `start` or else its first one, and records all sensors.
     x : ndarray (n,)
-        Where to sample; rising.  Time [s] for a duration, arc length [m] of the rods for a rest.
+        Where to sample; rising.  Time [s] in dynamics, arc length [m] of the rods in equilibrium.
     channels : tuple of str
         Sensors of the MJCF to record.  ``name`` for a scalar sensor, ``name.x``, ``.y``, ``.z``
         for a component of a vector, ``name.angle`` for the direction of a ``framexaxis`` sensor
-        in the plane of motion, unwrapped along the run [rad].  In a rest also ``rod.x``, ``.y``,
-        ``.z`` [m], ``.angle`` [rad] and ``.moment`` [N m] along a rod.
+        in the plane of motion, unwrapped along the run [rad].  In equilibrium also ``rod.x``,
+        ``.y``, ``.z`` [m], ``.angle`` [rad] and ``.moment`` [N m] along a rod.
     drives : tuple of Drive
         Prescribed motions, at the same time; empty for a free motion.
     start : str
@@ -248,7 +248,7 @@ class Run:
         """
         spacing = np.diff(self.x)
         if np.ptp(spacing) > 1e-9 * spacing.mean():
-            raise Unsupported("samples at uneven times in a duration")
+            raise Unsupported("samples at uneven times in dynamics")
         width = float(self.x[-1] - self.x[0]) / (self.x.size - 1)
         if not (steps := width / float(timestep)) < MOST_STEPS:
             raise BadModel(
@@ -279,7 +279,7 @@ class Curves:
     seconds : float
         Wall time of the run without loading the model [s].
     steps : int
-        Engine steps (duration) or pose solutions (sweep).
+        Engine steps (dynamics) or pose solutions (sweep).
     settings : dict
         Settings as used, for the record: time step, integrator, ...; none that has no effect.
     stopped : str
@@ -321,7 +321,7 @@ def leading(knob: Knob) -> float:
 
 @dataclass(frozen=True)
 class Studied:
-    """A duration whose settings are studied.
+    """A dynamics run whose settings are studied.
 
     Attributes
     ----------
@@ -570,7 +570,7 @@ class Engine:
         return {**knobs, "timestep": step}
 
     def scans(self, about: Studied) -> Iterator[Scan]:
-        """The settings worth scanning in a duration; the time step, if it can be set."""
+        """The settings worth scanning in dynamics; the time step, if it can be set."""
         if "timestep" in self.settings.model_fields:
             yield scan_over({}, self.title, "timestep", about.timesteps())
 
@@ -617,7 +617,7 @@ class Engine:
         return None
 
     def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
-        """A duration as a program that needs the engine only.
+        """A dynamics run as a program that needs the engine only.
 
         Raises
         ------

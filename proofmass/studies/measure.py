@@ -169,7 +169,7 @@ class StudyRun:
     ----------
     case : Case
         From `load_case`, or a changed copy of it (`model_copy`): another start, other samples.
-    run : {"sweep", "duration", "rest"}
+    run : {"sweep", "dynamics", "equilibrium"}
         Which of its runs.
     setting : Setting
         The engine and its knobs.
@@ -292,7 +292,7 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
 
 def taken(kind: Kind, curves: Curves) -> float:
     """Time step that the engine says it took [s]; NaN where nothing is stepped through time."""
-    return float(str(curves.settings.get("timestep", NAN))) if kind == "duration" else NAN
+    return float(str(curves.settings.get("timestep", NAN))) if kind == "dynamics" else NAN
 
 
 def held(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement:
@@ -321,7 +321,7 @@ def held(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement
 
 def moved(run: Run, curves: Curves) -> bool:
     """Whether drives moved in time, so that they may be elsewhere than they were asked to be."""
-    return run.kind == "duration" and bool(run.drives) and curves.drive is not None
+    return run.kind == "dynamics" and bool(run.drives) and curves.drive is not None
 
 
 def as_asked(run: Run, curves: Curves) -> Curves:

@@ -151,7 +151,7 @@ SPREAD = {  # a column for each key
 COLUMNS = {
     "study": "trade, choose, stress or diet",
     "case": "name of the sidecar",
-    "run": "sweep, duration or rest",
+    "run": "sweep, dynamics or equilibrium",
     "engine": "name of the engine",
     "line": "the knobs that stay, in words: which line of a figure the run belongs to",
     "axis": "the knob that changes along the line",
@@ -166,8 +166,8 @@ COLUMNS = {
     "friction [1]; stretch: of rods [1]",
     "seconds": "least wall time of the repeats without loading the model, of the first run where "
     "there are none [s]",
-    "steps": "time steps of a duration, solved poses otherwise",
-    "step": "time step that the engine took in a duration [s]: the one of `knob.timestep`, or the "
+    "steps": "time steps of dynamics, solved poses otherwise",
+    "step": "time step that the engine took in dynamics [s]: the one of `knob.timestep`, or the "
     "next shorter one of which whole ones lead from sample to sample",
     "repeats": "all wall times [s], as a JSON array, made in rounds over all settings; a short run "
     "after one to warm up",
@@ -222,7 +222,7 @@ def read_table(file: Path) -> list[StudyRow]:
 def table(rows: Sequence[StudyRow]) -> str:
     """CSV with a header; what a row does not have is empty.
 
-    >>> print(table([StudyRow("trade", "pendulum", "duration", "mujoco", "RK4", "timestep", 0.01,
+    >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4", "timestep", 0.01,
     ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
     study,case,run,engine,line,axis,value,knob.timestep,error.position
     """

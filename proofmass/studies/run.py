@@ -130,7 +130,7 @@ def run(
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:
     """Where the reference of a free motion is kept, which all settings have in common."""
-    if task.run != "duration" or task.case.drive or task.case.rod:
+    if task.run != "dynamics" or task.case.drive or task.case.rod:
         return None
     return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.truth.npz"
 

@@ -226,5 +226,5 @@ def test_words_with_quotes_are_kept_and_others_stand_beside(tmp_path):
         )
     )
     assert (case.title, case.source) == ('A "sine"', "a\\b é")
-    assert case.beside["row 1743"].parameters == OTHER
+    assert case.compare_with["row 1743"].parameters == OTHER
     assert case.parameters == FREE | {"target": "sine", "target_moment": 1.0}

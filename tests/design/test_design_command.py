@@ -98,7 +98,7 @@ def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
     answer = run("--free-angle", "--beside", file, "-o", tmp_path)
     assert answer.exit_code == 0, answer.output
     theirs, ours = load_case(file), load_case(tmp_path / "balancer_sine.toml")
-    assert ours.beside[theirs.title].parameters == theirs.parameters
+    assert ours.compare_with[theirs.title].parameters == theirs.parameters
     assert ours.parameters["length1"] != theirs.parameters["length1"]
 
 

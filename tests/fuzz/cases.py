@@ -23,16 +23,19 @@ SHORT = [
     (r"(?m)^n = \d+", "n = 7"),
     (r'"mujoco:default", |, "pymunk:default"', ""),
     (r"(?m)^to = 6\.28\d+", "to = 0.6"),
-    (r"of_range = (\S+)", lambda m: f"of_range = {min(float(m[1]) * 1e4, 1e-2):g}"),
+    (
+        r"relative_to_range = (\S+)",
+        lambda m: f"relative_to_range = {min(float(m[1]) * 1e4, 1e-2):g}",
+    ),
 ]
 EDITS: dict[str, list] = {
     "pendulum": [*SHORT, (r"until = 10\.0", "until = 0.3")],
     "fourbar": SHORT,
     "fourbar_sweep": [
         *SHORT,
-        (r"(?s)\[run\.duration\].*?\n\n", ""),
+        (r"(?s)\[run\.dynamics\].*?\n\n", ""),
         (r'"mujoco", "pymunk"', '"mujoco"'),
-        (r"(?s)\[\[tolerance\]\]\nrun = \"duration\".*?(\n\n|\Z)", ""),
+        (r"(?s)\[\[tolerance\]\]\nrun = \"dynamics\".*?(\n\n|\Z)", ""),
         (r"(?s)\[\[tolerance\]\]\nrun = \"sweep\"\nsolver = \"pymunk\".*?(\n\n|\Z)", ""),
         (r"(?m)^reference", 'model = "fourbar.xml"\nreference'),
     ],
@@ -43,7 +46,7 @@ EDITS: dict[str, list] = {
         *SHORT,
         (r"segments = 40\n\n", "segments = 8\n\n"),
         (r"(?s)\[refine\].*?\n\n", ""),
-        (r"of_range = \S+", "of_range = 0.02"),
+        (r"relative_to_range = \S+", "relative_to_range = 0.02"),
     ],
     "watt": SHORT,
 }

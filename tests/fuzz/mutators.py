@@ -593,14 +593,14 @@ TABLES = [
     '[[chart]]\ntitle = "a"\ndraw = "solve"',
     '[[chart]]\ntitle = "a"\ndraw = "np"',
     '[[chart]]\ntitle = "a"\ndraw = "__doc__"',
-    "[beside.x]\nparameters = { crank = 1.0 }",
+    "[compare_with.x]\nparameters = { crank = 1.0 }",
     '[refine]\nsegments = [2, 4]\norder = 2\nwithin = 1\nwhy = "a"',
     '[rod.r]\nfrom = "a"\nlength = 1\nstiffness = 1\nsegments = {n}',
-    '[run.rest]\nn = 3\nsolvers = ["mujoco"]',
-    '[run.duration]\nn = 5\nuntil = 0.1\nsolvers = ["pymunk"]',
+    '[run.equilibrium]\nn = 3\nsolvers = ["mujoco"]',
+    '[run.dynamics]\nn = 5\nuntil = 0.1\nsolvers = ["pymunk"]',
     '[[drive]]\njoint = "coupler"\nfrom = 0\nto = 0',
     '[[tolerance]]\nabs = 1\nwhy = "a"',
-    '[[tolerance]]\nof_range = 1\nchannels = "["\nwhy = "a"',
+    '[[tolerance]]\nrelative_to_range = 1\nchannels = "["\nwhy = "a"',
     "[settings.mujoco]\n{s}",
     "[settings.pymunk]\n{s}",
     "[settings.mujoco]\n{s}",
@@ -611,7 +611,7 @@ TABLES = [
     "[nosuch]\na = 1",
 ]
 SCALES, SHIFTS = ["-1", "0", "2", "nan", "1.0001"], ["6.283185307179586", "0.1", "inf"]
-KINDS = ["sweep", "duration", "rest", "x"]
+KINDS = ["sweep", "dynamics", "equilibrium", "x"]
 UNITS = ["mm", "deg", "rad", "m", "deg/s", "rpm", "s", "1", "", "m^x", "m^", "rad/s^-2"]
 TOML_WORD = re.compile(r'"([^"\n]*)"')
 

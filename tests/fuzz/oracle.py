@@ -228,12 +228,12 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
     table = new["run"][run]
     if recorded is not None:
         x = next(iter(recorded.values()))
-        return x, [(d["joint"], *(recorded[c] for c in d["law"])) for d in drives]
+        return x, [(d["joint"], *(recorded[c] for c in d["profile"])) for d in drives]
     n = int(table["n"])
     if not drives:
         return np.linspace(0, float(table["until"]), n), []
     drive = drives[0]
-    if "law" in drive:
+    if "profile" in drive:
         raise Unjudged("a law of the reference")
     a, b = float(drive.get("from", 0.0)), float(drive["to"])
     if "period" in drive:

@@ -35,7 +35,7 @@ def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str
         text = re.sub(
             r"(?s)\[channels\].*",
             '[channels]\nholding_moment = { equals = "moment",'
-            ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nof_range = 1e-12\n'
+            ' unit = "N m" }\n[[tolerance]]\nsolver = "mujoco"\nrelative_to_range = 1e-12\n'
             'why = "rounding"\n',
             text,
         )

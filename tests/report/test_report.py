@@ -51,7 +51,7 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
 
 
 def result_of(case: Case, **off: float) -> Result:
-    """A result of MuJoCo runs (sweep=, duration=) that are off by a share of the range."""
+    """A result of MuJoCo runs (sweep=, dynamics=) that are off by a share of the range."""
     result = Result(cases=[case])
     for kind, share in off.items():
         curves = curves_of(case, kind, share)
@@ -80,24 +80,24 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report with everything that can go wrong in it."""
     folder = tmp_path_factory.mktemp("report")
     case = fourbar.model_copy(update={"title": EVIL})
-    result = result_of(case, sweep=0.0, duration=1e-3)
-    curves = curves_of(case, "duration", 0.0)
+    result = result_of(case, sweep=0.0, dynamics=1e-3)
+    curves = curves_of(case, "dynamics", 0.0)
     broken = dict(curves.channels, rocker=curves.channels["rocker"] * np.nan)
     del broken["pin.x"]
     curves = replace(curves, channels=broken, missing={"pin.x": "no such sensor here"})
-    result.curves[case.name, "duration", "mujoco:default"] = curves
-    result.comparisons.extend(compare(case, "duration", "mujoco:default", curves))
-    for kind, outcome in ("duration", "diverged"), ("sweep", "timed out"):
+    result.curves[case.name, "dynamics", "mujoco:default"] = curves
+    result.comparisons.extend(compare(case, "dynamics", "mujoco:default", curves))
+    for kind, outcome in ("dynamics", "diverged"), ("sweep", "timed out"):
         result.comparisons.extend(lost(case, kind, "pymunk", outcome))
     result.comparisons.append(
-        Comparison("loose", "mujoco", "duration", "", "", message="no sidecar; it loads and steps")
+        Comparison("loose", "mujoco", "dynamics", "", "", message="no sidecar; it loads and steps")
     )
     result.errors.append(InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>"))
     return write_report(result, folder).parent
 
 
 def test_all_agree(fourbar: Case) -> None:
-    result = result_of(fourbar, sweep=0.0, duration=0.0)
+    result = result_of(fourbar, sweep=0.0, dynamics=0.0)
     assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
         f"The model matches the reference: all {len(fourbar.channels)} channels of the sweep "
         "agree in MuJoCo. "
@@ -107,8 +107,8 @@ def test_all_agree(fourbar: Case) -> None:
 
 def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
     result = result_of(fourbar, sweep=0.0)
-    curves = curves_of(fourbar, "duration", 3e-2)
-    rows = compare(fourbar, "duration", "mujoco:default", curves)
+    curves = curves_of(fourbar, "dynamics", 3e-2)
+    rows = compare(fourbar, "dynamics", "mujoco:default", curves)
     assert (
         "shown unchecked: MuJoCo default (off by 3% of the range in position and 3% in velocity)"
     ) in headline(fourbar, [*result.comparisons, *rows])
@@ -117,12 +117,12 @@ def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
 def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
     """Each kind of quantity apart, and the first samples apart from what follows."""
     case = case_of("fourbar")
-    curves = curves_of(case, "duration", 0.0)
+    curves = curves_of(case, "dynamics", 0.0)
     truth = reference_for(case, curves).channels
     off = {"rocker": 1e-4, "rocker_rate": 1e-3, "rocker_acceleration.z": 2e-3}
     channels = {name: truth[name] + share * np.ptp(truth[name]) for name, share in off.items()}
     channels["rocker_acceleration.z"][0] += 0.5 * np.ptp(truth["rocker_acceleration.z"])
-    rows = compare(case, "duration", "mujoco:default", replace(curves, channels=channels))
+    rows = compare(case, "dynamics", "mujoco:default", replace(curves, channels=channels))
     (c,) = (c for c in rows if c.channel == "rocker_acceleration.z")
     span = np.ptp(truth["rocker_acceleration.z"])
     assert (c.at, c.error_max) == (0.0, pytest.approx(0.502 * span, rel=1e-9))
@@ -134,7 +134,7 @@ def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
 
 
 def test_sweep_differs(fourbar: Case) -> None:
-    text = headline(fourbar, result_of(fourbar, sweep=1e-3, duration=0.0).comparisons)
+    text = headline(fourbar, result_of(fourbar, sweep=1e-3, dynamics=0.0).comparisons)
     assert text.startswith(
         "The model does not match the reference: MuJoCo differs in the sweep on "
     )
@@ -154,20 +154,20 @@ def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
 
 
 def test_duration_differs(fourbar: Case) -> None:
-    text = headline(fourbar, result_of(fourbar, sweep=0.0, duration=1e-3).comparisons)
+    text = headline(fourbar, result_of(fourbar, sweep=0.0, dynamics=1e-3).comparisons)
     assert text.startswith(f"The model matches the reference: all {len(fourbar.channels)} channels")
-    assert "differs over the duration on coupler.angle, rocker, pin.x and 2 more" in text
+    assert "differs in dynamics on coupler.angle, rocker, pin.x and 2 more" in text
 
 
 def test_diverged(fourbar: Case) -> None:
     rows = result_of(fourbar, sweep=0.0).comparisons
-    text = headline(fourbar, [*rows, *lost(fourbar, "duration", "pymunk:default", "diverged")])
-    assert text.endswith("pymunk default diverged over the duration.")
+    text = headline(fourbar, [*rows, *lost(fourbar, "dynamics", "pymunk:default", "diverged")])
+    assert text.endswith("pymunk default diverged in dynamics.")
 
 
 def test_no_sweep_and_nothing_run() -> None:
     case = case_of("pendulum")
-    assert headline(case, result_of(case, duration=0.0).comparisons).startswith(
+    assert headline(case, result_of(case, dynamics=0.0).comparisons).startswith(
         "No sweep, so model and integrator are judged together: MuJoCo agrees"
     )
     assert headline(case, []).startswith("Not judged")
@@ -229,7 +229,7 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "duration") for what in SHEETS)]
+    "name", ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "dynamics") for what in SHEETS)]
 )
 def test_figures_as_svg_and_png(report: Path, name: str) -> None:
     stem = report / "figures" / f"fourbar-{name}"
@@ -239,7 +239,7 @@ def test_figures_as_svg_and_png(report: Path, name: str) -> None:
 
 def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
     case = case_of("pendulum")
-    failed = Result(cases=[case], comparisons=lost(case, "duration", "pymunk", "crashed"))
+    failed = Result(cases=[case], comparisons=lost(case, "dynamics", "pymunk", "crashed"))
     page = write_report(failed, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
     assert "pymunk is not drawn: crashed" in page
     assert page.count("<figure") == 1  # the mechanism: it needs no solver
@@ -251,7 +251,7 @@ def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
     case = case_of(
         "pendulum", parameters={"length": 1.0, "mass": 1.0, "gravity": 9.81, "amplitude": 0.0}
     )
-    index = write_report(result_of(case, duration=0.0), tmp_path)
+    index = write_report(result_of(case, dynamics=0.0), tmp_path)
     page = index.with_name("pendulum.html").read_text(encoding="utf-8")
     assert page.count("<figure") == 3  # mechanism, overlay, difference
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)

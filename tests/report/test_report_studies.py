@@ -31,7 +31,7 @@ from tests.studies.trade.trade_rows import study
 
 HEAVY, LEAN = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
 QUARTER, NOTHING = (0.2, 0.25, 0.3), (-0.02, 0.01, 0.03)
-RUN = "pendulum duration"
+RUN = "pendulum dynamics"
 ENTRIES = [
     Entry(
         "light", "sun", "harmless", {RUN: {"angle": 0.0, "rate.x": 0.0}}, "", (HEAVY, LEAN), QUARTER
@@ -103,7 +103,7 @@ def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
         "Nothing is left to remove: of 0 features, each taken out, 0 move a channel by more than "
         "it may, and 0 are needed for the model to run.",
         "Options are changed: tolerance 0 to 1e-8.",
-        "The largest error of a channel is 0.5 of what is allowed, of angle in pendulum duration.",
+        "The largest error of a channel is 0.5 of what is allowed, of angle in pendulum dynamics.",
         "The time of a run does not change measurably (0.97 to 1.02 of it with 99 %), and 10 KB "
         "less memory.",
         "Options that stay, since an error would be too large: time step 1e-3 to 2e-3 s (4 of what "
@@ -122,7 +122,7 @@ def test_another_table_is_no_diet(tmp_path: Path) -> None:
 def test_the_page_of_a_diet_says_what_goes_and_what_that_saves(studies: list[Path]) -> None:
     text = write_diet(studies[2], studies[2]).first.read_text(encoding="utf-8")
     assert "1 of 5 features go together: light sun." in text
-    assert "The largest change is 0.5 of what is allowed, of angle in pendulum duration." in text
+    assert "The largest change is 0.5 of what is allowed, of angle in pendulum dynamics." in text
     assert "A run takes 0.75 of its time (0.7 to 0.8 with 99 %), and 10 KB less memory." in text
     assert "<td>25 % (20 to 30)</td>" in text
     assert text.count("<td>none</td>") == 1  # whose interval holds 0
@@ -177,7 +177,7 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(
                 assert f'id="{link[1][1:]}"' in target.read_text(encoding="utf-8"), link
     case = (out / "pendulum.html").read_text(encoding="utf-8")
     for link in (
-        "trade/pendulum-duration-trade.html",
+        "trade/pendulum-dynamics-trade.html",
         "stress/index.html#pendulum-stress",
         "diet/index.html#pendulum-diet",
     ):

@@ -66,7 +66,7 @@ def test_rods_are_drawn_over_their_segments() -> None:
         StudyRow(
             "trade",
             "rod",
-            "rest",
+            "equilibrium",
             "mujoco",
             "MuJoCo, segments",
             "segments",
@@ -215,21 +215,21 @@ def test_pages_and_files(page: Path) -> None:
     names = {file.name for file in page.parent.iterdir()}
     assert {
         "index.html",
-        "fourbar-duration-trade.html",
-        "watt-duration-trade.html",
+        "fourbar-dynamics-trade.html",
+        "watt-dynamics-trade.html",
         "trade.csv",
         "floors.csv",
         "verdicts.json",
         "figures",
     } <= names
-    for stem in ("fourbar-duration-trade", "watt-duration-trade"):
+    for stem in ("fourbar-dynamics-trade", "watt-dynamics-trade"):
         for ending in (".svg", ".png"):
             assert (page.parent / "figures" / (stem + ending)).stat().st_size > 1000
     assert "http" not in page.read_text().replace("http://www.w3.org", "")
 
 
 def test_the_page_says_what_to_do(page: Path) -> None:
-    text = (page.parent / "fourbar-duration-trade.html").read_text()
+    text = (page.parent / "fourbar-dynamics-trade.html").read_text()
     assert "For position within 1e-4 of its range" in text
     assert "MuJoCo RK4, solref 8 dt, timestep" in text
     assert "defaults never get there" in text

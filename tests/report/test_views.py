@@ -57,7 +57,7 @@ x = "crank"
 stack = ["stored", "lifted"]
 unit = "J"
 
-[beside."stiff & heavy"]
+[compare_with."stiff & heavy"]
 parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
 """
 
@@ -76,7 +76,7 @@ def judged(sidecar: Path) -> list[Comparison]:
 
 def with_views(*views: View, **beside: dict) -> Case:
     table = case_of("fourbar").model_dump(by_alias=True)
-    table |= {"view": views, "beside": {k: {"parameters": p} for k, p in beside.items()}}
+    table |= {"view": views, "compare_with": {k: {"parameters": p} for k, p in beside.items()}}
     return Case(**table)
 
 
@@ -121,9 +121,9 @@ def test_a_driven_joint_and_a_quantity_as_x() -> None:
 
 
 def test_a_view_is_of_the_first_run_that_records_it() -> None:
-    case = with_views(LOOP, LOOP.model_copy(update={"y": ("rocker",), "run": "duration"}))
-    runs = [shown(result_of(case, sweep=0.0, duration=0.0), case, k) for k in case.run]
-    assert [v.over.kind for v in all_viewed(case, runs)] == ["sweep", "duration"]
+    case = with_views(LOOP, LOOP.model_copy(update={"y": ("rocker",), "run": "dynamics"}))
+    runs = [shown(result_of(case, sweep=0.0, dynamics=0.0), case, k) for k in case.run]
+    assert [v.over.kind for v in all_viewed(case, runs)] == ["sweep", "dynamics"]
 
 
 def test_panels_hold_the_curves_and_their_difference() -> None:
@@ -238,9 +238,9 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
         (
             "stiffness = 4.0",
             "stifness = 4.0",
-            ["beside.'stiff & heavy'.parameters.stifness", "stiffness, target, weight"],
+            ["compare_with.'stiff & heavy'.parameters.stifness", "stiffness, target, weight"],
         ),
-        ("stiffness = 4.0", "weigth = 4.0", ["beside.'stiff & heavy'.parameters.weigth"]),
+        ("stiffness = 4.0", "weigth = 4.0", ["compare_with.'stiff & heavy'.parameters.weigth"]),
         ('"sine"', '["sine"]', ["parameters.target: ", "valid number"]),
         ('y = "holding_moment"', "", ["view.0", "either y or stack"]),
         ('y = "holding_moment"', 'y = ["holding_moment", "moment"]', ["view.0", "one y"]),
@@ -249,18 +249,18 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
             'titel = "Energies"',
             ["view.1", "unknown key 'titel'", "title, x, y"],
         ),
-        (r"\[\[view\]\].*(?=\[beside)", "", ["beside", "give a [[view]]"]),
+        (r"\[\[view\]\].*(?=\[compare_with)", "", ["compare_with", "give a [[view]]"]),
         (
             'x = "crank"',
-            'x = "crank"\nrun = "duration"',
-            ["no run.duration records", "holding_moment"],
+            'x = "crank"\nrun = "dynamics"',
+            ["no run.dynamics records", "holding_moment"],
         ),
     ],
 )
 def test_errors_name_the_key_and_what_there_is(stub, old, new, words) -> None:
     text, hits = re.subn(old, new, stub.read_text(), count=1, flags=re.DOTALL)
     assert hits
-    if "run.duration" in words[0]:
+    if "run.dynamics" in words[0]:
         text = text.replace('unit = "N m" }', 'unit = "N m", only = "sweep" }')
     stub.write_text(text)
     with pytest.raises(InputError) as caught:
@@ -270,7 +270,7 @@ def test_errors_name_the_key_and_what_there_is(stub, old, new, words) -> None:
 
 def test_lengths_beside_that_cannot_close_are_named() -> None:
     case = with_views(LOOP, short=OTHER | {"coupler": 0.1})
-    with pytest.raises(InputError, match=r"beside\.'short'\.parameters"):
+    with pytest.raises(InputError, match=r"compare_with\.'short'\.parameters"):
         compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
 
 
@@ -281,7 +281,7 @@ def test_a_recorded_curve_has_views_but_no_parameters_beside() -> None:
     case = case.model_copy(update={"view": (view,)})
     found = view_of(case)
     assert found.own.units[name] == unit
-    table = case.model_dump(by_alias=True) | {"beside": {"a": {"parameters": {"crank": 1.0}}}}
+    table = case.model_dump(by_alias=True) | {"compare_with": {"a": {"parameters": {"crank": 1.0}}}}
     with pytest.raises(InputError, match="a recorded curve, which has none"):
         view_of(Case(**table))
 

@@ -56,7 +56,7 @@ def rest(
 ) -> Curves:
     """A rest, read at so many places along the first rod."""
     s = np.linspace(0.0, rods[0].length, samples)
-    return ENGINES[engine](file, Run("rest", s, channels, drives, rods=rods))
+    return ENGINES[engine](file, Run("equilibrium", s, channels, drives, rods=rods))
 
 
 def constant(value: float, x: Array) -> tuple[Array, Array, Array]:

@@ -44,7 +44,7 @@ WITH_AND_WITHOUT = {
 ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}
 DRIVE = Drive("a", lambda x: (0.1 + x, 1 + 0 * x, 0 * x))
 RUNS = {
-    "duration": Run("duration", np.linspace(0, 0.5, 11), ("b", "acc.x", "acc.y", "energy")),
+    "dynamics": Run("dynamics", np.linspace(0, 0.5, 11), ("b", "acc.x", "acc.y", "energy")),
     "sweep": Run("sweep", np.linspace(0, 1, 5), ("b", "energy", "hold"), (DRIVE,)),
     "settled": Run(
         "sweep",
@@ -66,8 +66,8 @@ def written(tmp_path, name, changed, flag=""):
 @pytest.mark.parametrize(
     ("engine", "kind"),
     [
-        ("mujoco", "duration"),
-        ("pymunk", "duration"),
+        ("mujoco", "dynamics"),
+        ("pymunk", "dynamics"),
         ("mujoco", "sweep"),
         ("pymunk", "sweep"),
         ("mujoco", "settled"),
@@ -92,13 +92,13 @@ def test_what_is_disabled_is_as_if_it_were_not_there(engine, kind, flag, tmp_pat
 def test_the_planar_reference_leaves_out_what_is_disabled(flag, tmp_path):
     there, absent = WITH_AND_WITHOUT[flag]
     one, two = (
-        planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+        planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
         for file in (
             written(tmp_path, "disabled", there, flag),
             written(tmp_path, "absent", absent),
         )
     )
-    for name in RUNS["duration"].channels:
+    for name in RUNS["dynamics"].channels:
         np.testing.assert_array_equal(one[name], two[name], err_msg=name)
 
 
@@ -107,7 +107,7 @@ def test_the_planar_reference_leaves_out_what_is_disabled(flag, tmp_path):
 )
 def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
     one, two = (
-        planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+        planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
         for file in (
             written(tmp_path, "limited", {"load": limits}),
             written(tmp_path, "less", {"ctrl": ".1"}),
@@ -120,9 +120,9 @@ def test_the_planar_reference_names_an_actuator_that_is_no_motor_on_a_joint(tmp_
     file = written(tmp_path, "servo", {})
     file.write_text(file.read_text().replace('<motor name="load"', '<position name="servo"'))
     with pytest.raises(ValueError, match="actuator 'servo' is no motor on a joint"):
-        planar.solve(RUNS["duration"].x, model=mujoco.MjModel.from_xml_path(str(file)))
+        planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
 
 
 def test_disabled_sensors_are_named(tmp_path):
     with pytest.raises(Unsupported, match='sensor="disable"'):
-        with_mujoco.simulate(written(tmp_path, "blind", {}, "sensor"), RUNS["duration"])
+        with_mujoco.simulate(written(tmp_path, "blind", {}, "sensor"), RUNS["dynamics"])

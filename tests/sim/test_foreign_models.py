@@ -99,7 +99,7 @@ def test_it_falls_as_the_engine_lets_it(tmp_path):
 def test_a_case_still_names_the_keys_there_are(tmp_path):
     file = written(tmp_path, HINGE, JOINT + MODELS["keys of other names"][1])
     with pytest.raises(BadModel, match="no <key> named 'start'; there are: squat, prone"):
-        simulate(file, Run("duration", np.linspace(0, 0.1, 2), ("b",)))
+        simulate(file, Run("dynamics", np.linspace(0, 0.1, 2), ("b",)))
 
 
 def test_what_the_engine_refuses_is_bad_input_with_its_own_words(tmp_path):

@@ -63,7 +63,7 @@ def test_a_swing_is_drawn_on_its_way_there() -> None:
 
 def test_bodies_without_geoms_are_lines_between_their_joints(tmp_path: Path) -> None:
     (tmp_path / "bare.xml").write_text(BARE.format(more=""))
-    run = Run("duration", np.linspace(0, 0.1, 3), ())
+    run = Run("dynamics", np.linspace(0, 0.1, 3), ())
     shape = picture(tmp_path / "bare.xml", run, count=3)
     assert shape.axes == ("x", "z")
     assert [np.ptp(link.outlines[0][0], axis=0) for link in shape.links] == [

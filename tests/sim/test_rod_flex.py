@@ -28,7 +28,7 @@ def cantilever(n: int, **change) -> Rod:
     return replace(Rod("r", "ground", None, 1.0, 1.0, n, ("clamped", "free")), **change)
 
 
-def rest(file, *rods, channels=SHAPE, samples=2, kind="rest", drives=(), step=None):
+def rest(file, *rods, channels=SHAPE, samples=2, kind="equilibrium", drives=(), step=None):
     """A rest, read at so many places along the first rod."""
     s = np.linspace(0.0, rods[0].length, samples)
     settings = {"flex": True} | ({"timestep": step} if step else {})
@@ -77,7 +77,7 @@ def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
         gravity="0 -9.81 0" if weight else "0 0 0",
     )
     own = rest(file, rod, samples=1 + 2 * n + 1).settings["stretch"]
-    s = Run("rest", one.nodes, SHAPE, settings={"flex": True}, rods=(rod,))
+    s = Run("equilibrium", one.nodes, SHAPE, settings={"flex": True}, rods=(rod,))
     angles = simulate(file, s).channels["r.angle"]
     truth = minimize(potential, np.zeros(n), method="BFGS", options={"gtol": 1e-9}).x
     # BFGS by forward differences ends 1e-6 from its minimum; stretch bends the rest by its size
@@ -177,8 +177,8 @@ def test_what_a_flex_cannot_be(change, load, words, tmp_path):
 
 def test_what_it_is_not_asked_for(tmp_path):
     file = model(tmp_path, actuators=pull("r.tip", 0, 1), ctrl="1")
-    with pytest.raises(Unsupported, match="in a rest"):
-        rest(file, cantilever(5), kind="duration")
+    with pytest.raises(Unsupported, match="in equilibrium"):
+        rest(file, cantilever(5), kind="dynamics")
     with pytest.raises(Unsupported, match="'motor1' is driven"):
         rest(PAIR, cantilever(5), drives=held())
     with pytest.raises(BadRod, match="two or more"):
@@ -192,10 +192,10 @@ def test_dry_friction_is_refused_by_name(tmp_path):
         pull("r.tip", 0, 1),
         ctrl="1",
     )
-    with pytest.raises(Unsupported, match="frictionloss of joint 'b' in a rest"):
+    with pytest.raises(Unsupported, match="frictionloss of joint 'b' in equilibrium"):
         rest(file, cantilever(5))
-    with pytest.raises(Unsupported, match="frictionloss of joint 'b' in a rest"):
-        simulate(file, Run("rest", np.array([0.0, 1.0]), SHAPE, rods=(cantilever(5),)))
+    with pytest.raises(Unsupported, match="frictionloss of joint 'b' in equilibrium"):
+        simulate(file, Run("equilibrium", np.array([0.0, 1.0]), SHAPE, rods=(cantilever(5),)))
 
 
 def test_stations_stand_half_an_element_beside_the_clamp():
@@ -210,14 +210,14 @@ def test_another_rod_is_found_out():
     for change in ({}, {"stiffness": 1.02}, {"length": 1.01}):
         rods = tuple(replace(rod, **change) for rod in case.rods)
         run = Run(
-            "rest",
+            "equilibrium",
             np.linspace(0.0, 1.0, 41),
-            tuple(case.channels_of("rest")),
+            tuple(case.channels_of("equilibrium")),
             settings={"flex": True},
             rods=rods,
         )
         found = compare(
-            case, "rest", "mujoco:flex", simulate(case.model_path, run), detectable=False
+            case, "equilibrium", "mujoco:flex", simulate(case.model_path, run), detectable=False
         )
         outcomes.append({c.outcome for c in found})
     assert outcomes[0] == {"agrees"}

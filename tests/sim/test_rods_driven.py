@@ -115,7 +115,7 @@ def test_a_loaded_arm_swings(engine, tmp_path):
         ctrl="1",
     )
     t = np.linspace(0.0, 2.0, 21)
-    found = ENGINES[engine](file, Run("duration", t, ("angle",), settings={"timestep": 1e-3}))
+    found = ENGINES[engine](file, Run("dynamics", t, ("angle",), settings={"timestep": 1e-3}))
 
     def motion(_, z):
         return [z[1], (0.5 - 4 * np.cos(z[0]) - 3 * np.sin(z[0])) / 2.1]
@@ -130,7 +130,7 @@ def test_a_loaded_arm_swings(engine, tmp_path):
 def test_loads_out_of_the_plane_are_refused(tmp_path):
     """By pymunk; MuJoCo carries them."""
     file = model(tmp_path, ARM, pull("end", 0, 0, 1), ctrl="1")
-    run = Run("duration", np.linspace(0, 1, 3), ())
+    run = Run("dynamics", np.linspace(0, 1, 3), ())
     with pytest.raises(Unsupported, match="actuator 'pull' leaves the plane"):
         ENGINES["pymunk"](file, run)
 
@@ -138,7 +138,7 @@ def test_loads_out_of_the_plane_are_refused(tmp_path):
 def test_a_load_on_the_ground_does_nothing(tmp_path):
     """Its site hangs on no link."""
     file = model(tmp_path, ARM, pull("ground", 1), '<jointpos name="angle" joint="arm"/>', ctrl="1")
-    found = ENGINES["pymunk"](file, Run("duration", np.linspace(0, 1, 3), ("angle",)))
+    found = ENGINES["pymunk"](file, Run("dynamics", np.linspace(0, 1, 3), ("angle",)))
     assert not found.channels["angle"].any()
 
 
@@ -198,7 +198,7 @@ SIDECARS = {
     "free but held": ('to = "pin"', 'to = "pin"\nends = ["clamped", "free"]', ["leave out to"]),
     "beyond its end": ("n = 21", "n = 21\nuntil = 1.5", ["until", "shortest rod, 1 m"]),
     "unknown part": (r'"rod.x" =', '"rod.phi" =', ["channels.rod.phi", "rod.x, .y, .z, .angle"]),
-    "no rod": (r"(?s)\[rod.rod\].*?\n\n", "", ["run.rest", "[rod.NAME]"]),
+    "no rod": (r"(?s)\[rod.rod\].*?\n\n", "", ["run.equilibrium", "[rod.NAME]"]),
 }
 
 

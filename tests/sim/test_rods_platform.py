@@ -45,7 +45,7 @@ def at_rest(engine: str, name: str, segments: int, folder: Path):
     text, model = case.model_path.read_text(), folder / "rfr3.xml"
     assert POSE in text
     model.write_text(text.replace(POSE, pose))
-    run = plan(case, "rest", engine)
+    run = plan(case, "equilibrium", engine)
     rods = tuple(
         replace(rod, segments=segments, turn=turn)
         for rod, turn in zip(run.rods, turns, strict=True)
@@ -263,7 +263,7 @@ def test_another_equilibrium_is_named(edit):
 def test_what_a_comparison_would_notice():
     """Small changes of every parameter that is a length, an angle or a stiffness."""
     case = load_case(shipped("rfr3.toml"))
-    found = compare(case, "rest", "mujoco", solve(case, "rest", "mujoco"))
+    found = compare(case, "equilibrium", "mujoco", solve(case, "equilibrium", "mujoco"))
     least: dict[str, float] = {}
     for c in found:
         for key, change in c.would_notice.items():

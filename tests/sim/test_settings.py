@@ -141,12 +141,12 @@ def test_a_study_turns_what_acts(models, edit, change, axes):
         edit("pendulum.xml", "<worldbody>", '<worldbody><geom type="plane" size="9 9 9"/>')
         edit("pendulum.xml", '<flag contact="disable"/>', "")
         edit("pendulum.xml", "<geom ", '<geom contype="1" conaffinity="1" ')
-    found = {line.axis for line in lines(load_case(models / "pendulum.toml"), "duration")}
+    found = {line.axis for line in lines(load_case(models / "pendulum.toml"), "dynamics")}
     assert found - {"timestep", "iterations", "error_bias"} == axes
 
 
 def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
-    found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "duration")}
+    found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "dynamics")}
     off = next(line for name, line in found.items() if "refsafe off" in name)
     step = off.settings[0].knobs["timestep"]
     assert all(

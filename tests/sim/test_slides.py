@@ -58,14 +58,14 @@ def test_sweep_of_a_driven_slide_is_the_inverse_closed_form(engine, hacksaw):
 def test_a_driven_slide_is_second_order_in_pymunk(hacksaw):
     errors = []
     for dt in (2e-3, 1e-3):
-        curves = with_pymunk.simulate(hacksaw, run_of("duration", dt))
+        curves = with_pymunk.simulate(hacksaw, run_of("dynamics", dt))
         errors.append(np.abs(curves.channels["theta2"] - crank_angle(curves.drive[0])).max())
     assert errors[1] < 1e-4
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)  # higher terms
 
 
 def test_a_driven_slide_in_mujoco_is_as_good_as_its_soft_loops(hacksaw):
-    curves = with_mujoco.simulate(hacksaw, run_of("duration"))
+    curves = with_mujoco.simulate(hacksaw, run_of("dynamics"))
     error = np.abs(curves.channels["theta2"] - crank_angle(curves.drive[0])).max()
     assert error < 1e-5  # gap over arm
 
@@ -81,7 +81,7 @@ SLIDER = """<mujoco><option gravity="0 -9.81 0" timestep="1e-3"><flag contact="d
 def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
     file = tmp_path / "slider.xml"
     file.write_text(SLIDER)
-    curves = with_pymunk.simulate(file, Run("duration", np.linspace(0, 2, 201), ("drop",)))
+    curves = with_pymunk.simulate(file, Run("dynamics", np.linspace(0, 2, 201), ("drop",)))
     drop, hit = curves.channels["drop"], np.sqrt(2 * 0.5 / 9.81)
     free = curves.x < hit - 0.01
     np.testing.assert_allclose(drop[free], -9.81 / 2 * curves.x[free] ** 2, atol=1e-6)  # dt^2
@@ -93,7 +93,7 @@ def test_a_driven_slide_that_rides_on_another_leaves_it_at_rest(tmp_path):
     file = tmp_path / "slider.xml"
     file.write_text(SLIDER.replace("</sensor>", '<jointpos name="base" joint="base"/></sensor>'))
     run = Run(
-        "duration",
+        "dynamics",
         np.linspace(0, 1, 11),
         ("drop", "base"),
         (Drive("drop", lambda t: (t**2, 2 * t, 2 + 0 * t)),),

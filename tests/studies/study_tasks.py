@@ -22,12 +22,12 @@ LINES = (
 def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
     """Four lines of five steps."""
     case = load_case(models / "pendulum.toml")
-    short = case.run["duration"].model_copy(update={"until": 0.5, "n": 51})
-    case = case.model_copy(update={"run": {"duration": short}})
+    short = case.run["dynamics"].model_copy(update={"until": 0.5, "n": 51})
+    case = case.model_copy(update={"run": {"dynamics": short}})
     return [
         StudyRun(
             case,
-            "duration",
+            "dynamics",
             Setting(engine, {**knobs, "timestep": step}),
             "trade",
             f"{engine} {' '.join(map(str, knobs.values()))}",

@@ -37,14 +37,14 @@ def driven(case: Case, kind: Kind, x: Array) -> State:
 
 def seen(step: float, setting: Setting = EULER) -> measure.Measurement:
     """The pendulum in MuJoCo, ten seconds from the horizontal."""
-    return observe(StudyRun(PENDULUM, "duration", setting.but(timestep=step)), False, None)
+    return observe(StudyRun(PENDULUM, "dynamics", setting.but(timestep=step)), False, None)
 
 
 def test_errors_are_shares_of_the_range_of_the_reference():
-    x = grid(PENDULUM, "duration")
+    x = grid(PENDULUM, "dynamics")
     exact = evaluate(PENDULUM, x, None).channels
     off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
-    found = shares(PENDULUM, "duration", Curves(x, off))
+    found = shares(PENDULUM, "dynamics", Curves(x, off))
     assert found == {
         "position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # from side to side
         "energy": pytest.approx(0.01, rel=1e-6),
@@ -52,24 +52,24 @@ def test_errors_are_shares_of_the_range_of_the_reference():
 
 
 def test_of_several_channels_of_a_kind_the_worst_counts():
-    x = grid(FOURBAR, "duration")
-    state = driven(FOURBAR, "duration", x)
+    x = grid(FOURBAR, "dynamics")
+    state = driven(FOURBAR, "dynamics", x)
     exact = evaluate(FOURBAR, x, state).channels
     places = [name for name, c in FOURBAR.channels.items() if c.unit in ("rad", "m")]
     assert len(places) > 2
     for worst in places:
         off = {n: y + (2e-3 if n == worst else 1e-3) * np.ptp(y) for n, y in exact.items()}
-        found = shares(FOURBAR, "duration", Curves(x, off, drive=state))
+        found = shares(FOURBAR, "dynamics", Curves(x, off, drive=state))
         assert found["position"] == pytest.approx(2e-3, rel=1e-9)
         assert found["rate"] == pytest.approx(1e-3, rel=1e-9)
 
 
 def test_errors_are_told_at_the_state_the_drive_really_had():
-    x = grid(FOURBAR, "duration")
-    value, rate, acceleration = driven(FOURBAR, "duration", x)
+    x = grid(FOURBAR, "dynamics")
+    value, rate, acceleration = driven(FOURBAR, "dynamics", x)
     late = value - 1e-3, rate, acceleration
     exact = evaluate(FOURBAR, x, late).channels
-    assert max(shares(FOURBAR, "duration", Curves(x, exact, drive=late)).values()) == 0.0
+    assert max(shares(FOURBAR, "dynamics", Curves(x, exact, drive=late)).values()) == 0.0
 
 
 def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(models, monkeypatch):
@@ -79,8 +79,8 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
 
     asked: list[dict] = []
     monkeypatch.setattr(measure, "reference_for", count)
-    case, x = load_case(models / "fourbar.toml"), grid(FOURBAR, "duration")
-    state = driven(FOURBAR, "duration", x)
+    case, x = load_case(models / "fourbar.toml"), grid(FOURBAR, "dynamics")
+    state = driven(FOURBAR, "dynamics", x)
     late = state[0] - 1e-3, *state[1:]
     longer = case.model_copy(update={"parameters": {**case.parameters, "crank": 1.01}})
     settled = case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})
@@ -118,7 +118,7 @@ def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(st
 
 def test_gap_is_told_and_energy_is_none_where_something_drives():
     found = observe(
-        StudyRun(FOURBAR, "duration", Setting("mujoco", {"timestep": 4e-3})), False, None
+        StudyRun(FOURBAR, "dynamics", Setting("mujoco", {"timestep": 4e-3})), False, None
     )
     assert set(found.invariants) == {"gap"}
     assert 0 < found.invariants["gap"] < 1e-3
@@ -126,7 +126,7 @@ def test_gap_is_told_and_energy_is_none_where_something_drives():
 
 def test_a_pendulum_that_is_braked_keeps_no_energy(models, edit):
     edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" damping="0.1"/>')
-    braked = StudyRun(load_case(models / "pendulum.toml"), "duration", EULER)
+    braked = StudyRun(load_case(models / "pendulum.toml"), "dynamics", EULER)
     assert "energy" not in observe(braked, False, None).invariants
 
 
@@ -134,14 +134,14 @@ def test_steps_and_seconds_are_those_of_the_engine():
     found = seen(0.01)
     assert found.steps == 1000
     assert 0 < found.seconds < 60
-    again = observe(StudyRun(PENDULUM, "duration", EULER.but(timestep=0.01)), True, None)
+    again = observe(StudyRun(PENDULUM, "dynamics", EULER.but(timestep=0.01)), True, None)
     assert (again.steps, again.errors, again.complete) == (1000, {}, True)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     """Whole steps lead from sample to sample: 18 in the 17.45 ms of this case, not 17.45."""
-    task = StudyRun(FOURBAR, "duration", Setting(engine, {"timestep": 1e-3}))
+    task = StudyRun(FOURBAR, "dynamics", Setting(engine, {"timestep": 1e-3}))
     found = observe(task, False, None)
     assert found.step == pytest.approx(2 * np.pi / 360 / 18, rel=1e-12)
     assert row(task, [found], timed=False).step == found.step
@@ -163,12 +163,12 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
         raise error
 
     monkeypatch.setattr(measure, "isolated", fail)
-    found = measure.measure(StudyRun(PENDULUM, "duration", EULER), False, 5.0)
+    found = measure.measure(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
     assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
 
 
 def test_what_the_model_or_a_knob_is_to_blame_for_is_bad_input(monkeypatch):
-    wrong = StudyRun(PENDULUM, "duration", Setting("mujoco", {"speed": 3}))
+    wrong = StudyRun(PENDULUM, "dynamics", Setting("mujoco", {"speed": 3}))
     monkeypatch.setattr(measure, "isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
         measure.measure(wrong, False, 60.0)
@@ -180,35 +180,35 @@ def test_curves_that_are_not_finite_have_no_errors(monkeypatch):
     curves = Curves(np.arange(3.0), {"a": np.zeros(3), "b": np.array([0.0, np.nan, np.inf])})
     assert not_finite(curves.channels) == "b at sample 1"
     monkeypatch.setattr(measure, "simulate", lambda *_: curves)
-    found = observe(StudyRun(PENDULUM, "duration", EULER), False, None)
+    found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.message, found.errors) == ("not finite", "b at sample 1", {})
 
 
 def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypatch):
     case = load_case(shipped("double_rocker.toml"))
-    x = grid(case, "duration")
+    x = grid(case, "dynamics")
     away = np.full((1, x.size), np.pi), np.ones((1, x.size)), np.zeros((1, x.size))
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, {}, drive=away))
-    found = observe(StudyRun(case, "duration", EULER), False, None)
+    found = observe(StudyRun(case, "dynamics", EULER), False, None)
     assert found.outcome == "no reference"
     assert found.message
 
 
 def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
-    x = grid(PENDULUM, "duration")
+    x = grid(PENDULUM, "dynamics")
     exact = evaluate(PENDULUM, x, None).channels
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, exact))
     monkeypatch.setattr(measure, "truth", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)})
-    found = observe(StudyRun(PENDULUM, "duration", EULER), False, None)
+    found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.errors) == ("no reference", {})
     assert found.message == "rate at sample 101"
 
 
 def test_a_sweep_that_ends_early_is_told(monkeypatch):
-    x = grid(PENDULUM, "duration")[:9]
+    x = grid(PENDULUM, "dynamics")[:9]
     part = Curves(x, evaluate(PENDULUM, x, None).channels, stopped="a limit")
     monkeypatch.setattr(measure, "simulate", lambda *_: part)
-    found = observe(StudyRun(PENDULUM, "duration", EULER), False, None)
+    found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.message, found.complete) == ("stopped", "a limit", True)
 
 
@@ -235,7 +235,7 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
     with pinned(min(before)):
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before
-    assert observe(StudyRun(PENDULUM, "duration", EULER), False, min(before)).pinned
+    assert observe(StudyRun(PENDULUM, "dynamics", EULER), False, min(before)).pinned
     assert where == [{min(before)}]
     assert os.sched_getaffinity(0) == before
 

@@ -137,7 +137,7 @@ def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
             kept["x"],
             {name.removeprefix("channel."): values for name, values in kept.items() if name != "x"},
         )
-        assert shares(task.case, "duration", curves) == one.errors
+        assert shares(task.case, "dynamics", curves) == one.errors
 
 
 def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch):

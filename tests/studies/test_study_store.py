@@ -23,7 +23,7 @@ ROWS = [
     StudyRow(
         "trade",
         "pendulum",
-        "duration",
+        "dynamics",
         "mujoco",
         "RK4",
         "timestep",
@@ -41,7 +41,7 @@ ROWS = [
     StudyRow(
         "trade",
         "pendulum",
-        "duration",
+        "dynamics",
         "pymunk",
         'a, "b"',
         "iterations",
@@ -123,12 +123,12 @@ def test_only_old_halves_are_removed(tmp_path):
 
 def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
     case = TASK.case
-    run = case.run["duration"].model_copy(update={"timeout": 5.0, "solvers": ("pymunk",)})
+    run = case.run["dynamics"].model_copy(update={"timeout": 5.0, "solvers": ("pymunk",)})
     same = [
         replace(TASK, study="choose", line="another", axis="integrator", value=NAN),
         replace(TASK, case=case.model_copy(update={"title": "", "source": "", "tolerance": ()})),
         replace(TASK, case=case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})),
-        replace(TASK, case=case.model_copy(update={"run": {"duration": run}})),
+        replace(TASK, case=case.model_copy(update={"run": {"dynamics": run}})),
     ]
     assert {key_of(task) for task in same} == {key_of(TASK)}
 
@@ -137,13 +137,13 @@ def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
     def key(**changed):
         return key_of(replace(TASK, case=TASK.case.model_copy(update=changed)))
 
-    run = TASK.case.run["duration"].model_copy(update={"until": 0.6})
+    run = TASK.case.run["dynamics"].model_copy(update={"until": 0.6})
     keys = [
         key_of(TASK),
         *(key_of(task) for task in tasks()[1:]),
         key_of(replace(TASK, setting=TASK.setting.but(tolerance=1e-6))),
         key(parameters={**TASK.case.parameters, "length": 1.001}),
-        key(run={"duration": run}),
+        key(run={"dynamics": run}),
     ]
     edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
     keys.append(key_of(tasks(models)[0]))
@@ -173,7 +173,9 @@ def test_keys_tell_recorded_curves_apart(models):
 
 def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
     task = StudyRun(
-        load_case(shipped("rod_cantilever.toml")), "rest", Setting("mujoco", {"segments": 10})
+        load_case(shipped("rod_cantilever.toml")),
+        "equilibrium",
+        Setting("mujoco", {"segments": 10}),
     )
     assert key_of(task) != key_of(replace(task, setting=task.setting.but(segments=20)))
     with pytest.raises(InputError, match="segments"):

@@ -57,7 +57,7 @@ SECOND = 3000  # iterations in pymunk where nothing is said
 GONE = Failure("gone", BoundaryKind.UNSTABLE, True)
 
 
-def moves(name: str, setting: Setting, folder: Path, run: str = "duration"):
+def moves(name: str, setting: Setting, folder: Path, run: str = "dynamics"):
     """What is moved of the engine: causes with what is done, the knobs, and which way."""
     case = case_of(name)
     found = [
@@ -178,14 +178,14 @@ def test_what_is_moved_in_mujoco(knobs, step, solref, closer, solimp, harder, tm
 
 def test_what_is_moved_where_there_are_no_loops_and_in_rods(tmp_path):
     assert [cause for cause, *_ in moves("pendulum", Setting("mujoco"), tmp_path)] == ["time step"]
-    assert moves("rod_cantilever", Setting("mujoco", {"segments": 40}), tmp_path, "rest") == [
-        ("segments", "twice as many segments", {"segments": 80}, True, False)
-    ]
+    assert moves(
+        "rod_cantilever", Setting("mujoco", {"segments": 40}), tmp_path, "equilibrium"
+    ) == [("segments", "twice as many segments", {"segments": 80}, True, False)]
     assert moves("fourbar", Setting("mujoco"), tmp_path, "sweep") == []
 
 
 def test_what_is_moved_of_the_reference(tmp_path):
-    def of(name: str, run: str = "duration"):
+    def of(name: str, run: str = "dynamics"):
         setting = Setting("mujoco", {"segments": 40, "timestep": 1e-3})
         found = [
             p for p in probes(case_of(name), run, setting, tmp_path) if p.cause == "the reference"
@@ -203,15 +203,15 @@ def test_what_is_moved_of_the_reference(tmp_path):
     assert (half.move, half.better) == ("every other row of the recorded curve", False)
     assert half.case.reference.startswith(str(tmp_path))
     for name, run in (
-        ("stephenson", "duration"),
-        ("hacksaw", "duration"),
-        ("rod_cantilever", "rest"),
+        ("stephenson", "dynamics"),
+        ("hacksaw", "dynamics"),
+        ("rod_cantilever", "equilibrium"),
     ):  # it is that already; own law; no planar rods
         assert of(name, run) == []
 
 
 def test_what_is_moved_of_the_samples(tmp_path):
-    def of(name: str, run: str = "duration", n: int | None = None, segments: int = 40):
+    def of(name: str, run: str = "dynamics", n: int | None = None, segments: int = 40):
         case = case_of(name)
         case = sampled(case, run, n) if n else case
         setting = Setting("mujoco", {"segments": segments, "timestep": 1e-3})
@@ -224,15 +224,15 @@ def test_what_is_moved_of_the_samples(tmp_path):
     assert of("fourbar", n=360) == []  # its last sample would be another
     assert of("fourbar", "sweep", n=361) == []
     assert of("hacksaw_recorded") == []
-    assert of("rod_cantilever", "rest", n=41) == []  # at the ends of its 40 links
-    assert of("rod_cantilever", "rest", n=41, segments=20) == [
+    assert of("rod_cantilever", "equilibrium", n=41) == []  # at the ends of its 40 links
+    assert of("rod_cantilever", "equilibrium", n=41, segments=20) == [
         ("samples at the ends of links", 21, True)
     ]
 
 
 def row(error: float, outcome: str = "ran") -> StudyRow:
     return StudyRow(
-        "floor", "", "duration", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome
+        "floor", "", "dynamics", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome
     )
 
 
@@ -335,22 +335,24 @@ def line(
 )
 def test_orders_are_those_of_the_theory(name, of, wanted):
     assert tuple(
-        set(expected(case_of(name), "duration", of, kind))
+        set(expected(case_of(name), "dynamics", of, kind))
         for kind in ("position", "rate", "acceleration")
     ) == tuple(map(set, wanted))
 
 
 def test_orders_of_rods_and_other_kinds():
     rod, segments = case_of("rod_cantilever"), line("mujoco", "segments")
-    assert expected(rod, "rest", segments, "position") == (2.0,)
+    assert expected(rod, "equilibrium", segments, "position") == (2.0,)
     naive = {name: table.model_copy(update={"scheme": "naive"}) for name, table in rod.rod.items()}
-    assert expected(rod.model_copy(update={"rod": naive}), "rest", segments, "position") == (1.0,)
+    assert expected(rod.model_copy(update={"rod": naive}), "equilibrium", segments, "position") == (
+        1.0,
+    )
     softer = line("mujoco", "solref")
     for kind, alike in (("energy", "rate"), ("effort", "acceleration")):
-        assert expected(FOURBAR, "duration", softer, kind) == expected(
-            FOURBAR, "duration", softer, alike
+        assert expected(FOURBAR, "dynamics", softer, kind) == expected(
+            FOURBAR, "dynamics", softer, alike
         )
-    assert expected(FOURBAR, "duration", softer, "rate")[0] == 1.0  # told where none was observed
+    assert expected(FOURBAR, "dynamics", softer, "rate")[0] == 1.0  # told where none was observed
 
 
 def test_a_jolt_is_a_start_in_motion_or_under_gravity():
@@ -567,7 +569,7 @@ def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
     return StudyRow(
         "trade",
         "",
-        "duration",
+        "dynamics",
         "mujoco",
         "",
         "timestep",
@@ -725,7 +727,7 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
     monkeypatch.setattr(stand, "tried", found)
     own = Stand(
         FOURBAR,
-        "duration",
+        "dynamics",
         Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
         Store(tmp_path),
         9.0,
@@ -734,7 +736,7 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
         "position off by 0.5 of its range", OFF, True
     )
     setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
-    assert asked == [(StudyRun(FOURBAR, "duration", setting, "stress"), own.store, 9.0)]
+    assert asked == [(StudyRun(FOURBAR, "dynamics", setting, "stress"), own.store, 9.0)]
     monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
     for compiles, outcome, limit in (
         (True, "no start", OURS),
@@ -772,7 +774,7 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
         for words in ("Euler", "RK4")
     ]
-    planar = Stand(FOURBAR, "duration", Setting("pymunk"), Store(tmp_path))
+    planar = Stand(FOURBAR, "dynamics", Setting("pymunk"), Store(tmp_path))
     (one,) = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
     assert (
         one.engine,
@@ -796,7 +798,7 @@ def test_a_run_is_looked_for_in_the_store_first(tmp_path, monkeypatch):
     monkeypatch.setattr(stand, "observed", fails(KeyError()))
     assert stand.tried(task, store, 5.0).steps == 5
     with pytest.raises(KeyError):
-        stand.tried(replace(task, run="duration"), store, 5.0)
+        stand.tried(replace(task, run="dynamics"), store, 5.0)
 
 
 def test_what_an_extreme_needs():
@@ -813,7 +815,7 @@ def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> Watch
     x = np.arange(len(next(iter(before.values()))))
     return Watch(
         "",
-        Run("duration", x, ()),
+        Run("dynamics", x, ()),
         {n: np.full(x.size, a) for n, a in allowed.items()},
         Curves(x, {n: np.array(values) for n, values in before.items()}),
     )
@@ -900,18 +902,18 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
     monkeypatch.setattr(
         scene, "reference_for", lambda *told: Curves(x, truth if told == (case, curves) else {})
     )
-    run = plan(case, "duration", "mujoco")
+    run = plan(case, "dynamics", "mujoco")
     watch = scene.watched(case, run, "mujoco", draft)
-    assert asked == [(case.model_path, 1, "duration")]
-    assert (watch.name, watch.run, watch.before) == ("pendulum duration", run, curves)
-    # of_range = 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
+    assert asked == [(case.model_path, 1, "dynamics")]
+    assert (watch.name, watch.run, watch.before) == ("pendulum dynamics", run, curves)
+    # 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
     wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9, "potential": 2e-9}
     for name, most in wanted.items():
         assert watch.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
     loose = scene.watched(case, run, "pymunk:fine", draft)
-    assert loose.name == "pendulum duration, fine"
+    assert loose.name == "pendulum dynamics, fine"
     assert loose.allowed["angle"] == pytest.approx(np.full(3, 2e-9))  # no tolerance covers it
-    soft = scene.watched(case, run, "pymunk", draft)  # of_range = 1e-4
+    soft = scene.watched(case, run, "pymunk", draft)  # relative_to_range = 1e-4
     assert soft.allowed["angle"] == pytest.approx(np.full(3, 0.1 * (2e-4 - 5e-11)), rel=1e-12)
     assert soft.allowed["rate"] == pytest.approx(np.full(3, 1e-8))
 
@@ -1356,7 +1358,7 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
     (models / "another.toml").write_text(other)
     found = scene.scene_of(file, 3.0)
     assert [w.name for w in found.watches] == ["another", "pendulum"]
-    assert asked == [(name, "duration", "mujoco", file, set()) for name in ("another", "pendulum")]
+    assert asked == [(name, "dynamics", "mujoco", file, set()) for name in ("another", "pendulum")]
     assert found.read == {"angle", "rate", "acceleration", "kinetic", "potential"}
     assert found.keys == {"start", "other"}
     (models / "another.toml").unlink()
@@ -1371,7 +1373,10 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
             '[[tolerance]]\nsolver = "mujoco"\n',
             '[[tolerance]]\nsolver = "pymunk"\nchannels = "rate"\n',
         )
-        .replace('solver = "pymunk"\nof_range = 1e-4', 'channels = "angle"\nof_range = 1e-4')
+        .replace(
+            'solver = "pymunk"\nrelative_to_range = 1e-4',
+            'channels = "angle"\nrelative_to_range = 1e-4',
+        )
     )
     loose = scene.scene_of(file, 3.0)
     assert [w.name for w in loose.watches] == ["3.0 s of pendulum.xml, []"]
@@ -1388,7 +1393,7 @@ def test_a_watch_and_a_scene_are_timed_by_the_longest_run():
     for steps, n in ((2000, 500), (2000 * 250, 2), (2000 * 600, 2), (0, 500)):
         assert replace(watch, before=replace(watch.before, steps=steps)).brief.x.size == n
     rest = replace(
-        watch, run=replace(watch.run, kind="rest"), before=replace(watch.before, seconds=9.0)
+        watch, run=replace(watch.run, kind="equilibrium"), before=replace(watch.before, seconds=9.0)
     )
     assert scene_with(rest, watch).longest is watch
     assert scene_with(watch, rest).longest is watch

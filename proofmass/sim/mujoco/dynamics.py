@@ -57,7 +57,7 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     return flywheel * np.diff(rate, axis=0) / np.diff(times)[:, None], flywheel * acceleration
 
 
-def duration(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Step through ``run.x`` (time) and read every sensor at every sample.
 
     The moments of drives are not delivered: what is applied here moves the flywheels.

@@ -10,11 +10,11 @@ from proofmass.sim.mjcf import refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import scans, stability
 from proofmass.sim.mujoco.accuracy import ACCURACY
-from proofmass.sim.mujoco.dynamics import duration, passive
+from proofmass.sim.mujoco.dynamics import dynamics, passive
 from proofmass.sim.mujoco.model import load, loop_gap
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
 from proofmass.sim.mujoco.program import write_program as write_program
-from proofmass.sim.mujoco.quasi_static import rest, sweep
+from proofmass.sim.mujoco.quasi_static import equilibrium, sweep
 from proofmass.sim.mujoco.settings import PLACES, MujocoSettings
 from proofmass.sim.mujoco.snippet import pasted, snippet
 from proofmass.sim.protocol import (
@@ -51,7 +51,7 @@ def simulate(model: Path, run: Run) -> Curves:
     run : Run
         What to do; see `proofmass.sim.protocol.Run`.  Settings:
         `proofmass.sim.mujoco.settings.MujocoSettings`; ``settled`` in a sweep, see
-        `proofmass.sim.mujoco.settling`; ``flex`` in a rest, see `proofmass.sim.mujoco.flex`.
+        `proofmass.sim.mujoco.settling`; ``flex`` in equilibrium, see `proofmass.sim.mujoco.flex`.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def simulate(model: Path, run: Run) -> Curves:
     """
     try:
         if run.settings.get("flex"):
-            return mujoco_flex.rest(model, run)
+            return mujoco_flex.equilibrium(model, run)
         return follow(*load(model, run), run)
     except mujoco.FatalError as error:
         raise refusal(error) from None
@@ -81,7 +81,9 @@ def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if run.kind == "passive":
         return passive(model, data, run)
     check_assembled(model, data, run.start)
-    return {"sweep": sweep, "rest": rest, "duration": duration}[run.kind](model, data, run)
+    return {"sweep": sweep, "equilibrium": equilibrium, "dynamics": dynamics}[run.kind](
+        model, data, run
+    )
 
 
 def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> None:
@@ -143,7 +145,7 @@ class Mujoco(Engine):
         return f"<!--\n{indent(text, '  ')}\n-->"
 
     def pasted(self, model: Path, knobs: Knobs, steps: int) -> tuple[str, set[str]]:
-        """The model with the snippet in it; it says all but how a sweep or a rest is made."""
+        """The model with the snippet in it; it says all but how poses are found."""
         return pasted(model, snippet(knobs, model)), {*PLACES, "defaults"}
 
     def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:

@@ -154,7 +154,7 @@ PROMPT = 0.1  # steps: time constant of the constraints; shorter ones are hardly
 STIFF = 0.9999, 0.9999, 0.001  # solimp of the constraints, as MuJoCo caps it
 
 
-def rest(path: Path, run: Run) -> Curves:
+def equilibrium(path: Path, run: Run) -> Curves:
     """Let a model come to rest whose rods are flexes.
 
     Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.  The
@@ -169,8 +169,8 @@ def rest(path: Path, run: Run) -> Curves:
         The engine reset itself, or does not come to rest.
     """
     began = time.perf_counter()
-    if run.kind != "rest" or not run.rods:
-        raise Unsupported("a flex stands for a rod, in a rest")
+    if run.kind != "equilibrium" or not run.rods:
+        raise Unsupported("a flex stands for a rod, in equilibrium")
     if run.drives:
         raise Unsupported(f"a flex stands on the ground: joint {run.drives[0].joint!r} is driven")
     chains, plane = [points(rod) for rod in run.rods], plane_of(path, run)

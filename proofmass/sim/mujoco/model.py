@@ -85,8 +85,9 @@ def refuse_dry_friction(model: mujoco.MjModel, kind: str) -> None:
     ):
         if values.any():
             first = name(int(np.flatnonzero(values)[0]))
+            where = "a sweep" if kind == "sweep" else kind
             raise Unsupported(
-                f"frictionloss of {word} {first!r} in a {kind}: at rest dry friction "
+                f"frictionloss of {word} {first!r} in {where}: at rest dry friction "
                 f"is not determined"
             )
 

@@ -66,7 +66,7 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     path : Path
         The MJCF file.
     run : Run
-        A duration, with the settings that the program has.
+        A dynamics run, with the settings that the program has.
     motion : str
         Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
         drives at times (n,) [s]; empty for a free motion.

@@ -6,8 +6,8 @@ it leaves out what the loop carries.  Freedoms that the drives leave come to res
 weights and stops; see `proofmass.sim.mujoco.equilibrium`, and `proofmass.sim.mujoco.settling` for
 the engine's own way there.
 
-A run `rest` finds one pose and the shapes that its rods have in it.  The start shapes may be far
-from rest: Newton's method descends in bounded steps, as many as it needs.
+A run `equilibrium` finds one pose and the shapes that its rods have in it.  The start shapes may be
+far from rest: Newton's method descends in bounded steps, as many as it needs.
 """
 
 import time
@@ -91,7 +91,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
-def rest(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Let the model come to rest with its drives held at their first values.
 
     Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.

@@ -261,7 +261,7 @@ LOOKED_AT = 40
 """Poses at which the iterations needed are found."""
 
 
-def duration(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
+def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Step a mechanism through time; see `proofmass.sim.pymunk.engine.simulate`.
 
     Without a given number of iterations the run is repeated with what its poses need.

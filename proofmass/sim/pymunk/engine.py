@@ -16,11 +16,11 @@ from proofmass.sim.protocol import (
 )
 from proofmass.sim.pymunk import scans, stability
 from proofmass.sim.pymunk.accuracy import ACCURACY
-from proofmass.sim.pymunk.dynamics import duration
+from proofmass.sim.pymunk.dynamics import dynamics
 from proofmass.sim.pymunk.model import PymunkSettings, find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
-from proofmass.sim.pymunk.quasi_static import rest, sweep
+from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.snippet import SPACE, snippet
 
 
@@ -39,19 +39,19 @@ def simulate(model: Path, run: Run) -> Curves:
     run : Run
         What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
         whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
-        100 in a duration and 500 in a sweep, and more where it needs them; ``error_bias``, the
+        100 in dynamics and 500 in a sweep, and more where it needs them; ``error_bias``, the
         share of a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and
         0.9**60.
 
     Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
     joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
-    polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in a duration.
+    polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in dynamics.
 
     Loads are motors on sites, constant in the frame of a refsite on the ground.
 
     In a sweep the coordinates that drives leave free follow them at rest, from the start key on,
-    and in a rest they come there with the drives held.  The pose is the engine's: one that its own
-    step from standstill gives no velocity.  How far to go along that velocity is chosen by a
+    and in equilibrium they come there with the drives held.  The pose is the engine's: one that its
+    own step from standstill gives no velocity.  How far to go along that velocity is chosen by a
     stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
 
     Second order in time, but for joint damping: Chipmunk's dampers are first order.
@@ -73,7 +73,7 @@ def simulate(model: Path, run: Run) -> Curves:
     """
     links, settings = read_model(model, run)
     wanted, missing = find_channels(links, run)
-    act = {"sweep": sweep, "rest": rest, "duration": duration}[run.kind]
+    act = {"sweep": sweep, "equilibrium": equilibrium, "dynamics": dynamics}[run.kind]
     curves = act(links, run, wanted, settings)
     curves.missing.update(missing)
     return curves

@@ -39,7 +39,7 @@ def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, 
     found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
     wanted = {name: c for name, c in found.items() if isinstance(c, Sensor)}
-    if run.kind == "duration":
+    if run.kind == "dynamics":
         missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
         wanted = {name: c for name, c in wanted.items() if c.order != -2}
     return wanted, missing
@@ -65,7 +65,7 @@ def _settings(run: Run, model: mujoco.MjModel) -> Settings:
     own = given.pop("defaults", False)
     tuned = {
         "timestep": float(model.opt.timestep),
-        "iterations": 10 if own else None if run.kind == "duration" else 500,
+        "iterations": 10 if own else None if run.kind == "dynamics" else 500,
         "error_bias": CHIPMUNK_BIAS if own else 0.0,
     }
     return tuned | given

@@ -60,7 +60,7 @@ def write_program(
     model : Path
         The MJCF file.
     run : Run
-        A duration; its settings hold ``timestep``, ``iterations`` and ``error_bias``.
+        A dynamics run; its settings hold ``timestep``, ``iterations`` and ``error_bias``.
     motion : str
         Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
         drives at times (n,) [s]; empty for a free motion.
@@ -79,7 +79,7 @@ def write_program(
     Raises
     ------
     Unsupported
-        The run is no duration, or a slide is to be driven by a motor.
+        The run is not of dynamics, or a slide is to be driven by a motor.
     BadSetting
         A setting is missing or out of range.
     BadModel
@@ -89,8 +89,8 @@ def write_program(
         raise ValueError(
             f"a drive by {drive.kind!r}; known: {', '.join(one.kind for one in IMPOSED)}"
         )
-    if run.kind != "duration":
-        raise Unsupported(f"a program that runs a {run.kind} in pymunk: durations only")
+    if run.kind != "dynamics":
+        raise Unsupported(f"a program for a run of {run.kind} in pymunk: dynamics only")
     links, settings = read_model(model, run)
     if settings["iterations"] is None:
         raise BadSetting("iterations", "missing; a program needs their number")

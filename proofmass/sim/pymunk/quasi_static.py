@@ -517,7 +517,7 @@ def _curve(c: Sensor, links: Links, pose: Array, velocity: Array, effort: Array)
 NO_MOTION = "nothing moves: no rates, no accelerations"
 
 
-def rest(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
+def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Let a mechanism come to rest with its drives held at their first values.
 
     Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.

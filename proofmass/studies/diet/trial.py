@@ -21,7 +21,7 @@ from proofmass.studies.measure import own_core, pinned
 from proofmass.worker import Crashed, isolated
 
 PASSIVE = "passive"
-STEPPED = ("duration", PASSIVE)  # runs that go by time steps
+STEPPED = ("dynamics", PASSIVE)  # runs that go by time steps
 SPAN = 0.5  # s, of rounds at least
 LEVEL = 0.99  # probability with which an interval holds the median that it is of
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5

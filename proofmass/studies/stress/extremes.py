@@ -55,7 +55,7 @@ SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
 def energies(stand: Stand) -> Iterator[Sought]:
     """More and more steps of a free motion, until its energy is off by a hundredth."""
     why = "energy: something drives, loads or brakes it, or nothing is stepped"
-    needs(stand.kind == "duration" and not stand.case.drive, why)
+    needs(stand.kind == "dynamics" and not stand.case.drive, why)
     watched = weighed(stand.case, stand.models)
     needs(bounded(watched, stand.kind, conserved, watched), why)
     yield from stand.integrated(
@@ -95,11 +95,11 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> T
     """Run for so many steps, and look at the energy."""
     per = int(np.ceil(steps / MOST))
     count = round(steps / per)
-    run = case.run["duration"].model_copy(
+    run = case.run["dynamics"].model_copy(
         update={"n": count + 1, "until": count * per * stand.step}
     )
-    own = case.model_copy(update={"run": {"duration": run}})
-    task = StudyRun(own, "duration", stand.setting.but(**knobs), "stress")
+    own = case.model_copy(update={"run": {"dynamics": run}})
+    task = StudyRun(own, "dynamics", stand.setting.but(**knobs), "stress")
     found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
     if found.outcome != Outcome.RAN:
         limit = limit_of(found)
@@ -150,7 +150,7 @@ def sizes(stand: Stand) -> Iterator[Sought]:
         len(variants.bodies(stand.case)) >= int((model.body_jntnum > 0).sum()),
         "size: masses of geoms",
     )
-    weighs = bool(model.opt.gravity.any()) if stand.kind != "duration" else not driven
+    weighs = bool(model.opt.gravity.any()) if stand.kind != "dynamics" else not driven
     least = smallest(model, weighs)
     limit = least if least > 1e-6 else 0.0
     if limit and not stand.engine.native:  # of another engine than the one it is read for
@@ -227,7 +227,7 @@ BRIEF = 100  # steps of a free motion: the reference has to follow each swing of
 def stiffnesses(stand: Stand) -> Iterator[Sought]:
     """A stiffer and stiffer spring in the last hinge, from one that swings once in the run."""
     needs(
-        stand.kind == "duration" and movable(stand.case) and not stand.case.rod,
+        stand.kind == "dynamics" and movable(stand.case) and not stand.case.rod,
         "stiffness in motion: nothing is stepped, or rods bend in it",
     )
     free = not stand.case.drive
@@ -269,9 +269,9 @@ def last_hinge(case: Case) -> tuple[str, float]:
 
 
 def brief(case: Case, seconds: float, step: float) -> Case:
-    """The case with a shorter duration, looked at after every step."""
-    run = case.run["duration"].model_copy(update={"n": round(seconds / step) + 1})
-    return in_steps(case.model_copy(update={"run": {"duration": run}}), seconds, step)
+    """The case with a shorter dynamics run, looked at after every step."""
+    run = case.run["dynamics"].model_copy(update={"n": round(seconds / step) + 1})
+    return in_steps(case.model_copy(update={"run": {"dynamics": run}}), seconds, step)
 
 
 def sprung(stand: Stand, case: Case, joint: str, stiffness: float) -> Tried:
@@ -297,7 +297,7 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
     """All extremes that apply to a case, and why others do not."""
     found: list[Sought] = []
     skipped: list[str] = []
-    kind: Kind = next(k for k in ("duration", "sweep", "rest") if k in case.run)  # type: ignore
+    kind: Kind = next(k for k in ("dynamics", "sweep", "equilibrium") if k in case.run)  # type: ignore
     first = dict[str, str]()
     for solver in case.run[kind].solvers:
         first.setdefault(solver.partition(":")[0], solver)
@@ -314,7 +314,7 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
 
 def steps(stand: Stand) -> Iterator[Sought]:
     """Larger and larger time steps, with every integrator."""
-    needs(stand.kind == "duration", "time step: nothing is stepped")
+    needs(stand.kind == "dynamics", "time step: nothing is stepped")
     needs(not stand.case.recorded, "time step: a recorded curve has its own samples")
     yield from stand.integrated(
         "time step",
@@ -333,7 +333,7 @@ def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Tried:
 
 def speeds(stand: Stand) -> Iterator[Sought]:
     """Faster and faster drives, until there are but a few steps."""
-    needs(stand.kind == "duration" and stand.case.drive, "drive speed: nothing drives in time")
+    needs(stand.kind == "dynamics" and stand.case.drive, "drive speed: nothing drives in time")
     leader = stand.case.drive[0]
     needs(
         leader.to is not None and not stand.case.recorded,
@@ -351,10 +351,10 @@ def sped(stand: Stand, factor: float) -> Tried:
         {"period": leader.period / factor} if leader.period else {"rate": leader.speed * factor}
     )
     case = case.model_copy(update={"drive": (leader.model_copy(update=faster), *case.drive[1:])})
-    run = case.run["duration"]
+    run = case.run["dynamics"]
     case = case.model_copy(
         update={
-            "run": {"duration": run.model_copy(update={"until": run.until and run.until / factor})}
+            "run": {"dynamics": run.model_copy(update={"until": run.until and run.until / factor})}
         }
     )
     return stand.stepped(case, stand.seconds / factor)
@@ -382,7 +382,7 @@ def masses(stand: Stand) -> Iterator[Sought]:
     bodies = len(variants.bodies(stand.case))
     needs(bodies > 1, "mass ratio: one body, or masses of geoms")
     needs(
-        stand.kind == "duration" and known(stand.case),
+        stand.kind == "dynamics" and known(stand.case),
         "mass ratio: statics knows no inertia, or the reference has its own masses",
     )
     for word, reach in (("heavier", 1e6), ("lighter", 1e-6)):
@@ -400,7 +400,7 @@ def springs(stand: Stand) -> Iterator[Sought]:
     model = compiled(stand.case)
     needs(model.jnt_stiffness.any(), "stiffness: there is no spring and no rod")
     needs(
-        stand.kind != "duration" and not model.opt.gravity.any(),
+        stand.kind != "dynamics" and not model.opt.gravity.any(),
         "stiffness: with weight or inertia its truth is another motion",
     )
     for word, reach in (("stronger", 1e6), ("weaker", 1e-6)):
@@ -431,7 +431,7 @@ def long(stand: Stand) -> Iterator[Sought]:
     """The same motion on and on, to a million steps."""
     case = stand.case
     needs(
-        stand.kind == "duration" and not case.recorded,
+        stand.kind == "dynamics" and not case.recorded,
         "long run: nothing is stepped, or a recorded curve ends",
     )
     needs(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")

@@ -178,7 +178,7 @@ def limits(stand: Stand) -> Iterator[Sought]:
         theory=limit,
         law="where the reference has no pose any more",
     )
-    if np.isfinite(limit) and stand.kind == "duration":
+    if np.isfinite(limit) and stand.kind == "dynamics":
         yield stand.sought(
             "drive turns back before its limit",
             "rad",
@@ -223,10 +223,10 @@ def spared(stand: Stand, pose: str, knob: str, links: BodyNames) -> Iterator[Sou
         f"{pose}: no such links in a driven loop",
     )
     case = reread(stand.case)
-    way: Kind = "duration" if "duration" in case.run else "sweep"
+    way: Kind = "dynamics" if "dynamics" in case.run else "sweep"
     length = least_kept(case, links, way, stand.store)
     needs(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
-    for kind in (kind for kind in ("duration", "sweep") if kind in case.run):
+    for kind in (kind for kind in ("dynamics", "sweep") if kind in case.run):
         own = replace(stand, case=case, kind=kind)
         yield own.sought(
             knob,
@@ -234,7 +234,7 @@ def spared(stand: Stand, pose: str, knob: str, links: BodyNames) -> Iterator[Sou
             SPARE,
             LEAST,
             partial(sparing, own, links, length),
-            own.words if kind == "duration" else kind,
+            own.words if kind == "dynamics" else kind,
         )
 
 

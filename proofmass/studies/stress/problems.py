@@ -128,7 +128,7 @@ def stepping(
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
     settings = {"timestep": step, **settings}
     try:
-        curves = ran(engine, text, Run("duration", x, (channel,), settings=settings))
+        curves = ran(engine, text, Run("dynamics", x, (channel,), settings=settings))
     except Diverged as error:
         return Tried(Failure(str(error), BoundaryKind.UNSTABLE, silent=not told(str(error))))
     except Unsupported as error:
@@ -138,7 +138,7 @@ def stepping(
         return Tried(Failure(str(error), BoundaryKind.UNSTABLE if aborted else BoundaryKind.OURS))
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4 :].max())
     grew = Failure(f"grew to {last:.2g}", BoundaryKind.UNSTABLE, silent=True)
-    return Tried(None if last < bound else grew, taken("duration", curves))
+    return Tried(None if last < bound else grew, taken("dynamics", curves))
 
 
 def probes() -> Iterator[Sought]:
@@ -296,7 +296,7 @@ def columns() -> Iterator[Sought]:
 def pushed(engine: str, segments: int, load: float) -> Tried:
     """Let a column that is bent come to rest."""
     rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
-    run = Run("rest", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
+    run = Run("equilibrium", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
     try:
         curves = ran(engine, column(load), run)
     except (NotSolved, Unsupported) as error:
@@ -382,7 +382,7 @@ def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods
     per = max(1, steps // 2000)
     x = z * per * np.arange(steps // per + 1.0)
     run = Run(
-        "duration", x, ("place", "kinetic", "potential"), settings={"timestep": z, **settings}
+        "dynamics", x, ("place", "kinetic", "potential"), settings={"timestep": z, **settings}
     )
     curves = ran(engine, wheel(1.0), run)
     found = curves.channels
@@ -390,4 +390,4 @@ def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods
     energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
     off = np.abs(place - truth).max() / 2 if what == "place" else 1 - energy[-1]
     lost = Failure(f"off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return Tried(lost if off > 0.1 else None, taken("duration", curves))
+    return Tried(lost if off > 0.1 else None, taken("dynamics", curves))

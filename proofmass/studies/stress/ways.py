@@ -31,14 +31,14 @@ def farther(case: Case, far: float) -> Case:
 
 
 def turning(case: Case, far: float, seconds: float) -> Case:
-    """The case with its duration a swing so far, and back."""
+    """The case with its dynamics run a swing so far, and back."""
     leader, *others = farther(case, far).drive
     swing = leader.model_copy(update={"rate": None, "period": seconds})
     return case.model_copy(update={"drive": (swing, *others)})
 
 
 def in_steps(case: Case, seconds: float, step: float) -> Case:
-    """The case with a duration in which an engine takes just the step that is asked for.
+    """The case with a dynamics run in which an engine takes just the step that is asked for.
 
     There are whole steps from sample to sample: as many as fit between two samples of the case, or
     one.  The end is moved to the nearest sample; a drive that may go no further than it does, at
@@ -47,7 +47,7 @@ def in_steps(case: Case, seconds: float, step: float) -> Case:
     Parameters
     ----------
     case : Case
-        With a duration, of a reference that can be evaluated anywhere.
+        With a dynamics run, of a reference that can be evaluated anywhere.
     seconds : float
         Duration that is asked for [s].
     step : float
@@ -57,23 +57,23 @@ def in_steps(case: Case, seconds: float, step: float) -> Case:
     -------
     Case
     """
-    run = case.run["duration"]
+    run = case.run["dynamics"]
     per = max(1, int(seconds / ((run.n or 2) - 1) / step + ROUNDING))
     samples = seconds / (per * step)
     samples = max(FEWEST, round(samples) if endless(case) else int(samples + ROUNDING))
-    case = case.model_copy(update={"run": {"duration": run.model_copy(update={"n": samples + 1})}})
+    case = case.model_copy(update={"run": {"dynamics": run.model_copy(update={"n": samples + 1})}})
     return lasting(case, samples * per * step)
 
 
 def lasting(case: Case, seconds: float) -> Case:
-    """The case with another duration [s], and drives that go on as they do."""
+    """The case with a dynamics run of another length [s], and drives that go on as they do."""
     if case.drive and case.drive[0].steady:
         leader = case.drive[0]
         moved, *others = farther(case, abs(leader.speed) * seconds).drive
         moved = moved.model_copy(update={"rate": leader.rate})
         return case.model_copy(update={"drive": (moved, *others)})
-    run = case.run["duration"].model_copy(update={"until": seconds})
-    return case.model_copy(update={"run": {"duration": run}})
+    run = case.run["dynamics"].model_copy(update={"until": seconds})
+    return case.model_copy(update={"run": {"dynamics": run}})
 
 
 def endless(case: Case) -> bool:
@@ -85,7 +85,7 @@ def endless(case: Case) -> bool:
 
 
 def longer(case: Case, factor: float, seconds: float) -> Case:
-    """The case with its duration so many times as long, with as many samples.
+    """The case with its dynamics run so many times as long, with as many samples.
 
     A drive that makes no whole turns goes to and fro instead.
     """

@@ -80,7 +80,7 @@ def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
         The model is at fault.
     """
     there = dict.fromkeys(solver.partition(":")[0] for solver in case.run[kind].solvers)
-    if kind != "duration":
+    if kind != "dynamics":
         return [line_of(name, scan) for name in there for scan in of_segments(case, kind, name)]
     about = studied(case)
     return [
@@ -90,11 +90,11 @@ def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
 
 
 def studied(case: Case) -> Studied:
-    """What an engine is told of the duration of a case."""
+    """What an engine is told of the dynamics run of a case."""
     driven = bool(case.drive)
     return Studied(
         compiled(case),
-        grid(case, "duration"),
+        grid(case, "dynamics"),
         WORK,
         driven,
         driven and not case.recorded,
@@ -103,9 +103,9 @@ def studied(case: Case) -> Studied:
 
 
 def jolted(case: Case) -> bool:
-    """Whether a duration starts under gravity or in motion."""
-    start = grid(case, "duration")[:1]
-    moving = any(abs(part).max() > 0 for law in laws(case, "duration") for part in law(start)[1:])
+    """Whether a dynamics run starts under gravity or in motion."""
+    start = grid(case, "dynamics")[:1]
+    moving = any(abs(part).max() > 0 for law in laws(case, "dynamics") for part in law(start)[1:])
     return moving or bool(compiled(case).opt.gravity.any())
 
 
@@ -143,6 +143,6 @@ def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
     if not case.rod:
         return
     samples = (case.run[kind].n or 0) - 1
-    first = samples // 4 if kind == "rest" and samples % 4 == 0 else 5
+    first = samples // 4 if kind == "equilibrium" and samples % 4 == 0 else 5
     numbers = list(takewhile(lambda n: n <= 160, (first * 2**k for k in range(8))))
     yield scan_over({}, f"{spoken(engine)}, segments", "segments", numbers)

@@ -57,7 +57,7 @@ def run_choose(
         if not turnable(case, kind):
             raise typer.Exit(1)
         runs, verdicts, told = Store(store / "runs"), list[Verdict](), ""
-        if kind == "duration":
+        if kind == "dynamics":
             with pool(jobs, dask) as workers, counting(letters=40) as advance:
                 (motion,) = motions_of([case], [kind], runs, workers, longest)
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
@@ -156,7 +156,7 @@ def writable(case: Case, kind: Kind, output: Path | None) -> None:
     """Raise ValueError where no program can be written: in runs without time steps."""
     if output is None:
         return
-    if kind != "duration":
+    if kind != "dynamics":
         raise ValueError(
             f"-o {output}: a program steps through time, and the {kind} of "
             f"{case.name} has no time; without -o the setting is printed"
@@ -179,7 +179,7 @@ def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
     """
     if not drive:
         return solver
-    if kind != "duration" or not case.drive:
+    if kind != "dynamics" or not case.drive:
         raise ValueError(
             f"--drive {drive}: in the {kind} of {case.name} no drive moves in time; leave it out"
         )
@@ -196,7 +196,7 @@ def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
 
 def slack_for(case: Case, drive: str) -> float:
     """How far the search follows settings that are not the cheapest with an ideal drive."""
-    names = dict.fromkeys(name.partition(":")[0] for name in case.run["duration"].solvers)
+    names = dict.fromkeys(name.partition(":")[0] for name in case.run["dynamics"].solvers)
     yields = any(one.kind == drive and one.gain for name in names for one in imposed(case, name))
     return YIELDING if yields else SLACK
 

@@ -112,7 +112,7 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Disturbed
     timeout : float
         After which a run is given up [s].
     """
-    if kind != "duration" or case.drive:
+    if kind != "dynamics" or case.drive:
         return None
     other = moved(case, store.folder / "models")
     for line in as_given(case, kind) if other else ():

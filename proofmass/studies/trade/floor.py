@@ -60,7 +60,7 @@ def halvings(run: Kind, line: ConvergenceSeries, setting: Setting, own: float) -
     own : float
         The model's time step [s], for a setting that has none.
     """
-    if run != "duration":
+    if run != "dynamics":
         n = int(str(setting.knobs["segments"]))
         return [setting.but(segments=2 * n), setting.but(segments=4 * n)]
     step = float(str(setting.knobs.get("timestep", own)))
@@ -85,7 +85,7 @@ def probes(
         Whether loops get harder with the step along the setting's line, so that the step alone
         changes how many steps their time constants have.
     """
-    if run != "duration":
+    if run != "dynamics":
         own = (
             []
             if not case.rod
@@ -129,11 +129,11 @@ def of_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Probe]:
     table = case.run[run]
     if table.n is None:
         return
-    if run == "rest" and table.n - 1 != (segments := int(str(setting.knobs["segments"]))):
+    if run == "equilibrium" and table.n - 1 != (segments := int(str(setting.knobs["segments"]))):
         yield Probe(
             "sampling", "samples at the ends of links", sampled(case, run, segments + 1), setting
         )
-    elif run == "duration" and table.n % 2:
+    elif run == "dynamics" and table.n % 2:
         yield Probe(
             "sampling", "every other sample", sampled(case, run, table.n // 2 + 1), setting, None
         )

@@ -80,7 +80,7 @@ def imposed(case: Case, engine: str) -> Sequence[Imposed]:
 
 
 def program(case: Case, setting: Setting, drive: Imposed, head: str = "") -> str:
-    """Write the duration of a case with a setting as a program, in a worker.
+    """Write the dynamics run of a case with a setting as a program, in a worker.
 
     Raises
     ------
@@ -89,12 +89,12 @@ def program(case: Case, setting: Setting, drive: Imposed, head: str = "") -> str
     InputError, BadModel
         The case is at fault.
     """
-    return str(limited(case, "duration", written, case, setting, drive, head))
+    return str(limited(case, "dynamics", written, case, setting, drive, head))
 
 
 def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
     """The same, in this process."""
-    case, run = setting.applied(case, "duration")
+    case, run = setting.applied(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
     return engine_of(setting.engine).write_program(case.model_path, run, motion, head, drive)
 
@@ -112,7 +112,7 @@ def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: f
     if file.is_file():
         return ProgramRun(**{"seconds": float("nan"), **read(file)})
     with own_core() as core:
-        ran = limited(case, "duration", run_program, case, setting, text, timeout, core)
+        ran = limited(case, "dynamics", run_program, case, setting, text, timeout, core)
     told = {key: value for key, value in asdict(ran).items() if value == value}
     if not ran.failure.startswith(LATE):
         write_whole(file, json.dumps(told))
@@ -126,7 +126,7 @@ def run_program(
     case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
 ) -> ProgramRun:
     """Run a program in a bare interpreter, and hold its curves against the reference."""
-    case, run = setting.applied(case, "duration")
+    case, run = setting.applied(case, "dynamics")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.py"
         file.write_text(text, encoding="utf-8")
@@ -149,7 +149,7 @@ def run_program(
     lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
     if lost:
         return ProgramRun(failure=f"{lost[0]} is not finite")
-    return ProgramRun(shares(case, "duration", curves), float(printed[2]), int(printed[1]))
+    return ProgramRun(shares(case, "dynamics", curves), float(printed[2]), int(printed[1]))
 
 
 def read_curves(file: Path, run: Run) -> Curves:

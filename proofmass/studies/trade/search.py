@@ -141,12 +141,12 @@ def order(coarse: StudyRow, fine: StudyRow, of: str) -> float:
 
 
 def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
-    """What is searched in a duration: of an engine, or of all that the case runs in."""
-    times = grid(case, "duration")
+    """What is searched in dynamics: of an engine, or of all that the case runs in."""
+    times = grid(case, "dynamics")
     sample = float(times[1] - times[0])
-    there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["duration"].solvers)
+    there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["dynamics"].solvers)
     about = studied(case)
-    for line in as_given(case, "duration"):
+    for line in as_given(case, "dynamics"):
         if line.engine in (engine or line.engine):
             (own,) = line.settings
             yield SettingFamily(
@@ -187,7 +187,7 @@ def search(
     repeats: int = 5,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
-    """Measure settings of a duration until the cheapest that is good enough is known.
+    """Measure settings of dynamics until the cheapest that is good enough is known.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def search(
     tasks_ = [
         StudyRun(
             case,
-            "duration",
+            "dynamics",
             Setting(row.engine, row.knobs),
             row.study,
             row.line,
@@ -263,16 +263,16 @@ def search(
 
 def kept_reference_seconds(case: Case, store: Store) -> float:
     """`reference_seconds`, measured once for a store; 0 where a file keeps the reference."""
-    task = StudyRun(case, "duration", Setting(case.run["duration"].solvers[0].partition(":")[0]))
+    task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].solvers[0].partition(":")[0]))
     if reference_of(task, store):
         return 0.0
     file = store.folder / f"{key_of(task)}.reference.json"
-    return float(once(file, lambda: bounded(case, "duration", reference_seconds, case)))
+    return float(once(file, lambda: bounded(case, "dynamics", reference_seconds, case)))
 
 
 def reference_seconds(case: Case) -> float:
-    """Wall time of the reference of a duration [s], in the worker that evaluates it."""
-    asked = plan(case, "duration", case.run["duration"].solvers[0])
+    """Wall time of the reference of dynamics [s], in the worker that evaluates it."""
+    asked = plan(case, "dynamics", case.run["dynamics"].solvers[0])
     began = time.perf_counter()
     with suppress(InputError):  # the runs tell
         truth(case, Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None))
@@ -299,7 +299,7 @@ def finer_for_drives(
         square of the step.
     """
     asked = []
-    sample = float(grid(case, "duration")[1] - grid(case, "duration")[0])
+    sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])
     for row, off in tried:
         if wanted < off < COARSE:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
@@ -308,7 +308,7 @@ def finer_for_drives(
                 (
                     row.seconds * row.value / step,
                     StudyRun(
-                        case, "duration", scaled(row, step), row.study, row.line, row.axis, step
+                        case, "dynamics", scaled(row, step), row.study, row.line, row.axis, step
                     ),
                 )
             )
@@ -339,7 +339,7 @@ def following(
     if (step := family.next(of, needed, limit)) is not None:
         yield (
             family,
-            StudyRun(case, "duration", family.at(step), "choose", family.name, "timestep", step),
+            StudyRun(case, "dynamics", family.at(step), "choose", family.name, "timestep", step),
         )
 
 

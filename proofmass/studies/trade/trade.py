@@ -146,8 +146,8 @@ def trade(
         Of finished runs.
     workers : Executor, optional
         See `proofmass.studies.run.pool`.
-    kind : {"sweep", "duration", "rest"}, optional
-        Which run of the cases; the first of duration, rest and sweep that they have.
+    kind : {"sweep", "dynamics", "equilibrium"}, optional
+        Which run of the cases; the first of dynamics, equilibrium and sweep that they have.
     budget : float
         Wall time of a run after which its line ends [s].
     longest : float
@@ -218,7 +218,7 @@ def trade(
 
 def chosen(case: Case, kind: Kind | None) -> Kind:
     """The run that a study is of."""
-    wanted: list[Kind] = [kind] if kind else ["duration", "rest", "sweep"]
+    wanted: list[Kind] = [kind] if kind else ["dynamics", "equilibrium", "sweep"]
     for name in wanted:
         if name in case.run:
             return name
@@ -247,7 +247,7 @@ def halve(
             "floor",
             lane.line.name,
             "halved",
-            leading(setting.knobs["timestep" if lane.run == "duration" else "segments"]),
+            leading(setting.knobs["timestep" if lane.run == "dynamics" else "segments"]),
         )
         for (n, _), setting in asked
         for lane in (lanes[n],)
@@ -329,13 +329,13 @@ def disturb(
     places = {
         (n, k)
         for n, lane in enumerate(lanes)
-        if lane.run == "duration"
+        if lane.run == "dynamics"
         for k in lane.risen().values()
     }
     places |= {
         (n, k)
         for n, lane in enumerate(lanes)
-        if lane.run == "duration"
+        if lane.run == "dynamics"
         for kind, k in lane.floors().items()
         if left(lane, k, kind, finer[n, k])
         and judge(lane.track.rows[k].errors[kind], moved[n, k], kind, True)[0] == UNKNOWN
@@ -373,7 +373,7 @@ def verdict(
     if (k := lane.floors().get(kind)) is not None:
         first = finer[n, k][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
-        what = "halving the step" if lane.run == "duration" else "twice as many segments"
+        what = "halving the step" if lane.run == "dynamics" else "twice as many segments"
         why = (
             f"{what} {factor(rows[k].errors[kind] / half)}"
             if half > 0

@@ -142,7 +142,7 @@ def verify(
     setting = Setting(row.engine, row.knobs)
     check = Check(NAN, NAN, "", setting)
     try:
-        if kind == "duration":
+        if kind == "dynamics":
             check = as_program(case, setting, row, of, store, longest, drive)
         else:
             error, used = limited(case, kind, again, case, kind, setting, row.steps, of)
@@ -170,7 +170,7 @@ def shifted_once(
     From the store if it is there.  What took too long is not kept, since another call may have
     more time.
     """
-    least = REFERENCE if kind == "duration" and not case.drive else 0.0
+    least = REFERENCE if kind == "dynamics" and not case.drive else 0.0
 
     def make() -> tuple[float | None, str, str]:
         try:
@@ -213,7 +213,7 @@ def as_program(
     try:
         ran = [ran_as(case, used, one, store, longest) for one in ways]
     except Unsupported as error:
-        off, used = limited(case, "duration", again, case, "duration", setting, row.steps, of)
+        off, used = limited(case, "dynamics", again, case, "dynamics", setting, row.steps, of)
         return Check(off, NAN, "", used, reason=str(error))
     best = min(range(len(ran)), key=lambda k: error_or_inf(ran[k], of))
     return Check(
@@ -256,12 +256,12 @@ def error_or_inf(ran: ProgramRun, of: str) -> float:
 
 def as_used(case: Case, setting: Setting) -> Setting:
     """A setting with the step that is really taken, and what its engine chooses by itself."""
-    return cast(Setting, limited(case, "duration", used_here, case, setting))
+    return cast(Setting, limited(case, "dynamics", used_here, case, setting))
 
 
 def used_here(case: Case, setting: Setting) -> Setting:
     """The same, in this process."""
-    changed, run = setting.applied(case, "duration")
+    changed, run = setting.applied(case, "dynamics")
     if engine_of(setting.engine).chooses == ("timestep",):  # it is known without a run
         step = float(str(setting.knobs.get("timestep", compiled(changed).opt.timestep)))
         return setting.but(timestep=run.steps(step)[1])
@@ -290,7 +290,7 @@ def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves,
         curves = ran_text(text, case, run, setting.engine)
     else:
         curves = simulate(setting.engine, case.model_path, run)
-    return curves, setting.but(**used(curves, setting)) if kind == "duration" else setting
+    return curves, setting.but(**used(curves, setting)) if kind == "dynamics" else setting
 
 
 def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
@@ -305,7 +305,7 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
         There is no other start; says why.
     """
     case, run = setting.applied(case, kind)
-    if kind == "rest":
+    if kind == "equilibrium":
         raise Unsupported("a rest has one start")
     if case.recorded:
         raise Unsupported("the reference is a recorded curve, known at its samples only")
@@ -320,7 +320,7 @@ def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
     """Largest error of a kind, as a share of range; NaN where the curves have none."""
     if curves.stopped or not all(np.isfinite(part).all() for part in curves.channels.values()):
         return np.nan
-    if curves.drive is None and kind == "duration" and curves.x[0] > 0.0:
+    if curves.drive is None and kind == "dynamics" and curves.x[0] > 0.0:
         curves = from_start(case, curves)
     return shares(case, kind, curves).get(of, np.nan)
 

@@ -47,9 +47,9 @@ def test_a_stride_that_ends_on_a_change_point_is_taken_with_the_next(samples):
 
 
 def test_softness_is_a_wall_that_no_smaller_step_lowers():
-    coarse = worst("hacksaw", "duration", POSITION, timestep=1e-3, solref=(0.02, 1.0))
-    fine = worst("hacksaw", "duration", POSITION, timestep=2.5e-4, solref=(0.02, 1.0))
-    stiff = worst("hacksaw", "duration", POSITION, timestep=2.5e-4, solref=(0.01, 1.0))
+    coarse = worst("hacksaw", "dynamics", POSITION, timestep=1e-3, solref=(0.02, 1.0))
+    fine = worst("hacksaw", "dynamics", POSITION, timestep=2.5e-4, solref=(0.02, 1.0))
+    stiff = worst("hacksaw", "dynamics", POSITION, timestep=2.5e-4, solref=(0.01, 1.0))
     assert fine == pytest.approx(coarse, rel=0.05)  # the step is not what limits
     assert fine / stiff == pytest.approx(4, rel=0.1)  # the loop's gap goes with solref squared
 
@@ -57,18 +57,18 @@ def test_softness_is_a_wall_that_no_smaller_step_lowers():
 def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solref():
     acceleration = ("m/s^2", "rad/s^2")
     stiff, soft = (
-        worst("hacksaw", "duration", acceleration, timestep=1e-3, solref=(k * 1e-3, 1.0))
+        worst("hacksaw", "dynamics", acceleration, timestep=1e-3, solref=(k * 1e-3, 1.0))
         for k in (5, 7)
     )
     assert np.log(stiff / soft) / np.log(7 / 5) == pytest.approx(4, abs=0.5)  # softness adds
-    finer = worst("hacksaw", "duration", acceleration, timestep=2.5e-4, solref=(5 * 2.5e-4, 1.0))
+    finer = worst("hacksaw", "dynamics", acceleration, timestep=2.5e-4, solref=(5 * 2.5e-4, 1.0))
     assert finer == pytest.approx(stiff, rel=0.1)  # the ratio counts, not the step
 
 
 def test_gravity_leaves_a_floor_in_accelerations_that_neither_step_nor_solref_lowers():
     acceleration = ("m/s^2", "rad/s^2")
     floors = [
-        worst("fourbar", "duration", acceleration, timestep=dt, solref=(stiff, 1.0))
+        worst("fourbar", "dynamics", acceleration, timestep=dt, solref=(stiff, 1.0))
         for dt, stiff in ((1e-3, 0.02), (1e-3, 0.01), (2.5e-4, 0.005))
     ]
     assert np.ptp(floors) < 0.05 * max(floors)
@@ -81,7 +81,7 @@ def test_gravity_leaves_a_floor_in_accelerations_that_neither_step_nor_solref_lo
 def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt):
     """At 1 ms RK4 is off by 5e-12, and would be by 12e-12 if its bob had 1e-12 kg m2."""
     errors = [
-        worst("pendulum", "duration", ("rad",), timestep=step, integrator=integrator)
+        worst("pendulum", "dynamics", ("rad",), timestep=step, integrator=integrator)
         for step in (dt, dt / 2)
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)  # higher terms
@@ -92,7 +92,7 @@ def test_a_duration_says_what_it_was_stepped_with(models, edit):
     tuned, plain = (
         simulate(
             case.model_path,
-            replace(plan(case, "duration", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings),
+            replace(plan(case, "dynamics", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings),
         ).settings
         for settings in ({}, {"defaults": True})
     )
@@ -109,7 +109,7 @@ def test_a_duration_says_what_it_was_stepped_with(models, edit):
     assert differ == {"timestep", "integrator", "solref", "solimp"}
     more = '<connect name="pin" site1="coupler_end" site2="rocker_end" solref="0.02 1"/></equality>'
     file = edit("fourbar.xml", "</equality>", more.replace('"pin"', '"twice"'))
-    both = simulate(file, replace(plan(case, "duration", "mujoco"), x=np.linspace(0, 0.1, 3)))
+    both = simulate(file, replace(plan(case, "dynamics", "mujoco"), x=np.linspace(0, 0.1, 3)))
     assert both.settings["solref"] == "several"
     assert both.settings["solimp"] == tuned["solimp"]
 
@@ -168,7 +168,7 @@ def test_an_equality_of_another_kind_is_named(tmp_path):
 
 def test_friction_of_a_driven_joint_changes_nothing_that_a_duration_shows(edit, models):
     case = load_case(models / "fourbar.toml")
-    run = replace(plan(case, "duration", "mujoco"), x=np.linspace(0, 1, 11))
+    run = replace(plan(case, "dynamics", "mujoco"), x=np.linspace(0, 1, 11))
     free = simulate(case.model_path, run)
     edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" frictionloss="50"')
     for name, curve in simulate(case.model_path, run).channels.items():
@@ -187,11 +187,11 @@ def test_a_duration_does_not_deliver_the_moment_of_a_drive(sensor, tmp_path):
     file, drive = tmp_path / "model.xml", Drive("a", lambda t: (t, 1 + 0 * t, 0 * t))
     file.write_text(xml)
     channels, x = ("a", "moment", "energy"), np.linspace(0, 1, 3)
-    curves = simulate(file, Run("duration", x, channels, (drive,)))
+    curves = simulate(file, Run("dynamics", x, channels, (drive,)))
     assert set(curves.channels) == {"a"}
     assert "sweeps only" in curves.missing["moment"]
     assert "flywheels" in curves.missing["energy"]
-    free = simulate(file, Run("duration", x, channels))
+    free = simulate(file, Run("dynamics", x, channels))
     np.testing.assert_array_equal(free.channels["moment"], 0)  # the motor has no control
     assert not free.missing
 
@@ -205,7 +205,7 @@ def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
     xml = xml.replace('pos="0.5 0 0" mass="3"', 'pos="0 0 0" mass="3"').replace("1 1 1", "2 2 2")
     file = tmp_path / "model.xml"
     file.write_text(xml.replace('gravity="0 0 0"', 'gravity="0 0 0" timestep="1e-3"'))
-    curves = simulate(file, Run("duration", np.linspace(0, 3, 7), ("v",)))
+    curves = simulate(file, Run("dynamics", np.linspace(0, 3, 7), ("v",)))
     by_hand = np.maximum(1 - 0.5 * curves.x, 0)
     np.testing.assert_allclose(curves.channels["v"], by_hand, atol=0.02)  # MuJoCo's is soft
 
@@ -244,7 +244,7 @@ def test_a_run_that_the_engine_resets_is_lost(tmp_path):
     file.write_text(xml)
     settings = {"timestep": 0.01, "integrator": "RK4"}
     with pytest.raises(Diverged, match="badq"):
-        simulate(file, Run("duration", np.linspace(0, 1, 11), ("a",), settings=settings))
+        simulate(file, Run("dynamics", np.linspace(0, 1, 11), ("a",), settings=settings))
 
 
 def test_start_pose_far_from_assembled_is_refused(models, edit):

@@ -60,7 +60,7 @@ def read(model: mujoco.MjModel) -> dict[str, object]:
 
 
 def asked(settings: dict) -> Run:
-    return Run("duration", np.linspace(0.0, 0.1, 2), (), settings=settings)
+    return Run("dynamics", np.linspace(0.0, 0.1, 2), (), settings=settings)
 
 
 def in_program(file: Path, settings: dict) -> mujoco.MjModel:
@@ -152,7 +152,7 @@ def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Pat
 
     def run(settings: dict) -> Run:
         return Run(
-            "duration",
+            "dynamics",
             np.linspace(0.0, 0.3, 16),
             ("x", "turn"),
             settings={"warmstart": False, **settings},
@@ -186,10 +186,10 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(
         "warmstart": False,
     }
     case = load_case(shipped("fourbar.toml"))
-    table = case.run["duration"].model_copy(update={"n": 21})
-    case = case.model_copy(update={"run": {"duration": table}})
-    _, run = Setting("mujoco", {**base, **changed}).applied(case, "duration")
-    _, other = Setting("mujoco", {**base, **unchanged}).applied(case, "duration")
+    table = case.run["dynamics"].model_copy(update={"n": 21})
+    case = case.model_copy(update={"run": {"dynamics": table}})
+    _, run = Setting("mujoco", {**base, **changed}).applied(case, "dynamics")
+    _, other = Setting("mujoco", {**base, **unchanged}).applied(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
     found = bare(write_program(case.model_path, run, motion, ""), tmp_path)
     wanted = simulate("mujoco", case.model_path, run).channels

@@ -36,7 +36,7 @@ def mjcf(
 
 
 def fall(file: Path, **run) -> None:
-    simulate(file, Run("duration", np.linspace(0, 0.1, 11), (), **run))
+    simulate(file, Run("dynamics", np.linspace(0, 0.1, 11), (), **run))
 
 
 def plane_of(file: Path):
@@ -129,18 +129,18 @@ def test_refused_by_name(tmp_path, bodies, more, options, named):
 
 def test_geoms_on_one_body_do_not_count_as_contact(tmp_path):
     bodies = ARM.replace("</body>", '<geom size=".1"/><geom size=".2"/></body>')
-    run = Run("duration", np.linspace(0, 0.1, 11), ())
+    run = Run("dynamics", np.linspace(0, 0.1, 11), ())
     assert simulate(mjcf(tmp_path, bodies, flag=""), run).steps == 51
 
 
 def test_bad_names():
     model, x = shipped("pendulum.xml"), np.linspace(0, 0.1, 11)
     with pytest.raises(BadModel, match=r"'speed'.*angle, rate"):
-        simulate(model, Run("duration", x, ("speed",)))
+        simulate(model, Run("dynamics", x, ("speed",)))
     with pytest.raises(BadModel, match=r"'begin'.*start"):
-        simulate(model, Run("duration", x, (), start="begin"))
+        simulate(model, Run("dynamics", x, (), start="begin"))
     with pytest.raises(BadModel, match=r"'wheel'.*pivot"):
-        simulate(model, Run("duration", x, (), (Drive("wheel", lambda t: (t, t, t)),)))
+        simulate(model, Run("dynamics", x, (), (Drive("wheel", lambda t: (t, t, t)),)))
 
 
 def test_open_start_pose(edit):
@@ -153,7 +153,7 @@ FOURBAR = shipped("fourbar.xml")
 ROCKER = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pin.y")
 
 
-def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "duration"):
+def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "dynamics"):
     run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),), settings={"timestep": dt})
     curves = simulate(model, run)
     truth = fourbar.solve(*(d[0] for d in curves.drive), **LENGTHS)
@@ -212,7 +212,7 @@ def turned_model(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("kind", ["sweep", "duration"])
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
 def test_another_plane_gives_the_same(tmp_path, kind):
     channels = ("rocker", "rocker_rate", "coupler.angle", "pin.x")
     run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning(),))
@@ -256,7 +256,7 @@ def test_sliding_spring_oscillates(tmp_path):
         '<inertial pos=".2 .3 0" mass=".4" diaginertia=".1 .1 .1"/></body>'
     )
     sensor = '<sensor><jointpos name="s" joint="s"/></sensor>'
-    run = Run("duration", np.linspace(0, 2, 201), ("s",), settings={"timestep": 1e-3})
+    run = Run("dynamics", np.linspace(0, 2, 201), ("s",), settings={"timestep": 1e-3})
     got = simulate(mjcf(tmp_path, body, sensor), run)
     # leapfrog's phase lag (w dt)^2 / 24 over 20 rad: 8e-5 of 0.1 m
     np.testing.assert_allclose(got.channels["s"], 0.1 - 0.1 * np.cos(10 * got.x), atol=2e-5)
@@ -265,7 +265,7 @@ def test_sliding_spring_oscillates(tmp_path):
 def test_hinge_rests_on_its_stop(tmp_path):
     arm = ARM.replace('"arm"/>', '"arm" range="-.2 1"/>')
     sensor = '<sensor><jointpos name="arm" joint="arm"/></sensor>'
-    run = Run("duration", np.linspace(0, 2, 21), ("arm",))
+    run = Run("dynamics", np.linspace(0, 2, 21), ("arm",))
     got = simulate(mjcf(tmp_path, arm, sensor), run).channels["arm"]
     # the joint enters the stop by up to a step's way, 3e-3 rad, and is let out slowly
     assert np.abs(got[5:] + 0.2).max() < 4e-3
@@ -274,7 +274,7 @@ def test_hinge_rests_on_its_stop(tmp_path):
 
 def pendulum(dt: float):
     channels = ("angle", "rate", "acceleration", "kinetic", "potential")
-    run = Run("duration", np.linspace(0, 4, 201), channels, settings={"timestep": dt})
+    run = Run("dynamics", np.linspace(0, 4, 201), channels, settings={"timestep": dt})
     got = simulate(shipped("pendulum.xml"), run).channels
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     sn, cn, *_ = ellipj(ellipk(k * k) + w * run.x, k * k)
@@ -299,7 +299,7 @@ def test_pendulum():
 
 def test_too_few_iterations_diverge():
     run = Run(
-        "duration", np.linspace(0, 7, 71), ("rocker",), (turning(),), settings={"iterations": 3}
+        "dynamics", np.linspace(0, 7, 71), ("rocker",), (turning(),), settings={"iterations": 3}
     )
     with pytest.raises(Diverged, match="lost at time"):
         simulate(FOURBAR, run)
@@ -307,10 +307,10 @@ def test_too_few_iterations_diverge():
 
 def test_defaults_are_softer_and_recorded():
     run = Run(
-        "duration", np.linspace(0, 6, 61), ("rocker",), (turning(),), settings={"defaults": True}
+        "dynamics", np.linspace(0, 6, 61), ("rocker",), (turning(),), settings={"defaults": True}
     )
     curves = simulate(FOURBAR, run)
     assert curves.settings["iterations"] == 10
     assert curves.settings["error_bias"] == (1 - 0.1) ** 60
-    gap = simulate(FOURBAR, Run("duration", run.x, (), (turning(),))).gap
+    gap = simulate(FOURBAR, Run("dynamics", run.x, (), (turning(),))).gap
     assert curves.gap > 10 * gap  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2

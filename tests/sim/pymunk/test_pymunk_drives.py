@@ -117,7 +117,7 @@ def test_sweep_of_a_five_bar_with_both_efforts(write):
 
 
 def five_errors(file: Path, dt: float):
-    run = Run("duration", np.linspace(0, 2, 101), TIP, BOTH, settings={"timestep": dt})
+    run = Run("dynamics", np.linspace(0, 2, 101), TIP, BOTH, settings={"timestep": dt})
     got = simulate(file, run)
     law = np.array([drive.law(run.x)[0] for drive in BOTH])
     np.testing.assert_allclose(got.drive[0], law, atol=1e-14)  # met to rounding, both
@@ -133,7 +133,7 @@ def test_a_five_bar_is_second_order(write):
 
 
 def test_a_drive_may_hold_still(write):
-    run = Run("duration", np.linspace(0, 1, 51), TIP[:4], (BOTH[0], hold("right", 1.5)))
+    run = Run("dynamics", np.linspace(0, 1, 51), TIP[:4], (BOTH[0], hold("right", 1.5)))
     got = simulate(write(FIVEBAR), run)
     np.testing.assert_allclose(got.drive[0][1], 1.5, atol=1e-14)
     np.testing.assert_allclose(got.drive[1][1], 0.0, atol=1e-11)  # rounding over a step
@@ -185,7 +185,7 @@ def test_a_driven_slide_between_moving_links_is_second_order(write):
     file, errors = write(CYLINDER), []
     for dt in (2e-3, 1e-3):
         run = Run(
-            "duration",
+            "dynamics",
             np.linspace(0, 1, 51),
             ("boom", "boom_rate"),
             (swing("stroke", 1.8, 0.3, 0.1, 5),),
@@ -221,7 +221,7 @@ def test_drives_that_share_links_are_met_to_rounding_and_carry_their_own_moments
     shoulder = G * (3 * 0.5 + 2 + 1) * sums[0] + elbow
     for name, moment in zip(("m1", "m2", "m3"), (shoulder, elbow, wrist), strict=True):
         np.testing.assert_allclose(got.channels[name], moment, atol=1e-10)  # rounding of impulses
-    moved = simulate(write(ARM), Run("duration", run.x, (), ARM_DRIVES))
+    moved = simulate(write(ARM), Run("dynamics", run.x, (), ARM_DRIVES))
     law = np.array([drive.law(run.x)[0] for drive in ARM_DRIVES])
     # only the last is met exactly in a step, but what lacks is made up for in the next
     np.testing.assert_allclose(moved.drive[0], law, atol=1e-9)

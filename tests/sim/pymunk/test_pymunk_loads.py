@@ -128,7 +128,7 @@ def test_a_pushed_block_and_a_turned_wheel_gain_speed_evenly(tmp_path):
             "3 -2",
         )
     )
-    run = Run("duration", np.linspace(0, 1, 11), ("s", "h"))
+    run = Run("dynamics", np.linspace(0, 1, 11), ("s", "h"))
     got = with_pymunk.simulate(file, run).channels
     np.testing.assert_allclose(got["s"], 1.5 * run.x**2 / 2, atol=1e-12)  # leapfrog: exact
     np.testing.assert_allclose(got["h"], -4 * run.x**2 / 2, atol=1e-12)
@@ -152,7 +152,7 @@ def test_loads_between_free_links_move_them_as_in_mujoco(tmp_path):
     )
     errors = []
     for dt in (2e-3, 1e-3):
-        run = Run("duration", np.linspace(0, 1, 51), ("a", "b", "c"), settings={"timestep": dt})
+        run = Run("dynamics", np.linspace(0, 1, 51), ("a", "b", "c"), settings={"timestep": dt})
         ours, truth = (engine.simulate(file, run).channels for engine in (with_pymunk, with_mujoco))
         errors.append([np.abs(ours[name] - truth[name]).max() for name in run.channels])
     assert np.all(np.log2(np.divide(*errors)) > 1.8), errors

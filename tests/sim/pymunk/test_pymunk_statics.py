@@ -121,7 +121,7 @@ def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
     got = [
         simulate(
             file,
-            Run("duration", np.linspace(0, 3, 301), ("arm", "v", "t"), settings={"timestep": dt}),
+            Run("dynamics", np.linspace(0, 3, 301), ("arm", "v", "t"), settings={"timestep": dt}),
         ).channels
         for dt in (2e-3, 1e-3)
     ]

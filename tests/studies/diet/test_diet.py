@@ -172,9 +172,9 @@ def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
 
 def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
     case = load_case(shipped("fourbar.toml"))
-    run = plan(case, "duration", "mujoco")
+    run = plan(case, "dynamics", "mujoco")
     watch = watched(case, run, "mujoco", read(case.model_path))
-    found = [c for c in compare(case, "duration", "mujoco", watch.before) if c.allowed > 0]
+    found = [c for c in compare(case, "dynamics", "mujoco", watch.before) if c.allowed > 0]
     assert len(found) > 5
     for c in found:
         rounding = 1e-9 * max(float(np.abs(v).max()) for v in watch.before.channels.values())
@@ -278,7 +278,7 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
     )
     edit("pendulum.xml", r"<keyframe>", '<keyframe><key name="other" qpos="1"/><key name="third"/>')
     scene, found = searched(models / "pendulum.xml")
-    assert {w.name for w in scene.watches} == {"pendulum duration", "other duration"}
+    assert {w.name for w in scene.watches} == {"pendulum dynamics", "other dynamics"}
     left = names(found.slim.spec)
     assert left["keys"] == {"start", "other"}
     assert "kinetic" not in left["sensors"]

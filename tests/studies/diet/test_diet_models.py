@@ -54,8 +54,8 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     longer = found.slim.compiled().opt.timestep
     assert longer >= 2 * step
     write(found.slim, file)
-    run = plan(case, "duration", "mujoco")
-    for c in compare(case, "duration", "mujoco", simulate("mujoco", file, run)):
+    run = plan(case, "dynamics", "mujoco")
+    for c in compare(case, "dynamics", "mujoco", simulate("mujoco", file, run)):
         before = scene.watches[0].before.channels[c.channel]
         truth = reference_for(case, scene.watches[0].before).channels[c.channel]
         error = float(np.abs(before - truth).max())
@@ -82,6 +82,6 @@ def test_every_setting_of_a_case_is_watched(models, edit):
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings."mujoco:fine"]\ntimestep = 5e-4\n')
     scene = scene_of(models / "pendulum.xml", 1.0)
-    assert [w.name for w in scene.watches] == ["pendulum duration", "pendulum duration, fine"]
+    assert [w.name for w in scene.watches] == ["pendulum dynamics", "pendulum dynamics, fine"]
     steps = [w.before.steps for w in scene.watches]
     assert steps[1] > 1.5 * steps[0]

@@ -57,8 +57,8 @@ def test_a_reset_is_heard(stand):
     failure = stand("pendulum", integrator="Euler").lost(case, timestep=1e-3, tolerance=0.0)
     assert failure is None
     held = stand("fourbar", integrator="RK4")
-    run = held.case.run["duration"].model_copy(update={"n": 3})
-    far = held.case.model_copy(update={"run": {"duration": run}})
+    run = held.case.run["dynamics"].model_copy(update={"n": 3})
+    far = held.case.model_copy(update={"run": {"dynamics": run}})
     failure = held.lost(far, timestep=3.0)
     assert failure
     assert "MuJoCo warning" in failure.message
@@ -76,8 +76,8 @@ def test_an_open_loop_is_seen_though_all_is_finite(stand):
 def test_a_run_that_is_finite_and_wrong_is_lost(stand):
     """Steps of half a second on a pendulum of two, in which no loop can come open."""
     pendulum = stand("pendulum", integrator="Euler")
-    run = pendulum.case.run["duration"].model_copy(update={"n": 21})
-    coarse = pendulum.case.model_copy(update={"run": {"duration": run}})
+    run = pendulum.case.run["dynamics"].model_copy(update={"n": 21})
+    coarse = pendulum.case.model_copy(update={"run": {"dynamics": run}})
     failure = pendulum.lost(coarse, timestep=0.5)
     assert failure
     assert failure.message.startswith("position off by")
@@ -89,9 +89,9 @@ def test_a_run_that_is_finite_and_wrong_is_lost(stand):
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
-        ("slider_crank", "duration"),
+        ("slider_crank", "dynamics"),
         ("slider_crank", "sweep"),
-        ("fourbar_released", "duration"),
+        ("fourbar_released", "dynamics"),
         ("balancer_sine", "sweep"),
     ],
 )
@@ -235,7 +235,7 @@ def test_a_long_run_turns_on_or_goes_to_and_fro(stand):
     assert [drive.to for drive in both.drive] == pytest.approx([6 * np.pi, 12 * np.pi])
     slid = longer(stand("threeprr").case, 3.0, 1.0)
     assert (slid.drive[0].to, slid.drive[0].period) == (stand("threeprr").case.drive[0].to, 2.0)
-    assert slid.run["duration"].until == 3.0
+    assert slid.run["dynamics"].until == 3.0
 
 
 def test_a_case_is_run_as_its_first_solver_is_set(stand, monkeypatch):

@@ -189,11 +189,11 @@ def test_chipmunk_holds_a_damped_spring_everywhere():
 def test_samples_are_whole_steps_apart(stand, name, step):
     """As many as fit between those of the case, and one at least; the end moves by half of them."""
     case = stand(name).case
-    x = grid(case, "duration")
+    x = grid(case, "dynamics")
     if step > x[-1] / 4:
         pytest.skip("fewer than four steps")
     changed = in_steps(case, float(x[-1]), step)
-    found = Run("duration", grid(changed, "duration"), ())
+    found = Run("dynamics", grid(changed, "dynamics"), ())
     per, taken = found.steps(step)
     assert taken == pytest.approx(step, rel=1e-12)
     assert per == max(1, int((x[1] - x[0]) / step + 1e-9))
@@ -209,9 +209,9 @@ def test_a_long_run_has_the_steps_that_are_told(stand, name):
     """To half of a sample."""
     held = stand(name)
     case = in_steps(longer(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step)
-    per, taken = Run("duration", grid(case, "duration"), ()).steps(held.step)
+    per, taken = Run("dynamics", grid(case, "dynamics"), ()).steps(held.step)
     assert taken == pytest.approx(held.step, rel=1e-12)
-    steps = per * (case.run["duration"].n - 1)
+    steps = per * (case.run["dynamics"].n - 1)
     assert steps == pytest.approx(7.3 * held.seconds / held.step, abs=per)
 
 

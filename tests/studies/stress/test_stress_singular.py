@@ -38,8 +38,8 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
     nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
     shortest = (3.5 - nearest) / 4.0
     case, link = reread(held.case), near_singular.last_link(held.case)
-    assert near_singular.unclosed(case, link, "duration", held.models, shortest * 1.001) is None
-    assert near_singular.unclosed(case, link, "duration", held.models, shortest * 0.999)
+    assert near_singular.unclosed(case, link, "dynamics", held.models, shortest * 1.001) is None
+    assert near_singular.unclosed(case, link, "dynamics", held.models, shortest * 0.999)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
         ("fourbar", "sweep", 1.0 + 3.0),  # over the ends of coupler and rocker: crank and ground
         (
             "fivebar",
-            "duration",
+            "dynamics",
             np.abs(
                 2 * np.exp(1j * (a := np.linspace(0.0, 2 * np.pi, 100_001))) - 2 - np.exp(2j * a)
             ).max(),
@@ -85,7 +85,7 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
         for share in shares
     ]
     found = [
-        tried(StudyRun(case, "duration", held.setting, "stress"), held.store) for case in cases
+        tried(StudyRun(case, "dynamics", held.setting, "stress"), held.store) for case in cases
     ]
     ratio = [one.errors["position"] / one.invariants["gap"] for one in found]
     # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error

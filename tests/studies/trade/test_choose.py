@@ -58,7 +58,7 @@ def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check
 
 
 def chosen(case: Case, rows: list[StudyRow], wanted: float, **asked: object):
-    return choose(case, "duration", rows, wanted, **{"verify": holds, **asked})
+    return choose(case, "dynamics", rows, wanted, **{"verify": holds, **asked})
 
 
 def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
@@ -227,13 +227,13 @@ def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
     """Each solver of the run that has settings, with what `check` runs it with."""
     case = load_case(shipped(f"{name}.toml"))
     step = compiled(case).opt.timestep
-    tried = [(s.engine, s.knobs) for line in lines(case, "duration") for s in line.settings]
-    for solver in case.run["duration"].solvers:
+    tried = [(s.engine, s.knobs) for line in lines(case, "dynamics") for s in line.settings]
+    for solver in case.run["dynamics"].solvers:
         engine, _, variant = solver.partition(":")
         if variant != "default":
             own = {
                 name: tuple(value) if isinstance(value, list) else value
-                for name, value in plan(case, "duration", solver).settings.items()
+                for name, value in plan(case, "dynamics", solver).settings.items()
             }
             assert (engine, {"timestep": step, **own}) in tried
 
@@ -255,7 +255,7 @@ def stiff(models: Path, edit: Callable[..., Path]) -> Path:
     return edit(
         "slider_crank.toml",
         r"(?s)\[\[tolerance\]\].*",
-        '[[tolerance]]\nof_range = 1e-3\nwhy = "other steps are lost"\n',
+        '[[tolerance]]\nrelative_to_range = 1e-3\nwhy = "other steps are lost"\n',
     )
 
 
@@ -365,7 +365,7 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     case = case.model_copy(
         update={
             "run": {
-                "duration": case.run["duration"].model_copy(
+                "dynamics": case.run["dynamics"].model_copy(
                     update={"n": 101, "until": None if case.drive else 1.0}
                 )
             }
@@ -374,18 +374,18 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     row = StudyRow(
         "trade",
         name,
-        "duration",
+        "dynamics",
         "mujoco",
         "",
         "timestep",
         2e-3,
         {"timestep": 2e-3, "integrator": "RK4"},
     )
-    curves = shifted(case, "duration", Setting("mujoco", row.knobs))
-    whole, _ = fresh(case, "duration", Setting("mujoco", row.knobs), 0)
+    curves = shifted(case, "dynamics", Setting("mujoco", row.knobs))
+    whole, _ = fresh(case, "dynamics", Setting("mujoco", row.knobs), 0)
     width = whole.x[1] - whole.x[0]
     assert curves.x == pytest.approx(whole.x[:-1] + PART * width, abs=1e-12)
-    check = verify(case, "duration", row, "position", 1e-6)
+    check = verify(case, "dynamics", row, "position", 1e-6)
     assert 0 < check.fresh < 1e-6  # README: RK4 at 1 ms is 1e-8 off, and 16 times that at 2 ms
     assert 0 < check.shifted < 1e-6
     assert check.shifted != check.fresh
@@ -395,9 +395,9 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
 def test_no_other_start_is_said() -> None:
     case = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(Unsupported, match="recorded curve"):
-        shifted(case, "duration", Setting("mujoco"))
+        shifted(case, "dynamics", Setting("mujoco"))
     with pytest.raises(Unsupported, match="a rest has one start"):
-        shifted(load_case(shipped("rod_cantilever.toml")), "rest", Setting("mujoco"))
+        shifted(load_case(shipped("rod_cantilever.toml")), "equilibrium", Setting("mujoco"))
 
 
 def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
@@ -405,7 +405,7 @@ def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
     row = StudyRow(
         "trade",
         "fourbar",
-        "duration",
+        "dynamics",
         "pymunk",
         "",
         "iterations",
@@ -413,7 +413,7 @@ def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
         {"timestep": 0.0174, "iterations": 1, "error_bias": 0.0},
         steps=361,
     )
-    check = verify(fourbar, "duration", row, "position", 1e9)
+    check = verify(fourbar, "dynamics", row, "position", 1e9)
     assert np.isnan([check.fresh, check.shifted]).all()
     assert not check.holds(1e9)
 
@@ -441,13 +441,16 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
             "--longest nan: give a number of seconds above",
         ),
         ("pendulum.toml --error 1e-5 --solver adams", "pendulum runs in mujoco, pymunk"),
-        ("pendulum.toml --error 1e-5 --run rest", "run.rest: there is no such run"),
+        ("pendulum.toml --error 1e-5 --run equilibrium", "run.equilibrium: there is no such run"),
         ("pendulum.toml --error 1e-5 --drive servo", "no drive moves in time; leave it out"),
         ("fourbar.toml --error 1e-5 --drive rope", "servo, equality; pymunk has gear, motor"),
         ("fourbar.toml --error 1e-5 --drive gear --solver mujoco", "mujoco has flywheel, servo,"),
         ("pendulum.toml --error 1e-5 -o run.txt", "the name of a Python program, such as run.py"),
         ("pendulum.toml --error 1e-5 -o nowhere/run.py", "there is no folder nowhere"),
-        ("rod_cantilever.toml --error 1e-2 -o run.py", "the rest of rod_cantilever has no time"),
+        (
+            "rod_cantilever.toml --error 1e-2 -o run.py",
+            "the equilibrium of rod_cantilever has no time",
+        ),
         ("fourbar.toml --error 1e-5 --run sweep -o run.py", "the sweep of fourbar has no time"),
         ("nope.toml --error 1e-5", "no such file"),
         (". --error 1e-5", "the sidecar of one case"),
@@ -466,10 +469,10 @@ def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: P
 
 def test_a_drive_names_its_engine(fourbar: Case) -> None:
     """Where only one of the case's engines can move drives so."""
-    assert solver_for(fourbar, "duration", "gear", "") == "pymunk"
-    assert solver_for(fourbar, "duration", "servo", "") == "mujoco"
-    assert solver_for(fourbar, "duration", "servo", "mujoco") == "mujoco"
-    assert solver_for(fourbar, "duration", "", "") == ""
+    assert solver_for(fourbar, "dynamics", "gear", "") == "pymunk"
+    assert solver_for(fourbar, "dynamics", "servo", "") == "mujoco"
+    assert solver_for(fourbar, "dynamics", "servo", "mujoco") == "mujoco"
+    assert solver_for(fourbar, "dynamics", "", "") == ""
 
 
 def test_fewer_iterations_come_first() -> None:
@@ -517,7 +520,7 @@ def at(
     return StudyRow(
         "trade",
         "fourbar",
-        "duration",
+        "dynamics",
         engine,
         line,
         "timestep",
@@ -535,7 +538,7 @@ def at(
 def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
     return Verdict(
         "fourbar",
-        "duration",
+        "dynamics",
         engine,
         line,
         kind,
@@ -682,8 +685,8 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     monkeypatch.setattr(
         module, "limited", lambda case, kind, function, *told, least=0.0: found[function.__name__]
     )
-    assert verify(fourbar, "rest", at(), "rate", 3.0) == Check(1.0, 2.0, "", used)
-    poor = verify(fourbar, "rest", at(), "rate", 0.5)
+    assert verify(fourbar, "equilibrium", at(), "rate", 3.0) == Check(1.0, 2.0, "", used)
+    poor = verify(fourbar, "equilibrium", at(), "rate", 0.5)
     assert (poor.fresh, poor.again, poor.words) == (1.0, False, "run again with the lines below 1")
 
     def fails(error):
@@ -695,7 +698,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
         return call
 
     monkeypatch.setattr(module, "limited", fails(Unsupported("a rest has one start")))
-    check = verify(fourbar, "rest", at(), "rate", 1.0)
+    check = verify(fourbar, "equilibrium", at(), "rate", 1.0)
     assert (check.fresh, check.note, check.used) == (1.0, "a rest has one start", used)
     assert np.isnan(check.shifted)
     assert check.holds(1.0)
@@ -703,7 +706,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     assert Check(1.0, 2.0, "", used).holds(2.0)
     for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
         monkeypatch.setattr(module, "limited", fails(why))
-        check = verify(fourbar, "rest", at(), "rate", 1.0)
+        check = verify(fourbar, "equilibrium", at(), "rate", 1.0)
         assert (check.fresh, check.note, check.lost) == (1.0, "", str(why))
         assert check.words.endswith(f"from a shifted start: {why}")
         assert not check.holds(9.0)
@@ -721,10 +724,10 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
             Setting("mujoco", {"timestep": 1e-3}),
         )
 
-    found = choose(fourbar, "duration", rows, 1.27e-4, verify=check)
-    assert asked == [(fourbar, "duration", "position")] * 2
+    found = choose(fourbar, "dynamics", rows, 1.27e-4, verify=check)
+    assert asked == [(fourbar, "dynamics", "position")] * 2
     assert words(found, fourbar) == [
-        "fourbar, duration: position within 1.3e-4 of its range",
+        "fourbar, dynamics: position within 1.3e-4 of its range",
         "tuned, timestep 1 ms: 2.3e-5 off in 0.51 s, 70 steps",
         "run again with the lines below 2.2e-5; 4.6e-5 from a shifted start",
         "the defaults were not measured, or did not run",
@@ -739,7 +742,7 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     assert words(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"
     assert "\n  chaotic: errors are judged up to 15 s\n" in printed(chaotic, fourbar)
     text = printed(once, fourbar)
-    assert text.startswith("<!--\n  fourbar, duration: position within 1.3e-4 of its range\n")
+    assert text.startswith("<!--\n  fourbar, dynamics: position within 1.3e-4 of its range\n")
     assert "a rest - has one\n" in text  # two dashes would end the comment
     assert "\n-->\n<option" in text
     assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
@@ -749,7 +752,7 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
         row=replace(once.row, engine="pymunk"),
         check=replace(once.check, used=Setting("pymunk", {"timestep": 1e-3})),
     )
-    assert printed(planar, fourbar).startswith("# fourbar, duration: ")
+    assert printed(planar, fourbar).startswith("# fourbar, dynamics: ")
     with pytest.raises(Cannot) as why:
-        choose(fourbar, "duration", rows[:1], 1e-4, verify=check)
+        choose(fourbar, "dynamics", rows[:1], 1e-4, verify=check)
     assert str(why.value) == f"{words(found, fourbar)[-1]}; no setting was measured"

@@ -44,10 +44,10 @@ def double() -> Case:
 
 def short(case: Case, until: float) -> Case:
     """The same with its samples, for a shorter time."""
-    table = case.run["duration"]
+    table = case.run["dynamics"]
     n = round((table.n - 1) * until / table.until) + 1
     return case.model_copy(
-        update={"run": {"duration": table.model_copy(update={"n": n, "until": until})}}
+        update={"run": {"dynamics": table.model_copy(update={"n": n, "until": until})}}
     )
 
 
@@ -91,7 +91,7 @@ def away_by_hand(until: float) -> np.ndarray:
 def test_a_disturbance_grows_as_the_equations_of_motion_have_it(double, tmp_path):
     """No engine and no code of this package on the other side."""
     case = short(double, 10.0)
-    found = parted(StudyRun(case, "duration", RK4), moved(case, tmp_path), Store(tmp_path), 60.0)
+    found = parted(StudyRun(case, "dynamics", RK4), moved(case, tmp_path), Store(tmp_path), 60.0)
     away = away_by_hand(10.0)
     # RK4 at 1 ms is 1e-5 off at the end, and so is the place where its growth is that
     assert found["position"] == pytest.approx(away, rel=0.01, abs=1e-11)
@@ -99,7 +99,7 @@ def test_a_disturbance_grows_as_the_equations_of_motion_have_it(double, tmp_path
 
 
 def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
-    motion = motion_of(double, "duration", Store(tmp_path), 60.0)
+    motion = motion_of(double, "dynamics", Store(tmp_path), 60.0)
     assert motion.words.startswith("chaotic: a start disturbed by 1e-9 moves it ")
     assert "errors are judged up to there" in motion.words
     away = np.maximum.accumulate(away_by_hand(20.0))
@@ -107,27 +107,27 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
     linear = np.flatnonzero(away <= 1e-2)[-1] + 2
     rate = np.polyfit(TIMES[linear // 5 : linear], np.log(away[linear // 5 : linear]), 1)[0]
     assert motion.rate == pytest.approx(rate, rel=0.2)  # RK4 is 5e-3 off at the end, and elsewhere
-    cut = within(double, "duration", motion)
-    assert grid(cut, "duration")[-1] == pytest.approx(motion.horizon, abs=0.051)
-    assert np.allclose(np.diff(grid(cut, "duration")), 0.05)
-    assert cut.run["duration"].n % 2 == 1
+    cut = within(double, "dynamics", motion)
+    assert grid(cut, "dynamics")[-1] == pytest.approx(motion.horizon, abs=0.051)
+    assert np.allclose(np.diff(grid(cut, "dynamics")), 0.05)
+    assert cut.run["dynamics"].n % 2 == 1
 
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar_released"])
 def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
     """A pendulum's phase parts in proportion to time, not faster."""
     case = load_case(shipped(f"{name}.toml"))
-    motion = motion_of(case, "duration", Store(tmp_path), 60.0)
+    motion = motion_of(case, "dynamics", Store(tmp_path), 60.0)
     assert np.isnan(motion.rate)
     assert np.isnan(motion.horizon)
-    assert within(case, "duration", motion) is case
+    assert within(case, "dynamics", motion) is case
     assert "chaotic" not in motion.words
 
 
 def test_a_driven_motion_has_no_free_start(tmp_path):
     case = load_case(shipped("fourbar.toml"))
-    assert motion_of(case, "duration", Store(tmp_path), 60.0) is None
-    assert within(case, "duration", None) is case
+    assert motion_of(case, "dynamics", Store(tmp_path), 60.0) is None
+    assert within(case, "dynamics", None) is case
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
@@ -170,7 +170,7 @@ def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_p
 def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
     """Some 1e-16 in each of 5000 steps, times what a disturbance grows by; not by what RK4 errs."""
     case = short(double, 5.0)
-    away = rounding(StudyRun(case, "duration", RK4), Store(tmp_path), 60.0)["position"]
+    away = rounding(StudyRun(case, "dynamics", RK4), Store(tmp_path), 60.0)["position"]
     assert 1e-16 < away < 5000 * 1e-15 * 1e3
     row = StudyRow("", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDED * 0.99})
     assert trade.as_rounding(row, "position", {"position": away})[0] == "rounding"
@@ -227,5 +227,5 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
     study = trade.trade([double], Store(tmp_path), repeats=0)
     (case,) = study.cases
     assert all(v.motion.startswith("chaotic") and v.horizon < 15.0 for v in study.verdicts)
-    assert case.run["duration"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)
+    assert case.run["dynamics"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)
     assert min(row.errors["position"] for row in study.rows) < 1e-3

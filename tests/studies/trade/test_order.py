@@ -29,18 +29,18 @@ SINGULAR = "change_point", "acceleration"
 CASES = {
     case.name: case
     for case in map(load_case, models_like())
-    if "duration" in case.run and not case.reference.endswith(".csv")
+    if "dynamics" in case.run and not case.reference.endswith(".csv")
 }  # these have an error
 
 
 def errors(case, folder, change=lambda setting: setting):
     """Steps and errors of the two settings of the plain line that are about the model's step."""
-    line = next(line for line in lines(case, "duration") if line.name == "pymunk, no bias")
+    line = next(line for line in lines(case, "dynamics") if line.name == "pymunk, no bias")
     own = compiled(case).opt.timestep
     k = next((k for k, size in enumerate(line.sizes) if size < 2 * own), -2)
     pair = [change(setting) for setting in line.settings[k:][:2]]
     rows = run(
-        [StudyRun(case, "duration", setting) for setting in pair],
+        [StudyRun(case, "dynamics", setting) for setting in pair],
         Store(folder),
         repeats=0,
         timeout=600.0,
@@ -76,8 +76,8 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
 
     def fall_and_swing(h, lag):
         setting = Setting("pymunk", {"timestep": h, "error_bias": np.exp(-1 / lag)})
-        model, duration = setting.applied(case, "duration")
-        curves = simulate("pymunk", model.model_path, duration)
+        model, dynamics = setting.applied(case, "dynamics")
+        curves = simulate("pymunk", model.model_path, dynamics)
         energy = curves.channels["kinetic"] + curves.channels["potential"]
         fall = -np.polyfit(curves.x, energy, 1)[0]
         return np.array([fall, np.ptp(energy + fall * curves.x)])
@@ -95,6 +95,6 @@ def test_that_order_is_expected_of_what_is_let_go_alone():
         ("fourbar", (1.0,)),
     ):
         case = load_case(shipped(f"{name}.toml"))
-        line = next(one for one in lines(case, "duration") if one.axis == "error_bias")
-        assert expected(case, "duration", line, "position") == orders
-        assert expected(case, "duration", line, "acceleration") == (*orders, 0.0)
+        line = next(one for one in lines(case, "dynamics") if one.axis == "error_bias")
+        assert expected(case, "dynamics", line, "position") == orders
+        assert expected(case, "dynamics", line, "acceleration") == (*orders, 0.0)

@@ -42,10 +42,10 @@ COARSE = {
 
 
 def short(name: str, n: int = 21, until: float | None = None) -> Case:
-    """A case with a few samples of its duration."""
+    """A case with a few samples of its dynamics."""
     case = load_case(shipped(f"{name}.toml"))
-    table = case.run["duration"].model_copy(update={"n": n, **({"until": until} if until else {})})
-    return case.model_copy(update={"run": {"duration": table}})
+    table = case.run["dynamics"].model_copy(update={"n": n, **({"until": until} if until else {})})
+    return case.model_copy(update={"run": {"dynamics": table}})
 
 
 def bare(text: str, folder: Path) -> dict[str, np.ndarray]:
@@ -81,7 +81,7 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
     assert imports(text) == {"csv", "sys", "time", "mujoco", "numpy"}
     assert "proofmass" not in text
     found = bare(text, tmp_path)
-    case, run = setting.applied(case, "duration")
+    case, run = setting.applied(case, "dynamics")
     wanted = simulate("mujoco", case.model_path, run)
     assert list(found) == ["t", *wanted.channels]
     assert found["t"] == pytest.approx(wanted.x, abs=1e-12)
@@ -226,7 +226,7 @@ def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:
 def test_samples_at_other_times_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "curves.csv"
     file.write_text("t,angle\n0.0,1.0\n0.5,2.0\n1.1,3.0\n")
-    run = Run("duration", np.array([0.0, 0.5, 1.0]), ("angle",))
+    run = Run("dynamics", np.array([0.0, 0.5, 1.0]), ("angle",))
     with pytest.raises(ValueError, match="other times"):
         read_curves(file, run)
     found = read_curves(file, replace(run, x=np.array([0.0, 0.5, 1.1])))
@@ -257,11 +257,11 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
 
 def test_what_no_program_can_be_written_for_is_named() -> None:
     rod = load_case(shipped("rod_cantilever.toml"))
-    run = Run("duration", np.linspace(0.0, 1.0, 3), (), rods=rod.rods)
+    run = Run("dynamics", np.linspace(0.0, 1.0, 3), (), rods=rod.rods)
     with pytest.raises(Unsupported, match="rods"):
         write_program(rod.model_path, run, "", "")
     case = short("fourbar")
-    _, run = Setting("mujoco", COARSE).applied(case, "duration")
+    _, run = Setting("mujoco", COARSE).applied(case, "dynamics")
     with pytest.raises(ValueError, match="known: flywheel, servo, equality"):
         write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
 
@@ -297,7 +297,7 @@ def test_a_servo_beside_another_of_the_model_is_refused(
     )
     edit("fourbar.xml", '<key name="start"', f'<key name="start"{key}')
     model = edit("fourbar.xml", "<worldbody>", (PID if "pid" in hand else "") + "<worldbody>")
-    _, run = Setting("mujoco", COARSE).applied(short("fourbar"), "duration")
+    _, run = Setting("mujoco", COARSE).applied(short("fourbar"), "dynamics")
     simulate("mujoco", model, run)
     for drive in (Imposed("flywheel"), Imposed("equality", 0.25)):
         assert "MODEL" in write_program(model, run, "", "", drive)
@@ -335,7 +335,7 @@ def test_a_drive_that_the_model_disables_is_refused(
       <joint name="arm"/><geom size=".1" pos="1 0 0"/></body></worldbody>
       <keyframe><key name="start"/></keyframe></mujoco>""")
     times = np.linspace(0.0, 1.0, 11)
-    run = Run("duration", times, (), (Drive("arm", lambda x: (x, 1.0 + 0.0 * x, 0.0 * x)),))
+    run = Run("dynamics", times, (), (Drive("arm", lambda x: (x, 1.0 + 0.0 * x, 0.0 * x)),))
     assert "MODEL" in write_program(model, run, "", "", Imposed("flywheel"))
     with pytest.raises(Unsupported, match=said):
         write_program(model, run, "", "", Imposed(kind, 0.5))
@@ -470,7 +470,7 @@ def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
     (folder / "odd.xml").write_text(ODD.replace("GRAVITY", gravity), encoding="utf-8")
     drives = (Drive("cr'an\"k é", Steady(0.0, rate, x_is_time=True)),) if rate else ()
     return folder / "odd.xml", Run(
-        "duration", np.linspace(0.0, 0.5, 21), ('ro"ck\\, é', "acc.y"), drives=drives
+        "dynamics", np.linspace(0.0, 0.5, 21), ('ro"ck\\, é', "acc.y"), drives=drives
     )
 
 

@@ -1,4 +1,4 @@
-"""Programs that run a duration in pymunk on their own: against `simulate`, and against mathematics.
+"""Programs that run dynamics in pymunk on their own: against `simulate`, and against mathematics.
 
 A program runs in an interpreter of its own (``python -I``), in an empty folder, so that nothing of
 this project is at hand there.
@@ -33,7 +33,7 @@ from tests.shipped import models_like, shipped
 ALL = sorted(
     file.stem
     for file in models_like()
-    if "pymunk" in getattr(load_case(file).run.get("duration"), "solvers", ())
+    if "pymunk" in getattr(load_case(file).run.get("dynamics"), "solvers", ())
 )
 QUICK = (
     "pendulum",
@@ -97,15 +97,15 @@ def motion_of(run: Run) -> str:
 
 
 def run_of(case: Case, samples: int = SAMPLES) -> Run:
-    """The first samples of a case's duration in pymunk."""
+    """The first samples of a case's dynamics in pymunk."""
     drives = tuple(
         Drive(d.joint, law)
-        for d, law in zip(case.drive, reference.laws(case, "duration"), strict=True)
+        for d, law in zip(case.drive, reference.laws(case, "dynamics"), strict=True)
     )
     return Run(
-        "duration",
-        reference.grid(case, "duration")[:samples],
-        tuple(case.channels_of("duration")),
+        "dynamics",
+        reference.grid(case, "dynamics")[:samples],
+        tuple(case.channels_of("dynamics")),
         drives,
         case.start,
         case.settings.get("pymunk", {}),
@@ -161,7 +161,7 @@ def test_a_motor_does_not_drift(tmp_path):
         )
     )
     run = Run(
-        "duration",
+        "dynamics",
         np.linspace(0, 10, 11),
         ("value", "way.angle"),
         (Drive("wheel", lambda t: (4 + 20 * np.pi * t, 20 * np.pi + 0 * t, 0 * t)),),
@@ -270,7 +270,7 @@ def test_springs_limits_loads_and_all_channels(drives, tmp_path):
     file = tmp_path / "rich.xml"
     file.write_text(RICH)
     run = Run(
-        "duration", np.linspace(0, 0.5, 51), CHANNELS, drives, settings={"timestep": 2e-3, **EXACT}
+        "dynamics", np.linspace(0, 0.5, 51), CHANNELS, drives, settings={"timestep": 2e-3, **EXACT}
     )
     wanted = simulate(file, run)
     assert set(wanted.channels) == set(CHANNELS)
@@ -288,7 +288,7 @@ def test_springs_limits_loads_and_all_channels(drives, tmp_path):
 
 def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
     """theta = -2 asin(k sn(K + w t, k)) of a point mass from the horizontal; second order."""
-    run, errors = Run("duration", np.linspace(0, 10, 101), ("angle",)), []
+    run, errors = Run("dynamics", np.linspace(0, 10, 101), ("angle",)), []
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     truth = -2 * np.arcsin(k * ellipj(ellipk(k**2) + w * run.x, k**2)[0])
     for dt in (2e-3, 1e-3):
@@ -345,7 +345,7 @@ def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
     """Second order towards DOP853."""
     file = tmp_path / "loaded.xml"
     file.write_text(LOADED)
-    run, errors = Run("duration", np.linspace(0, 2, 41), ("arm", "block")), []
+    run, errors = Run("dynamics", np.linspace(0, 2, 41), ("arm", "block")), []
     truth = solve_ivp(
         loaded, (0, 2), [0.2, 0.1, 0.5, -0.3], "DOP853", run.x, rtol=1e-12, atol=1e-12
     ).y[:2]

@@ -65,7 +65,7 @@ class World:
             row = StudyRow(
                 "choose",
                 "fourbar",
-                "duration",
+                "dynamics",
                 "mujoco",
                 task.line,
                 "timestep",
@@ -188,7 +188,7 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
     row = StudyRow(
         "choose",
         "fourbar",
-        "duration",
+        "dynamics",
         "mujoco",
         "RK4",
         "timestep",

@@ -70,23 +70,23 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
         Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"}),
     ]
     rows = run(
-        [StudyRun(own, "duration", setting, "choose") for setting in asked], store, repeats=1
+        [StudyRun(own, "dynamics", setting, "choose") for setting in asked], store, repeats=1
     )
-    found = sorted(known(own, "duration", [], store), key=lambda row: row.value)
+    found = sorted(known(own, "dynamics", [], store), key=lambda row: row.value)
     assert [row.line for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
     assert [row.value for row in found] == [4e-4, 1e-3]
     assert [(row.errors, row.key, row.repeats) for row in found] == [
         (row.errors, row.key, row.repeats) for row in rows
     ]
-    assert [row.key for row in known(own, "duration", rows[:1], store)] == [rows[1].key]
-    assert list(known(own, "duration", [], store, "pymunk")) == []
+    assert [row.key for row in known(own, "dynamics", rows[:1], store)] == [rows[1].key]
+    assert list(known(own, "dynamics", [], store, "pymunk")) == []
     file = models / "pendulum.xml"
     file.write_text(file.read_text().replace('mass="1"', 'mass="1.5"'))
-    assert list(known(tasks(models)[0].case, "duration", [], store)) == []
+    assert list(known(tasks(models)[0].case, "dynamics", [], store)) == []
 
 
 def test_a_setting_finds_its_line_with_what_goes_with_its_step():
-    there = lines(CASE, "duration")
+    there = lines(CASE, "dynamics")
     hard = next(one for one in there if one.name == "MuJoCo RK4, solref 8 steps")
     knobs = dict(hard.settings[0].knobs, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
     assert placed(Setting("mujoco", knobs), there) == (hard.name, "timestep", 1.7e-5)

@@ -100,7 +100,7 @@ def tracked(errors, seconds=0.1, outcomes=()):
         StudyRow(
             "trade",
             "",
-            "duration",
+            "dynamics",
             "mujoco",
             "x",
             "timestep",
@@ -111,7 +111,7 @@ def tracked(errors, seconds=0.1, outcomes=()):
         for e in errors
     ]
     rows += [
-        StudyRow("trade", "", "duration", "mujoco", "x", "timestep", 0.0, outcome=o)
+        StudyRow("trade", "", "dynamics", "mujoco", "x", "timestep", 0.0, outcome=o)
         for o in outcomes
     ]
     return Track(line, rows)
@@ -155,7 +155,7 @@ def placed(errors, seconds=0.5, **kinds):
         StudyRow(
             "trade",
             "",
-            "duration",
+            "dynamics",
             "mujoco",
             "x",
             "timestep",
@@ -243,7 +243,7 @@ def test_a_slope_that_changes_is_no_order():
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
 def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
     case = load_case(shipped(f"{name}.toml"))
-    found = lines(case, next(k for k in ("duration", "rest", "sweep") if k in case.run))
+    found = lines(case, next(k for k in ("dynamics", "equilibrium", "sweep") if k in case.run))
     assert len({line.name for line in found}) == len(found)
     for line in found:
         assert np.all(np.diff(line.sizes) < 0), line.name
@@ -362,10 +362,10 @@ def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
 def test_a_wrong_integrator_is_off(pendulum):
     """A line that is run with Euler and said to be RK4's is flagged."""
     case = load_case(shipped("pendulum.toml"))
-    fourth = next(line for line in lines(case, "duration") if line.name == "MuJoCo RK4")
+    fourth = next(line for line in lines(case, "dynamics") if line.name == "MuJoCo RK4")
     rows = [row for row in pendulum[0].rows if row.line == "MuJoCo Euler"]
     seen = observed(Track(fourth, rows[: len(fourth.settings)]).points("position"))
-    assert all(off(seen, order) for order in expected(case, "duration", fourth, "position"))
+    assert all(off(seen, order) for order in expected(case, "dynamics", fourth, "position"))
 
 
 def test_failures_stay_in_the_table(tmp_path, monkeypatch):
@@ -384,8 +384,8 @@ def test_failures_stay_in_the_table(tmp_path, monkeypatch):
 
 
 def test_a_run_that_a_case_lacks_is_bad_input():
-    with pytest.raises(InputError, match="there is no such run; there are: duration"):
-        trade.chosen(load_case(shipped("pendulum.toml")), "rest")
+    with pytest.raises(InputError, match="there is no such run; there are: dynamics"):
+        trade.chosen(load_case(shipped("pendulum.toml")), "equilibrium")
 
 
 def command(*args):

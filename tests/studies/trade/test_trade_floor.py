@@ -20,7 +20,7 @@ STIFF = Setting(
 )
 
 
-def moved(folder, case, setting, kind="duration"):
+def moved(folder, case, setting, kind="dynamics"):
     """The errors of a setting, and all its causes moved."""
     wanted = probes(case, kind, setting, folder)
     first, *rows = run(
@@ -106,7 +106,7 @@ def test_too_few_iterations_are_found(tmp_path):
 
 def test_segments_of_a_rod_are_found(tmp_path):
     case = load_case(shipped("rod_cantilever.toml"))
-    errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 40}), "rest")
+    errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 40}), "equilibrium")
     assert judge(errors["position"], found, "position")[0] == "segments"
     assert gains(errors, found, "position")["segments"] == pytest.approx(4.0, rel=0.1)  # n^-2
 
@@ -114,7 +114,7 @@ def test_segments_of_a_rod_are_found(tmp_path):
 def test_samples_between_the_ends_of_links_are_found(tmp_path):
     """Ten straight links, sampled in 41 places: chords are off where there are no joints."""
     case = load_case(shipped("rod_cantilever.toml"))
-    errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 10}), "rest")
+    errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 10}), "equilibrium")
     assert gains(errors, found, "position")["sampling"] > 1.0
 
 
@@ -122,7 +122,7 @@ def row(error, outcome="ran"):
     return StudyRow(
         "floor",
         "",
-        "duration",
+        "dynamics",
         "mujoco",
         "",
         "",
@@ -195,13 +195,13 @@ def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
 def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
     biased = {
         p.move: p.setting.knobs["error_bias"]
-        for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.5}), tmp_path)
+        for p in probes(FOURBAR, "dynamics", Setting("pymunk", {"error_bias": 0.5}), tmp_path)
         if "bias" in p.cause
     }
     assert list(biased.values()) == [0.25, 0.0]
     assert not [
         p
-        for p in probes(FOURBAR, "duration", Setting("pymunk", {"error_bias": 0.0}), tmp_path)
+        for p in probes(FOURBAR, "dynamics", Setting("pymunk", {"error_bias": 0.0}), tmp_path)
         if "bias" in p.cause
     ]
 
@@ -209,11 +209,11 @@ def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
 def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
     """solimp is capped at 0.9999, solref at two steps: those are moved away."""
     hard = STIFF.but(solref=(4e-3, 1.0))
-    found = {p.cause: p for p in probes(FOURBAR, "duration", hard, tmp_path)}
+    found = {p.cause: p for p in probes(FOURBAR, "dynamics", hard, tmp_path)}
     assert found["softness of the loops, solimp"].better is False
     assert found["softness of the loops"].setting.knobs["solref"] == (8e-3, 1.0)
     soft = Setting("mujoco", {"defaults": True, "timestep": 1e-3})
-    found = {p.cause: p for p in probes(FOURBAR, "duration", soft, tmp_path)}
+    found = {p.cause: p for p in probes(FOURBAR, "dynamics", soft, tmp_path)}
     assert found["softness of the loops, solimp"].better is True
     assert found["softness of the loops"].setting.knobs["solref"] == (0.01, 1.0)
 
@@ -224,13 +224,13 @@ def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
 def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     setting = Setting("mujoco", {"timestep": 1e-3})
-    assert missing not in {p.cause for p in probes(case, "duration", setting, tmp_path)}
+    assert missing not in {p.cause for p in probes(case, "dynamics", setting, tmp_path)}
 
 
 def test_other_samples_leave_the_steps_as_they_are(tmp_path):
-    found = probes(FOURBAR, "duration", STIFF, tmp_path)
+    found = probes(FOURBAR, "dynamics", STIFF, tmp_path)
     thinned = next(p for p in found if p.cause == "sampling")
-    every, other = (STIFF.applied(case, "duration")[1] for case in (FOURBAR, thinned.case))
+    every, other = (STIFF.applied(case, "dynamics")[1] for case in (FOURBAR, thinned.case))
     assert other.x == pytest.approx(every.x[::2], abs=1e-12)
     assert other.steps(2e-3)[1] == pytest.approx(every.steps(2e-3)[1])
 

@@ -129,8 +129,8 @@ def in_chipmunk(per: int) -> np.ndarray:
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> trade.Trade:
     case: Case = load_case(MODEL.parent / "fourbar_released.toml")
-    table = case.run["duration"].model_copy(update={"until": END, "n": N})
-    case = case.model_copy(update={"run": {"duration": table}})
+    table = case.run["dynamics"].model_copy(update={"until": END, "n": N})
+    case = case.model_copy(update={"run": {"dynamics": table}})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(axes, "WORK", 3.2e4)
         patch.setattr(

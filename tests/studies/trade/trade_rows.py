@@ -27,7 +27,7 @@ def line(
             StudyRow(
                 "trade",
                 "fourbar",
-                "duration",
+                "dynamics",
                 engine,
                 name,
                 "timestep",
@@ -52,7 +52,7 @@ def verdict(
     return [
         Verdict(
             "fourbar",
-            "duration",
+            "dynamics",
             engine,
             name,
             kind,
