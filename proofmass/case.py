@@ -18,7 +18,7 @@ from fnmatch import fnmatchcase
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, field_validator, model_validator
 
@@ -430,6 +430,14 @@ class Case(Strict):
     @classmethod
     def _several(cls, value: Any) -> Any:
         return (value,) if isinstance(value, dict) else value
+
+    @field_validator("run", mode="before")
+    @classmethod
+    def _kinds(cls, runs: Any) -> Any:
+        for kind in runs if isinstance(runs, dict) else ():
+            if kind not in get_args(Kind):
+                raise ValueError(f"unknown run {kind!r}; {suggest(str(kind), get_args(Kind))}")
+        return runs
 
     @field_validator("drive")
     @classmethod

@@ -1,5 +1,6 @@
 """What all commands share: options, errors in a line, exit codes, a bar that counts."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from proofmass.errors import InputError
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
+PAUSE = 10.0  # s
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
 
 Jobs = Annotated[
@@ -63,8 +65,12 @@ def counting(
 ) -> Iterator[Callable[[str, int, int], None]]:
     """A bar on standard error: call it as ``progress(label, done, total)``.
 
-    Labels are cut to so many letters.
+    Labels are cut to so many letters.  Where standard error is no terminal there are lines in place
+    of the bar: one for each first word of a label, which is a case, and one every `PAUSE` seconds.
     """
+    if not errors.is_terminal:
+        yield lines()
+        return
     columns = (
         TextColumn("{task.description:<40}", markup=False),
         BarColumn(),
@@ -78,3 +84,17 @@ def counting(
             bar.update(line, description=label[:letters], completed=done, total=total)
 
         yield advance
+
+
+def lines() -> Callable[[str, int, int], None]:
+    """Progress as lines, for a log."""
+    told, last = set[str](), [time.monotonic()]
+
+    def advance(label: str, done: int, total: int) -> None:
+        case = label.partition(" ")[0]
+        if case not in told or done == total or time.monotonic() - last[0] > PAUSE:
+            told.add(case)
+            last[0] = time.monotonic()
+            errors.print(f"{done}/{total} {label}")
+
+    return advance

@@ -59,6 +59,18 @@ SIDECARS = {
         "copler = 2.0",
         ["parameters.copler", "coupler"],
     ),
+    "former name of a run": (
+        "fourbar.toml",
+        r"reference =",
+        "run.duration = {}\nreference =",
+        ["run: unknown run 'duration'", "'duration' is called 'dynamics' now"],
+    ),
+    "former name of a key": (
+        "hacksaw.toml",
+        r"relative_to_range = ",
+        "of_range = ",
+        ["tolerance.0", "'of_range' is called 'relative_to_range' now"],
+    ),
     "negative length": (
         "fourbar.toml",
         r"coupler = 2.0",

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from proofmass import command
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.files import read_bytes, read_text, write_whole
@@ -143,8 +144,8 @@ def test_a_sidecar_that_is_none_costs_itself_only(models, kind):
 def test_no_log_of_mujoco_is_left_in_the_folder(models, monkeypatch, edit):
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="nan -1 0" mass')
     monkeypatch.chdir(models)
-    for command in ("check", "report", "trade"):
-        run(command, "pendulum.toml")
+    for each in ("check", "report", "trade"):
+        run(each, "pendulum.toml")
     assert not (models / "MUJOCO_LOG.TXT").exists()
 
 
@@ -164,3 +165,23 @@ def test_a_case_beyond_its_limits_has_a_page_without_drawings(models, tmp_path, 
     page = (tmp_path / "pages" / "pendulum.html").read_text()
     assert "its runs reached their limits" in page
     assert "timed out" in page
+
+
+def test_progress_in_a_log_is_a_line_a_case(monkeypatch, capsys):
+    """A pipe has no cursor that could go back, so a bar would be lost or fill the log."""
+    now = [0.0]
+    monkeypatch.setattr(command.time, "monotonic", lambda: now[0])
+    with command.counting() as advance:
+        for done, label in enumerate(
+            ["pendulum sweep mujoco", "pendulum sweep pymunk", "fourbar sweep mujoco"], 1
+        ):
+            advance(label, done, 5)
+        now[0] = 11.0
+        advance("fourbar dynamics mujoco", 4, 5)
+        advance("fourbar dynamics pymunk", 5, 5)
+    assert capsys.readouterr().err.splitlines() == [
+        "1/5 pendulum sweep mujoco",
+        "3/5 fourbar sweep mujoco",
+        "4/5 fourbar dynamics mujoco",
+        "5/5 fourbar dynamics pymunk",
+    ]
