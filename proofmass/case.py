@@ -78,7 +78,7 @@ class DriveTable(Strict):
             raise ValueError("rate goes with from and to alone")
         if isinstance(self.profile, str) and self.until is None:
             raise ValueError("a profile needs until = the last time [s]")
-        if self.to is not None and self.to == self.start:
+        if self.to == self.start:
             raise ValueError("to must differ from 'from'")
         if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
             raise ValueError("rate must be non-zero and lead from 'from' to 'to'")

@@ -160,14 +160,13 @@ def compare(
         else detectable_changes(
             reference,
             {
-                name: tolerance.allowed(
-                    scale_of(case, run, name, curves, truth.channels[name]) / factor
-                )
-                * factor
-                for name, channel in case.channels_of(run).items()
+                name: allowed
+                for name in case.channels_of(run)
                 if name in curves.channels
-                and (tolerance := case.tolerance_for(run, solver, name))
-                and (factor := channel.factor)
+                and (
+                    allowed := allowed_error(case, run, solver, name, curves, truth.channels[name])
+                )
+                is not None
             },
         )
     )
@@ -222,6 +221,16 @@ def one(
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
     return Comparison(**place, **found, outcome=outcome, message=message)
+
+
+def allowed_error(
+    case: Case, run: str, solver: str, name: str, curves: Curves, truth: Array
+) -> float | None:
+    """The largest error that a channel's tolerance allows, in SI units; None if there is none."""
+    if (tolerance := case.tolerance_for(run, solver, name)) is None:
+        return None
+    factor = case.channels[name].factor
+    return tolerance.allowed(scale_of(case, run, name, curves, truth) / factor) * factor
 
 
 def start_until(curves: Curves) -> float:

@@ -4,10 +4,20 @@ import re
 
 import pytest
 
-from proofmass.case import View
+from proofmass.case import DriveTable, Refine, RodTable, RunTable, Tolerance, View
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Rod
 from tests.shipped import shipped
+
+MORE = """
+[[tolerance]]
+{}
+solver = "mujoco"
+channels = "rocker"
+relative_to_range = 1e-3
+why = "one more"
+"""
 
 
 @pytest.mark.parametrize(
@@ -80,6 +90,27 @@ from tests.shipped import shipped
             "tolerance.0.run: there is no run.sweep; there are: dynamics",
         ),
         (
+            "fourbar",
+            r"\Z",
+            MORE.format('run = "dynamics"'),
+            "",
+            "2 tolerances cover channel 'rocker' of mujoco in dynamics; exactly one may",
+        ),
+        (
+            "fourbar",
+            r"\Z",
+            MORE.format('unit = "rad"'),
+            "",
+            "2 tolerances cover channel 'rocker' of mujoco in sweep; exactly one may",
+        ),
+        (
+            "fourbar",
+            r"\Z",
+            MORE.format('run = "equilibrium"'),
+            "",
+            "tolerance.8.run: there is no run.equilibrium; there are: sweep, dynamics",
+        ),
+        (
             "rod_cantilever",
             r"\[run.equilibrium\]",
             "[run.equilibrium]\nuntil = 99.0",
@@ -118,6 +149,114 @@ def test_channels_and_tolerances_of_a_run():
     assert list(case.channels_of("sweep")) == list(case.channels)
     assert case.tolerance_for("dynamics", "mujoco", "rocker_rate").relative_to_range == 2e-6
     assert case.tolerance_for("dynamics", "mujoco:default", "rocker") is None
+
+
+def test_a_tolerance_may_cover_a_channel_of_one_run_alone(edit):
+    file = edit(
+        "fourbar.toml",
+        'run = "sweep"\nsolver = "mujoco"',
+        'run = "sweep"\nsolver = "mujoco"\nchannels = "holding_moment"',
+        count=1,
+    )
+    case = load_case(file)
+    assert case.tolerance_for("sweep", "mujoco", "holding_moment").relative_to_range == 1e-12
+    assert case.tolerance_for("sweep", "mujoco", "rocker") is None
+
+
+def test_a_tolerance_is_a_number_or_a_share_of_the_range():
+    assert Tolerance(abs=0.25, why="x").allowed(8.0) == 0.25
+    assert Tolerance(relative_to_range=0.25, why="x").allowed(8.0) == 2.0
+
+
+def drive(**keys) -> DriveTable:
+    """A drive from 0.5, if nothing else is said."""
+    return DriveTable(joint="crank", **{"from": 0.5, **keys})
+
+
+@pytest.mark.parametrize(
+    ("keys", "wrong"),
+    [
+        ({}, "give either from, to and rate, or from, to and period, or profile"),
+        (
+            {"to": 1.0, "profile": "swing", "until": 1.0},
+            "give either from, to and rate, or from, to and period, or profile",
+        ),
+        ({"to": 1.0, "period": 2.0, "rate": 1.0}, "rate goes with from and to alone"),
+        ({"profile": "swing", "until": 2.0, "rate": 1.0}, "rate goes with from and to alone"),
+        ({"profile": "swing"}, "a profile needs until = the last time [s]"),
+        ({"to": 0.5, "rate": 1.0}, "to must differ from 'from'"),
+        ({"to": 0.5, "period": 1.0}, "to must differ from 'from'"),
+        ({"to": 1.0, "rate": 0.0}, "rate must be non-zero and lead from 'from' to 'to'"),
+        ({"to": 1.0, "rate": -1.0}, "rate must be non-zero and lead from 'from' to 'to'"),
+        ({"to": 0.0, "rate": 1.0}, "rate must be non-zero and lead from 'from' to 'to'"),
+        ({"to": 0.0}, "rate must be non-zero and lead from 'from' to 'to'"),
+    ],
+)
+def test_a_leader_that_does_not_say_how_it_moves_is_told_what_to_give(keys, wrong):
+    with pytest.raises(ValueError, match=f"^{re.escape(wrong)}$"):
+        drive(**keys).check_leader()
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"to": 1.0},
+        {"to": 1.0, "rate": 2.0},
+        {"to": 0.0, "rate": -2.0},
+        {"to": -1.0, "rate": -1e-9},
+        {"to": 0.0, "period": 2.0},
+        {"profile": "swing", "until": 1.0},
+        {"profile": ("q", "w", "a")},
+    ],
+)
+def test_a_leader_moves_steadily_to_and_fro_or_by_a_law(keys):
+    """To smaller values at a negative rate; a recorded law ends where its curve does."""
+    drive(**keys).check_leader()
+
+
+@pytest.mark.parametrize("key", ["rate", "period", "until"])
+def test_what_belongs_to_the_leader_is_no_follower_s(key):
+    drive(to=1.0).check_follower()
+    with pytest.raises(ValueError, match=f"^{key} belongs to the first drive, which leads$"):
+        drive(to=1.0, **{key: 2.0}).check_follower()
+
+
+def test_a_rod_is_built_as_its_table_says():
+    keys = {
+        "length": 2.0,
+        "stiffness": 3.0,
+        "segments": 4,
+        "ends": ("pinned", "pinned"),
+        "scheme": "double",
+        "mass": 5.0,
+        "turn": 6.0,
+    }
+    assert RodTable(**{"from": "here"}, to="there", **keys).built("one") == Rod(
+        "one", "here", "there", **keys
+    )
+
+
+def refine(**keys) -> Refine:
+    """Rods in 10, 15 and 20 segments."""
+    return Refine(segments=(10, 15, 20), order=2.0, within=0.1, why="x", **keys)
+
+
+def test_the_order_of_some_channels_is_asked_for():
+    asked = refine(channels=("tip.*", "middle.x"))
+    assert [asked.covers(name) for name in ("tip.x", "middle.x", "middle.y", "a.tip.x")] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    assert refine().covers("tip.x")
+
+
+def test_a_refined_rest_is_sampled_where_all_rods_have_a_joint():
+    """At every fifth of its length, all of it; a sweep is sampled as it is."""
+    run = RunTable(n=361, until=0.5, solvers=("mujoco",))
+    assert refine().sampled(run) == run.model_copy(update={"n": 6, "until": None})
+    assert refine(run="sweep").sampled(run) is run
 
 
 def test_a_key_of_a_drive_has_a_number_where_there_are_several():

@@ -22,7 +22,7 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import LOADING, load
-from proofmass.compare import reference_for
+from proofmass.compare import allowed_error, reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.outcome import FAILURES
@@ -125,7 +125,7 @@ class Watch:
         """As few samples of one of its runs as have `few` steps or take `BRIEF`, two at least."""
         length = float(np.ptp(self.before.x)) or 1.0
         samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
-        stride = max(1, self.before.steps // (samples + 1))
+        stride = max(1, self.before.steps // samples)
         if self.before.seconds > 0 and self.before.steps:
             few = min(few, int(BRIEF * self.before.steps / self.before.seconds))
         return replace(run, x=run.x[: max(2, few // stride)])
@@ -381,14 +381,13 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
     truth = bounded(case, cast(Kind, run.kind), reference_for, case, before).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
-        tolerance = case.tolerance_for(run.kind, solver, name)
-        most = tolerance.allowed(float(np.ptp(truth[name]))) if tolerance else 0.0
+        most = allowed_error(case, run.kind, solver, name, before, truth[name])
         error = float(np.abs(curve - truth[name]).max())
-        left, rounding = SHARE * (most - error), ROUNDING * scale(before, name)
+        left, rounding = SHARE * ((most or 0.0) - error), ROUNDING * scale(before, name)
         allowed[name] = np.full(curve.size, max(left, rounding))
         # a tolerance may be narrower than that rounding: no option may lead beyond it
         largest[name] = error + (
-            max(left, 1e-3 * rounding) if tolerance else max(WORSE * error, rounding)
+            max(left, 1e-3 * rounding) if most is not None else max(WORSE * error, rounding)
         )
     setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
     return Watch(
@@ -483,7 +482,7 @@ def with_fine_solution(
     """
     model = draft.compiled()
     step, x = model.opt.timestep, watch.run.x
-    stride = max(1, round((x[1] - x[0]) / step)) if x.size > 1 else 1
+    stride = max(1, round((x[1] - x[0]) / step))
     thin = 1
     while 2 * thin * stride <= LONGER and x.size // (2 * thin) >= SPARSE:
         thin *= 2

@@ -1,0 +1,274 @@
+"""A model that is let go: how long it is followed, and the fine solution that it is held against.
+
+The curves of the model are given, as functions of time and of the options that it is run with.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.errors import InputError
+from proofmass.sim.protocol import Curves, Run
+from proofmass.studies.diet import scene
+from proofmass.studies.diet.edits import read
+from proofmass.studies.diet.scene import Watch, with_fine_solution
+from tests.studies.diet.test_diet_options import falling
+from tests.studies.test_study_verdicts import bob, let_go
+
+NONE = "Options may move a channel by no more than a feature may, for there is no fine solution "
+STEP = 1e-3  # of the model
+
+
+class Fine:
+    """A pendulum whose curves are functions of time; those of its fine solutions are others.
+
+    Parameters
+    ----------
+    own, fine, coarse : dict
+        Of each channel, its curve as the model is, in steps of an eighth, and in steps of a
+        quarter, which is that of an eighth if it is not given.
+    """
+
+    def __init__(self, folder, monkeypatch, own, fine, coarse=None, more=""):
+        self.file = falling(folder, step=STEP, more=more)
+        self.own, self.solutions = own, {STEP / 4: coarse or fine, STEP / 8: fine}
+        self.asked: list[Run] = []
+        monkeypatch.setattr(scene, "done", self.done)
+
+    def done(self, file, model, run):
+        assert file == self.file
+        assert model.opt.timestep == STEP
+        self.asked.append(run)
+        return curves(run.x, self.solutions[run.settings["timestep"]])
+
+    def held(self, x, error=None, level=frozenset()):
+        run = Run("passive", x, (), start="key")
+        before = curves(x, self.own)
+        self.watch = Watch("let go", run, {}, before, level)
+        return with_fine_solution(self.file, read(self.file, probing=True), self.watch, error)
+
+
+def curves(x, functions) -> Curves:
+    return Curves(x, {name: f(x) for name, f in functions.items()})
+
+
+def line(slope: float, start: float = 0.0):
+    return lambda x: start + slope * x
+
+
+X = 0.01 * np.arange(101)  # a second, in ten steps from sample to sample
+
+
+def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
+    """In steps of an eighth, by Newton's method; a channel may be off it by a tenth more."""
+    fine = Fine(
+        tmp_path, monkeypatch, {"a": line(2.002), "b": line(3.0)}, {"a": line(2.0), "b": line(3.0)}
+    )
+    held, words = fine.held(X)
+    settings = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}
+    assert [run.settings for run in fine.asked] == [
+        {**settings, "timestep": STEP / 4},
+        {**settings, "timestep": STEP / 8},
+    ]
+    for run in fine.asked:
+        assert (run.kind, run.start) == ("passive", "key")
+        assert run.x.tolist() == X[::2].tolist()  # 51 samples
+    assert held.bound.run == replace(fine.asked[0], settings={})
+    assert held.bound.case is None
+    assert held.bound.truth["a"].tolist() == (2.0 * X[::2]).tolist()
+    # off by 2e-3 at the end; b is not off at all, so that rounding of its size is allowed
+    assert held.bound.allowed == {
+        "a": pytest.approx(1.1 * 2e-3, rel=1e-9),
+        "b": pytest.approx(1e-9 * 3.0, rel=1e-9),
+    }
+    assert held == replace(fine.watch, bound=held.bound)
+    assert words == (
+        "Options are held against the fine solution of the same model, with steps of 1.25e-4 s and "
+        "constraints solved by Newton's method to 1e-14, over the first 1 s: no channel may be off "
+        "it by more than 1.1 times what it is off with the options as they are, 1e-9 of its size, "
+        "whichever is more; --error SHARE allows more."
+    )
+
+
+def test_a_fine_solution_is_no_coarser_than_the_model(tmp_path, monkeypatch):
+    fine = Fine(
+        tmp_path,
+        monkeypatch,
+        {"a": line(1.0)},
+        {"a": line(1.0)},
+        more='tolerance="1e-15" iterations="200"',
+    )
+    fine.held(X)
+    assert [(run.settings["tolerance"], run.settings["iterations"]) for run in fine.asked] == [
+        (1e-15, 200)
+    ] * 2
+
+
+def test_a_share_of_the_range_may_be_allowed(tmp_path, monkeypatch):
+    """The range is the largest of the numbers of a sensor, so that a plane stays one."""
+    own = {"place[0]": line(2.0, 5.0), "place[1]": line(0.0), "rate": line(0.5)}
+    fine = Fine(tmp_path, monkeypatch, own, own)
+    held, words = fine.held(X, 0.01)
+    assert held.bound.allowed == {
+        "place[0]": pytest.approx(0.02),
+        "place[1]": pytest.approx(0.02),
+        "rate": pytest.approx(0.005),
+    }
+    assert words.endswith(
+        "no channel may be off it by more than 1.1 times what it is off with the options as they "
+        "are, 1e-9 of its size or 0.01 of its range, whichever is most."
+    )
+    assert fine.held(X, 0.0)[1].endswith("--error SHARE allows more.")
+    # what the model as it is leaves may be more
+    off = Fine(tmp_path, monkeypatch, {"a": line(2.1)}, {"a": line(2.0)})
+    assert off.held(X, 0.01)[0].bound.allowed["a"] == pytest.approx(0.11)
+
+
+@pytest.mark.parametrize(
+    ("steps", "n", "thin"),
+    [
+        (1, 501, 8),
+        (10, 501, 4),
+        (32, 501, 2),
+        (33, 501, 1),
+        (64, 501, 1),
+        (1, 100, 2),
+        (1, 99, 1),
+        (1, 400, 8),
+        (1, 3200, 64),
+        (1, 9999, 64),
+    ],
+)
+def test_longer_steps_have_room_between_samples(steps, n, thin, tmp_path, monkeypatch):
+    """64 steps at most, of as many samples that 50 are left at least."""
+    fine = Fine(tmp_path, monkeypatch, {"a": line(1.0)}, {"a": line(1.0)})
+    x = STEP * steps * np.arange(n)
+    assert fine.held(x)[0].bound.run.x.tolist() == x[::thin].tolist()
+    assert thin == 1 or (thin * steps <= 64 and n // thin >= 50)
+
+
+def test_a_motion_that_ended_early_is_held_as_far_as_it_was_followed(tmp_path, monkeypatch):
+    """Its curves go on where a nudge has grown too much already, and nothing counts there."""
+    fine = Fine(tmp_path, monkeypatch, {"a": lambda x: x + 9.0 * (x > 0.505)}, {"a": line(1.0)})
+    watch = Watch("let go", Run("passive", X[:51], ()), {}, curves(X, fine.own))
+    held, _ = with_fine_solution(fine.file, read(fine.file, probing=True), watch)
+    assert held.bound.allowed["a"] == pytest.approx(1e-9 * 10.0)
+
+
+def test_potential_energies_are_held_as_changes(tmp_path, monkeypatch):
+    fine = Fine(tmp_path, monkeypatch, {"energy": line(2.0)}, {"energy": line(2.0, 7.0)})
+    held, _ = fine.held(X, level=frozenset({"energy"}))
+    assert held.bound.allowed["energy"] == pytest.approx(2e-9)
+    assert held.bound.truth["energy"][0] == 0.0
+
+
+def test_where_a_model_leaves_its_fine_solution_nothing_is_held_against_it(tmp_path, monkeypatch):
+    """By more than a tenth of a channel's size; the first one that does so is named."""
+
+    def off(by: float, when: float):
+        return lambda x: 2.0 * (x == 0) + by * (x > when)
+
+    own = {"z": line(0.0, 1.0), "a": off(0.3, 0.495), "b": off(1.0, 0.515)}
+    true = {"z": line(0.0, 1.0), "a": off(0.0, 0.0), "b": off(0.0, 0.0)}
+    fine = Fine(tmp_path, monkeypatch, own, true)
+    held, words = fine.held(X)
+    assert held is fine.watch
+    assert words == (
+        f"{NONE}to hold them against: a is off it by a tenth of its size after 0.5 s; "
+        "--seconds ends the run before that."
+    )
+    tenth = Fine(tmp_path, monkeypatch, {"a": off(0.2, 0.5)}, {"a": off(0.0, 0.0)})
+    assert tenth.held(X)[0].bound.allowed["a"] == pytest.approx(0.22)
+
+
+def test_a_fine_solution_that_does_not_run_is_none(tmp_path, monkeypatch):
+    def done(file, model, run):
+        raise InputError(file, "", "as it is, its run diverged")
+
+    fine = Fine(tmp_path, monkeypatch, {"a": line(1.0)}, {})
+    monkeypatch.setattr(scene, "done", done)
+    held, words = fine.held(X)
+    assert held is fine.watch
+    assert words == f"{NONE}to hold them against: as it is, its run diverged."
+
+
+def test_a_fine_solution_has_converged_to_half_of_what_is_allowed(tmp_path, monkeypatch):
+    """The finest is the truth only where the one before, in steps twice as long, is as good."""
+    for off, holds in ((1.09, True), (1.11, False), (-1.11, False)):
+        fine = Fine(
+            tmp_path,
+            monkeypatch,
+            {"a": line(4.02)},
+            {"a": line(4.0)},
+            {"a": line(4.0 + off * 0.01)},
+        )
+        held, words = fine.held(X)
+        assert (held.bound is not None) == holds
+        if not holds:
+            assert held is fine.watch
+            assert words == (
+                f"{NONE}to hold them against: a still changes between steps of "
+                "2.5e-4 s and 1.25e-4 s."
+            )
+    assert (
+        Fine(tmp_path, monkeypatch, {"a": line(4.02)}, {"a": line(4.0)}, {"a": line(4.0111)})
+        .held(X, 0.01)[0]
+        .bound
+    )  # 0.04 is allowed
+
+
+def test_a_potential_energy_is_let_go_as_its_change(tmp_path, monkeypatch):
+    file = bob(tmp_path)
+    file.write_text(
+        file.read_text().replace(
+            "<keyframe>",
+            """<sensor>
+      <e_potential name="potential"/><e_kinetic name="kinetic"/><e_potential name="unread"/>
+      </sensor><keyframe>""",
+        )
+    )
+    watch, _ = let_go(file, 1.0, monkeypatch, potential=5.0, kinetic=5.0)
+    assert watch.level == {"potential"}  # of what is there
+    assert (watch.before.channels["potential"] == 0.0).all()
+    assert (watch.before.channels["kinetic"] == 5.0).all()
+
+
+def test_up_to_a_tenth_a_nudge_may_grow_and_the_channel_that_grows_most_is_named(
+    tmp_path, monkeypatch
+):
+    watch, _ = let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 0.25 * (x > 0.0), hinge=2.5)
+    assert watch.run.x.size == 101
+    with pytest.raises(InputError, match="cannot be followed: most is lost") as error:
+        let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 1.0 * (x > 0.05), a=2.0, most=1.0, z=4.0)
+    assert error.value.key == ""
+    with pytest.raises(InputError) as error:
+        let_go(bob(tmp_path), 1.0, monkeypatch)
+    assert (error.value.file, error.value.key) == (bob(tmp_path), "")
+
+
+def test_a_model_is_let_go_in_fewer_than_a_thousand_samples(tmp_path, monkeypatch):
+    """Of 999 steps every one, of 1000 every other one."""
+    for seconds, n in ((9.99, 1000), (10.0, 501)):
+        watch, _ = let_go(bob(tmp_path), seconds, monkeypatch, hinge=1.0)
+        assert watch.run.x.size == n
+
+
+X_LONG = 0.01 * np.arange(1001)
+
+
+@pytest.mark.parametrize("part", [slice(None), slice(501), slice(0, None, 2), slice(0, 601, 4)])
+@pytest.mark.parametrize(
+    ("steps", "seconds", "wanted"),
+    [(1000, 0.0, 500), (1000, 0.5, 100), (4000, 0.0, 500), (4000, 0.5, 400), (8000, 100.0, 4)],
+)
+def test_a_shortened_run_has_few_steps_whatever_its_samples_are(part, steps, seconds, wanted):
+    """500, or as many as take 0.05 s; also of a run with fewer samples, or of less of it."""
+    whole = Run("passive", X_LONG, ())
+    run = replace(whole, x=X_LONG[part])
+    watch = Watch("", whole, {}, Curves(X_LONG, {}, seconds=seconds, steps=steps))
+    per = round(steps / 1000 * (run.x[1] - run.x[0]) / 0.01)  # steps from sample to sample
+    samples = min(max(2, wanted // per), run.x.size)
+    assert watch.shortened(run).x.tolist() == run.x[:samples].tolist()
+    assert watch.brief.x.tolist() == watch.shortened(whole).x.tolist()
+    assert watch.shortened(run, 50).x.size == min(max(2, min(wanted, 50) // per), run.x.size)

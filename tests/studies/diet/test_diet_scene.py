@@ -1,0 +1,346 @@
+"""What a scene is for, without a process: what is watched, how far it may move, and in which words.
+
+Runs are done in the test's own process, or their curves are given.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from proofmass.compare import one
+from proofmass.errors import InputError
+from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Curves, Run
+from proofmass.solve import plan
+from proofmass.studies.diet import scene
+from proofmass.studies.diet.edits import read
+from proofmass.studies.diet.scene import Bound, Watch, moved, strayed, watched
+from proofmass.worker import OutOfMemory, TimedOut
+from tests.shipped import shipped
+from tests.studies.diet.test_diet_options import falling
+from tests.studies.test_study_verdicts import fails, watch_of
+
+PENDULUM = load_case(shipped("pendulum.toml"))
+
+
+def watched_with(
+    curves: Curves, truth: dict[str, np.ndarray], monkeypatch, case=PENDULUM, solver: str = "mujoco"
+):
+    """A run of the pendulum that gave these curves, where that is true."""
+    monkeypatch.setattr(scene, "done", lambda file, model, run: curves)
+    monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
+    monkeypatch.setattr(scene, "reference_for", lambda case, curves: Curves(curves.x, truth))
+    return watched(case, plan(case, "dynamics", solver), solver, read(case.model_path))
+
+
+def allowing(channel: dict[str, object], **tolerance: object):
+    """The pendulum with its angle as a channel says, and one tolerance, of the angle."""
+    angle = PENDULUM.channels["angle"].model_copy(update=channel)
+    return PENDULUM.model_copy(
+        update={
+            "channels": {"angle": angle},
+            "tolerance": (
+                PENDULUM.tolerance[0].model_copy(
+                    update={
+                        "abs": None,
+                        "relative_to_range": None,
+                        "channels": ("angle",),
+                        **tolerance,
+                    }
+                ),
+            ),
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("channel", "tolerance", "truth", "most"),
+    [
+        ({"unit": "deg"}, {"abs": 9.0}, [0.0, 1.0, 2.0], np.deg2rad(9.0)),
+        ({}, {"abs": 0.3}, [0.0, 1.0, 2.0], 0.3),
+        ({"unit": "deg"}, {"relative_to_range": 0.05}, [0.0, 1.0, 2.0], 0.1),
+        # a share of the size of what does not move, which is 1 rad of an angle
+        ({}, {"relative_to_range": 0.2}, [2.0, 2.0, 2.0], 0.2),
+    ],
+)
+def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
+    channel, tolerance, truth, most, monkeypatch
+):
+    """In the channel's own unit, and of its size where the reference does not move."""
+    curves = Curves(np.linspace(0.0, 1.0, 3), {"angle": np.array(truth) + 0.01})
+    case = allowing(channel, **tolerance)
+    watch = watched_with(curves, {"angle": np.array(truth)}, monkeypatch, case)
+    left = 0.1 * (most - 0.01)
+    assert watch.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12)
+    assert watch.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12)
+    compared = one(case, "dynamics", "mujoco", "angle", curves, np.array(truth), {})
+    assert compared.allowed * case.channels["angle"].factor == pytest.approx(most, rel=1e-12)
+
+
+def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
+    """Beyond its tolerance a channel may grow by a thousandth of rounding, and no more."""
+    x, truth = np.linspace(0.0, 1.0, 3), np.array([0.0, 1.0, 2.0])
+    curves = Curves(x, {"angle": truth + 0.01})
+    for most, larger in ((0.11, 0.01), (0.005, 1e-3 * 1e-9 * 2.01)):
+        watch = watched_with(curves, {"angle": truth}, monkeypatch, allowing({}, abs=most))
+        assert watch.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3)
+    run = watch.run
+    assert (watch.bound.run, watch.bound.case) == (run, allowing({}, abs=most))
+    free = allowing({}, abs=0.11, solver=("pymunk",))  # no tolerance: a tenth more, or rounding
+    watch = watched_with(curves, {"angle": truth}, monkeypatch, free)
+    assert watch.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12)
+    watch = watched_with(curves, {"angle": truth + 0.01}, monkeypatch, free)
+    assert watch.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12)
+    for kind, most in (("sweep", 0.011), ("dynamics", 0.02)):  # of another run: it covers nothing
+        watch = watched_with(
+            curves, {"angle": truth}, monkeypatch, allowing({}, abs=0.11, run=kind)
+        )
+        assert watch.bound.allowed["angle"] == pytest.approx(most, rel=1e-12)
+
+
+def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeypatch):
+    case = load_case(shipped("rod_cantilever.toml"))
+    run, asked = plan(case, "equilibrium", "mujoco"), []
+    curves = Curves(run.x, {name: np.ones(run.x.size) for name in case.channels_of("equilibrium")})
+    monkeypatch.setattr(scene, "done", lambda file, model, run: asked.append(model) or curves)
+    monkeypatch.setattr(scene, "bounded", lambda *told: asked.append(told) or curves)
+    draft = SimpleNamespace(compiled=lambda rods: ("model with", rods))
+    assert watched(case, run, "mujoco", draft).name == "rod_cantilever equilibrium"
+    assert run.rods
+    assert asked == [
+        ("model with", run.rods),
+        (case, "equilibrium", scene.reference_for, case, curves),
+    ]
+
+
+def test_errors_are_told_over_what_they_may_be():
+    x = np.arange(3.0)
+    curves = Curves(
+        x,
+        {
+            "a": np.array([0.0, 1.0, 1.0]),
+            "b": np.array([0.0, -3.0, 1.0]),
+            "nobody asks": np.full(3, 9.0),
+        },
+    )
+    bound = Bound(
+        Run("dynamics", x, ()),
+        {"a": 0.5, "b": 2.0},
+        {"a": np.array([0.0, 1.0, 2.0]), "b": np.zeros(3)},
+    )
+    assert bound.errors(curves) == {"a": 2.0, "b": 1.5}
+
+
+def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drives(monkeypatch):
+    """It is evaluated anew for the curves, in a worker, within the limits of the run."""
+    x, asked = np.arange(3.0), []
+    curves = Curves(x, {"a": np.array([0.0, 1.0, 1.0])})
+
+    def bounded(case, kind, function, *told):
+        asked.append((case, kind, function, *told))
+        return Curves(x, {"a": np.array([0.0, 1.0, 2.0])})
+
+    monkeypatch.setattr(scene, "bounded", bounded)
+    bound = Bound(Run("dynamics", x, ()), {"a": 0.25}, case=PENDULUM)
+    assert bound.errors(curves) == {"a": 4.0}
+    assert asked == [(PENDULUM, "dynamics", scene.reference_for, PENDULUM, curves)]
+
+
+def test_of_a_potential_energy_the_change_counts():
+    """It is known up to a constant: one that is larger throughout is the same."""
+    x, energy = np.arange(3.0), np.array([0.0, 1.0, 3.0])
+    before = Curves(x, {"energy": energy, "other": energy})
+    run, one = Run("passive", x, ()), np.ones(3)
+    watch = Watch(
+        "",
+        run,
+        {"energy": one, "other": one},
+        before,
+        frozenset({"energy"}),
+        Bound(run, {"energy": 1.0, "other": 1.0}, before.channels),
+    )
+    shifted = Curves(x, {"energy": energy + 7.0, "other": energy + 7.0})
+    for how in (moved(watch, shifted, set()), strayed(watch, shifted)):
+        assert how == {"energy": 0.0, "other": 7.0}
+    assert scene.levelled(shifted, set()) is shifted
+
+
+SENSORS = [
+    SimpleNamespace(name=name, objname=of)
+    for name, of in (
+        ("angle", "crank"),
+        ("place", "tip"),
+        ("probe of tip", "tip"),
+        ("rate", "crank"),
+    )
+]
+
+
+def draft_of(watch: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
+    """A draft with four sensors, one of which may have been added."""
+    spec = SimpleNamespace(
+        joints=[SimpleNamespace(name="crank")],
+        sensors=sensors,
+        bodies=[],
+        sites=[SimpleNamespace(name="tip")],
+    )
+    return SimpleNamespace(watch=watch, probes=set(probes), spec=spec, compiled=lambda: "model")
+
+
+def test_what_is_watched_is_read_by_the_sensors_of_its_name_and_those_on_it():
+    assert scene.sensors_of(draft_of(), ("tip", "rate")) == {"tip", "rate", "place", "probe of tip"}
+    assert scene.own_sensors(draft_of()) is None
+    own = draft_of(("tip", "angle"), ("probe of tip",))
+    assert scene.own_sensors(own) == {"angle", "probe of tip"}
+    curves = Curves(
+        np.zeros(1),
+        {"angle": np.zeros(1), "probe of tip[0]": np.ones(1), "place[0]": np.zeros(1)},
+        steps=7,
+    )
+    left = scene.seen(own, curves)
+    assert (list(left.channels), left.steps) == (["angle", "probe of tip[0]"], 7)
+    assert left.channels["probe of tip[0]"] == 1.0
+    assert scene.seen(draft_of(), curves) is curves
+
+
+def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
+    watch = watch_of(
+        {"pin.x": 1.0, "pin.y": 2.0, "point.x": 3.0, "pin": 4.0},
+        {"pin.x": [1.0], "pin.y": [2.0], "point.x": [3.0], "pin": [4.0]},
+    )
+    watch = replace(watch, name="run", level=frozenset({"pin"}))
+    assert scene.reads(watch, {"pin"}) == ["pin.x", "pin.y", "pin"]
+    assert scene.reads(watch, {"x"}) == []
+    bound = Bound(
+        replace(watch.run, settings={"timestep": 1.0}),
+        {"pin.x": 0.1, "pin.y": 0.2, "point.x": 0.3, "pin": 0.4},
+        case=PENDULUM,
+    )
+    for each in (watch, replace(watch, bound=bound)):
+        left = scene.only(each, {"pin"})
+        assert (left.name, left.level, left.run) == (
+            "run",
+            {"pin"},
+            replace(watch.run, channels=("pin.x", "pin.y", "pin")),
+        )
+        assert left.allowed == {"pin.x": 1.0, "pin.y": 2.0, "pin": 4.0}
+        assert left.before.channels == {"pin.x": 1.0, "pin.y": 2.0, "pin": 4.0}
+        assert left.before.x is watch.before.x
+    assert left.bound == Bound(left.run, {"pin.x": 0.1, "pin.y": 0.2, "pin": 0.4}, case=PENDULUM)
+    assert scene.only(watch, {"pin"}).bound is None
+
+
+ONE = watch_of({"y": 1.0}, {"y": [0.0]})
+
+
+@pytest.mark.parametrize(
+    ("draft", "words"),
+    [
+        (
+            draft_of(("crank", "angle", "probe of tip"), ("probe of tip",)),
+            "Watched: joint crank and sensor angle, and nothing else.",
+        ),
+        (
+            draft_of((), ("probe of tip",)),
+            "Watched, since no sidecar and no --watch says what matters: all sensors of the model, "
+            "angle, place and rate.",
+        ),
+        (
+            draft_of((), ("probe of tip",), SENSORS[2:3]),
+            "Watched, since no sidecar, no sensor and no --watch says what matters: everything "
+            "that moves.",
+        ),
+    ],
+)
+def test_it_is_said_what_is_watched_and_why(draft, words, monkeypatch):
+    """Sensors that a study adds are not named; where groups cannot be told, nothing is said."""
+    for answer in (lambda *_, **__: [["a"]], fails(TimedOut("late")), fails(ValueError("other"))):
+        monkeypatch.setattr(scene, "isolated", answer)
+        assert list(scene.watched_words(draft, ONE)) == [words]
+
+
+def test_it_is_said_how_potential_energies_are_read(monkeypatch):
+    monkeypatch.setattr(scene, "isolated", fails(TimedOut("late")))
+    _, level = scene.watched_words(draft_of(), replace(ONE, level=frozenset({"b", "a"})))
+    assert level == (
+        "a and b: a potential energy is known up to a constant, so only its change "
+        "counts; what does not move adds nothing to it."
+    )
+
+
+def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(monkeypatch):
+    """Who has named what matters need not be told what he may leave out."""
+    asked = []
+
+    def answer(function, *args, timeout):
+        asked.append((function.__name__, *args, timeout))
+        return [["a", "b"], ["c"]]
+
+    monkeypatch.setattr(scene, "isolated", answer)
+    _, groups = scene.watched_words(draft_of(), ONE)
+    assert asked == [("groups", "model", ONE.run, 600.0)]
+    assert groups == (
+        "2 groups of bodies move without acting on each other in this run, through no contact, "
+        "equality, tendon or actuator: a, b; c. All of what is watched of them is kept. --watch "
+        "NAME, with a joint, body, site or sensor of the group that matters, leaves the others "
+        "out."
+    )
+    assert len(list(scene.watched_words(draft_of(("tip",)), ONE))) == 1
+
+
+def test_a_sidecar_speaks_of_the_model_that_it_names_or_the_one_of_its_own_name(tmp_path):
+    file = tmp_path / "crank.toml"
+    for text, model in (
+        ('model = "other.xml"', "other.xml"),
+        ('title = "x"', "crank.xml"),
+        ("model =", "crank.xml"),
+        ("a = " + "[" * 100_000, "crank.xml"),
+        ("model = 7", "7"),
+    ):
+        file.write_text(text)
+        assert scene.model_named(file) == model
+    file.write_bytes(b"title = '\xb0'")  # no UTF-8
+    assert scene.model_named(file) == "crank.xml"
+    assert scene.model_named(tmp_path / "none.toml") == "none.xml"
+
+
+def test_sidecars_are_read_strictly_each_within_a_minute(tmp_path, monkeypatch):
+    """One that is late is that of the model of its own name, whose reading says what is wrong."""
+    for name in ("b", "a", "c"):
+        (tmp_path / f"{name}.toml").write_text('model = "a.xml"')
+    asked = []
+
+    def answer(function, path, *, timeout):
+        asked.append((function.__name__, path.name, timeout))
+        if path.stem == "c":
+            raise OutOfMemory("full")
+        return function(path)
+
+    monkeypatch.setattr(scene, "isolated", answer)
+    monkeypatch.setattr(scene, "load", lambda path, strict: (path.name, strict))
+    assert list(scene.sidecars(tmp_path / "a.xml")) == [("a.toml", True), ("b.toml", True)]
+    assert asked == [("model_named", f"{name}.toml", 60.0) for name in "abc"]
+    assert list(scene.sidecars(tmp_path / "c.xml")) == [("c.toml", True)]
+
+
+def test_a_model_that_no_sidecar_speaks_of_is_compiled_in_a_worker_first(tmp_path, monkeypatch):
+    """What takes too long or all memory is bad input; what MuJoCo refuses, its reader explains."""
+    file, asked = falling(tmp_path), []
+    monkeypatch.setattr(
+        scene, "isolated", lambda function, *args, timeout: asked.append((function, args, timeout))
+    )
+    scene.compile_elsewhere(file)
+    assert asked == [(scene.compiles, (file,), 120.0)]
+    monkeypatch.setattr(scene, "isolated", fails(TimedOut("no answer")))
+    with pytest.raises(InputError) as error:
+        scene.compile_elsewhere(file)
+    assert (error.value.file, error.value.key, error.value.wrong) == (
+        file,
+        "",
+        "cannot be compiled: no answer",
+    )
+    assert scene.compiles(file)
+    file.write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    assert not scene.compiles(file)

@@ -1,0 +1,182 @@
+"""Which runs a scene has: those of the sidecars beside a model, or the model as it is let go."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from proofmass.errors import InputError
+from proofmass.sidecar import load_case
+from proofmass.studies.diet import scene
+from proofmass.studies.diet.scene import scene_of
+from tests.studies.diet.test_diet_options import falling
+from tests.studies.test_study_verdicts import fails, watch_of
+
+HELD = (
+    "Options are held against the references of the sidecars: an error may grow by a tenth of "
+    "what it leaves of its tolerance."
+)
+
+
+@pytest.fixture
+def beside(monkeypatch) -> list[tuple]:
+    """Sidecars that are read in the test's own process, and runs that are only asked for."""
+    asked = []
+
+    def watched(case, run, solver, draft):
+        asked.append((case.name, run.kind, solver, draft))
+        names = case.channels_of(run.kind)
+        return watch_of(dict.fromkeys(names, 1.0), {name: [0.0] for name in names})
+
+    monkeypatch.setattr(scene, "isolated", lambda function, *args, timeout: function(*args))
+    monkeypatch.setattr(scene, "load", lambda path, strict: load_case(path))
+    monkeypatch.setattr(scene, "watched", watched)
+    monkeypatch.setattr(scene, "compile_elsewhere", fails(AssertionError()))
+    return asked
+
+
+@pytest.fixture
+def alone(monkeypatch) -> list[tuple]:
+    """A model without a sidecar, whose run is not done."""
+    asked = []
+    monkeypatch.setattr(scene, "compile_elsewhere", lambda file: asked.append(("compiled", file)))
+    monkeypatch.setattr(
+        scene,
+        "let_go",
+        lambda file, draft, seconds: (
+            asked.append((file, draft, seconds)) or watch_of({"y": 1.0}, {"y": [0.0]})
+        ),
+    )
+    monkeypatch.setattr(
+        scene,
+        "with_fine_solution",
+        lambda file, draft, watch, error: (
+            asked.append((file, draft, watch, error)) or ("held", "why")
+        ),
+    )
+    monkeypatch.setattr(scene, "watched_words", lambda draft, watch: iter(("one", "two")))
+    return asked
+
+
+@pytest.mark.parametrize("error", ["nan", "inf", "-0.001"])
+def test_an_error_is_a_share_of_a_range(error, tmp_path):
+    """It is not even tried with anything else."""
+    file = tmp_path / "none.xml"
+    with pytest.raises(InputError) as found:
+        scene_of(file, 1.0, (), float(error))
+    assert (found.value.file, found.value.key, found.value.wrong) == (
+        file,
+        "--error",
+        f"{error} is no share of a range; give a number such as 1e-4",
+    )
+
+
+@pytest.mark.parametrize("error", [None, 0.0, 1e-4, 2.0])
+def test_a_model_without_sidecars_is_let_go_and_held_against_its_fine_solution(
+    error, tmp_path, alone
+):
+    file = falling(tmp_path)
+    found = scene_of(file, 3.0, ("bob",), error)
+    compiled, let, fine = alone
+    draft = let[1]
+    assert compiled == ("compiled", file)  # in a worker, before it is compiled here
+    assert (let[0], let[2]) == (file, 3.0)
+    assert (fine[:2], fine[3]) == ((file, draft), error)
+    assert (draft.watch, draft.rods) == (("bob",), ())
+    assert (found.draft, found.watches, found.said) == (draft, ("held",), ("one", "two", "why"))
+    # a joint and a body of that name
+    assert found.read == {
+        f"{kind} bob {what}"
+        for kind, whats in (
+            ("joint", ("jointpos", "jointvel")),
+            ("body", ("framepos", "framequat", "framelinvel", "frameangvel")),
+        )
+        for what in whats
+    }
+    assert found.keys == {"start"}
+
+
+def test_a_model_without_a_key_keeps_none(tmp_path, alone, monkeypatch):
+    """The run starts from no key, which is none to keep."""
+    watch = watch_of({"y": 1.0}, {"y": [0.0]})
+    watch = replace(watch, run=replace(watch.run, start=""))
+    monkeypatch.setattr(scene, "let_go", lambda *_: watch)
+    found = scene_of(falling(tmp_path), 3.0)
+    assert (found.keys, found.read) == (set(), None)
+
+
+def test_a_sidecar_of_a_model_that_is_not_there_is_not_read(tmp_path, monkeypatch):
+    """Who mistypes a model is told that it is not there, whatever a sidecar says."""
+    (tmp_path / "none.toml").write_text('model = "none.xml"')
+    monkeypatch.setattr(scene, "sidecars", fails(AssertionError()))
+    monkeypatch.setattr(scene, "compile_elsewhere", lambda file: None)
+    with pytest.raises(InputError, match="no such model"):
+        scene_of(tmp_path / "none.xml", 1.0)
+
+
+def lone(models: Path, name: str) -> Path:
+    """A model with one sidecar beside it."""
+    for sidecar in models.glob("*.toml"):
+        if sidecar.stem != name:
+            sidecar.unlink()
+    return models / f"{name}.xml"
+
+
+def test_runs_of_the_sidecars_are_watched_with_all_their_channels(models, beside):
+    found = scene_of(lone(models, "fourbar"), 1.0)
+    case = load_case(models / "fourbar.toml")
+    kinds = ["sweep", "dynamics"]
+    assert [list(w.allowed) for w in found.watches] == [list(case.channels_of(k)) for k in kinds]
+    assert beside == [("fourbar", kind, "mujoco", found.draft) for kind in kinds]
+    assert (found.draft.watch, found.draft.probes) == ((), set())
+    assert found.read == {name.partition(".")[0] for name in case.channels}
+    assert found.keys == {"start"}
+    assert found.said == ("Watched: the channels of the sidecars, in their runs.", HELD)
+
+
+def test_a_draft_is_completed_with_the_rods_of_its_sidecar(models, beside):
+    found = scene_of(lone(models, "rod_cantilever"), 1.0)
+    assert found.draft.rods == load_case(models / "rod_cantilever.toml").rods
+    assert found.draft.rods
+
+
+def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, beside):
+    """Those of the sensors on a site; a run that has none of them is not watched at all."""
+    file = lone(models, "fourbar")
+    found = scene_of(file, 1.0, ("rocker_end",))
+    wanted = ["pin.x", "pin.y", "pin_velocity.x", "pin_velocity.y"]
+    assert [list(w.allowed) for w in found.watches] == [wanted, wanted]
+    assert found.read == {"pin", "pin_velocity"}
+    assert found.said == (
+        "Watched: pin.x, pin.y, pin_velocity.x and pin_velocity.y, in the runs of the sidecars.",
+        HELD,
+    )
+    moment = scene_of(file, 1.0, ("holding_moment",))
+    assert [list(w.allowed) for w in moment.watches] == [["holding_moment"]]  # of the sweep
+
+
+def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
+    """A site with no sensor on it; channels with a similar name are suggested."""
+    lone(models, "pendulum")
+    file = edit("pendulum.xml", "</body>", '<site name="rate_"/><site name="tip"/></body>')
+    with pytest.raises(InputError) as error:
+        scene_of(file, 1.0, ("rate_", "tip"))
+    assert (error.value.file, error.value.key, error.value.wrong) == (
+        file,
+        "--watch",
+        (
+            "no channel of the sidecars reads rate_ and tip; did you mean 'rate'? their channels: "
+            "angle, rate, acceleration, kinetic, potential"
+        ),
+    )
+
+
+def test_what_an_error_may_be_is_said_in_one_place(models, beside):
+    file = lone(models, "pendulum")
+    with pytest.raises(InputError) as error:
+        scene_of(file, 1.0, (), 1e-4)
+    assert (error.value.file, error.value.key, error.value.wrong) == (
+        file,
+        "--error",
+        ("its sidecar states what an error may be; change its tolerances, or leave --error out"),
+    )

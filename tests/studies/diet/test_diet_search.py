@@ -1,0 +1,339 @@
+"""How a diet goes on: what is kept, which options are tried, what is taken, and what is timed.
+
+Drafts are lists of what was cut, and what comes of them is given.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.sim.protocol import Curves, Run
+from proofmass.studies.diet import diet
+from proofmass.studies.diet.diet import DietSearch, DietStore, key_of
+from proofmass.studies.diet.options import Feature
+from proofmass.studies.diet.scene import Bound, DietScene, Watch
+from proofmass.studies.diet.table import Entry
+from proofmass.studies.diet.trial import Cost, Pace
+from tests.studies.test_study_verdicts import (
+    Asked,
+    Cuts,
+    Given,
+    Outcomes,
+    case_of,
+    cost_of,
+    feature,
+    scene_with,
+    watch_of,
+)
+
+POINT = "<mujoco><worldbody><geom size='{}'/></worldbody></mujoco>"
+
+
+def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources(
+    tmp_path, monkeypatch
+):
+    """Whatever a result depends on is a reason to make it anew; nothing else is."""
+    folder = tmp_path / "a" / "b"
+    one, two, twin = (mujoco.MjModel.from_xml_string(POINT.format(size)) for size in (1, 2, 1))
+    made: list[int] = []
+
+    def once(models, runs, there: Path | None = folder):
+        return DietStore(there).once(models, runs, lambda: made.append(len(made)) or len(made))
+
+    asked = []
+    monkeypatch.setattr(diet, "versions", lambda engine: asked.append(engine) or len(asked) > 5)
+    assert once([one], ["run"]) == 1
+    assert once([twin], ["run"]) == 1
+    assert once([two], ["run"]) == 2
+    assert once([one, two], ["run"]) == 3
+    assert once([one], ["other run"]) == 4
+    assert once([one], ["run"]) == 5  # another version of the engine
+    assert set(asked) == {"mujoco"}
+    monkeypatch.setattr(diet, "sources", lambda: "others")
+    assert once([one], ["run"]) == 6
+    assert once([one], ["run"]) == 6
+    assert len(list(folder.glob("*.json"))) == len(made) == 6
+    assert [once([one], ["run"], None) for _ in range(2)] == [7, 8]
+    assert len(list(tmp_path.rglob("*.json"))) == 6
+
+
+def stepping(**how) -> Watch:
+    """A run that goes by time steps."""
+    return replace(watch_of({"y": 0.5}, {"y": [0.0] * 9}), **how)
+
+
+class Options(DietSearch):
+    """Tries drafts that are lists of cuts: one with a "bad" cut matters; what is asked is noted."""
+
+    saving: ClassVar[dict[str, tuple]] = {}
+
+    def held(self, models, draft):
+        return "matters" if "bad" in " ".join(draft) else "harmless", {}, "held"
+
+    def ran(self, models, draft):
+        raise AssertionError("options are held against what is true")
+
+    def timed(self, now, draft, entry, tuned=False):
+        self.kept.asked.append((list(now), list(draft), entry.name, tuned))
+        return replace(entry, saved=self.saving.get(entry.name, ()))
+
+
+def options(rounds: int = 0) -> Options:
+    return Options(scene_with(stepping()), rounds=rounds, kept=Asked(), workers="workers")
+
+
+def making(*names: str, asked: list | None = None):
+    """Rungs of these names, whatever the draft is; `asked` is told the drafts."""
+
+    def make(now, scene) -> list[Feature]:
+        assert isinstance(scene, DietScene)
+        if asked is not None:
+            asked.append(list(now))
+        return [feature(name, kind="option") for name in names]
+
+    return make
+
+
+def test_the_first_value_that_holds_is_taken_and_the_last_that_does_not_is_told():
+    own, asked = options(), []
+    now, found = own.changed(
+        Cuts(["old"]),
+        (making("bad 1", "one", "other"), making("bad 2", "bad 3", asked=asked), making()),
+    )
+    assert now == ["old", "one"]
+    assert asked == [["old", "one"]]  # the next kind begins where the one before has led
+    assert [(before, after, e.name, e.outcome) for before, after, e in found] == [
+        (["old"], ["old", "one"], "one", "harmless"),
+        (["old", "one"], ["old", "one", "bad 3"], "bad 3", "matters"),
+    ]
+    assert [e.message for *_, e in found] == ["held"] * 2
+    assert len(own.kept.keys) == 4  # "other" is not tried
+
+
+def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
+    """Steps of four are no more than a try; whether eight hold as well is asked after that."""
+
+    def steps(now, scene):
+        return [feature(name) for name in (["4", "2"] if "4" not in now else ["bad 8"])]
+
+    monkeypatch.setattr(diet, "steps", steps)
+    now, found = options().changed(Cuts(), (steps,))
+    assert now == ["4"]
+    assert [e.name for *_, e in found] == ["4", "bad 8"]
+    once = [lambda now, scene: steps(now, scene)]
+    assert [e.name for *_, e in options().changed(Cuts(), tuple(once))[1]] == ["4"]
+
+
+def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
+    """Both begin where what is counted has led; what was tried is timed from draft to draft."""
+    monkeypatch.setattr(diet, "COUNTED", (making("counted"),))
+    monkeypatch.setattr(diet, "ORDERS", ((making("first"), making("bad")), (making("second"),)))
+    monkeypatch.setattr(diet, "CLOCKED", (making("clocked"),))
+    monkeypatch.setattr(diet, "work", lambda draft: {"first": 2.0}.get(draft[-1], 1.0))
+    seen = []
+
+    def integrators(now, scene):
+        seen.append((list(now), scene))
+        return [now] if order == "second" else []
+
+    monkeypatch.setattr(diet, "integrators", integrators)
+    for order in ("second", "first"):
+        own = options()
+        now, entries = own.optioned(Cuts(["old"]))
+        assert now == ["old", "counted", order]
+        assert seen.pop() == (["old", "counted"], own.scene)
+        told = ["counted", order] + ["bad"] * (order == "first")
+        assert [e.name for e in entries] == told  # without rounds the clock decides nothing
+        assert own.kept.asked[:2] == [
+            (["old"], ["old", "counted"], "counted", True),
+            (["old", "counted"], ["old", "counted", order], order, True),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("saved", "outcome"),
+    [
+        ((), "no gain"),
+        ((-0.1, 0.5, 0.6), "no gain"),
+        ((0.0, 0.5, 0.6), "no gain"),
+        ((0.1, 0.5, 0.6), "harmless"),
+    ],
+)
+def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome, monkeypatch):
+    """That is, if even the lower end of the interval does; the next kind begins with it."""
+    asked: list = []
+    for name in ("COUNTED", "ORDERS"):
+        monkeypatch.setattr(diet, name, ((),) * (name == "ORDERS"))
+    monkeypatch.setattr(diet, "integrators", lambda now, scene: [])
+    monkeypatch.setattr(diet, "CLOCKED", (making("bad", "one", "two"), making("x", asked=asked)))
+    monkeypatch.setattr(diet, "work", lambda draft: 1.0)
+    own = options(rounds=3)
+    monkeypatch.setattr(
+        Options,
+        "saving",
+        {"one": saved, "bad": (0.1, 0.2, 0.3), "two": (0.1, 0.2, 0.3), "x": (-0.1, 0.0, 0.1)},
+    )
+    now, entries = own.optioned(Cuts(["old"]))
+    taken = "one" if outcome == "harmless" else "two"
+    names = ["bad", "one", "x"] if taken == "one" else ["bad", "one", "two", "x"]
+    assert now == ["old", taken]
+    assert asked == [["old", taken]]
+    assert [e.name for e in entries] == names
+    assert [e.outcome for e in entries] == [
+        "matters",
+        outcome,
+        *(["harmless"] if taken == "two" else []),
+        "no gain",
+    ]
+    assert entries[1].saved == saved
+    assert own.kept.asked[:2] == [
+        (["old"], ["old", "bad"], "bad", True),
+        (["old"], ["old", "one"], "one", True),
+    ]
+
+
+def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
+    """What a run is held against is part of what its result is kept as."""
+    bound = Bound(Run("dynamics", np.zeros(2), ()), {"y": 0.1}, {"y": np.zeros(2)})
+    free, held = stepping(name="free"), stepping(name="held", bound=bound)
+    for tuned, more in ((True, [None, key_of(held)]), (False, [])):
+        own = (Options if tuned else Outcomes)(scene_with(free, held), rounds=0, kept=Asked())
+        _, found = own.tried(Cuts(), feature("new"), tuned)
+        assert found.message == ("held" if tuned else "said")
+        ((_, runs),) = own.kept.keys
+        assert runs == [(w.name, w.run, w.allowed, w.before.channels) for w in (free, held)] + more
+
+
+def test_a_key_of_what_is_true_is_the_same_for_the_same():
+    """It is pickled: the order in which a sidecar has its parameters makes no difference."""
+    run, truth = Run("dynamics", np.zeros(2), ()), {"y": np.zeros(2)}
+    assert key_of(stepping()) is None
+    free = stepping(bound=Bound(run, {"y": 0.1}, truth))
+    assert key_of(free) == (run, {"y": 0.1}, truth, None)
+    case = case_of("pendulum").model_copy(
+        update={"reference": "one", "parameters": {"b": 1.0, "a": 2.0, "c": "word"}}
+    )
+    held = stepping(bound=Bound(run, {"y": 0.1}, case=case))
+    assert key_of(held) == (run, {"y": 0.1}, {}, ("one", [("a", 2.0), ("b", 1.0), ("c", "word")]))
+
+
+class Named(Given):
+    """A draft of which something is watched by name."""
+
+    watch = ("probe",)
+
+
+def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monkeypatch):
+    """A run without a fine solution is held by how far its channels move, as for a feature."""
+    bound = Bound(
+        Run("dynamics", np.zeros(1), (), settings={"own": 1}), {"y": 0.25}, {"y": np.array([3.0])}
+    )
+    one = replace(watch_of({"y": 0.5}, {"y": [1.0]}), name="held", bound=bound)
+    one = replace(one, before=replace(one.before, seconds=20.0))
+    two = replace(watch_of({"y": 0.5, "probe": 0.5}, {"y": [1.0], "probe": [1.0]}), name="moved")
+    for draft, shown, outcome in ((Given(), 0.0, "harmless"), (Named(), np.inf, "matters")):
+        calls: list = []
+        monkeypatch.setattr(
+            diet,
+            "isolated",
+            cost_of(
+                calls,
+                Curves(np.zeros(1), {"y": np.array([2.875])}),
+                Curves(np.zeros(1), {"y": np.array([1.25])}),
+            ),
+        )
+        found = DietSearch(scene_with(one, two)).held(["first", "second"], draft)
+        assert found == (outcome, {"held": {"y": 0.5}, "moved": {"y": 0.5, "probe": shown}}, "")
+        assert calls == [
+            ("attempt", "first", replace(bound.run, rods=("cut",)), 60.0),
+            ("attempt", "second", replace(two.run, rods=("cut",)), 30.0),
+        ]
+
+
+def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
+    """One that a study adds for itself is not, where it never moved."""
+    watch = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
+    for draft, outcome in ((Given(), "harmless"), (Named(), "matters")):
+        monkeypatch.setattr(diet, "isolated", cost_of([], Curves(np.zeros(1), {})))
+        assert DietSearch(scene_with(watch)).ran(["model"], draft)[0] == outcome
+
+
+def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
+    """2000 steps of it; a feature in the run of the scene."""
+    x = np.arange(9001.0)
+    bound = Bound(Run("dynamics", x[::2], ()), {})
+    watch = Watch("a", Run("dynamics", x, ()), {}, Curves(x, {}, steps=9000), bound=bound)
+    asked = []
+
+    def paced(models, run, rounds, limit):
+        asked.append((run.x[1], run.x.size))
+        return Pace((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
+
+    monkeypatch.setattr(diet, "paced", paced)
+    entry = Entry("option", "name", "harmless")
+    for one, tuned, wanted in (
+        (watch, True, (2.0, 1000)),
+        (watch, False, (1.0, 2000)),
+        (replace(watch, bound=None), True, (1.0, 2000)),
+    ):
+        DietSearch(scene_with(one), rounds=3, kept=Asked()).timed(Cuts(), Cuts(), entry, tuned)
+        assert asked.pop() == wanted
+    DietSearch(scene_with(watch), rounds=3, kept=Asked()).timed(Cuts(), Cuts(), entry)
+    assert asked == [(1.0, 2000)]
+
+
+class Tuning(Outcomes):
+    """Features are what they are; options are made cheaper, or not; what is asked is noted."""
+
+    lean: ClassVar = Cuts(["lean"])
+
+    def optioned(self, slim):
+        self.kept.asked.append(("optioned", slim))
+        return self.lean or slim, [Entry("option", "step", "harmless")]
+
+    def tried(self, now, feature, tuned=False):
+        self.kept.asked.append(("tried", feature.name, tuned))
+        return super().tried(now, feature, False)
+
+    def timed(self, now, draft, entry, tuned=False):
+        self.kept.asked.append(("timed", entry.name, tuned))
+        return entry
+
+
+def tuning(monkeypatch, kind: str = "dynamics", **how):
+    monkeypatch.setattr(
+        diet, "features", lambda slim, scene: iter([feature("a")] if "a" not in slim else [])
+    )
+    run = replace(stepping().run, kind=kind)
+    scene = replace(scene_with(stepping(run=run), draft=Cuts()), said=("one", "two"))
+    own = Tuning(scene, rounds=0, kept=Asked(), workers="workers", **how)
+    return own, own.run()
+
+
+def test_options_are_made_cheaper_when_all_features_have_gone(monkeypatch):
+    """What is left is held against what is true, and timed so, once its options are others."""
+    own, found = tuning(monkeypatch)
+    assert ("optioned", ["a"]) in own.kept.asked
+    assert found.tuned is True
+    assert found.slim == ["lean"]
+    assert own.kept.asked[-3:] == [("tried", "", True), ["lean"], ("timed", "", True)]
+    assert [(e.kind, e.name) for e in found.entries] == [("geom", "a"), ("option", "step")]
+    said = [Entry("said", "", "said", message=words) for words in ("one", "two")]
+    assert found.said == said
+    assert found.table == (*said, *found.entries, found.whole)
+
+
+def test_options_stay_where_nothing_goes_by_steps_or_nobody_wants_them_changed(monkeypatch):
+    monkeypatch.setattr(Tuning, "lean", None)
+    assert tuning(monkeypatch)[1].tuned is False  # no option could be made cheaper
+    for kind, tune in (("dynamics", False), ("equilibrium", True), ("sweep", True)):
+        own, found = tuning(monkeypatch, kind, tune=tune)
+        assert found.tuned is False
+        assert found.slim == ["a"]
+        assert [e.name for e in found.entries] == ["a"]
+        assert not [asked for asked in own.kept.asked if asked[0] == "optioned"]
+        assert own.kept.asked[-1] == ("timed", "", False)
