@@ -100,7 +100,7 @@ def rows(counts: Sequence[int]) -> Iterator[str]:
             last = off, h
             yield (
                 f"| {name} | {links} | {off:.2e} | {order} | {chain:.2e} | "
-                f"{found.settings['stretch']:.1e} | {found.gap:.1e} | {found.steps} | "
+                f"{found.settings['stretch']:.1e} | {found.violation:.1e} | {found.steps} | "
                 f"{used:.1f} |"
             )
 

@@ -32,7 +32,7 @@ def main(sidecar: Path) -> int:
             f"{run:9}{solver:16}{worst.outcome}: {worst.channel} is off by {worst.error_max:.1e} "
             f"{worst.unit}, allowed {worst.allowed:.1e}"
         )
-        for name, change in worst.would_notice.items():
+        for name, change in worst.detectable.items():
             if change.relative and name in ("crank", "coupler", "rocker"):
                 print(f"{'':25}a {name} longer by {change.size:.0e} of its length would be noticed")
     print("exit code", result.exit_code)

@@ -40,7 +40,7 @@ def main(folder: Path) -> None:
     )
     print(
         f"{table.shape[0]} samples of {len(curves.channels)} channels, crank 0 to "
-        f"{crank[-1]:.4f} rad, loops open by at most {curves.gap:.0e} m"
+        f"{crank[-1]:.4f} rad, loops open by at most {curves.violation:.0e} m"
     )
 
     lengths = [case.parameters[name] for name in ("crank", "coupler", "rocker", "ground")]

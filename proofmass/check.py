@@ -243,7 +243,7 @@ def step_unchecked(model: Path) -> list[Comparison]:
     try:
         curves = isolated(simulate, NATIVE, model, run, timeout=60.0)
         outcome, message = Outcome.UNCHECKED, "no sidecar; it loads and steps"
-        cost = {"seconds": curves.seconds, "steps": curves.steps, "gap": curves.gap}
+        cost = {"seconds": curves.seconds, "steps": curves.steps, "violation": curves.violation}
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
     except tuple(FAILURES) as error:

@@ -70,15 +70,15 @@ class Comparison:
         which is its range unless it is constant.
     allowed : float
         Tolerance in `unit`; NaN when the channel is not checked.
-    would_notice : dict of str to DetectableChange
+    detectable : dict of str to DetectableChange
         For each parameter the smallest change that the tolerance would catch. A parameter that
         could change by 10 % is left out, such as one that the channel does not depend on.
     outcome : str
         agrees, differs, unchecked, unsupported, diverged, crashed, timed out or out of memory.
     message : str
         The tolerance's reason when it agrees; otherwise what is wrong.
-    seconds, steps, gap
-        Cost of the run, and its largest loop gap [m].
+    seconds, steps, violation
+        Cost of the run, and its largest constraint violation [m].
     error_later : float
         Largest absolute difference after the first tenth of dynamics, in `unit`: the start pose
         is often in another equilibrium of a soft loop than the motion; NaN in other runs.
@@ -94,12 +94,12 @@ class Comparison:
     error_rms: float = NAN
     nrmse: float = NAN
     allowed: float = NAN
-    would_notice: dict[str, DetectableChange] = field(default_factory=dict)
+    detectable: dict[str, DetectableChange] = field(default_factory=dict)
     outcome: str = Outcome.UNCHECKED
     message: str = ""
     seconds: float = NAN
     steps: int = 0
-    gap: float = NAN
+    violation: float = NAN
     error_later: float = NAN
 
     @property
@@ -135,7 +135,7 @@ def compare(
     curves : Curves
         From `solve`.
     detectable : bool
-        Whether `Comparison.would_notice` is found as well, which evaluates the reference at least
+        Whether `Comparison.detectable` is found as well, which evaluates the reference at least
         twice for each parameter.
 
     Returns
@@ -183,7 +183,7 @@ def one(
     name: str,
     curves: Curves,
     truth: Array,
-    would_notice: dict[str, DetectableChange],
+    detectable: dict[str, DetectableChange],
 ) -> Comparison:
     """Compare one channel; its curves are in SI units, the comparison in the channel's."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
@@ -199,7 +199,7 @@ def one(
         "allowed": allowed,
         "seconds": curves.seconds,
         "steps": curves.steps,
-        "gap": curves.gap,
+        "violation": curves.violation,
     }
     if name not in curves.channels:
         return Comparison(
@@ -216,7 +216,7 @@ def one(
         "error_later": float(error[curves.x >= start_until(curves)].max())
         if run == "dynamics"
         else NAN,
-        "would_notice": would_notice,
+        "detectable": detectable,
     }
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
@@ -406,7 +406,7 @@ def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
 def small_shares(
     moved: DifferencesAt, allowed: dict[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """The smallest share of a parameter that each channel would notice, by its slope.
+    """The smallest share of a parameter that each channel detects, by its slope.
 
     The second result is the part of `allowed` to which large changes have to answer: channels where
     rounding hides a slope that might matter; all of them, where none has a slope. One that promises

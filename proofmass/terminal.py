@@ -28,7 +28,7 @@ KEYS = (
     "error_rms",
     "nrmse",
     "allowed",
-    "would_notice",
+    "detectable",
     "outcome",
     "message",
     "seconds",

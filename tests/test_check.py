@@ -227,7 +227,7 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     found, curves = run_one(case, "dynamics", "mujoco")
     assert workers[-1] == ("measured", 7.0, 3.0)
     assert {c.outcome for c in found} == {"agrees"}
-    assert found[0].would_notice
+    assert found[0].detectable
     assert curves.x.size == 11
     held = run_one(case, "dynamics", "mujoco", hold=lambda *told: [told])[0]
     assert held[0][:3] == (case, "dynamics", "mujoco")
@@ -323,7 +323,7 @@ def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
     assert (found.outcome, found.message) == ("unchecked", "no sidecar; it loads and steps")
     assert found.steps == 100  # a tenth of a second at 1 ms, in one stride
     assert found.seconds > 0
-    assert found.gap == 0.0
+    assert found.violation == 0.0
     for kind, outcome in FAILURES.items():
         workers.fails["simulate"] = kind("why")
         (found,) = step_unchecked(model)

@@ -27,8 +27,8 @@ def test_exit_0_and_json_where_all_agree(models):
     assert all(tuple(row) == KEYS for row in rows)
     assert {row["outcome"] for row in rows if row["solver"] == "mujoco"} == {"agrees"}
     assert all(row["allowed"] is None for row in rows if row["solver"] == "mujoco:default")
-    assert rows[0]["would_notice"]["length"]["size"] > 0
-    assert rows[0]["would_notice"]["length"]["relative"] is True
+    assert rows[0]["detectable"]["length"]["size"] > 0
+    assert rows[0]["detectable"]["length"]["relative"] is True
 
 
 def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):

@@ -497,8 +497,8 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
         ),  # at its end; the curvature over 2.6 % of it
     ],
 )
-def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
-    """With the parameter off by its would-notice the error of that channel is the limit."""
+def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
+    """With the parameter off by its detectable change the error of that channel is the limit."""
     case = load_case(shipped(f"{name}.toml"))
     x = grid(case, kind)
     state = plan(case, kind, "mujoco").motion(x) if case.drive else None
@@ -506,7 +506,7 @@ def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, 
     found = compare(case, kind, "mujoco", Curves(x, truth.channels, drive=state))
     value, checked = case.parameters[key], 0
     for c in found:
-        change = c.would_notice[key]
+        change = c.detectable[key]
         assert change.relative is bool(value)
         if change.size < 1e-9:  # or rounding is part of the error
             continue
@@ -517,7 +517,7 @@ def test_would_notice_is_the_change_that_uses_the_tolerance_up(name, kind, key, 
     assert checked
 
 
-def test_would_notice_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
+def test_detectable_change_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
     x = np.linspace(0.0, 1.0, 5)
     curves = Curves(x, evaluate(PENDULUM, x, None).channels)
 
@@ -525,10 +525,10 @@ def test_would_notice_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
         return next(c for c in compare(case, "dynamics", solver, curves) if c.channel == "angle")
 
     rad, deg = angle(PENDULUM), angle(in_unit(PENDULUM, "angle", unit="deg", only="dynamics"))
-    assert set(deg.would_notice) == set(rad.would_notice) >= {"length", "gravity"}
-    for key, change in rad.would_notice.items():
-        assert deg.would_notice[key].size == pytest.approx(change.size)
-    assert angle(PENDULUM, "mujoco:default").would_notice == {}
+    assert set(deg.detectable) == set(rad.detectable) >= {"length", "gravity"}
+    for key, change in rad.detectable.items():
+        assert deg.detectable[key].size == pytest.approx(change.size)
+    assert angle(PENDULUM, "mujoco:default").detectable == {}
 
 
 def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():

@@ -54,7 +54,7 @@ def exact(case: Case, kind) -> Curves:
 
 
 def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
-    """The verdicts on curves against any reference, without what they would notice."""
+    """The verdicts on curves against any reference, without detectable changes."""
     return [
         one(case, kind, solver, name, curves, truth.channels[name], {})
         for name in case.channels_of(kind)
@@ -102,11 +102,11 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
             assert not differ(key, 1e-6 * scale), (key, "could be known")
             continue
         noticing = sorted(
-            (c for c in found if key in c.would_notice and not np.isnan(c.would_notice[key].size)),
-            key=lambda c: c.would_notice[key].size,
+            (c for c in found if key in c.detectable and not np.isnan(c.detectable[key].size)),
+            key=lambda c: c.detectable[key].size,
         )
         for c in noticing if all_channels else [noticing[0], *noticing[1:][-1:]]:
-            change = c.would_notice[key]
+            change = c.detectable[key]
             assert change.relative == (value != 0)
             by = change.size * (abs(value) if change.relative else 1.0)
             # three times, as in `test_mutations`; less where there is no such mechanism

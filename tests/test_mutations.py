@@ -144,7 +144,7 @@ def few(case: Case, kind: str) -> Case:
 
 
 @cache
-def would_notice(name: str, kind: str, solver: str) -> dict[str, float]:
+def detectable(name: str, kind: str, solver: str) -> dict[str, float]:
     """The smallest change of each parameter that a channel of the good model notices, in SI."""
     case = few(load_case(shipped(f"{name}.toml")), kind)
     comparisons = compare(case, kind, solver, solve(case, kind, solver))
@@ -153,18 +153,18 @@ def would_notice(name: str, kind: str, solver: str) -> dict[str, float]:
     assert "differs" not in outcomes
     found: dict[str, float] = {}
     for c in comparisons:
-        for key, change in c.would_notice.items():
+        for key, change in c.detectable.items():
             size = change.size * (abs(case.parameters[key]) if change.relative else 1.0)
             found[key] = min(size, found.get(key, np.inf))
     return found
 
 
 def turns(name: str, key: str, solver: str, kind: str, models: Path) -> None:
-    """A length that is wrong by three times its would-notice turns a verdict that was good."""
+    """A length that is wrong by three times its detectable change turns a verdict that was good."""
     case, owner = load_case(models / f"{name}.toml"), OTHERS.get(name, name)
-    noticed = would_notice(name, kind, solver)
+    noticed = detectable(name, kind, solver)
     if key not in case.parameters:  # a recorded curve has none
-        noticed = would_notice(owner, kind, solver)
+        noticed = detectable(owner, kind, solver)
     lengthen(case.model_path, LENGTHS[owner][key], 3 * noticed[key])
     case = few(case, kind)
     wrong = compare(case, kind, solver, solve(case, kind, solver), detectable=False)
@@ -189,7 +189,9 @@ def runs(quick: bool) -> list[tuple[str, str, str, str]]:
 
 
 @pytest.mark.parametrize(("name", "key", "solver", "kind"), runs(quick=True))
-def test_a_length_wrong_by_three_times_its_would_notice_differs(name, key, solver, kind, models):
+def test_a_length_wrong_by_three_times_its_detectable_change_differs(
+    name, key, solver, kind, models
+):
     turns(name, key, solver, kind, models)
 
 

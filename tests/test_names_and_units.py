@@ -341,8 +341,8 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
         assert c.nrmse == pytest.approx(known.nrmse, rel=1e-9)
         assert c.allowed == 1e-3
         # the slope of the closed form by the change of 1, in SI as well as in the channel's unit
-        for p, notice in known.would_notice.items():
-            assert c.would_notice[p].size == pytest.approx(
+        for p, notice in known.detectable.items():
+            assert c.detectable[p].size == pytest.approx(
                 notice.size * 1e-3 / factor / known.allowed, rel=1e-6
             )
     x = np.linspace(0, 2 * np.pi, 37)

@@ -176,7 +176,7 @@ def test_json_has_null_for_what_is_no_number():
     notice = {"length": DetectableChange(nan), "width": DetectableChange(0.5, relative=False)}
     error = InputError(Path("a.toml"), "key", "why")
     found = json.loads(
-        as_json(Result(comparisons=[of(would_notice=notice, at=inf, seconds=2.0)], errors=[error]))
+        as_json(Result(comparisons=[of(detectable=notice, at=inf, seconds=2.0)], errors=[error]))
     )
     assert list(found) == ["comparisons", "errors", "exit_code"]
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
@@ -194,7 +194,7 @@ def test_json_has_null_for_what_is_no_number():
         row["error_max"],
         row["seconds"],
     ) == ("one", "mujoco", "sweep", "y", "m", "agrees", None, None, 2.0)
-    assert row["would_notice"] == {
+    assert row["detectable"] == {
         "length": {"size": None, "relative": True},
         "width": {"size": 0.5, "relative": False},
     }

@@ -102,7 +102,7 @@ def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
     Changes of parameters that are 0 have no share to be ordered by; they come after the others.
     """
     found = sorted(
-        c.would_notice.items(),
+        c.detectable.items(),
         key=lambda item: (math.isnan(item[1].size), not item[1].relative, item[1].size),
     )
     words = tuple((name, detectable(change)) for name, change in found)
@@ -137,11 +137,11 @@ def not_known(case: Case, rows: list[Comparison]) -> list[str]:
 
 
 def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
-    """By parameter, the changes that the checked channels would notice."""
+    """By parameter, the detectable changes of the checked channels."""
     found: dict[str, list[DetectableChange]] = {}
     for c in rows:
         checked = c.outcome in (Outcome.AGREES, Outcome.DIFFERS)
-        for p, change in c.would_notice.items() if checked else ():
+        for p, change in c.detectable.items() if checked else ():
             found.setdefault(p, []).append(change)
     return found
 
@@ -277,7 +277,7 @@ def costs(view: Shown) -> list[dict[str, str]]:
             {
                 "solver": solver,
                 "seconds": number(c.seconds),
-                "gap": number(c.gap),
+                "violation": number(c.violation),
                 "steps": str(c.steps) if c.steps else "—",
                 "settings": ", ".join(f"{k} {plain(v)}" for k, v in settings.items()) or "—",
                 "note": c.message if c.outcome in LOST else "",

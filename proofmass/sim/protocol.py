@@ -274,7 +274,7 @@ class Curves:
     drive : tuple of three ndarray (drives, n), or None
         Value, rate and acceleration of the driven joints *as they actually moved*; rates and
         accelerations of a sweep are those of its law.
-    gap : float
+    violation : float
         Largest distance between two points that a loop should hold together [m].
     seconds : float
         Wall time of the run without loading the model [s].
@@ -294,7 +294,7 @@ class Curves:
     channels: dict[str, Array]
     missing: dict[str, str] = field(default_factory=dict)
     drive: tuple[Array, Array, Array] | None = None
-    gap: float = 0.0
+    violation: float = 0.0
     seconds: float = 0.0
     steps: int = 0
     settings: dict[str, object] = field(default_factory=dict)

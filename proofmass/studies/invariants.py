@@ -16,12 +16,12 @@ def invariants(case: Case, curves: Curves) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        gap: largest distance between points that a loop should hold together [m].
+        violation: largest distance between points that a loop should hold together [m].
         energy: largest change of kinetic and potential energy together over the largest kinetic
         energy; of free motions without friction, whose case has a channel for each of the two.
-        stretch: 0 in cases with rods, whose links are rigid; where they come apart is in gap.
+        stretch: 0 in cases with rods, whose links are rigid; where they come apart is in violation.
     """
-    found = {"gap": curves.gap}
+    found = {"violation": curves.violation}
     names = energies(case)
     if conserved(case) and len(names) == 2 and all(name in curves.channels for name in names):
         kinetic, potential = (curves.channels[name] for name in names)

@@ -90,7 +90,8 @@ class StudyRow:
         Largest error of each kind of channel, as a share of the reference's range, at the state
         that the drives really had.
     invariants : dict of str to float
-        gap [m]; energy, its drift over the largest kinetic energy, where nothing drives or brakes;
+        violation [m]; energy, its drift over the largest kinetic energy, where nothing drives or
+        brakes;
         stretch of rods [1].
     seconds, steps : float, int
         Least wall time of the repeats [s], of the first run where there are none; time steps.
@@ -161,8 +162,8 @@ COLUMNS = {
     "share of the range of the reference [1]",
     "asked": "the same at the state that the drives were asked to have; empty where there are none "
     "in time [1]",
-    "invariant": "gap: largest distance of points that a loop should hold together [m]; energy: "
-    "largest change over the largest kinetic energy, of free motions without "
+    "invariant": "violation: largest distance of points that a loop should hold together [m]; "
+    "energy: largest change over the largest kinetic energy, of free motions without "
     "friction [1]; stretch: of rods [1]",
     "seconds": "least wall time of the repeats without loading the model, of the first run where "
     "there are none [s]",

@@ -11,8 +11,8 @@ It shares no code with the product.  It reads the sidecar with `tomllib`, the re
 A verdict is a *false agreement* if a channel agrees although one of these holds:
 
 - the engine's curve, or its x, is not what bare MuJoCo gives for the mutated files;
-- a parameter of a closed form differs by more than three times its would-notice, or the assembly
-  mode differs;
+- a parameter of a closed form differs by more than three times its detectable change, or the
+  assembly mode differs;
 - a channel's `equals` differs from that of the case before the mutation, and a closed form has
   another curve for it, or its `unit` measures another quantity;
 - dry friction, a joint range that the motion leaves, or a contact is in the model, although a
@@ -92,7 +92,7 @@ def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tup
 
 
 def parameters(old: dict, new: dict, agrees: list) -> list[str]:
-    """Parameters that differ by more than what the channels that agree would notice."""
+    """Parameters that differ by more than the detectable changes of the channels that agree."""
     if old["reference"] != new["reference"] or "parameters" not in old:
         return []
     solve = importlib.import_module(REFERENCES[new["reference"]]).solve
@@ -115,7 +115,7 @@ def least(agrees: list, key: str, value: float) -> float:
 
     A change whose size is not known, NaN, is none.
     """
-    changes = [c.would_notice[key] for c in agrees if key in c.would_notice]
+    changes = [c.detectable[key] for c in agrees if key in c.detectable]
     return min(
         (
             change.size * (abs(value) if change.relative else 1.0)
@@ -459,7 +459,7 @@ def rods(
         (
             change.size
             for c in agrees
-            for change in c.would_notice.values()
+            for change in c.detectable.values()
             if change.relative and not math.isnan(change.size)
         ),
         default=math.inf,

@@ -46,7 +46,13 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
         if case.channels[n].only in (None, kind)
     }
     return Curves(
-        x, channels, drive=state, seconds=0.1, steps=len(x), gap=1e-9, settings={"timestep": 1e-3}
+        x,
+        channels,
+        drive=state,
+        seconds=0.1,
+        steps=len(x),
+        violation=1e-9,
+        settings={"timestep": 1e-3},
     )
 
 

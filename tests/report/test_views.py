@@ -203,7 +203,7 @@ def test_near_marks_share_their_words() -> None:
 
 def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Path) -> None:
     # a word has no relative change
-    assert set(judged(stub)[0].would_notice) == {"stiffness"}
+    assert set(judged(stub)[0].detectable) == {"stiffness"}
     result = result_of(load_case(stub), sweep=0.0)
     page = write_report(result, tmp_path / "r").with_name("fourbar.html").read_text("utf-8")
     text = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)

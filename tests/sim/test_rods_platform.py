@@ -260,13 +260,13 @@ def test_another_equilibrium_is_named(edit):
         compare(case, "sweep", "mujoco", curves)
 
 
-def test_what_a_comparison_would_notice():
+def test_what_a_comparison_can_detect():
     """Small changes of every parameter that is a length, an angle or a stiffness."""
     case = load_case(shipped("rfr3.toml"))
     found = compare(case, "equilibrium", "mujoco", solve(case, "equilibrium", "mujoco"))
     least: dict[str, float] = {}
     for c in found:
-        for key, change in c.would_notice.items():
+        for key, change in c.detectable.items():
             least[key] = min(change.size, least.get(key, np.inf))
     assert set(least) >= {
         "side",

@@ -59,7 +59,7 @@ class Here:
 
 def found(seconds: float, **changed: object) -> Measurement:
     return replace(
-        Measurement({"position": 1e-3}, {"gap": 0.0}, seconds, 10, True, 0.5, "x"), **changed
+        Measurement({"position": 1e-3}, {"violation": 0.0}, seconds, 10, True, 0.5, "x"), **changed
     )
 
 

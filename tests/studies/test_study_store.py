@@ -17,7 +17,7 @@ from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 
 TASK = tasks()[0]
-FOUND = Measurement({"position": 1e-3}, {"gap": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
+FOUND = Measurement({"position": 1e-3}, {"violation": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
 LATE = Measurement(outcome="timed out", message="no answer in 5 s")
 ROWS = [
     StudyRow(
@@ -30,7 +30,7 @@ ROWS = [
         1e-3,
         {"timestep": 1e-3, "integrator": "RK4", "solref": (0.02, 1.0), "defaults": True},
         {"position": 0.1 + 0.2},
-        {"gap": 0.0},
+        {"violation": 0.0},
         0.1,
         7,
         (0.1, 0.25),

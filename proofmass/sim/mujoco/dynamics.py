@@ -94,7 +94,7 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         record.curves(),
         missing,
         drive=state,
-        gap=gap,
+        violation=gap,
         seconds=seconds,
         steps=times.size - 1,
         settings=stepped_with(model),
@@ -146,7 +146,7 @@ def step_through(
 
 
 def check(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, times: Array) -> float:
-    """Largest loop gap [m]; raises when the run was lost.
+    """Largest constraint violation [m]; raises when the run was lost.
 
     MuJoCo itself resets the state and carries on in silence, so its warnings are read.
     """

@@ -56,7 +56,8 @@ def simulate(model: Path, run: Run) -> Curves:
     Returns
     -------
     Curves
-        The channels over ``run.x``, the actual drive state, the largest loop gap and the cost.
+        The channels over ``run.x``, the actual drive state, the largest constraint
+        violation and the cost.
 
     Raises
     ------

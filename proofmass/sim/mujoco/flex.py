@@ -189,7 +189,7 @@ def equilibrium(path: Path, run: Run) -> Curves:
         run.x,
         curves,
         missing,
-        gap=float(record.gaps().max(initial=0.0)),
+        violation=float(record.gaps().max(initial=0.0)),
         seconds=time.perf_counter() - began,
         steps=steps,
         settings={

@@ -169,7 +169,7 @@ class Recorder:
         return {channel: self._curve(*place) for channel, place in self.sensors.items()}
 
     def gaps(self) -> Array:
-        """Largest loop gap of each sample [m], from the bodies' poses."""
+        """Largest constraint violation of each sample [m], from the bodies' poses."""
         worst = np.zeros(self.samples)
         for one, two in (anchors(self.model, i, self.rows) for i in connects(self.model)):
             worst = np.maximum(worst, np.linalg.norm(one - two, axis=-1))

@@ -80,7 +80,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         channels,
         missing,
         drive=(value, rate, acceleration),
-        gap=float(record.gaps().max()),
+        violation=float(record.gaps().max()),
         seconds=seconds,
         steps=done,
         stopped=stopped,
@@ -121,7 +121,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         run.x,
         curves,
         missing,
-        gap=float(record.gaps().max()),
+        violation=float(record.gaps().max()),
         seconds=time.perf_counter() - began,
         steps=1,
     )

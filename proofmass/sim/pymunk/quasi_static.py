@@ -541,7 +541,7 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
         run.x,
         curves,
         missing,
-        gap=float(gaps(links, pose).max()),
+        violation=float(gaps(links, pose).max()),
         seconds=time.perf_counter() - began,
         steps=1,
         settings={"iterations": held.most, "error_bias": settings["error_bias"]},

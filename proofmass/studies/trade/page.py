@@ -700,7 +700,7 @@ def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
     return {
         "value": number(row.value),
         "errors": [number(row.errors.get(k, float("nan"))) for k in kinds],
-        "gap": number(row.invariants.get("gap", float("nan"))),
+        "violation": number(row.invariants.get("violation", float("nan"))),
         "energy": number(row.invariants.get("energy", float("nan"))),
         "seconds": number(row.seconds),
         "steps": row.steps or "—",

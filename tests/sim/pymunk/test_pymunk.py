@@ -312,5 +312,7 @@ def test_defaults_are_softer_and_recorded():
     curves = simulate(FOURBAR, run)
     assert curves.settings["iterations"] == 10
     assert curves.settings["error_bias"] == (1 - 0.1) ** 60
-    gap = simulate(FOURBAR, Run("dynamics", run.x, (), (turning(),))).gap
-    assert curves.gap > 10 * gap  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2
+    gap = simulate(FOURBAR, Run("dynamics", run.x, (), (turning(),))).violation
+    assert (
+        curves.violation > 10 * gap
+    )  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2

@@ -87,7 +87,7 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
     found = [
         tried(StudyRun(case, "dynamics", held.setting, "stress"), held.store) for case in cases
     ]
-    ratio = [one.errors["position"] / one.invariants["gap"] for one in found]
+    ratio = [one.errors["position"] / one.invariants["violation"] for one in found]
     # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
     assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
 

@@ -34,7 +34,7 @@ def line(
                 dt,
                 {"timestep": dt, **knobs},
                 {"position": error, "rate": 10 * error, "acceleration": 100 * error},
-                {"gap": 1e-3 * error},
+                {"violation": 1e-3 * error},
                 steps * cost,
                 steps,
                 (steps * cost,) * 5,
