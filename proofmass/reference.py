@@ -70,9 +70,8 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
         return Steady(drive.start, 0.0, x_is_time=True)
     if drive.profile is not None or drive.to is None:
         if isinstance(truth, Recorded):
-            return Samples(
-                truth.x, *(column(case, truth, "drive.profile", c) for c in drive.profile or ())
-            )
+            key = case.drive_key(k, "profile")
+            return Samples(truth.x, *(column(case, truth, key, c) for c in drive.profile or ()))
         shared = drive.profile is None or (
             k == 0 and any(d.profile is None for d in case.drive[1:])
         )

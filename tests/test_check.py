@@ -27,6 +27,7 @@ from proofmass.check import (
     measured,
     one_task,
     read,
+    require_different_names,
     run_one,
     step_unchecked,
     stopped,
@@ -129,6 +130,15 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
         assert wrong(load, short) == words
 
 
+def test_a_strict_reader_is_told_what_the_runs_would_meet(short, workers):
+    """A command that makes no run has nothing else to say so."""
+    workers.fails["validate"] = MemoryError("more than 3 GiB")
+    assert load(short).name == "pendulum"
+    assert wrong(load, short, True) == ("", "its model or its reference: more than 3 GiB")
+    workers.fails["validate"] = InputError(short, "channels", "bad")
+    assert wrong(load, short, True) == ("channels", "bad")
+
+
 def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
     """Hidden folders and links to folders are not; a pipe is found, and reading it is an error."""
     for name in ("b.toml", "a/c.xml", "a/x/d.toml", "a/x/d.xml", ".git/e.toml"):
@@ -137,13 +147,15 @@ def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
     (tmp_path / "a" / "round").symlink_to(tmp_path)
     (tmp_path / "a" / "loop.toml").symlink_to(tmp_path / "a" / "loop.toml")
     os.mkfifo(tmp_path / "a" / "x" / "pipe.toml")
-    (tmp_path / "a" / "folder.xml").mkdir()
-    (tmp_path / "a" / "folder.xml" / "not_searched.toml").write_text("")
+    for name in ("folder.toml", "other.xml"):
+        (tmp_path / "a" / name).mkdir()
+        (tmp_path / "a" / name / "not_searched.toml").write_text("")
     assert [file.relative_to(tmp_path).as_posix() for file in find([tmp_path])] == [
         "b.toml",
+        "a/folder.toml",
         "a/loop.toml",
         "a/c.xml",
-        "a/folder.xml",
+        "a/other.xml",
         "a/x/d.toml",
         "a/x/pipe.toml",
     ]
@@ -165,6 +177,7 @@ def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
     errors = []
     assert models / "fourbar.toml" in collect([models], errors)
     assert [str(error) for error in errors] == [f"{locked}: cannot be read: Permission denied"]
+    assert errors[0].key == "", "the folder itself is at fault"
 
 
 def test_families_are_named_by_folders_below_the_paths(monkeypatch):
@@ -197,6 +210,17 @@ def test_two_cases_of_one_name_are_an_error_that_names_both_files(models, tmp_pa
         assert words in answer.output.replace("\n", "")
 
 
+def test_cases_of_different_names_and_one_case_twice_are_no_error(short):
+    case = load(short)
+    other = case.model_copy(update={"file": short.with_name("other.toml")})
+    require_different_names([case, other, case])
+    twin = case.model_copy(update={"file": short.parent / "b" / short.name})
+    assert wrong(require_different_names, [case, other, twin]) == (
+        "",
+        f"its name is taken by {short}; results go by name",
+    )
+
+
 def test_paths_that_can_be_gone_through_once_are_kept(models):
     assert check(iter([models / "pendulum.xml"])).paths == (models / "pendulum.xml",)
 
@@ -213,6 +237,29 @@ def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path):
         "a/scene",
         "b/scene",
     ]
+
+
+def test_a_model_without_a_sidecar_that_has_the_name_of_a_case_is_called_by_its_folder(
+    short, tmp_path
+):
+    lone = tmp_path / "robots" / "pendulum.xml"
+    lone.parent.mkdir()
+    lone.write_bytes(short.with_suffix(".xml").read_bytes())
+    assert {c.case for c in check([short, lone]).comparisons} == {"pendulum", "robots/pendulum"}
+
+
+@pytest.mark.parametrize(("jobs", "threads"), [(3, 3), (None, os.cpu_count())])
+def test_so_many_runs_are_made_side_by_side_as_were_asked_for(jobs, threads, monkeypatch, tmp_path):
+    asked = []
+
+    class Pool(CHECK.ThreadPoolExecutor):
+        def __init__(self, most):
+            asked.append(most)
+            super().__init__(most)
+
+    monkeypatch.setattr(CHECK, "ThreadPoolExecutor", Pool)
+    check([tmp_path / "none"], jobs=jobs)
+    assert asked == [threads]
 
 
 def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):

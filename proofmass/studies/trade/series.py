@@ -77,7 +77,7 @@ class Track:
         if not (still(points) or rising(points)):
             return False
         last = points[-1][1] if isfinite(points[-1][1]) else points[-3][1]
-        places = self.points("position") if kind != "position" else []
+        places = self.points("position")
         return last < ASYMPTOTIC or (bool(places) and places[-1][1] < ASYMPTOTIC)
 
     @property

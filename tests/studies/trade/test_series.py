@@ -1,0 +1,456 @@
+"""Convergence series: what ends one, what may be its floor, and settings that a store knows."""
+
+from dataclasses import replace
+from math import inf, isnan, nan
+
+import pytest
+
+from proofmass.outcome import Outcome
+from proofmass.sidecar import load_case
+from proofmass.studies.measure import Measurement, StudyRun
+from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.store import Store
+from proofmass.studies.trade import series
+from proofmass.studies.trade.axes import ConvergenceSeries
+from proofmass.studies.trade.series import (
+    Track,
+    clear,
+    ends,
+    flat,
+    halved,
+    known,
+    least,
+    order,
+    placed,
+    promises,
+    rising,
+    same,
+    scaled,
+    still_falls,
+    worse,
+)
+from proofmass.studies.trade.verdict import Verdict
+from tests.shipped import shipped
+
+CASE = load_case(shipped("fourbar.toml"))
+
+
+def steps(
+    engine: str = "mujoco", name: str = "plain", per: float = 0.0, **knobs
+) -> ConvergenceSeries:
+    """A line of four steps, with a `solref` of so many of them."""
+    return ConvergenceSeries(
+        engine,
+        name,
+        "timestep",
+        tuple(
+            Setting(
+                engine,
+                {
+                    "timestep": 0.1 / 2**k,
+                    **knobs,
+                    **({"solref": (per * 0.1 / 2**k, 1.0)} if per else {}),
+                },
+            )
+            for k in range(4)
+        ),
+    )
+
+
+def refined(*errors: float) -> list[tuple[float, float]]:
+    """Errors at sizes of which each is half of that before."""
+    return [(2.0**-k, error) for k, error in enumerate(errors)]
+
+
+def falling(*slopes: float) -> list[tuple[float, float]]:
+    """Errors from 1e-2 on that fall with the orders given."""
+    return refined(*(1e-2 * 2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
+
+
+def track(**kinds: tuple[float, ...]) -> Track:
+    """A line whose runs had these errors; infinite: the run was lost."""
+    rows = []
+    for each in zip(*kinds.values(), strict=True):
+        lost = inf in each
+        rows.append(
+            StudyRow(
+                "trade",
+                "",
+                "dynamics",
+                "mujoco",
+                "",
+                "timestep",
+                0.0,
+                {},
+                {} if lost else dict(zip(kinds, each, strict=True)),
+                outcome=Outcome.DIVERGED if lost else Outcome.RAN,
+            )
+        )
+    return Track(steps(), rows)
+
+
+@pytest.mark.parametrize(
+    ("errors", "settled"),
+    [
+        ((0.05, 0.0105, 0.0101, 0.0097), True),  # what it comes to is below a hundredth
+        ((0.0104, 0.0102, 0.01), False),  # which a hundredth itself is not
+        ((1e-3, inf, inf), True),  # finer runs are lost: what went before was good enough
+        ((1e-3, 2e-3, inf), True),
+        ((0.05, 1e-3, inf, inf), True),
+        ((0.05, 0.02, inf, inf), False),
+        ((1e-3, 1e-3), False),  # one refinement
+        ((1e-3, 2e-3, 1.9e-3), False),
+    ],
+)  # worse, then as it was: neither
+def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, settled):
+    assert track(rate=errors).settled("rate") is settled
+
+
+@pytest.mark.parametrize(
+    ("places", "settled"),
+    [((0.05, 0.02, 0.005), True), ((0.05, 0.02, 0.01), False), ((0.002, 0.005, 0.02), False)],
+)
+def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(places, settled):
+    """Jolts at the start may leave rates far off for any step."""
+    assert track(rate=(0.5, 0.5, 0.5), position=places).settled("rate") is settled
+
+
+@pytest.mark.parametrize(
+    ("errors", "rises"),
+    [
+        ((1e-3, 2e-3, 4e-3), True),
+        ((1e-3, 1.5e-3, 2e-3), True),
+        ((1e-3, 1.06e-3, 1.13e-3), True),
+        ((1e-3, 0.97e-3, 0.95e-3), False),
+        ((1e-3, 1.04e-3, 1.08e-3), False),  # by less than 5 %
+        ((1e-3, 2e-3, 1.9e-3), False),
+        ((1e-3, 2e-3), False),
+        ((inf, inf, inf), False),
+        ((1e-3, inf, inf), True),
+        ((9.0, 1e-3, 2e-3, 4e-3), True),
+    ],
+)
+def test_an_error_rises_that_two_refinements_made_worse(errors, rises):
+    assert rising(refined(*errors)) is rises
+
+
+def test_a_hundredth_of_the_range_is_no_floor():
+    """Less is asymptotic: at 1 % the next term of an error, of its square, is 1 % of it."""
+    assert flat(refined(0.0098, 0.01)) is None
+    assert flat(refined(0.01, 0.0098)) is None
+    assert flat(refined(0.0099, 0.0098)) == 0
+    assert not halved([0.01, 0.01, 0.01])
+    assert not halved([0.0102, 0.0099, 0.0098]), "the error that is judged is not asymptotic"
+    assert least(refined(0.01, 0.02, 0.04)) is None
+    assert flat([]) is None
+
+
+def test_no_error_at_all_is_no_error_floor():
+    assert not halved([0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("errors", "place"),
+    [
+        ((1e-8, 1e-10, 4e-10, 2e-9), 1),
+        ((1e-10, 4e-10), None),
+        ((), None),
+        ((1e-3, 1.5e-3, 1.6e-3), 0),
+        ((1e-10, 1.02e-10, 5e-10, 1e-9), None),  # nearly as small: no turn is seen there
+        ((1e-10, 5e-10, 1e-9, inf), None),
+    ],
+)
+def test_the_least_error_may_be_a_floor_if_two_finer_ones_or_more_are_worse(errors, place):
+    assert least(refined(*errors)) == place
+
+
+def test_an_end_that_falls_with_the_order_one_half_still_falls():
+    """A quarter of the step and half of the error: order 0.5 is not below 0.5."""
+    points = [(1.0, 1e-3), (0.25, 0.5e-3)]
+    assert order(*points) == 0.5
+    assert clear(points) == points
+
+
+@pytest.mark.parametrize(
+    ("points", "seen"),
+    [
+        (falling(2.0, 2.0), 2.0),
+        (falling(2.0, 2.1), 2.05),  # the observed order, not that of the last refinement alone
+        (falling(2.0, 2.0, 1.0), 1.0),  # the last refinement shows another order
+        (falling(2.0, 2.0, 1.75), 1.75),  # off by more than a tenth
+        (falling(1.0, 1.0, 0.85), 0.85),  # a tenth of first order
+        (falling(2.0), 2.0),  # of one refinement, if there are no more
+        (falling(0.03), nan),
+        (falling(2.0, 0.03), nan),  # it falls no further
+        (refined(1e-2, 2.5e-3, inf), nan),  # a finer run was lost
+        (refined(0.2, 0.05), nan),
+        (refined(0.8, 0.2), nan),  # from the error of another motion
+        (refined(1e-3), nan),
+        ([], nan),
+    ],
+)
+def test_the_order_with_which_a_line_ends(points, seen):
+    assert still_falls(points) == pytest.approx(seen, nan_ok=True)
+
+
+def test_of_several_finer_steps_that_are_worse_that_of_the_largest_factor_is_told():
+    points = refined(1e-2, 2e-2, 1e-4, 1e-3)
+    assert worse(points) == (points[2], points[3])
+
+
+def row(
+    value: float,
+    outcome: str = Outcome.RAN,
+    name: str = "plain",
+    engine: str = "mujoco",
+    axis: str = "timestep",
+    **errors: float,
+) -> StudyRow:
+    return StudyRow(
+        "trade",
+        "fourbar",
+        "dynamics",
+        engine,
+        name,
+        axis,
+        value,
+        {"timestep": value},
+        errors,
+        seconds=1.0,
+        outcome=outcome,
+    )
+
+
+def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser():
+    """Outcomes of other steps are no matter; a tenth of a step apart shows no order."""
+    rows = [row(8.0), row(4.0, "diverged"), row(2.0), row(1.1, "diverged"), row(1.0)]
+    assert list(ends(rows[::-1])) == [(rows[2], rows[4])]
+    other = [replace(each, line="other") for each in rows]
+    abroad = [replace(each, engine="pymunk") for each in rows]
+    found = list(ends([*rows, *abroad, *other]))
+    assert len(found) == 3
+    assert all((part[2], part[4]) in found for part in (rows, other, abroad))
+    assert list(ends(replace(each, axis="iterations") for each in rows)) == []
+    assert list(ends([row(2.0, "diverged"), row(1.0)])) == []
+    assert list(ends([row(2.0), row(1.0, "diverged")])) == []
+    assert list(ends([row(1.3), row(1.0)])) == []
+
+
+def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
+    rows = [row(2.0, rate=4e-3, position=4e-3), row(1.0, rate=1e-3, position=1e-3)]
+    at = Verdict("fourbar", "dynamics", "mujoco", "plain", "position", floor=1e-3)
+    assert promises(rows, [at], "position", 1e-5) == []
+    assert len(promises(rows, [at], "rate", 1e-5)) == 1
+    none = replace(at, floor=nan)
+    assert len(promises(rows, [none], "position", 1e-5)) == 1
+
+
+@pytest.mark.parametrize(
+    ("coarse", "fine", "needed"),
+    [
+        ({}, {}, 1e-5),  # errors of this kind were not found
+        ({"rate": 4e-3}, {}, 1e-5),
+        ({"rate": inf}, {"rate": 1e-3}, 1e-5),
+        ({"rate": 1e-3}, {"rate": 0.0}, 1e-5),
+        ({"rate": 0.0}, {"rate": 1e-3}, 1e-5),
+        ({"rate": 4e-3}, {"rate": 1e-3}, 1e-3),  # it is good enough as it is
+        ({"rate": 4e-3}, {"rate": 1e-3}, 2e-3),
+        ({"rate": 1.1e-3}, {"rate": 1e-3}, 1e-5),
+    ],
+)  # it hardly falls
+def test_what_shows_no_order_or_is_good_enough_promises_nothing(coarse, fine, needed):
+    assert promises([row(2.0, **coarse), row(1.0, **fine)], [], "rate", needed) == []
+
+
+def test_the_price_of_a_promise_is_that_of_its_steps():
+    """Second order, from 1e-3 to four fifths of 1e-5: a step shorter by the root of 125."""
+    (found,) = promises([row(2.0, rate=4e-3), row(1.0, rate=1e-3)], [], "rate", 1e-5)
+    assert found.falls == pytest.approx(2.0)
+    assert found.step == pytest.approx(125**-0.5)
+    assert found.seconds == pytest.approx(125**0.5)
+
+
+def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
+    knobs = {"integrator": "RK4", "solref": (8e-3, 1.0)}
+    coarse = StudyRow("trade", "", "dynamics", "mujoco", "", "timestep", 1e-3, knobs)
+    found = scaled(coarse, 2.5e-4)
+    assert found.engine == "mujoco"
+    assert found.knobs == {"integrator": "RK4", "timestep": 2.5e-4, "solref": (2e-3, 1.0)}
+    assert coarse.knobs == knobs, "the row keeps its own"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "alike"),
+    [
+        ({}, {}, True),
+        ({"a": 1.0}, {"b": 1.0}, False),
+        ({"a": 1.0}, {}, False),
+        ({"a": 1.0}, {"a": 1.0 + 1e-12}, True),
+        ({"a": 1.0}, {"a": 1.0 + 1e-6}, False),
+        ({"a": 1e-9}, {"a": 2e-9}, False),  # however small they are
+        ({"a": 1.0}, {"a": 1}, True),
+        ({"a": 1}, {"a": 1}, True),
+        ({"a": 1}, {"a": 2}, False),
+        ({"a": 1.0}, {"a": "1.0"}, False),
+        ({"a": "RK4"}, {"a": "RK4"}, True),
+        ({"a": "RK4"}, {"a": "Euler"}, False),
+        ({"a": (0.02, 1.0)}, {"a": (0.02 * (1 + 1e-12), 1.0)}, True),
+        ({"a": (0.02, 1.0)}, {"a": (0.02, 1.1)}, False),
+        ({"a": (0.02, 1.0)}, {"a": (0.02,)}, False),
+        ({"a": 1.0, "b": 2.0}, {"a": 1.0, "b": 3.0}, False),
+        ({"a": 3.0, "b": 2.0}, {"a": 1.0, "b": 2.0}, False),
+    ],
+)
+def test_settings_are_the_same_that_differ_by_rounding_only(one, other, alike):
+    assert same(one, other) is alike
+    assert same(other, one) is alike
+
+
+def test_a_setting_is_on_the_first_line_whose_other_knobs_are_its_own():
+    own = [
+        steps("pymunk"),
+        ConvergenceSeries("mujoco", "alone", "timestep", (Setting("mujoco", {"timestep": 1e-3}),)),
+        steps(name="RK4", integrator="RK4"),
+        steps(name="Euler"),
+        steps(name="again"),
+    ]
+
+    def at(engine: str = "mujoco", **knobs) -> tuple[str, str, float]:
+        return placed(Setting(engine, knobs), own)
+
+    assert at(timestep=1e-3) == ("Euler", "timestep", 1e-3)
+    assert at(timestep=1e-3, integrator="RK4") == ("RK4", "timestep", 1e-3)
+    assert at("pymunk", timestep=1e-3) == ("plain", "timestep", 1e-3)
+    assert at(timestep=1e-3, solver="CG", integrator="RK4") == (
+        "MuJoCo, solver CG, integrator RK4",
+        "timestep",
+        1e-3,
+    )
+    name, axis, value = at(solver="CG")
+    assert (name, axis) == ("MuJoCo, solver CG", "timestep")
+    assert isnan(value), "it has the model's step, which it does not tell"
+    assert placed(Setting("pymunk", {"timestep": 0.5}), []) == (
+        "pymunk, as in the model",
+        "timestep",
+        0.5,
+    )
+
+
+def test_a_setting_of_a_line_whose_loops_go_with_the_step_has_theirs():
+    hard = steps(name="hard", per=8.0)
+    on = Setting("mujoco", {"timestep": 1e-3, "solref": (8e-3, 1.0)})
+    assert placed(on, [hard]) == ("hard", "timestep", 1e-3)
+    off = on.but(solref=(0.8, 1.0))  # as the line's first setting has it
+    assert placed(off, [hard]) == ("MuJoCo, solref (0.8, 1.0)", "timestep", 1e-3)
+
+
+def test_a_setting_is_placed_by_the_knob_that_its_line_varies():
+    """The first number of one that has several."""
+    softer = ConvergenceSeries(
+        "mujoco",
+        "softer",
+        "solref",
+        tuple(
+            Setting("mujoco", {"timestep": 1e-3, "solref": (0.02 / 2**k, 1.0)}) for k in range(3)
+        ),
+    )
+    on = Setting("mujoco", {"timestep": 1e-3, "solref": (0.003, 1.0)})
+    assert placed(on, [steps(), softer]) == ("softer", "solref", 0.003)
+    of_two = replace(softer, settings=softer.settings[:2])
+    assert placed(on, [steps(), of_two]) == ("softer", "solref", 0.003)
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch) -> Store:
+    """A store whose keys are settings in words, and a case whose lines are two."""
+    monkeypatch.setattr(series, "key_of", key)
+    monkeypatch.setattr(
+        series,
+        "lines",
+        lambda case, kind: {
+            ("fourbar", "dynamics"): [steps("pymunk"), steps(name="RK4", integrator="RK4")]
+        }[case.name, kind],
+    )
+    return Store(tmp_path)
+
+
+def key(task: StudyRun) -> str:
+    return f"{task.case.name} {task.run} {task.setting}".replace("/", " ")
+
+
+def save(store: Store, setting: Setting, case=CASE, run="dynamics", **found) -> str:
+    task = StudyRun(case, run, setting)
+    store.save(key(task), 0, task, Measurement({"rate": 1e-3}, seconds=2.0, **found), 5.0)
+    return key(task)
+
+
+FINE = Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4", "solref": (0.02, 1.0)})
+
+
+def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
+    """With all that their runs gave, whoever asked for them, on their lines."""
+    own = save(store, Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4"}))
+    other = save(store, FINE)
+    found = {row.key: row for row in known(CASE, "dynamics", [], store)}
+    assert set(found) == {own, other}
+    assert found[own] == StudyRow(
+        "choose",
+        "fourbar",
+        "dynamics",
+        "mujoco",
+        "RK4",
+        "timestep",
+        3e-4,
+        {"timestep": 3e-4, "integrator": "RK4"},
+        {"rate": 1e-3},
+        seconds=2.0,
+        repeats=(2.0,),
+        key=own,
+        shared=found[own].shared,
+        step=found[own].step,
+    )
+    assert found[other].knobs == FINE.knobs, "a tuple, which the file has as a list"
+    assert found[other].line == "MuJoCo, integrator RK4, solref (0.02, 1.0)"
+
+
+def test_repeats_that_a_store_knows_are_timings(store):
+    task = StudyRun(CASE, "dynamics", FINE)
+    for repeat, seconds in enumerate((9.0, 4.0, 3.0)):
+        store.save(key(task), repeat, task, Measurement({"rate": 1e-3}, seconds=seconds), 5.0)
+    (row,) = known(CASE, "dynamics", [], store)
+    assert (row.seconds, row.repeats) == (3.0, (4.0, 3.0))
+
+
+def test_what_a_store_knows_beside_is_told_once_and_of_the_engine_that_is_asked_for(store):
+    mujoco, pymunk = save(store, FINE), save(store, Setting("pymunk", {"timestep": 1e-3}))
+    first, second = sorted(known(CASE, "dynamics", [], store), key=lambda row: row.engine)
+    assert (first.key, second.key) == (mujoco, pymunk)
+    assert [row.key for row in known(CASE, "dynamics", [first], store)] == [pymunk]
+    assert [row.key for row in known(CASE, "dynamics", [], store, "mujoco")] == [mujoco]
+    assert [row.key for row in known(CASE, "dynamics", [], store, "pymunk")] == [pymunk]
+
+
+def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypatch):
+    other = CASE.model_copy(update={"file": CASE.file.with_name("other.toml")})
+    save(store, FINE, case=other)
+    save(store, FINE, run="sweep")
+    save(store, FINE.but(integrator="Euler"), outcome=Outcome.DIVERGED)
+    save(store, Setting("pymunk", {"timestep": 1e-3}))
+    no_knobs = save(store, FINE.but(timestep=1e-4))
+    file = store.file(no_knobs, 0)
+    file.write_text(file.read_text().replace('"knobs": {', '"knobs": 3, "were": {'))
+    good = save(store, FINE)
+    now = series.versions
+    monkeypatch.setattr(
+        series, "versions", lambda engine: now(engine) if engine == "mujoco" else {"pymunk": "0"}
+    )
+    assert [row.key for row in known(CASE, "dynamics", [], store)] == [good]
+    monkeypatch.setattr(series, "key_of", lambda task: "changed since")
+    assert list(known(CASE, "dynamics", [], store)) == []
+
+
+def test_an_engine_without_a_line_of_the_case_is_not_asked(store, monkeypatch):
+    """Another installation may have one that is not here."""
+    save(store, FINE)
+    monkeypatch.setattr(series, "lines", lambda case, kind: [steps("pymunk")])
+    assert list(known(CASE, "dynamics", [], store)) == []
