@@ -90,7 +90,7 @@ def write_program(
             f"a drive by {drive.kind!r}; known: {', '.join(one.kind for one in IMPOSED)}"
         )
     if run.kind != "dynamics":
-        raise Unsupported(f"a program for a run of {run.kind} in pymunk: dynamics only")
+        raise Unsupported(f"a program in pymunk of another run than dynamics, such as {run.kind}")
     links, settings = read_model(model, run)
     if settings["iterations"] is None:
         raise BadSetting("iterations", "missing; a program needs their number")

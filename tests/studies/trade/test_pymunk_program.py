@@ -442,7 +442,7 @@ def test_the_examples_in_the_writer_hold():
 @pytest.mark.parametrize(
     ("change", "drive", "error", "named"),
     [
-        ({"kind": "sweep"}, Imposed("gear"), Unsupported, "a sweep"),
+        ({"kind": "sweep"}, Imposed("gear"), Unsupported, "such as sweep"),
         ({"settings": {"timestep": 1e-3}}, Imposed("gear"), BadSetting, "iterations: missing"),
         ({}, Imposed("motor"), Unsupported, "a motor on slide joint 'slider_1'"),
         ({}, Imposed("belt"), ValueError, "'belt'; known: gear, motor"),
