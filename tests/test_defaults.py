@@ -13,8 +13,8 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report import pages, write_report
 from proofmass.sidecar import as_toml, load_case, match_quantity
-from proofmass.sim.mujoco.accuracy import ACCURACY as MUJOCO
-from proofmass.sim.pymunk.accuracy import ACCURACY as PYMUNK
+from proofmass.sim.mujoco.default_tolerances import ACCURACY as MUJOCO
+from proofmass.sim.pymunk.default_tolerances import ACCURACY as PYMUNK
 from proofmass.terminal import failures
 from tests.shipped import models_like, shipped
 

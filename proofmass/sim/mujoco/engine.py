@@ -9,7 +9,7 @@ import mujoco
 from proofmass.sim.mjcf import refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import scans, stability
-from proofmass.sim.mujoco.accuracy import ACCURACY
+from proofmass.sim.mujoco.default_tolerances import ACCURACY
 from proofmass.sim.mujoco.dynamics import dynamics, passive
 from proofmass.sim.mujoco.model import load, loop_gap
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED

@@ -15,12 +15,13 @@ from proofmass.sim.protocol import (
     Studied,
 )
 from proofmass.sim.pymunk import scans, stability
-from proofmass.sim.pymunk.accuracy import ACCURACY
+from proofmass.sim.pymunk.default_tolerances import ACCURACY
 from proofmass.sim.pymunk.dynamics import dynamics
-from proofmass.sim.pymunk.model import PymunkSettings, find_channels, read_model
+from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
+from proofmass.sim.pymunk.settings import PymunkSettings
 from proofmass.sim.pymunk.snippet import SPACE, snippet
 
 

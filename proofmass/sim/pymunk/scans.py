@@ -26,7 +26,7 @@ from proofmass.sim.protocol import (
     scan_over,
 )
 from proofmass.sim.pymunk.dynamics import MOST
-from proofmass.sim.pymunk.model import CHIPMUNK_BIAS
+from proofmass.sim.pymunk.settings import CHIPMUNK_BIAS
 
 CLOSED = (0.003, 0.01, 0.03)
 """Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""

@@ -1,0 +1,32 @@
+"""What can be set in pymunk, and what a run has where its sidecar sets nothing."""
+
+from typing import Annotated
+
+import mujoco
+from pydantic import Field
+
+from proofmass.sim.protocol import Count, EngineSettings, Number, Run, Switch
+from proofmass.sim.pymunk.space import Settings
+
+CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
+
+
+class PymunkSettings(EngineSettings):
+    """What can be set in pymunk; see `simulate`."""
+
+    timestep: Number = Field(0.002, gt=0)
+    iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # ten times as many in the first step
+    error_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
+    defaults: Switch = False
+
+
+def settings_of_run(run: Run, model: mujoco.MjModel) -> Settings:
+    """What a run sets; else Chipmunk's own with ``defaults``, and proofmass's choice without."""
+    given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
+    own = given.pop("defaults", False)
+    tuned = {
+        "timestep": float(model.opt.timestep),
+        "iterations": 10 if own else None if run.kind == "dynamics" else 500,
+        "error_bias": CHIPMUNK_BIAS if own else 0.0,
+    }
+    return tuned | given
