@@ -79,6 +79,7 @@ def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tup
     agrees = [c for c in result.comparisons if c.outcome == "agrees" and c.case == name]
     if not agrees:
         return [], ""
+    new |= filled(new, next(case for case in result.cases if case.name == name))
     found = [*parameters(old, new, agrees), *channels(old, new, agrees, result)]
     try:
         found += (
@@ -89,6 +90,19 @@ def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tup
     except Unjudged as error:
         return list(dict.fromkeys(found)), str(error)
     return list(dict.fromkeys(found)), ""
+
+
+def filled(new: dict, case: Any) -> dict[str, dict]:
+    """Runs and channels as the file has them, with what it leaves to defaults as the case has it.
+
+    So a default is judged like a key: a channel that is held against another quantity than before
+    the mutation is found, whoever chose it.
+    """
+    whole = case.model_dump(by_alias=True, exclude_none=True)
+    return {
+        key: {name: table | new.get(key, {}).get(name, {}) for name, table in whole[key].items()}
+        for key in ("run", "channels")
+    }
 
 
 def parameters(old: dict, new: dict, agrees: list) -> list[str]:
