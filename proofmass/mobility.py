@@ -1,4 +1,4 @@
-"""How many freedoms a planar model has, and whether its loops hold something twice."""
+"""How many degrees of freedom a planar model has, and whether its loops hold something twice."""
 
 from functools import cache
 from typing import TYPE_CHECKING

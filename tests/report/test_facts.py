@@ -41,5 +41,5 @@ def test_parameters_at_fault_have_none(models, edit):
 def test_a_page_shows_them(tmp_path):
     index = write_report(Result(cases=[load_case(shipped("fourbar.toml"))]), tmp_path)
     page = index.with_name("fourbar.html").read_text(encoding="utf-8")
-    assert "<dt>freedoms</dt><dd>1</dd>" in page
+    assert "<dt>degrees of freedom</dt><dd>1</dd>" in page
     assert "<dt>Grashof class</dt><dd>crank-rocker, margin 0.5 m</dd>" in page

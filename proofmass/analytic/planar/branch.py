@@ -74,12 +74,12 @@ class Branch:
     ----------
     m : Mechanism
     names : tuple of str
-        The driven joints, as many as the mechanism has freedoms.
+        The driven joints, as many as the mechanism has degrees of freedom.
 
     Raises
     ------
     CannotAssemble, Overconstrained, SingularHere
-        The start pose does not close, holds something twice, or leaves a freedom.
+        The start pose does not close, holds something twice, or leaves a degree of freedom.
     """
 
     def __init__(self, m: Mechanism, names: tuple[str, ...]):
@@ -88,7 +88,7 @@ class Branch:
         free = freedoms(m, q)
         if free != len(names):
             raise SingularHere(
-                f"the mechanism has {free} freedom(s), and {len(names)} driven "
+                f"the mechanism has {free} degree(s) of freedom, and {len(names)} driven "
                 f"joint(s): {', '.join(names)}"
             )
         self.bound = lipschitz(m, q)

@@ -189,13 +189,13 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
     Raises
     ------
     CannotAssemble, SingularHere, Overconstrained
-        The start pose; or the motion meets a pose where freedoms appear.
+        The start pose; or the motion meets a pose where degrees of freedom appear.
     """
     from scipy.integrate import DOP853  # slow to load
 
     q = nearest(m, m.start)
     if not freedoms(m, q):
-        raise SingularHere("the mechanism has no freedom")
+        raise SingularHere("the mechanism has no degree of freedom")
     chart, v = TangentChart(m, q), fitting(m, q, m.start_rate)
     found = [chart.motion(chart.state(v))[:3]]
     solver = DOP853(chart.slope, times[0], chart.state(v), times[-1], rtol=ACCURACY, atol=ACCURACY)

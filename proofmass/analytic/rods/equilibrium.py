@@ -146,7 +146,7 @@ Columns = NDArray[np.int_]
 
 @dataclass(frozen=True)
 class RodState:
-    """States (...) of one assembly of k rods whose platform has p freedoms.
+    """States (...) of one assembly of k rods whose platform has p degrees of freedom.
 
     Attributes
     ----------
@@ -522,8 +522,8 @@ def inverse(guess: RodState) -> RodState:
     Raises
     ------
     ValueError
-        Inputs are more or less than the freedoms; a pose is out of reach of a rod; or Newton's
-        method finds no equilibrium from the guess.
+        Inputs are more or less than the degrees of freedom; a pose is out of reach of a rod; or
+        Newton's method finds no equilibrium from the guess.
 
     Notes
     -----
@@ -547,12 +547,12 @@ def inverse(guess: RodState) -> RodState:
 
 
 def square(s: RodState) -> None:
-    """ValueError unless there are as many inputs as freedoms."""
+    """ValueError unless there are as many inputs as degrees of freedom."""
     a = s.assembly
     if a.rods != a.freedoms:
         raise ValueError(
-            f"the inverse problem needs as many rods as freedoms, got {a.rods} rods "
-            f"and {a.freedoms} freedoms"
+            f"the inverse problem needs as many rods as degrees of freedom, got {a.rods} rods "
+            f"and {a.freedoms}"
         )
 
 
@@ -573,7 +573,7 @@ def within_reach(s: RodState) -> None:
 
 @dataclass(frozen=True)
 class Derivatives:
-    r"""First derivatives about equilibria (...) of k rods whose platform has p freedoms.
+    r"""First derivatives about equilibria (...) of k rods whose platform has p degrees of freedom.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ class Balance:
     inverse, null : ndarray (nv, rows), (nv, freedoms)
         Pseudo-inverse of the rows, and N.
     hessian : ndarray (freedoms, freedoms)
-        N' K N: what the freedoms' rest is stable by, when it is positive definite.
+        N' K N: what their rest is stable by, when it is positive definite.
     """
 
     def __init__(self, rows: Array, gap: Array, force: Array, stiffness: Array):
@@ -65,7 +65,7 @@ class Balance:
         return close - self.yielding(self.force + self.stiffness @ close, descend)
 
     def yielding(self, force: Array, descend: bool = False) -> Array:
-        """How the freedoms yield to forces on the joints."""
+        """How the degrees of freedom yield to forces on the joints."""
         push = self.null.T @ force
         if not descend:
             return np.asarray(self.null @ np.linalg.lstsq(self.hessian, push)[0])
@@ -83,7 +83,7 @@ class Balance:
         return float(np.abs(self.gap - self.rows @ self.inverse @ self.gap).max())
 
     def least(self) -> float:
-        """The least stiffness of the freedoms, as a share of the joints' largest."""
+        """The least stiffness of the degrees of freedom, as a share of the joints' largest."""
         values = np.linalg.eigvalsh((self.hessian + self.hessian.T) / 2)
         return float(values.min(initial=np.inf) / (np.abs(self.stiffness).max() or 1.0))
 
@@ -117,7 +117,7 @@ class LimitedJoints:
         for j in joints:
             if model.jnt_type[j] not in COVERED:
                 raise Unsupported(
-                    f"range of joint {model.joint(j).name!r} in a sweep with freedoms"
+                    f"range of joint {model.joint(j).name!r} in a sweep with degrees of freedom"
                     " left; ranges of hinges and slides are covered"
                 )
         self.names = [model.joint(j).name for j in joints]
@@ -204,7 +204,7 @@ class Lost(BadModel):
 
 
 class Resting(Linkage):
-    """A linkage with `free` freedoms beside its drives, in stable equilibrium.
+    """A linkage with `free` degrees of freedom beside its drives, in stable equilibrium.
 
     The start pose is no further from it than `far`.
     """
@@ -220,7 +220,7 @@ class Resting(Linkage):
         super().__init__(model, data, joints)
         for field, what in REFUSED.items():
             if getattr(model, field).any():
-                raise Unsupported(f"{what} in a sweep with {free} freedom(s) left")
+                raise Unsupported(f"{what} in a sweep with {free} degree(s) of freedom left")
         self.free, self.far = free, far
         slide = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.reach = np.where(slide, model.stat.extent, 1.0)
@@ -376,7 +376,9 @@ class Resting(Linkage):
         if self.freedoms() != self.free:
             raise BadModel("the loops are in a singular pose")
         if self.data.ncon:
-            raise Unsupported(f"{self.data.ncon} contact(s) in a sweep with freedoms left")
+            raise Unsupported(
+                f"{self.data.ncon} contact(s) in a sweep with degrees of freedom left"
+            )
         return self.balance.tangent(self.driven)
 
     def acceleration(self, velocity: Array, values: Array) -> Array:

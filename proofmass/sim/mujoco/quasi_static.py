@@ -31,8 +31,8 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Follow the drives over ``run.x`` and read every sensor at every pose.
 
     It stops where the loops cannot be closed any further, where a joint that the drives move leaves
-    its range, or where the rest of the freedoms that are left folds or becomes unstable.  With the
-    setting ``settled`` the engine steps in time.
+    its range, or where the equilibrium of the degrees of freedom left folds or becomes
+    unstable.  With the setting ``settled`` the engine steps in time.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     BadModel
         The loops cannot be closed, or the rest that is found is not stable.
     Unsupported
-        Nothing brings the freedoms to rest, or an equality is of another kind.
+        Nothing brings the degrees of freedom to rest, or an equality is of another kind.
     """
     began = time.perf_counter()
     linkage = linkage_of(model, data, run)

@@ -7,9 +7,9 @@ by
     (1 - d) F T^2 / m      (d, T: the constraint's solimp and time constant, m: inertia)
 
 Every joint therefore gets the armature with which its own stiffness swings PACE radians in a step,
-and the damping that is critical for the slowest freedom.  With solimp 0.9999 and a time constant of
-two to five steps a moment is then off by 1e-7 to 1e-6 of its size; MuJoCo's default solref and
-solimp of limits (`solreflimit`, `solimplimit`) let it be off by 1e-2.
+and the damping that is critical for the slowest degree of freedom.  With solimp 0.9999 and a time
+constant of two to five steps a moment is then off by 1e-7 to 1e-6 of its size; MuJoCo's default
+solref and solimp of limits (`solreflimit`, `solimplimit`) let it be off by 1e-2.
 """
 
 import copy

@@ -180,7 +180,9 @@ def test_a_third_crank_on_a_parallelogram_is_over_constrained():
 
 @pytest.mark.parametrize(("joints", "free"), [((), 1), (("crank", "rocker"), 1)])
 def test_drives_must_be_as_many_as_freedoms(joints, free):
-    with pytest.raises(SingularHere, match=rf"has {free} freedom\(s\), and {len(joints)} driven"):
+    with pytest.raises(
+        SingularHere, match=rf"has {free} degree\(s\) of freedom, and {len(joints)} driven"
+    ):
         Branch(read(four_bar(1, 2, 2.5, 3), "start")[0], joints)
 
 

@@ -121,7 +121,7 @@ def test_a_four_bar_obeys_the_equation_of_its_crank_alone(released):
 
 def test_a_structure_does_not_move():
     more = '<equality><joint joint1="a" polycoef="0.4 0 0 0 0"/></equality>'
-    with pytest.raises(SingularHere, match="no freedom"):
+    with pytest.raises(SingularHere, match="no degree of freedom"):
         solve([0.0, 1.0], model=hinge("", more))
 
 

@@ -317,7 +317,7 @@ def test_bad_problems():
         inverse(pair("S1").replaced(pose=[1.0, 0.0]))
     with pytest.raises(ValueError, match="no equilibrium is found from the guess at inputs"):
         direct(state(PAIR, inputs=1.0))  # straight rods without load
-    with pytest.raises(ValueError, match="as many rods as freedoms"):
+    with pytest.raises(ValueError, match="as many rods as degrees of freedom"):
         inverse(state(assembly(TABLE7["clamp"], arm=[[0.1, 0.0], [-0.1, 0.0]]), moment=0.1))
     with pytest.raises(ValueError, match=r"load must be finite, \(\.\.\., 2\)"):
         pair("S1").replaced(load=[1.0, 0.0, 0.0])
