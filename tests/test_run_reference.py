@@ -1,0 +1,148 @@
+"""The reference of a run: evaluated once where its laws lead the drives, for all of its solvers."""
+
+import os
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.remember import in_use
+from proofmass.compare import RunReference, last_used, run_reference
+from proofmass.errors import InputError
+from proofmass.reference import evaluate, identity
+from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
+from tests.shipped import shipped
+
+MODULE = sys.modules[RunReference.__module__]
+FOURBAR = load_case(shipped("fourbar.toml"))
+X = plan(FOURBAR, "sweep", "mujoco").x[::90]
+LED = plan(FOURBAR, "sweep", "mujoco").motion(X)
+LATE = (LED[0] - 1e-3, *LED[1:])
+
+
+def of_fourbar(drive=LED) -> RunReference:
+    return RunReference(FOURBAR, "sweep", Curves(X, {}, drive=drive))
+
+
+def same(one: dict, other: dict) -> bool:
+    return one.keys() == other.keys() and all(np.array_equal(one[n], other[n]) for n in one)
+
+
+def test_its_drives_are_where_their_laws_lead_them_whatever_a_solver_did():
+    reference = of_fourbar(LATE)
+    assert np.array_equal(reference.state, LED)
+    assert same(reference.unchanged, evaluate(FOURBAR, X, LED).channels)
+
+
+def test_a_run_whose_solver_has_no_drive_is_a_free_one():
+    case = load_case(shipped("pendulum.toml"))
+    x = np.linspace(0.0, 0.1, 3)
+    reference = RunReference(case, "dynamics", Curves(x, {}))
+    assert reference.state is None
+    assert reference.x is x
+    assert same(reference.as_driven(None).channels, evaluate(case, x, None).channels)
+    held = load_case(shipped("rfr3.toml"))  # its motors stand, and no engine tells of them
+    curves = Curves(np.zeros(2), {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MODULE, "evaluate", lambda case, x, state, **changed: Curves(x, {}))
+        assert RunReference(held, "equilibrium", curves).state is None
+
+
+def test_a_solver_that_follows_the_laws_is_held_against_what_is_known(monkeypatch):
+    reference = of_fourbar()
+    monkeypatch.setattr(MODULE, "evaluate", None)
+    found = reference.as_driven(tuple(part.copy() for part in LED))
+    assert found.channels is reference.unchanged
+    assert found.x is X
+
+
+def test_a_solver_that_does_not_is_held_against_the_reference_where_it_was():
+    reference = of_fourbar()
+    found = reference.as_driven(LATE)
+    assert found.x is X
+    assert same(found.channels, evaluate(FOURBAR, X, LATE).channels)
+    assert not np.array_equal(found.channels["rocker"], reference.unchanged["rocker"])
+
+
+def test_laws_that_lead_out_of_the_reference_cost_only_what_is_found_there(monkeypatch):
+    """A lagging solver may still be where there is a reference."""
+
+    def up_to_here(case, x, state, **changed):
+        if state is LED or np.array_equal(state, LED):
+            raise InputError(case.file, "drive", "out of reach")
+        return evaluate(case, x, state, **changed)
+
+    monkeypatch.setattr(MODULE, "evaluate", up_to_here)
+    reference = of_fourbar()
+    assert reference.unchanged == {}
+    assert reference.differences("crank", 1e-6) == []
+    assert same(reference.as_driven(LATE).channels, evaluate(FOURBAR, X, LATE).channels)
+    with pytest.raises(InputError, match="out of reach"):
+        reference.as_driven(LED)
+
+
+def test_searches_are_kept_from_the_unchanged_reference_alone(monkeypatch):
+    """Else last digits would depend on which changes another solver asked for."""
+    used = []
+
+    def evaluated(case, x, state, **changed):
+        used.append((in_use.get(), changed))
+        return Curves(x, {"y": np.zeros(x.size)})
+
+    monkeypatch.setattr(MODULE, "evaluate", evaluated)
+    reference = of_fourbar()
+    reference.differences("crank", 1e-6)
+    reference.as_driven(LATE)
+    memory = reference.memory
+    assert [kept is memory and more for (kept, more), _ in used] == [True, False, False]
+    assert all(kept is memory for (kept, _), _ in used)
+    crank = FOURBAR.parameters["crank"]
+    assert [changed for _, changed in used] == [{}, {"crank": crank * (1.0 + 1e-6)}, {}]
+    assert in_use.get(None) is None
+
+
+def test_a_change_is_evaluated_once(monkeypatch):
+    reference = of_fourbar()
+    first = reference.differences("crank", 1e-6)
+    monkeypatch.setattr(MODULE, "evaluate", None)
+    assert same(reference.differences("crank", 1e-6)[0], first[0])
+    changed = evaluate(FOURBAR, X, LED, crank=FOURBAR.parameters["crank"] * (1.0 + 1e-6))
+    rocker = changed.channels["rocker"] - reference.unchanged["rocker"]
+    assert np.array_equal(first[0]["rocker"], rocker)
+
+
+def test_the_solvers_of_a_run_share_it_and_another_run_has_its_own():
+    curves = Curves(X, {}, drive=LED)
+    first = run_reference(FOURBAR, "sweep", curves)
+    assert run_reference(FOURBAR, "sweep", replace(curves, drive=LATE)) is first
+    wider = FOURBAR.model_copy(update={"tolerance": (), "settings": {}})
+    assert run_reference(wider, "sweep", curves) is first
+    assert run_reference(FOURBAR, "dynamics", curves) is not first
+    shorter = run_reference(FOURBAR, "sweep", Curves(X[:2], {}, drive=LED))
+    assert shorter.x.size == 2
+    assert len(last_used) == 1
+    longer = FOURBAR.model_copy(update={"parameters": FOURBAR.parameters | {"crank": 1.01}})
+    assert run_reference(longer, "sweep", curves).parameters["crank"] == 1.01
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [("fourbar", "fourbar.xml"), ("hacksaw_recorded", "hacksaw_recorded.csv")],
+)
+def test_a_file_that_is_written_anew_makes_another_case(name, file, models):
+    """A model, or a recorded curve, under the same name."""
+    case = load_case(models / f"{name}.toml")
+    before = identity(case)
+    assert identity(case) == before
+    later = (models / file).stat().st_mtime_ns + 10**9
+    os.utime(models / file, ns=(later, later))
+    assert identity(case) != before
+
+
+def test_what_a_reference_does_not_depend_on_makes_no_other_case():
+    update = {"tolerance": (), "settings": {"mujoco": {"timestep": 1e-4}}}
+    assert identity(FOURBAR.model_copy(update=update)) == identity(FOURBAR)
+    assert identity(FOURBAR.model_copy(update={"start": "other"})) != identity(FOURBAR)
