@@ -102,8 +102,8 @@ MOST_SAMPLES = 10**8
 class RunTable(Strict):
     """``[run.sweep]``, ``[run.dynamics]`` or ``[run.equilibrium]``: samples and solvers.
 
-    `until` is the last time [s], or the last arc length [m] of a rest: the shortest rod's.  A run,
-    its model and its reference have `timeout` [s] and `memory` [GiB].
+    `until` is the last time [s], or the last arc length [m] in equilibrium: the shortest rod's.  A
+    run, its model and its reference have `timeout` [s] and `memory` [GiB].
     """
 
     n: int | None = Field(None, ge=2, le=MOST_SAMPLES)

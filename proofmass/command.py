@@ -88,13 +88,14 @@ def counting(
 
 def lines() -> Callable[[str, int, int], None]:
     """Progress as lines, for a log."""
-    told, last = set[str](), [time.monotonic()]
+    told, last = set[str](), time.monotonic()
 
     def advance(label: str, done: int, total: int) -> None:
+        nonlocal last
         case = label.partition(" ")[0]
-        if case not in told or done == total or time.monotonic() - last[0] > PAUSE:
+        if case not in told or done == total or time.monotonic() - last > PAUSE:
             told.add(case)
-            last[0] = time.monotonic()
+            last = time.monotonic()
             errors.print(f"{done}/{total} {label}")
 
     return advance

@@ -347,10 +347,10 @@ def detectable_changes(
 
 
 class RunReference:
-    """The reference of a run: as the drives of a solver moved, and at changed parameters.
+    """The reference of a run: with the drives as a solver moved them, and at changed parameters.
 
-    The latter has the drives where their laws lead them, so that it is the same for all solvers of
-    the run.
+    At changed parameters the drives have the values of their laws.  So the changed curves are the
+    same for all solvers of the run, and are evaluated once.
     """
 
     def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
@@ -395,12 +395,14 @@ last_used: dict[Any, RunReference] = {}
 
 
 def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
-    """The last one again, if it is of the same run: workers judge its solvers one by one."""
+    """The last reference again, if it is of the same run: workers judge its solvers one by one."""
     key = identity(case), run, curves.x.tobytes(), curves.drive is None
-    if key not in last_used:
+    found = last_used.get(key)
+    if found is None:
+        found = RunReference(case, run, curves)
         last_used.clear()
-        last_used[key] = RunReference(case, run, curves)
-    return last_used[key]
+        last_used[key] = found
+    return found
 
 
 def small_shares(

@@ -53,12 +53,12 @@ def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     def found(*given: Any) -> Answer:
         memory, more = in_use.get(({}, False))
         key = found, rough(given)
-        if key not in memory:
-            result = exact(*given)
-            if more:
-                memory[key] = result
-            return result
-        return memory[key]
+        if key in memory:
+            return memory[key]
+        result = exact(*given)
+        if more:
+            memory[key] = result
+        return result
 
     return found
 

@@ -266,7 +266,7 @@ class Curves:
     Attributes
     ----------
     x : ndarray (n,)
-        Time [s], drive value, or arc length [m] of a rest.
+        Time [s], drive value, or arc length [m] in equilibrium.
     channels : dict of str to ndarray (n,)
         The recorded curves.
     missing : dict of str to str

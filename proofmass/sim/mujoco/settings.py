@@ -64,7 +64,7 @@ class MujocoSettings(EngineSettings):
     `timestep` [s], `integrator`, `solver`, `iterations`, `tolerance` replace the option of that
     name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
     spelled as in MJCF; ``defaults = True`` first puts back the values that MuJoCo has when the
-    model says nothing; `settled` chooses the kind of a sweep, `flex` that of a rest.
+    model says nothing; `settled` chooses the kind of a sweep, `flex` that of an equilibrium run.
 
     `cone`, `impratio` and `noslip_iterations` are the options of that name and act on contacts and
     dry friction.  ``refsafe = False`` lets a `solref` be shorter than two time steps, and
