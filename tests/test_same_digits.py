@@ -45,7 +45,7 @@ GATHERED = """
 import numpy as np
 from proofmass import Curves, load_case
 from proofmass.check import Result
-from proofmass.report.pages import gather
+from proofmass.report.case_page import gather
 from proofmass.studies.stress.ways import followed
 case = load_case("solved.toml")
 wanted = followed(case, "sweep")

@@ -20,7 +20,7 @@ from matplotlib.patches import Patch
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.report.figures import save
-from proofmass.report.pages import about, environment, slug
+from proofmass.report.page import about, environment, slug
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import RC, Look, hatches, looks
 from proofmass.report.svg import inline

@@ -26,7 +26,7 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.outcome import Outcome
 from proofmass.report.figures import decades, save
-from proofmass.report.pages import about, environment, slug
+from proofmass.report.page import about, environment, slug
 from proofmass.report.study import Written, prepared
 from proofmass.report.style import KNOWN, RC, SOLID, Dash, Look
 from proofmass.report.svg import inline

@@ -1,0 +1,280 @@
+"""The page of a case, and its card on the index."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import Any, cast
+
+from jinja2 import Environment
+from markupsafe import Markup
+
+from proofmass import reference
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.errors import InputError
+from proofmass.mobility import mobility
+from proofmass.outcome import LOST, OPEN, Outcome
+from proofmass.report import refinements, tables
+from proofmass.report.data import Shown, beyond_limits, drive_units, shown
+from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
+from proofmass.report.page import about, complaint, slug
+from proofmass.report.study import ShownStudy
+from proofmass.report.style import Look
+from proofmass.report.svg import inline
+from proofmass.report.views import Viewed, all_viewed, caption
+from proofmass.report.words import SYMBOLS, from_model, headline
+from proofmass.wording import spoken
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
+
+HEADINGS = {
+    "sweep": "Sweep: the mechanism pose by pose, no time stepping",
+    "equilibrium": "Equilibrium: the shapes of the rods, along their length",
+    "dynamics": "Dynamics: the motion over time, as each engine steps it",
+}
+CAPTIONS = {
+    "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
+    "paths": "Where measured points run, to one scale across and up: reference (thick, pale) and "
+    "solvers on top of it.",
+    "shapes": "The rods, to one scale across and up: reference (thick, pale) and solvers on top of "
+    "it.",
+    "difference": "Absolute difference to the reference, in the unit of the table. Dashed level "
+    "lines: what the tolerance allows. Exact zeros run into the lower edge.",
+}
+
+
+def render_case(
+    env: Environment,
+    case: Case,
+    result: Result,
+    runs: list[Shown],
+    views: list[Viewed],
+    drawings: Drawings,
+    style: Mapping[str, Look],
+    studies: Sequence[ShownStudy] = (),
+) -> tuple[dict[str, Any], str]:
+    """The card of a case for the index, and the text of its page."""
+    faults = faults_of(case, result)
+    short = card(case, runs, drawings, faults)
+    tell = partial(told, case, beyond_limits(runs))
+    rows = [c for run in runs for c in run.rows]
+    return short, env.get_template("case.html").render(
+        case=case,
+        card=short,
+        style=style,
+        about=about(),
+        faults=faults,
+        parts=[part(run, drawings) for run in runs],
+        seen=[
+            seen(case, k, view, drawings)
+            for k, view in enumerate(views, 1)
+            if f"view-{k}" in drawings.figures
+        ],
+        charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
+        beside=tell(tables.side_by_side, None) if case.compare_with else None,
+        mechanism=mechanism(case, drawings),
+        note=drawings.note,
+        studied=[(s.title, link) for s in studies if (link := s.of(case))],
+        drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
+        parameters=parameters_of(case),
+        own_numbers=from_model(case),
+        freedoms=tell(mobility, None),
+        knowledge=tell(reference.facts, {}),
+        laws=any(tables.law(case, name) for name in case.channels),
+        reasons=tables.reasons(case),
+        unnoticed=tables.unnoticed(case, rows),
+        not_known=tables.not_known(case, rows),
+    )
+
+
+def gather(result: Result, case: Case) -> tuple[list[Shown], list[Viewed]]:
+    """The runs of a case beside their references, and its views, from a worker.
+
+    Where the references are not there again within the limits of all runs, the runs have no curves.
+    """
+    own = replace(
+        result,
+        cases=[case],
+        errors=[],
+        comparisons=[c for c in result.comparisons if c.case == case.name],
+        curves={key: c for key, c in result.curves.items() if key[0] == case.name},
+        refined=[row for row in result.refined if row.case == case.name],
+    )
+    try:
+        return cast(
+            tuple[list[Shown], list[Viewed]],
+            isolated(
+                gathered_here,
+                own,
+                timeout=sum(r.timeout * len(r.solvers) for r in case.run.values()),
+                memory=max(r.memory for r in case.run.values()),
+            ),
+        )
+    except (InputError, Crashed, TimedOut, OutOfMemory):
+        return gathered_here(replace(own, curves={}))
+
+
+def gathered_here(result: Result) -> tuple[list[Shown], list[Viewed]]:
+    """What `gather` does, in this process and of the only case of a result."""
+    (case,) = result.cases
+    runs = [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
+    return runs, all_viewed(case, runs)
+
+
+def told(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any) -> Any:
+    """What a function finds out of a case, from a worker.
+
+    Something else where the case is at fault, which the runs have said, or `beyond` its limits.
+    """
+    if beyond:
+        return otherwise
+    try:
+        return isolated(function, case, timeout=SECONDS)
+    except (InputError, Crashed, TimedOut, OutOfMemory):
+        return otherwise
+
+
+def parameters_of(case: Case) -> dict[str, str]:
+    """The parameters with their units; nothing when the reference is at fault."""
+    try:
+        return tables.parameters(case, case.parameters)
+    except InputError:
+        return {}
+
+
+def faults_of(case: Case, result: Result) -> list[str]:
+    """What is wrong with a case's own files, a sweep that ended early among it."""
+    return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
+
+
+def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) -> dict[str, Any]:
+    """A case in short: verdict, counts, thumbnail."""
+    rows = [c for v in views for c in (*v.rows, *v.verdicts)]
+    counts = Counter(c.outcome for c in rows)
+    picture = drawings.figures.get("thumbnail")
+    steps = {
+        s: float(str(c.settings["timestep"]))
+        for v in views
+        if v.kind == "dynamics"
+        for s, c in v.curves.items()
+        if "timestep" in c.settings
+    }
+    checked = case.unchecked or set(counts) - set(OPEN)
+    bad = faults or not checked or any(counts[o] for o in (Outcome.DIFFERS, *LOST))
+    return {
+        "name": case.name,
+        "title": case.title,
+        "page": f"{slug(case.name)}.html",
+        "headline": headline(case, rows, steps),
+        "state": "bad" if bad else "good" if counts[Outcome.AGREES] else "open",
+        "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]],
+        "faults": len(faults),
+        "picture": Markup(inline(picture, f"{slug(case.name)}-thumbnail", case.name))
+        if picture
+        else "",
+    }
+
+
+def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
+    """The drawing of the mechanism for the page; None if there is none."""
+    if "mechanism" not in drawings.figures:
+        return None
+    stem = f"{slug(case.name)}-mechanism"
+    label = f"{case.name}: the mechanism at several poses, its joints and links by name"
+    return {"svg": Markup(inline(drawings.figures["mechanism"], stem, label)), "stem": stem}
+
+
+def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]:
+    """Number k of a case's views for its page."""
+    stem = f"{slug(case.name)}-view-{k}"
+    text = caption(view)
+    label = f"{case.name}, {view.view.title}, over {view.over.x_name}: {text}"
+    return {
+        "svg": Markup(inline(drawings.figures[f"view-{k}"], stem, label)),
+        "stem": stem,
+        "caption": text,
+    }
+
+
+def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
+    """Number k of a case's charts for its page, or why it is not drawn."""
+    title, stem = case.chart[k - 1].title, f"{slug(case.name)}-chart-{k}"
+    if (fault := chart.fault) is not None:
+        why = (
+            complaint(fault)
+            if isinstance(fault, InputError)
+            else (f"{type(fault).__name__}: {fault}")
+        )
+        return {"title": title, "fault": why}
+    label = f"{case.name}, {title}, {chart.axes}: {chart.caption}"
+    return {
+        "svg": Markup(inline(chart.svg, stem, label)),
+        "stem": stem,
+        "fault": "",
+        "caption": chart.caption,
+    }
+
+
+def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
+    """All that a page shows of one run."""
+    figures = []
+    for what in SHEETS:
+        if svg := drawings.figures.get(f"{view.kind}-{what}"):
+            stem = f"{slug(view.case.name)}-{view.kind}-{what}"
+            label = (
+                f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
+                f"{view.x_name}; numbers in the table below"
+            )
+            caption = CAPTIONS["shapes" if (view.kind, what) == ("equilibrium", "paths") else what]
+            figures.append(
+                {"svg": Markup(inline(svg, stem, label)), "caption": caption, "stem": stem}
+            )
+    return {
+        "kind": view.kind,
+        "figures": figures,
+        "groups": tables.comparisons(view),
+        "extrema": tables.extrema(view) if view.curves else [],
+        "costs": tables.costs(view),
+        "missing": tables.missing(view),
+        "n": len(view.grid) if view.curves else 0,
+        "over": f"{view.x_name} [{view.x_unit}]",
+        "stopped": [
+            f"{spoken(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
+            f"{len(view.grid)} samples, which are kept (dotted line in the figures): "
+            f"{c.stopped}"
+            for s, c in view.curves.items()
+            if c.stopped
+        ],
+        "lost": [
+            f"{spoken(s)} is not drawn: {c.outcome}. {c.message}" for s, c in view.lost.items()
+        ],
+        "what": HEADINGS[view.kind],
+        "refined": refined(view, drawings),
+    }
+
+
+def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
+    """What a page shows of a run's refinement; None if there is none."""
+    asked = view.case.refine
+    if not view.verdicts or not asked:
+        return None
+    lost = [
+        f"{spoken(c.solver)} is not refined: {c.outcome}. {c.message}"
+        for c in view.verdicts
+        if c.outcome in LOST
+    ]
+    if "refine" not in drawings.figures:
+        return {"svg": "", "lost": lost}
+    stem, text = f"{slug(view.case.name)}-refine", refinements.caption(asked)
+    label = f"{view.case.name}, errors over the number of segments; numbers in the table below"
+    return {
+        "svg": Markup(inline(drawings.figures["refine"], stem, label)),
+        "stem": stem,
+        "caption": text,
+        "lost": lost,
+        "segments": asked.segments,
+        "pairs": [f"{a} → {b}" for a, b in pairwise(asked.segments)],
+        "table": refinements.table(view, asked),
+        "costs": list(refinements.costs(view)),
+    }
