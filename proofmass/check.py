@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare
+from proofmass.diagnosis import Diagnosis, find_causes
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, GOOD, OPEN, Outcome
@@ -27,12 +28,15 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 
 CheckTask = tuple[Case, Kind, str] | Finer | Path
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
+CAUSES = 60.0  # [s] until the search for the causes of one run's differences is given up
 
 
 @dataclass(frozen=True)
 class Result:
     """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
 
+    Curves and diagnoses are those of a case's run and solver, by their names; only runs that differ
+    have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     """
 
@@ -40,6 +44,7 @@ class Result:
     comparisons: list[Comparison] = field(default_factory=list)
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     refined: list[RefinedRow] = field(default_factory=list)
+    diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
 
@@ -257,6 +262,7 @@ def check(
     paths: Iterable[Path | str] = ("models",),
     jobs: int | None = None,
     progress: Callable[[str, int, int], None] = lambda *_: None,
+    causes: bool = True,
 ) -> Result:
     """Run every case below `paths` and hold it against its reference.
 
@@ -268,6 +274,8 @@ def check(
         Runs side by side; as many as there are processors when not given.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each run.
+    causes : bool
+        Whether changes are looked for that would explain why a run differs.
 
     Returns
     -------
@@ -282,6 +290,8 @@ def check(
             tasks = planned(collect(given, result.errors), result, pool)
             outcomes = done(tasks, result, pool, jobs, progress)
             judge(tasks, outcomes, result)
+            if causes:
+                diagnose(result, pool, progress)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -397,6 +407,34 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
         result.comparisons.extend(comparisons)
         if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
             result.errors.append(early)
+
+
+def diagnose(
+    result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
+) -> None:
+    """Look for the causes of all runs that differ; they go into the result."""
+    cases = {case.name: case for case in result.cases}
+    differing = dict.fromkeys(
+        (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
+    )
+    runs = [key for key in differing if key in result.curves]
+    futures = [
+        pool.submit(one_diagnosis, cases[name], cast(Kind, run), solver, curves)
+        for name, run, solver in runs
+        for curves in [result.curves[name, run, solver]]
+    ]
+    for k, (key, future) in enumerate(zip(runs, futures, strict=True)):
+        result.diagnoses[key] = future.result()
+        progress(f"{' '.join(key)}: causes", k + 1, len(runs))
+
+
+def one_diagnosis(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
+    """The causes of a run's differences, from a worker; without any where they cannot be sought."""
+    limits = {"timeout": CAUSES, "memory": case.run[run].memory}
+    try:
+        return cast(Diagnosis, isolated(find_causes, case, run, solver, curves, **limits))
+    except (InputError, Crashed, TimedOut, OutOfMemory) as error:
+        return Diagnosis(case.name, run, solver, fault=str(error))
 
 
 def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import re
 from functools import lru_cache
 from types import ModuleType
 
@@ -17,7 +18,7 @@ from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, BadRod, Curves
 from proofmass.strict import Kind
-from proofmass.units import same_quantity
+from proofmass.units import same_quantity, si_unit
 
 DriveLaw = InProportion | FunctionLaw | Samples | Steady | Swing
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
@@ -266,3 +267,38 @@ def column(case: Case, truth: Recorded, key: str, name: str, unit: str | None = 
 def modes(case: Case) -> tuple[int, ...]:
     """Assembly modes that the closed form knows; empty when it has no such choice."""
     return getattr(module_of(case), "MODES", ())
+
+
+def unit_of(case: Case, parameter: str) -> str:
+    """The unit of a parameter by the docstring of the reference's `solve`; empty if it tells none.
+
+    An entry ``names : text with [unit]`` tells it if its text has one unit, which is that of all
+    its names, or as many as there are names, in their order.  ``length1, ..`` stands for all
+    numbers.
+    """
+    truth = module_of(case)
+    text = "" if isinstance(truth, Recorded) else inspect.getdoc(truth.solve) or ""
+    section = re.search(r"Parameters\n-+\n(.*?)(?:\n\n|\Z)", text, re.DOTALL)
+    for entry in re.split(r"\n(?! )", section[1]) if section else ():
+        words, _, told = entry.partition(" : ")
+        names = [name for name in words.split(", ") if name.strip(".")]
+        units = list(filter(is_unit, re.findall(r"\[([^]]*)\]", told)))
+        if ".." in words:
+            names = [
+                parameter if re.fullmatch(re.sub(r"\d+$", "", name) + r"\d+", parameter) else name
+                for name in names
+            ]
+        if parameter in names and len(set(units)) == 1:
+            return units[0]
+        if parameter in names and len(units) == len(names) and ".." not in words:
+            return units[names.index(parameter)]
+    return ""
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text in brackets is a unit, not an interval or a list."""
+    try:
+        si_unit(text)
+    except ValueError:
+        return False
+    return True

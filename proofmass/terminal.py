@@ -43,12 +43,16 @@ FAILED = ("✗", "bold red")
 
 
 def as_json(result: Result) -> str:
-    """One object: comparisons, errors of the input, the exit code; what is not a number is null."""
+    """One object: comparisons, what would explain differences, errors of the input, the exit code.
+
+    What is not a number is null.
+    """
     rows = [{key: asdict(c)[key] for key in KEYS} for c in result.comparisons]
     return json.dumps(
         finite(
             {
                 "comparisons": rows,
+                "diagnoses": [asdict(found) for found in result.diagnoses.values()],
                 "errors": [
                     {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
                 ],
@@ -68,7 +72,7 @@ def finite(value: Any) -> Any:
     """
     if isinstance(value, dict):
         return {key: finite(each) for key, each in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -171,6 +175,8 @@ def failures(result: Result) -> Iterator[Text]:
             )
         )
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
+        if found := result.diagnoses.get((case, run, solver)):
+            yield Text.assemble(("  cause: ", "bold"), found.sentence)
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
     for case in result.cases:

@@ -178,7 +178,7 @@ def test_json_has_null_for_what_is_no_number():
     found = json.loads(
         as_json(Result(comparisons=[of(detectable=notice, at=inf, seconds=2.0)], errors=[error]))
     )
-    assert list(found) == ["comparisons", "errors", "exit_code"]
+    assert list(found) == ["comparisons", "diagnoses", "errors", "exit_code"]
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
     assert found["exit_code"] == 2
     (row,) = found["comparisons"]

@@ -1,8 +1,6 @@
 """The rows of the report's tables, every number already a word."""
 
-import inspect
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import groupby
@@ -12,11 +10,9 @@ import numpy as np
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
 from proofmass.outcome import LOST, Outcome
-from proofmass.recorded import Recorded
-from proofmass.reference import facts, module_of
+from proofmass.reference import facts, unit_of
 from proofmass.report.data import Shown
 from proofmass.report.words import SYMBOLS
-from proofmass.units import si_unit
 from proofmass.wording import listed, number, pretty
 
 NAN = float("nan")
@@ -193,41 +189,6 @@ def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
         else f"{number(value, 6)} {pretty(unit_of(case, name))}".strip()
         for name, value in values.items()
     }
-
-
-def unit_of(case: Case, parameter: str) -> str:
-    """The unit of a parameter by the docstring of the reference's `solve`; empty if it tells none.
-
-    An entry ``names : text with [unit]`` tells it if its text has one unit, which is that of all
-    its names, or as many as there are names, in their order.  ``length1, ..`` stands for all
-    numbers.
-    """
-    truth = module_of(case)
-    text = "" if isinstance(truth, Recorded) else inspect.getdoc(truth.solve) or ""
-    section = re.search(r"Parameters\n-+\n(.*?)(?:\n\n|\Z)", text, re.DOTALL)
-    for entry in re.split(r"\n(?! )", section[1]) if section else ():
-        words, _, told = entry.partition(" : ")
-        names = [name for name in words.split(", ") if name.strip(".")]
-        units = list(filter(is_unit, re.findall(r"\[([^]]*)\]", told)))
-        if ".." in words:
-            names = [
-                parameter if re.fullmatch(re.sub(r"\d+$", "", name) + r"\d+", parameter) else name
-                for name in names
-            ]
-        if parameter in names and len(set(units)) == 1:
-            return units[0]
-        if parameter in names and len(units) == len(names) and ".." not in words:
-            return units[names.index(parameter)]
-    return ""
-
-
-def is_unit(text: str) -> bool:
-    """Whether a text in brackets is a unit, not an interval or a list."""
-    try:
-        si_unit(text)
-    except ValueError:
-        return False
-    return True
 
 
 def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:

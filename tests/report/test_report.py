@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, compare, reference_for
 from proofmass.errors import InputError
-from proofmass.reference import evaluate
+from proofmass.reference import evaluate, unit_of
 from proofmass.report import headline, write_report
 from proofmass.report.data import input_rows, inputs, shown, thin
 from proofmass.report.drawing import SHEETS, pictured, tracks
@@ -20,7 +20,6 @@ from proofmass.report.figures import tolerances
 from proofmass.report.mechanism import path, paths
 from proofmass.report.style import looks
 from proofmass.report.svg import inline
-from proofmass.report.tables import unit_of
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan

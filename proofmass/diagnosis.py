@@ -1,0 +1,728 @@
+"""Why a run differs: changes of the case that would explain it, best first.
+
+Each hypothesis is one change of the case: another value of a parameter of the reference, or of two;
+another assembly mode; a sign, a unit, an offset or another quantity of channels; a shift along x.
+It is fitted to the curves of the solver.  What it explains are the channels that differ, and that
+agree once it is made; channels that agreed and then differ count against it.
+
+A parameter p is fitted by least squares of the differences of all checked channels, each as a
+multiple of what its tolerance allows,
+
+    minimise over p   sum over channels, samples of ((y - y_ref(p)) / allowed)^2
+
+by the secant method: the slope of y_ref is the difference quotient of the last two values of p.
+A change of a model need not reach every channel as the same change of the reference does: a longer
+rocker may leave its centre of mass in place.  So there is a second fit, to those channels alone
+that ask for the same value of p by themselves.
+"""
+
+import inspect
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any, cast
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.remember import Memory, memory_in_use
+from proofmass.case import Case
+from proofmass.compare import allowed_error, changeable
+from proofmass.engines import engine_of
+from proofmass.errors import InputError
+from proofmass.files import read_text
+from proofmass.outcome import FAILURES
+from proofmass.recorded import Recorded
+from proofmass.reference import evaluate, modes, module_of, quantities, unit_of
+from proofmass.sim.protocol import Curves, Knobs
+from proofmass.solve import run_here, settings_of
+from proofmass.strict import Kind
+from proofmass.wording import listed, number, pretty
+
+SMALL = 1e-6  # change of a parameter for a slope: rounding is 1e-10 of the difference it makes
+AGREES = 2.0  # of the tolerance: the engine has its error, and the fit has another
+NEARLY = 1e-3  # of its difference that a channel may keep beyond the tolerance, as by slopes alone
+SHARE = 0.5  # of its difference that a channel may keep: of one near the tolerance anything is
+COST = {0: 0.0, 1: 0.01, 2: 0.1, 3: 0.25}
+"""Share of the channels that a cause must explain more than another, by its fitted numbers."""
+EARLY = (0.1, 0.4)  # shares of a run that are fitted first
+ALIKE = 0.1  # share of a difference that a slope may leave, if its channel asks for the change
+ITERATIONS = 12  # of a fit; each but the first doubles the right digits
+ENDED = 1e-13  # change of a parameter, as a share of it, at which a fit ends: rounding
+RIVAL = 0.1  # share that a cause leaves by slopes that may be as good as one that explains all
+TINY = 1e-8  # change after which another is rounding, as the digits double
+HALVINGS = 6  # of a step to where the reference does not exist, or fits worse
+LEAST_GAIN = 0.999  # of the misfit that a step may leave; less of a gain is rounding
+PAIRS = 4  # that are fitted: those that leave least by slopes
+KEPT = 5  # causes
+EXACT = 1e-6  # share of the differences that a cause may leave and be called exact
+SECONDS = 2.0  # after which no other fit begins
+FACTORS = {
+    "turned in sign": (-1.0, ""),
+    "in degrees, not in radians": (180 / np.pi, "rad"),
+    "in radians, not in degrees": (np.pi / 180, "rad"),
+    "in thousandths of its unit": (1e3, "m kg N J"),
+    "in thousands of its unit": (1e-3, "m kg N J"),
+    "in inches, not in metres": (1 / 0.0254, "m"),
+    "twice as large": (2.0, ""),
+    "half as large": (0.5, ""),
+}
+"""What a curve may be multiplied by, in words, and the first words of units that it makes sense
+for."""
+TURNS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter turn": np.pi / 2}
+"""What an angle may be off by [rad]."""
+LATE = {"one sample": 1, "two samples": 2}
+"""What a curve may be late or early by."""
+AGAIN = 0.3  # [s] that a run took which is made again with half the step
+FALLS = (
+    0.6  # share of a difference that half a step may leave where the step is the cause: order 3/4
+)
+HIGHEST = 6  # order of an integrator
+WORSE = 1.1  # times the difference, from which on it is said to be larger
+PLACE = 1e-5  # relative difference of a number in the model, as the fit has it
+FEW = 4  # lines that are named
+NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+LOST_RUN: tuple[type[Exception], ...] = (InputError, *FAILURES)
+Known = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A change of the case that would explain differences.
+
+    Attributes
+    ----------
+    kind : str
+        parameter, pair of parameters, assembly mode, factor, offset, quantity or shift.
+    words : str
+        The change, with numbers and units.
+    explains, breaks : tuple of str
+        Channels that differ and then agree, and channels that agree and then differ.
+    left : float
+        Root mean square of the differences after the change, over that before, of the channels that
+        it explains, or of all if it explains none; each channel in units of what is allowed.
+    differing : int
+        How many channels differ.
+    free : int
+        How many numbers were fitted: 0 where the change has none, such as a sign; a number of a
+        channel counts as two, since any channel has one.
+    changes : mapping of str to tuple of float
+        Of a parameter: its value in the sidecar, and the one that the curves ask for, in SI units.
+    same : tuple of str
+        Words of other changes that the curves do not tell apart from this one.
+    """
+
+    kind: str
+    words: str
+    explains: tuple[str, ...]
+    breaks: tuple[str, ...]
+    left: float
+    differing: int
+    free: int = 0
+    changes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    same: tuple[str, ...] = ()
+
+    @property
+    def score(self) -> int:
+        """Channels that it puts right, less those that it puts wrong."""
+        return len(self.explains) - len(self.breaks)
+
+    @property
+    def share(self) -> float:
+        """The same, as a share of the channels that differ."""
+        return self.score / self.differing
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What would explain that the run of a solver differs.
+
+    Attributes
+    ----------
+    case, run, solver : str
+        Which run.
+    differing : tuple of str
+        Its channels that differ.
+    checked : int
+        How many of its channels have a tolerance and a finite curve.
+    causes : tuple of Explanation
+        Best first.
+    tried : tuple of str
+        What was tried, in words.
+    remarks : tuple of str
+        What else was found: lines of the model that have the value of the best cause, and what a
+        shorter time step or shorter segments do.
+    seconds : float
+        How long it took.
+    fault : str
+        Why causes could not be sought; empty if they were.
+    """
+
+    case: str
+    run: str
+    solver: str
+    differing: tuple[str, ...] = ()
+    checked: int = 0
+    causes: tuple[Explanation, ...] = ()
+    tried: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    seconds: float = 0.0
+    fault: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The best cause, how much it explains, and what the next best leaves."""
+        if self.fault:
+            return f"causes were not sought: {self.fault}"
+        if not self.causes or self.causes[0].score <= 0:
+            text = f"no change that was tried explains it: {', '.join(self.tried)}"
+            return "; ".join([text, *self.remarks])
+        best, *others = self.causes
+        rest = [name for name in self.differing if name not in best.explains]
+        text = f"{best.words} explains {self.much(best)}: {number(best.left, 2)} of the error left"
+        if others and others[0].score > 0:
+            text += f"; the next best, {others[0].words}, {self.much(others[0])}"
+            text += f", {number(others[0].left, 2)} left"
+        elif others:
+            text += f"; the next best leaves {number(others[0].left, 2)}"
+        if best.same:
+            text += f"; as good: {listed(best.same)}"
+        if rest:
+            text += f"; not explained: {listed(rest)}"
+        return "; ".join([text, *self.remarks])
+
+    def much(self, cause: Explanation) -> str:
+        """How many of the channels that differ a cause explains."""
+        many, all_of_them = len(cause.explains), len(self.differing)
+        return "it" if many == all_of_them else f"{many} of {all_of_them} channels"
+
+
+class Residuals:
+    """The curves of a solver less the reference, at the parameters of the case and at others.
+
+    They are multiples of what each channel's tolerance allows; channels without a tolerance, or
+    with a curve that is not finite, are left out.
+    """
+
+    def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
+        self.case, self.curves, self.parameters = case, curves, changeable(case)
+        self.memory: Memory = {}
+        self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
+        begin = time.perf_counter()
+        with memory_in_use(self.memory, more=True):
+            truth = evaluate(case, curves.x, curves.drive).channels
+        self.seconds = time.perf_counter() - begin
+        self.allowed = {
+            name: allowed
+            for name in case.channels_of(run)
+            if name in curves.channels
+            and np.isfinite(curves.channels[name]).all()
+            and (allowed := allowed_error(case, run, solver, name, curves, truth[name]))
+        }
+        self.curve = self.scaled(curves.channels)
+        self.reference = self.scaled(truth)
+        self.before = self.less(self.reference)
+        self.differing = tuple(n for n, y in self.before.items() if np.abs(y).max() > 1.0)
+
+    def scaled(self, curves: Mapping[str, Array]) -> Known:
+        """The checked channels of curves in SI units, as multiples of what is allowed."""
+        return {name: curves[name] / allowed for name, allowed in self.allowed.items()}
+
+    def less(self, reference: Known) -> Known:
+        """The curves of the solver less a reference."""
+        return {name: self.curve[name] - reference[name] for name in self.allowed}
+
+    def at(self, changed: Mapping[str, float]) -> Known:
+        """The differences to the reference at other parameters; nothing where there is none."""
+        try:
+            with memory_in_use(self.memory, more=False), np.errstate(all="ignore"):
+                found = evaluate(self.case, self.curves.x, self.curves.drive, **changed).channels
+        except InputError:  # the changed mechanism cannot be assembled everywhere
+            return {}
+        differences = self.less(self.scaled(found))
+        return differences if np.isfinite(size(differences)) else {}
+
+    def value(self, key: str, share: float) -> float:
+        """A parameter after a change; a share of the largest one if it is 0."""
+        value = self.parameters[key]
+        return value + share * (abs(value) or self.largest)
+
+    def at_shares(self, shares: Mapping[str, float]) -> Known:
+        """The same, by shares of parameters."""
+        if not any(shares.values()):
+            return self.before
+        return self.at({key: self.value(key, share) for key, share in shares.items()})
+
+    def agrees(self, name: str, after: Array) -> bool:
+        """Whether a channel agrees that has these differences, or nearly all of them are gone."""
+        most = float(np.abs(after).max())
+        was = float(np.abs(self.before[name]).max())
+        if name not in self.differing:
+            return most <= AGREES
+        return most <= max(min(AGREES, SHARE * was), NEARLY * was)
+
+    def time_for_another(self, deadline: float) -> bool:
+        """Whether the reference can be evaluated at other parameters before a deadline."""
+        return time.perf_counter() + self.seconds < deadline
+
+    def judged(
+        self,
+        kind: str,
+        words: str,
+        after: Known,
+        free: int = 0,
+        changes: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Explanation:
+        """The cause that leaves these differences; channels that are left out stay as they are."""
+        agree = {n for n, y in after.items() if self.agrees(n, y)}
+        explains = tuple(n for n in self.differing if n in agree)
+        return Explanation(
+            kind,
+            words,
+            explains,
+            tuple(n for n in after if n not in agree and n not in self.differing),
+            left(self.before, after, explains),
+            len(self.differing),
+            free,
+            changes or {},
+        )
+
+
+def size(differences: Known, names: Sequence[str] | None = None, end: int | None = None) -> float:
+    """Root mean square of differences, of all channels or of some, up to a sample."""
+    parts = [differences[name][:end] for name in (differences if names is None else names)]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def left(before: Known, after: Known, explains: Sequence[str]) -> float:
+    """What is left of the differences: of the channels that are explained, or of all."""
+    names = [n for n in (explains or before) if n in after]
+    return size({**before, **after}, names or None) / size(before, names or None)
+
+
+def find_causes(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
+    """Look for changes of a case that would explain why a run differs from its reference.
+
+    Parameters
+    ----------
+    case : Case
+    run, solver : str
+        Which run the curves are of.
+    curves : Curves
+        From `proofmass.solve.solve`.
+
+    Returns
+    -------
+    Diagnosis
+        Without causes if no checked channel differs.
+
+    Raises
+    ------
+    InputError
+        The reference cannot be evaluated at the parameters of the case.
+
+    Examples
+    --------
+    >>> from proofmass import load_case, solve
+    >>> case = load_case("models/linkages/fourbar.toml")
+    >>> curves = solve(case, "sweep", "mujoco")
+    >>> wrong = case.model_copy(update={"parameters": {**case.parameters, "rocker": 2.4}})
+    >>> find_causes(wrong, "sweep", "mujoco", curves).causes[0].words
+    'rocker = 2.5 m instead of 2.4 m (+4.167 %)'
+    """
+    begin = time.perf_counter()
+    there = Residuals(case, run, solver, curves)
+    found, remarks = list[Explanation](), list[str]()
+    if there.differing:
+        found += [*factors(there), *offsets(there), *other_quantities(there), *shifts(there)]
+        found += [*other_modes(there), *parameters(there, begin + SECONDS)]
+        shorter = [*finer(there, run, solver)]
+        found += [cause for cause, _ in shorter if cause]
+        remarks = [words for _, words in shorter if words]
+    causes = ranked(found)
+    remarks += places(case, causes[0]) if causes else []
+    return Diagnosis(
+        case.name,
+        run,
+        solver,
+        there.differing,
+        len(there.allowed),
+        causes,
+        tried(there),
+        tuple(remarks),
+        time.perf_counter() - begin,
+    )
+
+
+def tried(there: Residuals) -> tuple[str, ...]:
+    """What is tried of a case, in words."""
+    words = ["sign, unit, factor and offset of each channel", "shifts along x"]
+    words += ["other quantities of the reference"]
+    if len(modes(there.case)) > 1:
+        words.append("other assembly modes")
+    if there.parameters:
+        words.append("each parameter, and pairs of them")
+    return tuple(words)
+
+
+def rank(cause: Explanation) -> tuple[float, float]:
+    """Less is better: by the share of channels that it puts right, less what its numbers cost."""
+    return COST[cause.free] - cause.share if cause.score > 0 else 0.0, cause.left
+
+
+def ranked(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
+    """The best causes; those that the curves do not tell apart are joined.
+
+    Those that leave all of the differences are none.
+    """
+    kept = list[Explanation]()
+    for cause in sorted(causes, key=rank):
+        alike = [
+            k
+            for k, other in enumerate(kept)
+            if other.explains == cause.explains != ()
+            and cause.free <= 2
+            and max(other.left, cause.left) <= max(EXACT, 1.01 * min(other.left, cause.left))
+        ]
+        if alike:
+            first = kept[alike[0]]
+            kept[alike[0]] = replace(first, same=(*first.same, cause.words))
+        elif cause.score > 0 or cause.left < LEAST_GAIN:
+            kept.append(cause)
+    return tuple(kept[:KEPT])
+
+
+def factors(there: Residuals) -> Iterator[Explanation]:
+    """Channels that are a multiple of the reference: by the sign, by a unit, or by any factor."""
+    units = {name: there.case.channels[name].si_unit for name in there.differing}
+    for words, (factor, of) in FACTORS.items():
+        right = {
+            name: left
+            for name in there.differing
+            if (not of or units[name].partition("/")[0].partition(" ")[0] in of.split())
+            and there.agrees(name, left := there.curve[name] / factor - there.reference[name])
+        }
+        if right:
+            yield there.judged("factor", f"{listed(right)} {words}", right)
+    for name in there.differing:
+        square = float(there.reference[name] @ there.reference[name])
+        factor = float(there.curve[name] @ there.reference[name]) / square if square else 0.0
+        if not factor or any(abs(factor / known - 1) < 1e-3 for known, _ in FACTORS.values()):
+            continue
+        right = {
+            other: left
+            for other in there.differing
+            if there.agrees(other, left := there.curve[other] / factor - there.reference[other])
+        }
+        if next(iter(right), "") == name:  # else it was the factor of a channel before
+            yield there.judged("factor", f"{listed(right)} times {factor:.6g}", right, 2)
+
+
+def offsets(there: Residuals) -> Iterator[Explanation]:
+    """Channels that are off by a constant: by turns, or by any."""
+    for name in there.differing:
+        unit, allowed = there.case.channels[name].si_unit, there.allowed[name]
+        offset = float(np.mean(there.before[name])) * allowed
+        turn = next(
+            (w for w, t in TURNS.items() if unit == "rad" and abs(abs(offset) / t - 1) < 1e-3), ""
+        )
+        if turn:
+            offset = float(np.copysign(TURNS[turn], offset))
+        right = {
+            other: left
+            for other in there.differing
+            if there.case.channels[other].si_unit == unit
+            and there.agrees(other, left := there.before[other] - offset / there.allowed[other])
+        }
+        if next(iter(right), "") == name:
+            words = turn or f"{offset:.6g} {pretty(unit)}"
+            way = "" if not turn else " ahead" if offset > 0 else " behind"
+            text = f"{listed(right)} off by {words}{way}"
+            yield there.judged("offset", text, right, 0 if turn else 2)
+
+
+def other_quantities(there: Residuals) -> Iterator[Explanation]:
+    """Channels that carry another quantity of the reference than the sidecar says."""
+    case, curves = there.case, there.curves
+    known = quantities(case, curves.x, curves.drive, dict(case.parameters))
+    right, words = Known(), []
+    for name in there.differing:
+        channel, allowed = case.channels[name], there.allowed[name]
+        for quantity, values in known.items():
+            if quantity == channel.equals or not np.ptp(values) > 0:
+                continue
+            expected = channel.scale * np.broadcast_to(values, curves.x.shape)
+            left = there.curve[name] - (expected + channel.shift * channel.factor) / allowed
+            if np.isfinite(left).all() and there.agrees(name, left):
+                right[name] = left
+                words.append(f"{name} equal to {quantity}")
+                break
+    if right:
+        yield there.judged("quantity", listed(words), right)
+
+
+def shifts(there: Residuals) -> Iterator[Explanation]:
+    """Channels that are shifted along x: by samples, or by any step."""
+    moving = [n for n in there.differing if np.ptp(there.reference[n]) > 0]
+    for words, count in LATE.items():
+        for way, mine, own in (
+            ("late", slice(count, None), slice(None, -count)),
+            ("early", slice(None, -count), slice(count, None)),
+        ):
+            right = {
+                name: left
+                for name in moving
+                if there.agrees(name, left := there.curve[name][mine] - there.reference[name][own])
+            }
+            if right:
+                yield there.judged("shift", f"{listed(right)} {words} {way}", right)
+    if len(there.curves.x) < 8 or not moving:
+        return
+    x, shift, after = there.curves.x, 0.0, dict(there.before)
+    splines = {name: CubicSpline(x, there.reference[name]) for name in moving}
+    for _ in range(ITERATIONS):
+        slope = np.concatenate([-splines[name](x - shift, 1) for name in moving])
+        step = float(np.concatenate([after[n] for n in moving]) @ slope / (slope @ slope))
+        if not abs(shift + step) < 0.1 * np.ptp(x):
+            return
+        shift += step
+        after = {name: there.curve[name] - splines[name](x - shift) for name in moving}
+    right = {name: after[name] for name in moving if there.agrees(name, after[name])}
+    if right:
+        way = "late" if shift > 0 else "early"
+        yield there.judged("shift", f"{listed(right)} {way} by {abs(shift):.4g} in x", right, 2)
+
+
+def other_modes(there: Residuals) -> Iterator[Explanation]:
+    """The other assembly modes that the reference knows."""
+    solver = module_of(there.case)
+    if isinstance(solver, Recorded) or not modes(there.case):
+        return
+    own = there.case.parameters.get(
+        "mode", inspect.signature(solver.solve).parameters["mode"].default
+    )
+    for mode in modes(there.case):
+        if mode != own and (after := there.at({"mode": mode})):
+            yield there.judged("assembly mode", f"mode = {mode:+d} instead of {own:+g}", after)
+
+
+def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanation | None, str]]:
+    """What half the time step does, and twice as many segments of rods: a cause, or a remark.
+
+    The run is made again, if it was short.
+    """
+    case, used = there.case, there.curves.settings
+    if there.curves.seconds > AGAIN:
+        return
+    engine = engine_of(solver.partition(":")[0])
+    if run == "dynamics" and isinstance(used.get("timestep"), float):
+        step = cast(float, used["timestep"])
+        knobs = engine.at_step(cast(Knobs, settings_of(case, run, solver)), step / 2)
+        settings = {**case.settings, solver: {**case.settings.get(solver, {}), **knobs}}
+        words = f"a time step of {number(step / 2)} s instead of {number(step)} s"
+        yield again(there, run, solver, words, {"settings": settings})
+    if case.rod:
+        rods = {n: r.model_copy(update={"segments": 2 * r.segments}) for n, r in case.rod.items()}
+        yield again(there, run, solver, "twice as many segments", {"rod": rods})
+
+
+def again(
+    there: Residuals, run: Kind, solver: str, words: str, changed: dict[str, Any]
+) -> tuple[Explanation | None, str]:
+    """What a run gives with shorter steps, as a cause or a remark."""
+    try:
+        curves = run_here(there.case.model_copy(update=changed), run, solver)
+        finer = Residuals(there.case, run, solver, curves)
+    except LOST_RUN as error:
+        return None, f"with {words} the run is lost: {error}"
+    after = {n: y for n, y in finer.before.items() if n in there.allowed}
+    share = left(there.before, after, there.differing)
+    if share > WORSE:
+        return None, f"{words} makes the error {number(share)} times as large"
+    falls = tuple(
+        n
+        for n in there.differing
+        if n in after and np.abs(after[n]).max() <= FALLS * np.abs(there.before[n]).max()
+    )
+    if not falls:
+        return None, f"{words} leaves the error as it is"
+    left_of = left(there.before, after, falls)
+    if left_of < 0.5**HIGHEST:
+        return None, f"{words} leaves {number(left_of)} of the error, less than any order explains"
+    text = f"{words} (error of order {number(-np.log2(left_of), 2)})"
+    return Explanation("finer", text, falls, (), left_of, len(there.differing)), ""
+
+
+def places(case: Case, cause: Explanation) -> list[str]:
+    """Lines of the model that have the value that a parameter is found to have."""
+    found = []
+    text = read_text(case.model_path).splitlines()
+    for _, value in cause.changes.values():
+        lines = [
+            k
+            for k, line in enumerate(text, 1)
+            if any(abs(float(n) - value) <= PLACE * abs(value) for n in NUMBER.findall(line))
+        ]
+        if value and 0 < len(lines) <= FEW:
+            where = f"line{'s' * (len(lines) > 1)} {listed(map(str, lines))}"
+            found.append(f"{value:.6g} stands in {case.model}, {where}")
+    return found
+
+
+def parameters(there: Residuals, deadline: float) -> Iterator[Explanation]:
+    """Other values of each parameter, and of pairs of them if no single one explains all.
+
+    The changes that slopes promise come first; they are fitted, the best first, in the time that
+    there is.
+    """
+    slopes = {key: slope for key in there.parameters if (slope := slope_of(there, {}, key))}
+    for choices, most in (([(k,) for k in slopes], None), ([*combinations(slopes, 2)], PAIRS)):
+        first = sorted((straight(there, keys, slopes) for keys in choices), key=lambda c: c.left)
+        complete = False
+        for cause in first[:most]:
+            rival = not complete or cause.left < RIVAL
+            if rival and there.time_for_another(deadline):
+                cause = fitted(there, tuple(cause.changes), slopes, deadline)
+            complete = complete or cause.score == len(there.differing)
+            yield cause
+        if complete:
+            return
+
+
+def slope_of(there: Residuals, shares: Mapping[str, float], key: str) -> Known:
+    """What the reference changes by, per share of a parameter, at changed parameters."""
+    start = {name: there.value(name, share) for name, share in shares.items()}
+    before = there.at(start) if any(shares.values()) else there.before
+    for step in (SMALL, -SMALL):
+        moved = there.at({**start, key: there.value(key, shares.get(key, 0.0) + step)})
+        if before and moved:
+            slope = {name: (before[name] - moved[name]) / step for name in there.allowed}
+            if max(np.abs(y).max() for y in slope.values()) > 0:
+                return slope
+    return {}
+
+
+def solved(
+    differences: Known, slopes: Mapping[str, Known], names: Sequence[str], end: int | None = None
+) -> Array:
+    """The changes that leave least of some channels, up to a sample, if slopes hold."""
+    matrix = np.stack(
+        [np.concatenate([slope[n][:end] for n in names]) for slope in slopes.values()], axis=1
+    )
+    y = np.concatenate([differences[name][:end] for name in names])
+    return np.asarray(np.linalg.lstsq(matrix, y, rcond=None)[0])
+
+
+def straight(there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known]) -> Explanation:
+    """The cause that some parameters have other values, as slopes at the first values promise."""
+    mine = {key: slopes[key] for key in keys}
+    causes = []
+    for names in {tuple(there.allowed), of_one_mind(there, there.before, mine)} - {()}:
+        step = solved(there.before, mine, names)
+        after = {
+            n: there.before[n] - sum(d * mine[k][n] for k, d in zip(keys, step, strict=True))
+            for n in there.allowed
+        }
+        shares = {k: float(d) for k, d in zip(keys, step, strict=True)}
+        causes.append(cause_of(there, shares, after, ", to first order"))
+    return min(causes, key=lambda cause: cause.left)
+
+
+def fitted(
+    there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known], deadline: float
+) -> Explanation:
+    """The best fit of some parameters: to all channels, to those that ask for the same change, or
+    to the first samples first, where the mechanism may take another way later.
+    """
+    every, start = tuple(there.allowed), dict.fromkeys(keys, 0.0)
+    mine = {key: slopes[key] for key in keys}
+    causes, found = list[Explanation](), start
+
+    def attempt(shares: dict[str, float], names: tuple[str, ...], end: int | None = None) -> None:
+        nonlocal found
+        found = fit(there, shares, names, deadline, end)
+        if after := there.at({k: there.value(k, s) for k, s in found.items()}):
+            causes.append(cause_of(there, found, after))
+
+    def done() -> bool:
+        complete = any(cause.score == len(there.differing) for cause in causes)
+        return complete or not there.time_for_another(deadline)
+
+    attempt(start, every)
+    for shares, differences in ((start, there.before), (found, there.at_shares(found))):
+        if not done() and (here := {k: s for k in keys if (s := slope_of(there, shares, k))}):
+            names = of_one_mind(there, differences, here)
+            if names and names != every:
+                attempt(dict(shares), names)
+    for share in EARLY:
+        if not done():
+            attempt(start, every, int(share * len(there.curves.x)))
+            attempt(found, every)
+    return min(causes, key=rank) if causes else straight(there, keys, mine)
+
+
+def fit(
+    there: Residuals,
+    shares: dict[str, float],
+    names: tuple[str, ...],
+    deadline: float,
+    end: int | None = None,
+) -> dict[str, float]:
+    """Gauss-Newton: the changes, as shares of parameters, that leave least of some channels."""
+    after = there.at_shares(shares)
+    for _ in range(ITERATIONS):
+        slopes = {k: slope_of(there, shares, k) for k in shares}
+        if not all(slopes.values()) or not there.time_for_another(deadline):
+            break
+        step = solved(after, slopes, names, end)
+        for _ in range(HALVINGS if np.abs(step).max() > TINY else 1):
+            moved = {k: s + float(d) for (k, s), d in zip(shares.items(), step, strict=True)}
+            new = there.at_shares(moved)
+            if new and size(new, names, end) < LEAST_GAIN * size(after, names, end):
+                break
+            step = 0.5 * step
+        else:
+            break
+        shares, after = moved, new
+        if np.abs(step).max() <= ENDED:
+            break
+    return shares
+
+
+def of_one_mind(
+    there: Residuals, differences: Known, slopes: Mapping[str, Known]
+) -> tuple[str, ...]:
+    """The most channels that ask for the same change of one parameter; none of several."""
+    best: tuple[str, ...] = ()
+    if len(slopes) > 1:
+        return best
+    (slope,) = slopes.values()
+    for name in there.differing:
+        if not (square := float(slope[name] @ slope[name])):
+            continue
+        change = float(differences[name] @ slope[name]) / square
+        names = tuple(
+            other
+            for other in there.differing
+            if np.linalg.norm(differences[other] - change * slope[other])
+            <= ALIKE * np.linalg.norm(there.before[other])
+        )
+        best = max(best, names, key=len)
+    return best
+
+
+def cause_of(
+    there: Residuals, shares: Mapping[str, float], after: Known, note: str = ""
+) -> Explanation:
+    """The cause that some parameters have other values, which leaves these differences."""
+    changes = {k: (there.parameters[k], there.value(k, s)) for k, s in shares.items()}
+    words = []
+    for key, (old, new) in changes.items():
+        unit = pretty(unit_of(there.case, key))
+        share = f" ({100 * (new / old - 1):+.4g} %)" if old else ""
+        words.append(f"{key} = {new:.6g} {unit} instead of {old:.6g} {unit}".rstrip() + share)
+    kind, free = ("parameter", 1) if len(changes) == 1 else ("pair of parameters", 3)
+    return there.judged(kind, " and ".join(words).replace("  ", " ") + note, after, free, changes)
