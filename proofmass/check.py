@@ -12,15 +12,15 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare
-from proofmass.diagnosis import Diagnosis, find_causes
+from proofmass.diagnosis import Diagnosis, describe_loss, find_causes
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
-from proofmass.outcome import FAILURES, GOOD, OPEN, Outcome
+from proofmass.outcome import FAILURES, GOOD, LOST, OPEN, Outcome
 from proofmass.reference import grid
 from proofmass.refined import Finer, Ran, RefinedRow, errors, refinements
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import NATIVE
-from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 from proofmass.solve import run_here, simulate
 from proofmass.strict import Kind
 from proofmass.validate import validate
@@ -35,8 +35,8 @@ CAUSES = 60.0  # [s] until the search for the causes of one run's differences is
 class Result:
     """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
 
-    Curves and diagnoses are those of a case's run and solver, by their names; only runs that differ
-    have a diagnosis.
+    Curves and diagnoses are those of a case's run and solver, by their names.  `lost` has curves of
+    runs that were lost, until then.  Only runs that differ or were lost have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     """
 
@@ -44,6 +44,7 @@ class Result:
     comparisons: list[Comparison] = field(default_factory=list)
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     refined: list[RefinedRow] = field(default_factory=list)
+    lost: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
@@ -187,7 +188,8 @@ def load(path: Path, strict: bool = False) -> Case:
 def run_one(
     case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
 ) -> tuple[list[Comparison], Curves | None]:
-    """Run and compare one solver; a run that is lost gives comparisons that say so.
+    """Run and compare one solver; a run that is lost gives comparisons that say so, and the curves
+    until then if the engine has them.
 
     The model is compiled and the reference evaluated in the run's own process, within its limits.
     A model that the simulator does not cover is bad input of the sidecar that asked for it.
@@ -208,10 +210,11 @@ def run_one(
         if isinstance(error, (TimedOut, OutOfMemory)):
             key = "timeout" if isinstance(error, TimedOut) else "memory"
             message += f"; {key} in [run.{kind}] allows more"
+        curves = error.curves if isinstance(error, Diverged) else None
     return [
         Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome, message=message)
         for name, channel in case.channels_of(kind).items()
-    ], None
+    ], curves
 
 
 def measured(
@@ -403,7 +406,10 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
                 continue
             result.refined.extend(rows)
         elif curves is not None and not isinstance(task, Path):
-            result.curves[task[0].name, task[1], task[2]] = curves
+            there = comparisons[0].outcome not in LOST
+            kept = result.curves if there else result.lost
+            kept[task[0].name, task[1], task[2]] = curves
+            curves = curves if there else None
         result.comparisons.extend(comparisons)
         if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
             result.errors.append(early)
@@ -412,29 +418,37 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
 def diagnose(
     result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
 ) -> None:
-    """Look for the causes of all runs that differ; they go into the result."""
+    """Look for the causes of all runs that differ or were lost; they go into the result."""
     cases = {case.name: case for case in result.cases}
     differing = dict.fromkeys(
         (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
     )
-    runs = [key for key in differing if key in result.curves]
-    futures = [
-        pool.submit(one_diagnosis, cases[name], cast(Kind, run), solver, curves)
-        for name, run, solver in runs
-        for curves in [result.curves[name, run, solver]]
+    runs = [
+        *((key, find_causes, result.curves[key]) for key in differing if key in result.curves),
+        *((key, describe_loss, curves) for key, curves in result.lost.items()),
     ]
-    for k, (key, future) in enumerate(zip(runs, futures, strict=True)):
+    futures = [
+        pool.submit(one_diagnosis, search, cases[key[0]], cast(Kind, key[1]), key[2], curves)
+        for key, search, curves in runs
+    ]
+    for k, ((key, *_), future) in enumerate(zip(runs, futures, strict=True)):
         result.diagnoses[key] = future.result()
         progress(f"{' '.join(key)}: causes", k + 1, len(runs))
 
 
-def one_diagnosis(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
-    """The causes of a run's differences, from a worker; without any where they cannot be sought."""
+def one_diagnosis(
+    search: Callable[[Case, Kind, str, Curves], Diagnosis],
+    case: Case,
+    run: Kind,
+    solver: str,
+    curves: Curves,
+) -> Diagnosis:
+    """What a search for causes finds, in a worker; nothing where they cannot be sought."""
     limits = {"timeout": CAUSES, "memory": case.run[run].memory}
     try:
-        return cast(Diagnosis, isolated(find_causes, case, run, solver, curves, **limits))
-    except (InputError, Crashed, TimedOut, OutOfMemory) as error:
-        return Diagnosis(case.name, run, solver, fault=str(error))
+        return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))
+    except Exception as error:  # nothing may cost the verdicts
+        return Diagnosis(case.name, run, solver, fault=str(error) or type(error).__name__)
 
 
 def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:

@@ -36,8 +36,10 @@ from proofmass.errors import InputError
 from proofmass.files import read_text
 from proofmass.outcome import FAILURES
 from proofmass.recorded import Recorded
-from proofmass.reference import evaluate, modes, module_of, quantities, unit_of
+from proofmass.reference import compiled, evaluate, modes, module_of, quantities, unit_of
+from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol import Curves, Knobs
+from proofmass.sim.stability import limit
 from proofmass.solve import run_here, settings_of
 from proofmass.strict import Kind
 from proofmass.wording import listed, number, pretty
@@ -159,6 +161,8 @@ class Diagnosis:
         How long it took.
     fault : str
         Why causes could not be sought; empty if they were.
+    lost : bool
+        Whether the run was lost; then there are remarks alone.
     """
 
     case: str
@@ -171,33 +175,35 @@ class Diagnosis:
     remarks: tuple[str, ...] = ()
     seconds: float = 0.0
     fault: str = ""
+    lost: bool = False
 
     @property
-    def sentence(self) -> str:
-        """The best cause, how much it explains, and what the next best leaves."""
+    def lines(self) -> list[str]:
+        """The best cause, what it leaves unexplained, the next best, and remarks; a line each."""
         if self.fault:
-            return f"causes were not sought: {self.fault}"
+            return [f"causes were not sought: {self.fault}"]
+        if self.lost:
+            return list(self.remarks)
         if not self.causes or self.causes[0].score <= 0:
-            text = f"no change that was tried explains it: {', '.join(self.tried)}"
-            return "; ".join([text, *self.remarks])
+            return [f"none of those tried: {', '.join(self.tried)}", *self.remarks]
         best, *others = self.causes
         rest = [name for name in self.differing if name not in best.explains]
-        text = f"{best.words} explains {self.much(best)}: {number(best.left, 2)} of the error left"
-        if others and others[0].score > 0:
-            text += f"; the next best, {others[0].words}, {self.much(others[0])}"
-            text += f", {number(others[0].left, 2)} left"
-        elif others:
-            text += f"; the next best leaves {number(others[0].left, 2)}"
-        if best.same:
-            text += f"; as good: {listed(best.same)}"
-        if rest:
-            text += f"; not explained: {listed(rest)}"
-        return "; ".join([text, *self.remarks])
+        does = "puts {} right" if best.kind != "finer" else "reduces the error of {}"
+        right = f"{does.format(self.much(best))}, {number(best.left, 2)} of the error left"
+        found = [best.words, right + f"; not {listed(rest)}" * bool(rest)]
+        found += [f"as good: {listed(best.same)}"] * bool(best.same)
+        if others:
+            right = f"{self.much(others[0])} right, " if others[0].score > 0 else ""
+            left = number(others[0].left, 2)
+            found.append(f"next best: {others[0].words} ({right}{left} left)")
+        return [*found, *self.remarks]
 
     def much(self, cause: Explanation) -> str:
         """How many of the channels that differ a cause explains."""
-        many, all_of_them = len(cause.explains), len(self.differing)
-        return "it" if many == all_of_them else f"{many} of {all_of_them} channels"
+        many, there = len(cause.explains), len(self.differing)
+        if many < there:
+            return f"{many} of {there} channels"
+        return f"all {there} channels" if there > 1 else "the channel"
 
 
 class Residuals:
@@ -517,16 +523,21 @@ def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanatio
     case, used = there.case, there.curves.settings
     if there.curves.seconds > AGAIN:
         return
-    engine = engine_of(solver.partition(":")[0])
     if run == "dynamics" and isinstance(used.get("timestep"), float):
         step = cast(float, used["timestep"])
-        knobs = engine.at_step(cast(Knobs, settings_of(case, run, solver)), step / 2)
-        settings = {**case.settings, solver: {**case.settings.get(solver, {}), **knobs}}
         words = f"a time step of {number(step / 2)} s instead of {number(step)} s"
-        yield again(there, run, solver, words, {"settings": settings})
+        yield again(there, run, solver, words, halved(case, run, solver, step))
     if case.rod:
         rods = {n: r.model_copy(update={"segments": 2 * r.segments}) for n, r in case.rod.items()}
         yield again(there, run, solver, "twice as many segments", {"rod": rods})
+
+
+def halved(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
+    """The settings of a case with half the time step for a solver."""
+    engine = engine_of(solver.partition(":")[0])
+    knobs = engine.at_step(cast(Knobs, settings_of(case, run, solver)), step / 2)
+    own = {**case.settings.get(solver, {}), **knobs}
+    return {"settings": {**case.settings, solver: own}}
 
 
 def again(
@@ -726,3 +737,104 @@ def cause_of(
         words.append(f"{key} = {new:.6g} {unit} instead of {old:.6g} {unit}".rstrip() + share)
     kind, free = ("parameter", 1) if len(changes) == 1 else ("pair of parameters", 3)
     return there.judged(kind, " and ".join(words).replace("  ", " ") + note, after, free, changes)
+
+
+def describe_loss(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
+    """What the curves of a lost run say until it was lost.
+
+    Parameters
+    ----------
+    case : Case
+    run, solver : str
+        Which run was lost.
+    curves : Curves
+        Until the last sample before the loss.
+
+    Returns
+    -------
+    Diagnosis
+        Its remarks tell what left its tolerance first, how the constraint violation grew, whether
+        the time step is beyond the limit of the integrator at the stiffest spring, and with which
+        shorter step the run comes to its end.
+
+    Raises
+    ------
+    InputError
+        The reference cannot be evaluated.
+    """
+    begin = time.perf_counter()
+    words = [*first_to_leave(case, run, solver, curves), *violation_growth(curves)]
+    words += [
+        *beyond_stability(case, run, solver, curves),
+        *shorter_steps(case, run, solver, curves),
+    ]
+    seconds = time.perf_counter() - begin
+    return Diagnosis(case.name, run, solver, remarks=tuple(words), seconds=seconds, lost=True)
+
+
+def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+    """The channel that left its tolerance first, and where."""
+    there = Residuals(case, run, solver, curves)
+    over = {name: int(np.argmax(np.abs(there.before[name]) > 1.0)) for name in there.differing}
+    if not over:
+        yield f"no channel left its tolerance until x = {curves.x[-1]:.4g}"
+        return
+    name = min(over, key=lambda n: over[n])
+    at_once = [n for n, k in over.items() if k == over[name]]
+    yield f"{listed(at_once)} left the tolerance first, at x = {curves.x[over[name]]:.4g}"
+
+
+def violation_growth(curves: Curves) -> Iterator[str]:
+    """How the constraint violation grew before the loss."""
+    size = curves.violations
+    if size is None or size.size < 2 or not size.max() > 0:
+        return
+    last = float(size[-1])
+    before = np.flatnonzero(size <= 0.1 * last)
+    if before.size and last > 0:
+        k = int(before[-1])
+        yield (
+            f"the constraint violation grew tenfold, to {number(last)} m, from x = "
+            f"{curves.x[k]:.4g} to {curves.x[-1]:.4g}"
+        )
+
+
+def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+    """Whether the time step is too long for the stiffest spring, by theory."""
+    step = curves.settings.get("timestep")
+    if run != "dynamics" or not isinstance(step, float):
+        return
+    model = compiled(case)
+    engine = engine_of(solver.partition(":")[0])
+    scheme = engine.scheme_of(cast(Knobs, settings_of(case, run, solver)), model)
+    fastest = highest_frequency(model, case.start)
+    if scheme is None or not fastest:
+        return
+    most = limit(scheme.step)
+    side = "beyond" if step * fastest > most else "within"
+    yield (
+        f"dt ω = {number(step * fastest)} of the stiffest spring, {side} the {number(most)} up to "
+        f"which {scheme.name} is stable"
+    )
+
+
+def shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+    """The longest of the steps dt/2, dt/4, .. with which a run comes to its end, if it is short."""
+    step = curves.settings.get("timestep")
+    if run != "dynamics" or not isinstance(step, float):
+        return
+    least, seconds = step, curves.seconds
+    for _ in range(HALVINGS):
+        if (seconds := 2 * seconds) > AGAIN:
+            break
+        changed = halved(case, run, solver, least)
+        least /= 2
+        try:
+            run_here(case.model_copy(update=changed), run, solver)
+        except LOST_RUN:
+            continue
+        words = f"{number(least)} s instead of {number(step)} s"
+        yield f"with a time step of {words} it comes to its end"
+        return
+    if least < step:
+        yield f"with time steps down to {number(least)} s it is lost as well"

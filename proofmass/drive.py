@@ -127,7 +127,8 @@ def check_driven(run: Run, curves: Curves) -> None:
         raise Diverged(
             f"joint {run.drives[drive].joint!r} is at "
             f"{curves.drive[0][drive, sample]:.4g} where its drive leads it to "
-            f"{led[drive, sample]:.4g}, at x = {curves.x[sample]:.4g}"
+            f"{led[drive, sample]:.4g}, at x = {curves.x[sample]:.4g}",
+            curves,
         )
 
 

@@ -15,6 +15,7 @@ from rich.text import Text
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
+from proofmass.diagnosis import Diagnosis
 from proofmass.outcome import Outcome
 
 KEYS = (
@@ -158,6 +159,7 @@ def failures(result: Result) -> Iterator[Text]:
     """A line for each run that failed, by its worst channel, and for each case in which nothing was
     checked; sensors that no quantity is found for; and the counts of all outcomes.
     """
+    said = set[tuple[str, str]]()
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
@@ -176,7 +178,7 @@ def failures(result: Result) -> Iterator[Text]:
         )
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
         if found := result.diagnoses.get((case, run, solver)):
-            yield Text.assemble(("  cause: ", "bold"), found.sentence)
+            yield from diagnosis(found, said)
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
     for case in result.cases:
@@ -193,6 +195,17 @@ def failures(result: Result) -> Iterator[Text]:
         ", ".join(words) or "nothing to check",
         style="bold" if result.exit_code == 0 else "bold red",
     )
+
+
+def diagnosis(found: Diagnosis, said: set[tuple[str, str]]) -> Iterator[Text]:
+    """The lines of a diagnosis; of a cause that a run of the case had before, what it explains."""
+    first, *more = found.lines
+    if found.causes and (found.case, first) in said:
+        more = more[:1]
+    said.add((found.case, first))
+    yield Text.assemble(("  lost: " if found.lost else "  cause: ", "bold"), first)
+    for line in more:
+        yield Text(f"         {line}")
 
 
 def not_checked(case: Case) -> str:

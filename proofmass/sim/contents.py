@@ -248,3 +248,22 @@ def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
 def pose_of(data: mujoco.MjData) -> dict[str, Array]:
     """The present pose, as `anchors` wants it."""
     return {"site_xpos": data.site_xpos, "xpos": data.xpos, "xmat": data.xmat}
+
+
+def highest_frequency(model: mujoco.MjModel, key: str) -> float:
+    """The fastest oscillation on the springs of the joints in a start pose [rad/s].
+
+    0 without springs, and for models with loops, which make it slower.
+    """
+    stiffness = model.jnt_stiffness
+    on_one = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+    if model.neq or not (stiffness * on_one > 0).any():
+        return 0.0
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    mujoco.mj_forward(model, data)
+    inertia, springs = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    mujoco.mj_fullM(model, data, inertia)
+    springs[model.jnt_dofadr[on_one]] = stiffness[on_one]
+    squares = np.linalg.eigvals(np.linalg.solve(inertia, np.diag(springs)))
+    return float(np.sqrt(squares.real.max(initial=0.0)))

@@ -65,7 +65,7 @@ mujoco.set_mju_user_warning(_warn)
 
 
 @contextmanager
-def _warnings() -> Iterator[list[str]]:
+def collected_warnings() -> Iterator[list[str]]:
     """Collect what MuJoCo warns of meanwhile, in this thread."""
     _thread.warnings = found = list[str]()
     try:
@@ -90,7 +90,7 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     """
     if not path.is_file():
         raise BadModel(f"{path.name}: no such file, or no regular file")
-    with _warnings() as warnings:
+    with collected_warnings() as warnings:
         try:
             if rods:
                 model = compile_with_rods(mujoco.MjSpec.from_file(str(path)), rods)

@@ -9,7 +9,7 @@ An engine knows no reference and no tolerance.  It imports nothing of the core.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count, takewhile
 from pathlib import Path
 from textwrap import indent
@@ -49,8 +49,13 @@ class Unsupported(Exception):
 class Diverged(Exception):
     """The run was lost: not finite, reset by the engine, or the loops came open.
 
-    A message that begins with ``NAME warning`` is what the engine itself said.
+    A message that begins with ``NAME warning`` is what the engine itself said.  `curves` are those
+    up to the last sample before the loss, where the engine has them.
     """
+
+    def __init__(self, message: str = "", curves: "Curves | None" = None) -> None:
+        super().__init__(message)
+        self.curves = curves
 
 
 class NotSolved(Diverged):
@@ -288,6 +293,8 @@ class Curves:
     derivatives : {2, 1, 0}
         Highest time derivative of the motion that the run has: accelerations, rates, or poses
         alone, as where the engine comes to rest at every sample.
+    violations : ndarray (n,), or None
+        The constraint violation at each sample [m], of a run in time.
     """
 
     x: Array
@@ -300,6 +307,18 @@ class Curves:
     settings: dict[str, object] = field(default_factory=dict)
     stopped: str = ""
     derivatives: int = 2
+    violations: Array | None = None
+
+    def first(self, count: int) -> "Curves":
+        """The same up to a number of samples."""
+        value, rate, acceleration = self.drive or 3 * (np.empty((0, 0)),)
+        return replace(
+            self,
+            x=self.x[:count],
+            channels={name: curve[:count] for name, curve in self.channels.items()},
+            drive=self.drive and (value[:, :count], rate[:, :count], acceleration[:, :count]),
+            violations=None if self.violations is None else self.violations[:count],
+        )
 
 
 Knob = str | float | int | bool | tuple[float, ...]

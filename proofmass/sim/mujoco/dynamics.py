@@ -8,13 +8,16 @@ did is returned beside the curves, so that a comparison can be made at the actua
 Loops are neither closed nor checked and no motion is prescribed.
 """
 
+import re
 import time
+from typing import cast
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import withhold_drives
@@ -22,6 +25,7 @@ from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.mujoco.settling import lost
 from proofmass.sim.protocol import Curves, Diverged, Run
 
+TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # in a warning of MuJoCo
 FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
 
 
@@ -82,23 +86,27 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     began = time.perf_counter()
     dofs = linkage.dofs
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
-    step_through(model, data, record, torque, instant[::count], dofs)
+    with collected_warnings() as said:
+        step_through(model, data, record, torque, instant[::count], dofs)
     seconds = time.perf_counter() - began
-    gap = check(model, data, record, run.x)
     state = None
     if run.drives:
         rows = record.rows
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
-    return Curves(
+    gaps = record.gaps()
+    curves = Curves(
         run.x,
         record.curves(),
         missing,
         drive=state,
-        violation=gap,
+        violation=float(gaps.max(initial=0.0)),
         seconds=seconds,
         steps=times.size - 1,
         settings=stepped_with(model),
+        violations=gaps,
     )
+    check(model, data, record, curves, said)
+    return curves
 
 
 def step_through(
@@ -145,24 +153,32 @@ def step_through(
     record.sample(len(torque))
 
 
-def check(model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, times: Array) -> float:
-    """Largest constraint violation [m]; raises when the run was lost.
+def check(
+    model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, curves: Curves, said: list[str]
+) -> None:
+    """Raise `Diverged` if the run was lost, with its curves until then.
 
-    MuJoCo itself resets the state and carries on in silence, so its warnings are read.
+    MuJoCo itself resets the state and carries on in silence, so its warnings are read; the words of
+    the first, `said`, have its time.
     """
-    gaps, pose = record.gaps(), record.rows["qpos"]
+    gaps, pose = cast(Array, curves.violations), record.rows["qpos"]
     finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
-    when = f"t = {times[int(np.argmin(finite))]:.4g} s" if not finite.all() else "some time"
-    if warning := lost(data):
-        raise Diverged(f"{warning}; lost at {when}")
-    if not finite.all():
-        k = int(np.argmin(finite))
-        raise Diverged(
-            f"not finite at {when}"
-            if not np.isfinite(pose[k]).all()
-            else f"a loop came open by {gaps[k]:.3g} m at {when}"
-        )
-    return float(gaps.max(initial=0.0))
+    warning = lost(data)
+    if not warning and finite.all():
+        return
+    k = int(np.argmin(finite)) if not finite.all() else finite.size
+    times = [float(t) for text in said for t in TIME.findall(text)]
+    if warning and times and times[0] < curves.x[min(k, finite.size - 1)]:
+        k, when = int(np.searchsorted(curves.x, times[0])), f"t = {times[0]:.4g} s"
+    else:
+        when = f"t = {curves.x[k]:.4g} s" if k < finite.size else "some time"
+    if warning:
+        words = f"{warning}; lost at {when}"
+    elif not np.isfinite(pose[k]).all():
+        words = f"not finite at {when}"
+    else:
+        words = f"a loop came open by {gaps[k]:.3g} m at {when}"
+    raise Diverged(words, curves.first(k) if k else None)
 
 
 def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:

@@ -273,19 +273,29 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
     if settings["iterations"] is None and (needed := _needed(links, states[0])) > USUAL:
         used["iterations"] = needed
         states = stepped(links, run, per, used)
-    gap = _checked(links, states[0], run.x)
-    curves = {name: unwrapped(name, _curve(links, c, states, dt)) for name, c in channels.items()}
+    gaps, lost = _lost(links, states[0])
+    with np.errstate(all="ignore"):  # beyond the loss of a run, which is cut off
+        found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in channels.items()}
+        drive = _drive_state(links, states, dt)
     steps = (len(run.x) - 1) * per + 1
-    return Curves(
+    curves = Curves(
         run.x,
-        curves,
+        found,
         {},
-        _drive_state(links, states, dt),
-        gap,
+        drive,
+        float(gaps.max()),
         time.perf_counter() - began,
         steps,
         used,
+        violations=gaps,
     )
+    if lost.any():
+        k = int(np.argmax(lost))
+        raise Diverged(
+            f"lost at time {run.x[k]:.4g} s: the loops are open by {gaps[k]:.3g} m",
+            curves.first(k) if k else None,
+        )
+    return curves
 
 
 def _needed(links: Links, pose: Array) -> int:
@@ -309,14 +319,6 @@ def _lost(links: Links, pose: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         gap = gaps(links, pose).max(axis=-1)
     return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= LOST * links.extent))
-
-
-def _checked(links: Links, pose: Array, x: Array) -> float:
-    gap, lost = _lost(links, pose)
-    if lost.any():
-        k = int(np.argmax(lost))
-        raise Diverged(f"lost at time {x[k]:.4g} s: the loops are open by {gap[k]:.3g} m")
-    return float(gap.max())
 
 
 def _curve(links: Links, c: Sensor, states: States, dt: float) -> Array:

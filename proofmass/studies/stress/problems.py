@@ -27,6 +27,7 @@ from proofmass.sim.protocol import (
     Unsupported,
 )
 from proofmass.sim.specimens import key, mjcf, wheel
+from proofmass.sim.stability import limit
 from proofmass.solve import simulate
 from proofmass.studies.measure import taken
 from proofmass.studies.stress import theory
@@ -175,7 +176,7 @@ def springs() -> Iterator[Sought]:
                 0.1,
                 100.0,
                 partial(row, engine, text, scheme.settings, STEPS),
-                theory.limit(scheme.step, zeta),
+                limit(scheme.step, zeta),
                 scheme.law,
             )
 
@@ -196,7 +197,7 @@ def chains() -> Iterator[Sought]:
             0.1,
             10.0,
             partial(row, engine, chain(masses), scheme.settings, 1000),
-            theory.limit(scheme.step) / theory.chain_frequency(masses),
+            limit(scheme.step) / theory.chain_frequency(masses),
             "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))",
         )
 
@@ -218,7 +219,7 @@ def pendulums() -> Iterator[Sought]:
             0.01,
             100.0,
             partial(hung, engine, scheme.settings),
-            theory.limit(scheme.step) ** 2,
+            limit(scheme.step) ** 2,
             "square of the limit of dt ω",
         )
 
@@ -232,7 +233,7 @@ def own_ones() -> Iterator[Sought]:
     """Problems of an engine's own."""
     for engine in engine_names():
         for one in engine_of(engine).specimens():
-            known = theory.limit(one.step, one.zeta) if one.step else one.theory
+            known = limit(one.step, one.zeta) if one.step else one.theory
             yield Sought(
                 one.what,
                 engine,

@@ -7,6 +7,7 @@ import pytest
 
 from proofmass.sim.mujoco.stability import SCHEMES, discrete, euler, euler_explicit
 from proofmass.sim.pymunk.stability import chipmunk
+from proofmass.sim.stability import limit
 from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Sought
 from proofmass.studies.stress.problems import probes, stepping, wheel
@@ -71,9 +72,9 @@ def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
 def test_limits_have_closed_forms(zeta):
     """The roots of |trace| = 1 + determinant, by hand."""
     root = np.sqrt(1 + zeta**2)
-    assert theory.limit(euler, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
-    assert theory.limit(euler_explicit, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
-    assert theory.limit(discrete, zeta) == np.inf
+    assert limit(euler, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
+    assert limit(euler_explicit, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
+    assert limit(discrete, zeta) == np.inf
 
 
 def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
@@ -83,9 +84,9 @@ def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
         u = 2 + 2 * np.exp(-u)
     edge = np.sqrt(u * np.exp(-u)) / 2
     assert edge == pytest.approx(0.2457, abs=1e-4)
-    assert np.isfinite(theory.limit(chipmunk, 0.99 * edge))
-    assert theory.limit(chipmunk, 1.01 * edge) == np.inf
-    z = theory.limit(chipmunk, 0.1)
+    assert np.isfinite(limit(chipmunk, 0.99 * edge))
+    assert limit(chipmunk, 1.01 * edge) == np.inf
+    z = limit(chipmunk, 0.1)
     assert z**2 == pytest.approx(2 + 2 * np.exp(0.2 * z), rel=1e-6)
 
 

@@ -1,0 +1,56 @@
+"""Where steps become unstable, from the integrators' own maps.
+
+A spring and a damper on one coordinate, I q'' = -k q - c q', have
+
+    omega^2 = k / I        zeta = c / (2 I omega)        z = dt omega
+
+and a step takes (q, dt q') to A (q, dt q').  It is stable while no eigenvalue of A lies outside the
+unit circle.  With trace t and determinant d that is |d| <= 1 and |t| <= 1 + d (Jury).  The engines'
+own maps stand in their folders, such as `proofmass.sim.mujoco.stability`.
+"""
+
+from functools import cache
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.protocol import StepMap
+
+FAR = 1e6
+"""dt omega up to which a limit is looked for."""
+
+
+def radius(matrix: Array) -> float:
+    """Spectral radius."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+@cache
+def limit(step: StepMap, zeta: float = 0.0) -> float:
+    """The least z = dt omega at which a step becomes unstable; infinite if none does.
+
+    Examples
+    --------
+    >>> from proofmass.engines import engine_of
+    >>> maps = {one.name: one.step for name in ("mujoco", "pymunk")
+    ...         for one in engine_of(name).schemes}
+    >>> [round(limit(maps[name]), 4) for name in ("Euler", "RK4", "pymunk", "discrete")]
+    [2.0, 2.8284, 2.0, inf]
+    >>> bool(np.isclose(limit(maps["Euler"], 0.3), 2 * (0.3 + np.sqrt(1.09)), rtol=1e-7))
+    True
+    >>> limit(maps["pymunk"], 0.25)
+    inf
+    """
+
+    def over(z: float) -> bool:
+        return radius(step(z, zeta)) > 1.0 + 1e-9  # rounding of eigenvalues on the unit circle
+
+    grid = np.geomspace(1e-2, FAR, 1000)
+    first = next((k for k, z in enumerate(grid) if over(z)), 0)
+    if not first:
+        return float("inf")
+    low, high = grid[first - 1], grid[first]
+    while high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if over(middle) else (middle, high)
+    return float(high)
