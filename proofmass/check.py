@@ -423,27 +423,28 @@ def diagnose(
     differing = dict.fromkeys(
         (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
     )
-    runs = [
-        *((key, find_causes, result.curves[key]) for key in differing if key in result.curves),
-        *((key, describe_loss, curves) for key, curves in result.lost.items()),
-    ]
+    runs = {key: result.curves[key] for key in differing if key in result.curves} | result.lost
     futures = [
-        pool.submit(one_diagnosis, search, cases[key[0]], cast(Kind, key[1]), key[2], curves)
-        for key, search, curves in runs
+        pool.submit(
+            one_diagnosis,
+            cases[name],
+            cast(Kind, run),
+            solver,
+            curves,
+            (name, run, solver) in result.lost,
+        )
+        for (name, run, solver), curves in runs.items()
     ]
-    for k, ((key, *_), future) in enumerate(zip(runs, futures, strict=True)):
+    for k, (key, future) in enumerate(zip(runs, futures, strict=True)):
         result.diagnoses[key] = future.result()
         progress(f"{' '.join(key)}: causes", k + 1, len(runs))
 
 
 def one_diagnosis(
-    search: Callable[[Case, Kind, str, Curves], Diagnosis],
-    case: Case,
-    run: Kind,
-    solver: str,
-    curves: Curves,
+    case: Case, run: Kind, solver: str, curves: Curves, lost: bool = False
 ) -> Diagnosis:
     """What a search for causes finds, in a worker; nothing where they cannot be sought."""
+    search = describe_loss if lost else find_causes
     limits = {"timeout": CAUSES, "memory": case.run[run].memory}
     try:
         return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))

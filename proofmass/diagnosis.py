@@ -198,6 +198,12 @@ class Diagnosis:
             found.append(f"next best: {others[0].words} ({right}{left} left)")
         return [*found, *self.remarks]
 
+    @property
+    def text(self) -> str:
+        """All lines, after the word that says what they tell."""
+        head = "lost" if self.lost else "cause"
+        return f"{head}: " + f"\n{' ' * 9}".join(self.lines)
+
     def much(self, cause: Explanation) -> str:
         """How many of the channels that differ a cause explains."""
         many, there = len(cause.explains), len(self.differing)
@@ -776,8 +782,9 @@ def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterat
     """The channel that left its tolerance first, and where."""
     there = Residuals(case, run, solver, curves)
     over = {name: int(np.argmax(np.abs(there.before[name]) > 1.0)) for name in there.differing}
-    if not over:
+    if not over and curves.x.size > 1:
         yield f"no channel left its tolerance until x = {curves.x[-1]:.4g}"
+    if not over:
         return
     name = min(over, key=lambda n: over[n])
     at_once = [n for n, k in over.items() if k == over[name]]

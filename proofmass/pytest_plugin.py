@@ -12,10 +12,11 @@ from typing import Any
 import pytest
 
 from proofmass.case import Case
-from proofmass.check import load, one_task, read, run_one, stopped
+from proofmass.check import load, one_diagnosis, one_task, read, run_one, stopped
 from proofmass.compare import UNCHECKED, Comparison, compare
+from proofmass.diagnosis import Diagnosis
 from proofmass.errors import InputError
-from proofmass.outcome import FAILURES, GOOD, Outcome
+from proofmass.outcome import FAILURES, GOOD, LOST, Outcome
 from proofmass.refined import refinements
 
 VERDICTS = partial(compare, detectable=False)
@@ -62,25 +63,28 @@ class SolverItem(pytest.Item):
         the whole case is and its sidecar does not say so.
         """
         loaded(self.case.file)
-        comparisons: list[Comparison] = []
+        comparisons, causes = list[Comparison](), list[Diagnosis]()
         for kind, run in self.case.run.items():
             if self.name in run.solvers:
                 found, curves = run_one(self.case, kind, self.name, VERDICTS)
                 if error := stopped(self.case, kind, self.name, curves):
                     raise error
                 comparisons += found
+                lost = found[0].outcome in LOST
+                if curves and (lost or any(c.outcome == Outcome.DIFFERS for c in found)):
+                    causes.append(one_diagnosis(self.case, kind, self.name, curves, lost))
         for task in refinements(self.case):
             if task.solver == self.name:
                 comparisons += task.study.add(task.segments, one_task(task))[1]
         wrong = [c for c in comparisons if c.outcome not in GOOD]
         if wrong:
-            raise Disagreement(
-                "\n".join(
-                    f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
-                    f"{c.unit} at {c.at:.6g}, allowed {c.allowed:.3g}"
-                    for c in wrong
-                )
-            )
+            lines = [
+                f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
+                f"{c.unit} at {c.at:.6g}, allowed {c.allowed:.3g}"
+                for c in wrong
+            ]
+            lines += [f"{found.run} {found.text}" for found in causes]
+            raise Disagreement("\n".join(lines))
         if not (self.case.tolerance or self.case.refine or self.case.unchecked):
             raise Disagreement(UNCHECKED)
         if not any(c.outcome == Outcome.AGREES for c in comparisons):
