@@ -199,3 +199,12 @@ SPRUNG = """<mujoco><compiler angle="radian"/><worldbody>
 <body><joint name="a" stiffness="400"/><geom type="sphere" size="0.01" mass="0"/>
 <inertial pos="0 0 0" mass="1" diaginertia="0.25 0.25 0.25"/></body></worldbody>
 <keyframe><key name="start" qpos="0"/></keyframe></mujoco>"""
+
+
+def test_a_failed_item_of_pytest_tells_the_cause(pytester):
+    sidecar = edited(pytester.path, "fourbar", LONGER)
+    run = pytester.runpytest_subprocess("-n0", f"{sidecar.name}::mujoco")
+    run.assert_outcomes(failed=1)
+    run.stdout.fnmatch_lines(
+        ["sweep cause: rocker = 2.525 m instead of 2.5 m (+1 %)", "*puts 16 of 17 channels right*"]
+    )
