@@ -42,6 +42,12 @@ def module_of(case: Case) -> ModuleType | Recorded:
     )
 
 
+def reads_model(case: Case) -> bool:
+    """Whether the reference takes its numbers from the case's own MJCF: wrong there, wrong here."""
+    truth = module_of(case)
+    return not isinstance(truth, Recorded) and "model" in inspect.signature(truth.solve).parameters
+
+
 def grid(case: Case, kind: Kind) -> Array:
     """Where a run is sampled."""
     truth, run, leader = module_of(case), case.run[kind], case.leader

@@ -3,11 +3,8 @@
 A file is written beside its place and moved there, so that it is whole whenever it is there.
 """
 
-import hashlib
-import importlib.metadata
 import io
 import json
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
@@ -16,18 +13,21 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
-import mujoco
 import numpy as np
 
-import proofmass
-from proofmass import analytic, drive, reference, sim
+from proofmass import drive, reference
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.engines import brought_by, engine_of
 from proofmass.errors import InputError
 from proofmass.files import HALF, read_text, write_whole
+from proofmass.fingerprint import (
+    digest,
+    model_bytes,
+    recorded_bytes,
+    sources_with,
+    versions,
+)
 from proofmass.outcome import Outcome
-from proofmass.reference import compiled
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Measurement, StudyRun
@@ -197,63 +197,7 @@ def compiled_with(task: StudyRun) -> tuple[Case, str, dict[str, Any]]:
     return case, digest(model_bytes(case)), dict(run.settings)
 
 
-def digest(data: bytes) -> str:
-    """SHA-256 in hexadecimal.
-
-    >>> digest(b"abc")[:8]
-    'ba7816bf'
-    """
-    return hashlib.sha256(data).hexdigest()
-
-
-def model_bytes(case: Case) -> bytes:
-    """The compiled model, with its rods, and with what the file includes."""
-    return saved(compiled(case))
-
-
-def saved(model: mujoco.MjModel) -> bytes:
-    """A compiled model as the engine saves it."""
-    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return buffer.tobytes()
-
-
-def recorded_bytes(case: Case) -> str:
-    """Digest of the reference's file, if it is a recorded curve."""
-    if not case.recorded:
-        return ""
-    return digest((case.file.parent / case.reference).read_bytes())
-
-
-@cache
-def versions(engine: str) -> dict[str, str]:
-    """Of what computes a result."""
-    brought = brought_by(engine)
-    names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
-    code = (
-        {}
-        if not brought
-        else {
-            "adapter": digest(
-                Path(str(sys.modules[type(engine_of(engine)).__module__].__file__)).read_bytes()
-            )
-        }
-    )
-    return {
-        "proofmass": proofmass.__version__,
-        **{name: importlib.metadata.version(name) for name in names},
-        **code,
-    }
-
-
 @cache
 def sources() -> str:
     """Digest of the code of simulators and references; a version stays while it is developed."""
-    files = [
-        file
-        for package in (sim, analytic)
-        for folder in package.__path__
-        for file in sorted(Path(folder).rglob("*.py"))
-    ]
-    files += [Path(str(module.__file__)) for module in OWN]
-    return digest(b"".join(file.read_bytes() for file in files))
+    return sources_with(Path(str(module.__file__)) for module in OWN)

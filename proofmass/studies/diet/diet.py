@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 import mujoco
 
+from proofmass.fingerprint import saved
 from proofmass.outcome import FAILURES
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Run
@@ -41,7 +42,7 @@ from proofmass.studies.diet.scene import TIMED, DietScene, Watch, moved, strayed
 from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Displacements, Entry
 from proofmass.studies.diet.trial import Cost, Pace, attempt, paced
 from proofmass.studies.run import pool
-from proofmass.studies.store import digest, once, saved, sources, versions
+from proofmass.studies.store import digest, once, sources, versions
 from proofmass.worker import isolated
 
 

@@ -1,0 +1,286 @@
+"""Runs of a case with changed numbers of its model: functions that workers call.
+
+`baseline` runs a case as it is, and keeps its errors with their signs.  `with_changes` runs it with
+a changed model, holds it against the reference as `proofmass check` does, and tells from the two at
+which change the first tolerance would be used up.
+"""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.case import Case
+from proofmass.compare import Comparison, check_branch, compare, run_reference, scale_of, time_of
+from proofmass.errors import InputError
+from proofmass.mobility import mobility
+from proofmass.outcome import FAILURES, Outcome
+from proofmass.reference import compiled, evaluate, grid, reads_model
+from proofmass.sim.contents import mass, size
+from proofmass.sim.numbers import (
+    Number,
+    Sizes,
+    Source,
+    changed_rods,
+    numbers_of,
+    source_of,
+    written,
+)
+from proofmass.sim.protocol import BadModel, Curves
+from proofmass.solve import plan, run_here
+from proofmass.strict import Kind
+
+ENOUGH = 24
+"""Intervals of a sweep that show the rate of an error: a peak between them is a percent higher."""
+Errors = dict[str, Array]
+Changes = Sequence[tuple[Number, float]]
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A run of the case as it is.
+
+    Attributes
+    ----------
+    errors : dict of str to ndarray (n,)
+        Signed errors of the channels that agree, in SI units.
+    allowed, shares : dict of str to float
+        What they may be, in SI units and as shares of what `scale_of` says.
+    comparisons : list of Comparison
+    seconds : float
+        Wall time of the engine.
+    """
+
+    kind: Kind
+    solver: str
+    errors: Errors
+    allowed: dict[str, float]
+    shares: dict[str, float]
+    comparisons: list[Comparison]
+
+    @property
+    def name(self) -> tuple[Kind, str]:
+        """The run and the solver."""
+        return self.kind, self.solver
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of the engine."""
+        return next((c.seconds for c in self.comparisons if math.isfinite(c.seconds)), 0.0)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """By what factor a change would have to grow to be noticed, and by which channel."""
+
+    factor: float = math.inf
+    channel: str = ""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of a run with changed numbers.
+
+    Attributes
+    ----------
+    ratio : float
+        The largest error over what is allowed, of all channels; infinite if the run is lost.
+    channel : str
+        The channel of it.
+    lost : str
+        Why the run gave no curves that can be held against the reference.
+    limits : dict of str to (Limit, Limit)
+        By solvers of the run, if errors grow with the change: for the same change and for the
+        opposite one.
+    """
+
+    ratio: float
+    channel: str = ""
+    lost: str = ""
+    limits: dict[str, tuple[Limit, Limit]] = field(default_factory=dict)
+
+
+def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
+    """Run a case as it is, and tell its errors with their signs."""
+    mobility(case)
+    curves = run_here(case, kind, solver)
+    if curves.stopped:
+        raise InputError(case.file, "drive", f"the {solver} {kind} ends early: {curves.stopped}")
+    comparisons = compare(case, kind, solver, curves)
+    truth = run_reference(case, kind, curves).as_driven(curves.drive)
+    errors, allowed, shares = Errors(), dict[str, float](), dict[str, float]()
+    for c in comparisons:
+        if c.outcome == Outcome.AGREES:
+            errors[c.channel] = curves.channels[c.channel] - truth.channels[c.channel]
+            allowed[c.channel] = c.allowed * case.channels[c.channel].factor
+            scale = scale_of(case, kind, c.channel, curves, truth.channels[c.channel])
+            shares[c.channel] = allowed[c.channel] / scale if scale else math.nan
+    return Baseline(kind, solver, errors, allowed, shares, comparisons)
+
+
+def numbers(case: Case) -> list[Number]:
+    """The numbers of a case's model."""
+    model = compiled(case)
+    length, all_mass = size(model, case.start) or 1.0, mass(model) or 1.0
+    times = [time_of(case, kind, prescribed(case, kind), length) for kind in case.run]
+    sizes = Sizes(length, all_mass, next(filter(None, times), 1.0))
+    return numbers_of(source(case), sizes, [d.joint for d in case.drive])
+
+
+def prescribed(case: Case, kind: Kind) -> Curves:
+    """The motion that a run prescribes, without any channel."""
+    x = grid(case, kind)
+    run = plan(case, kind, case.run[kind].solvers[0])
+    return Curves(x, {}, drive=run.motion(x) if case.drive and kind != "equilibrium" else None)
+
+
+sources = lru_cache(8)(source_of)
+
+
+def source(case: Case) -> Source:
+    """The compiled model of a case with its file."""
+    try:
+        return sources(case.model_path, case.start, case.rods)
+    except BadModel as error:
+        raise InputError(case.model_path, "", str(error)) from None
+
+
+def stride_of(case: Case, kind: Kind) -> int:
+    """Of how many samples of a sweep one is enough to tell a rate; 1 of another run."""
+    n = case.run[kind].n
+    if kind != "sweep" or n is None:
+        return 1
+    return max(k for k in range(1, n) if (n - 1) % k == 0 and ((n - 1) // k >= ENOUGH or k == 1))
+
+
+def thinned(case: Case, kind: Kind, stride: int) -> Case:
+    """The case with one sample of so many, at the same places."""
+    run = case.run[kind]
+    if stride == 1 or run.n is None:
+        return case
+    fewer = run.model_copy(update={"n": (run.n - 1) // stride + 1})
+    return case.model_copy(update={"run": {**case.run, kind: fewer}})
+
+
+def mutant(case: Case, changes: Changes, folder: Path) -> Case:
+    """The case with a changed model, as a file in a folder; it is sampled as it was."""
+    file = folder / case.model_path.name
+    file.write_text(written(source(case), changes), encoding="utf-8")
+    if case.recorded:
+        (folder / case.reference).write_bytes((case.file.parent / case.reference).read_bytes())
+    rods = {
+        name: table.model_copy(update=changed_rods(case.rods, changes).get(name, {}))
+        for name, table in case.rod.items()
+    }
+    runs = {
+        kind: run.model_copy(update={"until": float(grid(case, kind)[-1])})
+        if kind == "equilibrium"
+        else run
+        for kind, run in case.run.items()
+    }
+    return case.model_copy(
+        update={"file": folder / case.file.name, "model": file.name, "rod": rods, "run": runs}
+    )
+
+
+def with_changes(
+    case: Case,
+    kind: Kind,
+    solver: str,
+    changes: Changes,
+    before: Sequence[Baseline],
+    stride: int = 1,
+) -> Trial:
+    """Run a case with changed numbers, and hold it against the reference as `check` does.
+
+    Parameters
+    ----------
+    case, kind, solver
+        The run.
+    changes : sequence of (Number, float)
+        What is added to which numbers.
+    before : sequence of Baseline
+        The runs of that kind; that of this solver is judged, the others lend their errors and
+        tolerances.
+    stride : int
+        One sample of so many is run.
+    """
+    own = next(one for one in before if one.solver == solver)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            few = thinned(case, kind, stride)
+            errors = errors_of(few, mutant(few, changes, Path(folder)), kind, solver, own)
+        except InputError as error:
+            return Trial(math.inf, lost=error.wrong)
+        except MemoryError:
+            raise
+        except BadModel as error:
+            return Trial(math.inf, lost=str(error))
+        except tuple(FAILURES) as error:
+            return Trial(math.inf, lost=str(error))
+        except Exception as error:
+            return Trial(math.inf, lost=f"{type(error).__name__}: {error}")
+    ratios = {
+        name: float(np.max(np.abs(error))) / own.allowed[name] for name, error in errors.items()
+    }
+    if not all(map(math.isfinite, ratios.values())):
+        return Trial(math.inf, lost="not a number somewhere on a curve")
+    channel = max(ratios, key=ratios.__getitem__)
+    rates = {name: error - own.errors[name][::stride] for name, error in errors.items()}
+    limits = {one.solver: limits_of(one, rates, stride) for one in before}
+    return Trial(ratios[channel], channel, "", limits)
+
+
+def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline) -> Errors:
+    """Signed errors of the channels that agreed, with a changed model.
+
+    A reference that reads the model is given the changed one; others know the case's own only, and
+    are evaluated once.
+    """
+    mobility(changed)
+    curves = run_here(changed, kind, solver)
+    if curves.stopped:
+        raise InputError(changed.file, "drive", f"it ends early: {curves.stopped}")
+    if reads_model(case):
+        truth = evaluate(changed, curves.x, curves.drive)
+    else:
+        truth = run_reference(case, kind, curves).as_driven(curves.drive)
+    check_branch(case, curves, truth)
+    missing = [name for name in own.errors if name not in curves.channels]
+    if missing:
+        why = curves.missing.get(missing[0], "it is not delivered")
+        raise InputError(changed.file, missing[0], f"channel {missing[0]}: {why}")
+    return {name: curves.channels[name] - truth.channels[name] for name in own.errors}
+
+
+def limits_of(before: Baseline, rates: Errors, stride: int) -> tuple[Limit, Limit]:
+    """By what factor of a change and of its opposite a run notices it, from its rates."""
+    return tuple(  # type: ignore[return-value]
+        min(
+            (
+                limit(before.errors[name][::stride], before.allowed[name], side * rate, name)
+                for name, rate in rates.items()
+                if name in before.errors
+            ),
+            key=lambda one: one.factor,
+            default=Limit(),
+        )
+        for side in (1, -1)
+    )
+
+
+def limit(error: Array, allowed: float, rate: Array, channel: str) -> Limit:
+    """By what factor of its rate an error gets as large as it may be.
+
+    >>> limit(np.array([0.5, -0.5]), 1.0, np.array([0.1, 0.1]), "y").factor
+    5.0
+    """
+    with np.errstate(divide="ignore"):
+        room = np.where(rate > 0, allowed - error, allowed + error)
+        factors = np.where(rate != 0, room / np.abs(rate), np.inf)
+    return Limit(max(float(factors.min()), 0.0), channel)

@@ -1,0 +1,469 @@
+"""The search for the numbers that a case notices, and for the smallest change of each.
+
+**What is tried.**  A number is changed by `SHARE` of its value, one that is 0 by `SHARE` of a
+natural size, to both sides.  Numbers of a kind that often nothing notices are changed together
+first, twice, by different random shares of at least that: where neither is noticed, none of them
+alone is, unless two cancel in both.  Where one is, the group is halved.
+
+**The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
+error is (e1 - e0) / d at each sample, and the channel whose tolerance is used up first tells the
+change that is noticed.  This is repeated with twice the change that was told, until the two agree.
+
+Sweeps are searched at some of their samples, at which what is noticed is noticed by the whole run
+as well.  At the end the whole runs are asked once more for all numbers that nothing noticed, and
+the runs of another kind for half of the changes that were told.
+"""
+
+import math
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from typing import Any
+
+from proofmass.case import Case
+from proofmass.changed import Baseline, Changes, Trial, baseline, numbers, stride_of, with_changes
+from proofmass.compare import Comparison, changeable
+from proofmass.outcome import FAILURES, Outcome
+from proofmass.sim.numbers import SHARE, NotWritten, Number
+from proofmass.strict import Kind
+from proofmass.worker import isolated
+
+CHUNK = 6
+"""Numbers of a kind that are tried together."""
+SMALL = 1e-4
+"""Of the change that is tried: the first one, whose rate tells what to try next."""
+NEAR = 4.0
+"""A change is told if it is up to so many times less than one that was tried and noticed."""
+ROUNDS = 8
+"""Changes to try for the smallest one that is noticed."""
+DOWN = 1e-2
+"""Of a change with which a run is lost: the next one, which may tell a rate."""
+LOST = 3
+"""Changes with which a run is lost, one after the other, until it is given up."""
+SOONER = 0.8
+"""Of the change that is told: what another solver has to promise to be asked."""
+QUIET = {
+    "inertia",
+    "damping",
+    "armature",
+    "friction",
+    "softness of the loop",
+    "softness of the stop",
+    "start rate",
+    "range",
+}
+"""Kinds that often nothing notices: they begin with a group, the others one by one."""
+POSITIVE = {"damping", "armature", "friction", "stiffness"}
+"""Kinds that are not tried below 0."""
+WHOLE = "all together"
+"""Label of what is asked at the end."""
+
+
+@dataclass(frozen=True)
+class CheckedRun:
+    """How closely a solver of a run is checked.
+
+    Attributes
+    ----------
+    run, solver : str
+    checked, channels : int
+        Channels that agree with a tolerance, and all of the run.
+    channel : str
+        The channel nearest its tolerance.
+    error, allowed : float
+        Its error and what it may be, as shares of what `scale_of` says; 0 if none is checked.
+    why : tuple of str
+        The reasons of the tolerances, each once.
+    units : tuple of str
+        Units of the channels that are checked.
+    """
+
+    run: str
+    solver: str
+    checked: int
+    channels: int
+    channel: str = ""
+    error: float = 0.0
+    allowed: float = 0.0
+    why: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of changing one number, of the model or of the reference.
+
+    Attributes
+    ----------
+    kind, of, unit : str
+        The number, in words; `kind` is ``parameter`` for one of the reference.
+    value, tried : float
+        The number, and the change that was tried, in `unit`.
+    noticed : bool
+    change : float
+        The smallest change that is noticed, with its sign; NaN where it is not known.
+    run, solver, channel : str
+        What notices it.
+    refused : str
+        Why the run is lost with the change, where no channel tells a smaller one.
+    """
+
+    kind: str
+    of: str
+    unit: str
+    value: float
+    tried: float
+    noticed: bool
+    change: float = math.nan
+    run: str = ""
+    solver: str = ""
+    channel: str = ""
+    refused: str = ""
+
+    @property
+    def name(self) -> str:
+        """Kind and element, in words."""
+        return f"{self.kind} of {self.of}"
+
+    @property
+    def share(self) -> float:
+        """The smallest change as a share of the number; NaN of one that is 0."""
+        return abs(self.change / self.value) if self.value else math.nan
+
+    @property
+    def measure(self) -> float:
+        """The smallest change over that which was tried, by which findings are sorted."""
+        return abs(self.change / self.tried) if self.tried else math.inf
+
+
+class Search:
+    """The search of one case: its runs as they are, and groups of numbers that are changed.
+
+    Parameters
+    ----------
+    case : Case
+    pool : ThreadPoolExecutor
+        Whose threads wait for workers.
+
+    Attributes
+    ----------
+    before : list of Baseline
+        The runs that were asked for, as they are.
+    left_out : str
+        Why no number is tried; empty if they are.
+    """
+
+    def __init__(self, case: Case, pool: ThreadPoolExecutor) -> None:
+        self.case, self.pool = case, pool
+        self.before: list[Baseline] = []
+        self.left_out = ""
+        self.strides = {kind: stride_of(case, kind) for kind in case.run}
+
+    def run(self, found: dict[str, list[Finding]]) -> Iterator[tuple[int, int, str]]:
+        """Try all groups that are not found yet; yields how many are, after each of them."""
+        case = self.case
+        names = [(kind, s) for kind, run in case.run.items() for s in run.solvers]
+        asked = [self.pool.submit(self.base, *name) for name in names]
+        self.before = [run for one in asked if (run := one.result())]
+        there: list[Number] = []
+        try:
+            if self.runs():
+                there = self.call(next(iter(case.run)), numbers)
+        except NotWritten as error:
+            self.left_out = str(error)
+        groups = {} if WHOLE in found else grouped(there)
+        missing = [label for label in groups if label not in found]
+        waiting: dict[Future[list[Finding]], str] = {
+            self.pool.submit(self.tried, groups[label]): label for label in missing
+        }
+        total = len(groups) + bool(groups)
+        while waiting:
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                label = waiting.pop(future)
+                found[label] = future.result()
+                yield len(found), total, label
+        if groups:
+            first = {
+                n: one
+                for label in groups
+                for n, one in zip(groups[label], found[label], strict=True)
+            }
+            last = self.asked_whole(first)
+            found.clear()
+            found[WHOLE] = [last[number] for number in there]
+            yield total, total, WHOLE
+
+    def call(self, kind: Kind, function: Callable, *args: object) -> Any:
+        """Call a function of the case in a worker, within the limits of a run."""
+        limits = self.case.run[kind]
+        return isolated(function, self.case, *args, timeout=limits.timeout, memory=limits.memory)
+
+    def base(self, kind: Kind, solver: str) -> Baseline | None:
+        """A run as it is; None of a solver of which no channel has a tolerance."""
+        case, channels = self.case, self.case.channels_of(kind)
+        if not any(case.tolerance_for(kind, solver, name) for name in channels):
+            return None
+        try:
+            found: Baseline = self.call(kind, baseline, kind, solver)
+        except tuple(FAILURES) as error:
+            lost = [
+                Comparison(case.name, solver, kind, name, c.unit, outcome=FAILURES[type(error)])
+                for name, c in channels.items()
+            ]
+            return Baseline(kind, solver, {}, {}, {}, lost)
+        return found
+
+    def runs(self) -> list[Baseline]:
+        """The runs that check something: at rest before in time, the quickest first."""
+        there = [one for one in self.before if one.errors]
+        return sorted(there, key=lambda one: (one.kind == "dynamics", one.seconds))
+
+    def trial(self, run: Baseline, changes: Changes, whole: bool = False) -> Trial:
+        """A run with changed numbers; one that is lost with its worker is a trial as well."""
+        alike = [one for one in self.before if one.kind == run.kind and one.errors]
+        stride = 1 if whole else self.strides[run.kind]
+        try:
+            found: Trial = self.call(
+                run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
+            )
+        except tuple(FAILURES) as error:
+            return Trial(math.inf, lost=str(error))
+        return found
+
+    def tried(self, group: Sequence[Number]) -> list[Finding]:
+        """What came of a group of numbers of one kind."""
+        found: dict[Number, Finding] = {}
+        for k, run in enumerate(self.runs()):
+            pending = [number for number in group if number not in found]
+            loud = not k and group[0].kind not in QUIET
+            found |= self.one_by_one(run, pending) if loud else self.together(run, pending)
+        return [found.get(number) or not_noticed(number) for number in group]
+
+    def together(
+        self, run: Baseline, group: Sequence[Number], whole: bool = False
+    ) -> dict[Number, Finding]:
+        """Those that are noticed of a group that is changed as one, twice; halved if it is."""
+        if not group:
+            return {}
+        if len(group) == 1:
+            return self.one_by_one(run, group, whole)
+        if not any(self.trial(run, changes, whole).ratio > 1 for changes in draws(group)):
+            return {}
+        half = len(group) // 2
+        return self.together(run, group[:half], whole) | self.together(run, group[half:], whole)
+
+    def one_by_one(
+        self, run: Baseline, group: Sequence[Number], whole: bool = False
+    ) -> dict[Number, Finding]:
+        """Those of a group that are noticed alone."""
+        found = ((number, self.single(run, number, whole)) for number in group)
+        return {number: one for number, one in found if one}
+
+    def single(self, run: Baseline, number: Number, whole: bool) -> Finding | None:
+        """What a run notices of a number; None if it does not notice the change that is tried."""
+        small = SMALL * number.step
+        trial = self.trial(run, [(number, small)], whole)
+        if trial.lost:
+            return self.smallest(run, number, DOWN * small, (small, trial), whole)
+        if (told := self.nearest(run, number, small, trial)) and abs(told) < number.step:
+            begin = math.copysign(min(2 * abs(told), number.step), told)
+            if one := self.smallest(run, number, begin, None, whole):
+                return one
+        for change in (side * number.step for side in sides_of(number)):
+            trial = self.trial(run, [(number, change)], whole)
+            if trial.ratio > 1:
+                begin = change * (DOWN if trial.lost else 0.5)
+                return self.smallest(run, number, begin, (change, trial), whole)
+        return None
+
+    def nearest(self, run: Baseline, number: Number, change: float, trial: Trial) -> float:
+        """The change that a run would notice by the rates of a trial; 0 if it tells none."""
+        told = [
+            side * limit.factor * change
+            for side, limit in zip((1, -1), trial.limits[run.solver], strict=True)
+            if limit.factor < math.inf and side * math.copysign(1, change) in sides_of(number)
+        ]
+        return min(told, key=abs, default=0.0)
+
+    def smallest(
+        self,
+        run: Baseline,
+        number: Number,
+        begin: float,
+        known: tuple[float, Trial] | None = None,
+        whole: bool = False,
+    ) -> Finding | None:
+        """The smallest change that a run notices, from a guess; `known` is one that it notices."""
+        least, change, lost = known, begin, 0
+        for _ in range(ROUNDS):
+            trial = self.trial(run, [(number, change)], whole)
+            if trial.ratio > 1 and (least is None or abs(change) < abs(least[0])):
+                least = change, trial
+            if trial.lost:
+                change, lost = DOWN * change, lost + 1
+                if lost == LOST:
+                    break
+                continue
+            same = trial.limits[run.solver][0]
+            if trial.ratio > 1 and 1 / NEAR <= same.factor <= 1:
+                return self.by_another(run, number, change, trial) or noticed(
+                    number, same.factor * change, run, same.channel
+                )
+            told = self.nearest(run, number, change, trial)
+            if not told:
+                break
+            following = math.copysign(min(2 * abs(told), number.step), told)
+            if trial.ratio <= 1 and least is not None and abs(following) >= abs(least[0]):
+                following = math.copysign((abs(change) + abs(least[0])) / 2, least[0])
+            change = following
+        if least is None:
+            return None
+        change, trial = least
+        return noticed(number, change, run, trial.channel, trial.lost)
+
+    def by_another(
+        self, run: Baseline, number: Number, change: float, trial: Trial
+    ) -> Finding | None:
+        """What another solver of the run notices, if the rates promise a smaller change there."""
+        own = trial.limits[run.solver][0].factor
+        others = [one for one in self.runs() if one.kind == run.kind and one is not run]
+        for other in others:
+            promised = trial.limits[other.solver][0].factor
+            if promised < SOONER * own:
+                again = self.trial(other, [(number, 2 * promised * change)])
+                limit = again.limits[other.solver][0] if again.limits else None
+                if again.ratio > 1 and limit and 1 / NEAR <= limit.factor <= 1:
+                    return noticed(
+                        number, limit.factor * 2 * promised * change, other, limit.channel
+                    )
+        return None
+
+    def asked_whole(self, found: dict[Number, Finding]) -> dict[Number, Finding]:
+        """The findings after the whole runs were asked for what is open; see the module."""
+        found = dict(found)
+        for run in self.runs():
+            pending = [number for number, one in found.items() if not one.noticed]
+            found |= self.together(run, pending, whole=True)
+        for run in self.runs():
+            others = [
+                number
+                for number, one in found.items()
+                if one.noticed and not one.refused and one.run != run.kind
+            ]
+            for number in self.sooner(run, others, found):
+                one = found[number]
+                found[number] = self.smallest(run, number, one.change, None, whole=True) or one
+        return found
+
+    def sooner(
+        self, run: Baseline, group: Sequence[Number], found: Mapping[Number, Finding]
+    ) -> list[Number]:
+        """Those that a run notices at half of the change that is told so far."""
+        if not group:
+            return []
+        changes = [(number, 0.5 * found[number].change) for number in group]
+        if self.trial(run, changes).ratio <= 1:
+            return []
+        if len(group) == 1:
+            return list(group)
+        half = len(group) // 2
+        return [*self.sooner(run, group[:half], found), *self.sooner(run, group[half:], found)]
+
+    def differing(self) -> Iterator[str]:
+        """The channels that differ already, in words."""
+        fine = (Outcome.AGREES, Outcome.UNCHECKED, Outcome.UNSUPPORTED)
+        for c in (c for one in self.before for c in one.comparisons if c.outcome not in fine):
+            yield f"{c.run} {c.solver} {c.channel}"
+
+    def checked(self) -> Iterator[CheckedRun]:
+        """How closely each solver of each run is checked."""
+        there = {one.name: one for one in self.before}
+        for kind, run in self.case.run.items():
+            for solver in run.solvers:
+                count, one = len(self.case.channels_of(kind)), there.get((kind, solver))
+                if one is None or not one.errors:
+                    yield CheckedRun(kind, solver, 0, count)
+                    continue
+                agreeing = [c for c in one.comparisons if c.channel in one.errors]
+                nearest = max(agreeing, key=lambda c: c.error_max / c.allowed)
+                share = one.shares[nearest.channel]
+                yield CheckedRun(
+                    kind,
+                    solver,
+                    len(agreeing),
+                    count,
+                    nearest.channel,
+                    share * nearest.error_max / nearest.allowed,
+                    share,
+                    tuple(dict.fromkeys(c.message for c in agreeing)),
+                    tuple(dict.fromkeys(c.unit for c in agreeing)),
+                )
+
+    def parameters(self) -> Iterator[Finding]:
+        """What is noticed of the parameters of the reference, by what comparisons tell already."""
+        for name, value in changeable(self.case).items():
+            blank = Finding("parameter", name, "", value, SHARE * abs(value), False)
+            told = [
+                (change.size * (abs(value) if change.relative else 1.0), c)
+                for one in self.before
+                for c in one.comparisons
+                if c.outcome == Outcome.AGREES and (change := c.detectable.get(name))
+            ]
+            known = [(by, c) for by, c in told if not math.isnan(by)]
+            if known:
+                by, c = min(known, key=lambda pair: pair[0])
+                found = replace(blank, noticed=True, change=by, run=c.run, solver=c.solver)
+                yield replace(found, channel=c.channel)
+            else:
+                yield replace(blank, noticed=bool(told), refused="not known" if told else "")
+
+
+def grouped(there: Sequence[Number]) -> dict[str, list[Number]]:
+    """Numbers of a kind in groups of a few, by labels."""
+    groups: dict[str, list[Number]] = {}
+    for kind in dict.fromkeys(number.kind for number in there):
+        own = [number for number in there if number.kind == kind]
+        for k in range(0, len(own), CHUNK):
+            groups[f"{kind} {k // CHUNK + 1}"] = own[k : k + CHUNK]
+    return groups
+
+
+def sides_of(number: Number) -> tuple[int, ...]:
+    """To which sides a number is changed."""
+    below = number.kind not in POSITIVE or number.value - number.step >= 0
+    return (1, -1) if below else (1,)
+
+
+def draws(group: Sequence[Number]) -> Iterator[Changes]:
+    """Two sets of random changes, to both sides where there are two, none less than alone."""
+    chosen = random.Random(" ".join(number.name for number in group))
+    sides = [chosen.choice((1, -1)) for _ in group]
+    for turn in (1, -1):
+        yield [
+            (
+                number,
+                (turn * side if len(sides_of(number)) == 2 else 1)
+                * chosen.uniform(1.0, 1.5)
+                * number.step,
+            )
+            for number, side in zip(group, sides, strict=True)
+        ]
+
+
+def noticed(number: Number, change: float, run: Baseline, channel: str, lost: str = "") -> Finding:
+    """The finding of a number that is noticed."""
+    return replace(
+        not_noticed(number),
+        noticed=True,
+        change=float(change),
+        run=run.kind,
+        solver=run.solver,
+        channel=channel,
+        refused=lost,
+    )
+
+
+def not_noticed(number: Number) -> Finding:
+    """The finding of a number that is not noticed."""
+    return Finding(number.kind, number.of, number.unit, number.value, number.step, noticed=False)

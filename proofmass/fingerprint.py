@@ -1,0 +1,77 @@
+"""What a stored result depends on, as digests: files, compiled models, versions, sources."""
+
+import hashlib
+import importlib.metadata
+import sys
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import proofmass
+from proofmass import analytic, sim
+from proofmass.case import Case
+from proofmass.engines import brought_by, engine_of
+from proofmass.reference import compiled
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal.
+
+    >>> digest(b"abc")[:8]
+    'ba7816bf'
+    """
+    return hashlib.sha256(data).hexdigest()
+
+
+def model_bytes(case: Case) -> bytes:
+    """The compiled model, with its rods, and with what the file includes."""
+    return saved(compiled(case))
+
+
+def saved(model: mujoco.MjModel) -> bytes:
+    """A compiled model as the engine saves it."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def recorded_bytes(case: Case) -> str:
+    """Digest of the reference's file, if it is a recorded curve."""
+    if not case.recorded:
+        return ""
+    return digest((case.file.parent / case.reference).read_bytes())
+
+
+@cache
+def versions(engine: str) -> dict[str, str]:
+    """Of what computes a result."""
+    brought = brought_by(engine)
+    names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
+    code = (
+        {}
+        if not brought
+        else {
+            "adapter": digest(
+                Path(str(sys.modules[type(engine_of(engine)).__module__].__file__)).read_bytes()
+            )
+        }
+    )
+    return {
+        "proofmass": proofmass.__version__,
+        **{name: importlib.metadata.version(name) for name in names},
+        **code,
+    }
+
+
+def sources_with(own: Iterable[Path]) -> str:
+    """Digest of the code of simulators and references, and of files of the core."""
+    files = [
+        file
+        for package in (sim, analytic)
+        for folder in package.__path__
+        for file in sorted(Path(folder).rglob("*.py"))
+    ]
+    return digest(b"".join(file.read_bytes() for file in (*files, *own)))
