@@ -19,7 +19,7 @@ there, and is not at rest in the right pose by having been put into it.
 """
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import compress
 
 import numpy as np
@@ -393,12 +393,15 @@ class Held:
 def hold(links: Links, settings: Settings) -> Held:
     """The space in its start pose; with free coordinates beside it, see `BESIDE`.
 
+    It has no dampers: nothing moves at rest, and Chipmunk's steps to it would not be solved.
+
     Raises
     ------
     BadModel
         The loops cannot be closed there.
     """
-    space = build(links, settings["iterations"], settings["error_bias"])
+    undamped = replace(links, joints=tuple(replace(joint, damping=0.0) for joint in links.joints))
+    space = build(undamped, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
     return Held(

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.links import LinkJoint
+from tests.shipped import shipped
 
 FLAT = '<option gravity="0 0 0"><flag contact="disable"/></option>'
 HEAVY = '<option gravity="0 -9.81 0"><flag contact="disable"/></option>'
@@ -31,6 +32,24 @@ def arm(joint: str, gravity: str = HEAVY) -> str:
         '<sensor><jointpos name="arm" joint="arm"/><e_potential name="energy"/>'
         f"{MOMENT}</sensor>"
     )
+
+
+@pytest.mark.parametrize("joint", ["crank", "coupler", "rocker"])
+def test_a_damper_does_nothing_at_rest(joint, tmp_path):
+    """In the space of a sweep it would hinder the solver: a moment of ten times its range."""
+    text = shipped("fourbar.xml").read_text()
+    drive = Drive("crank", lambda x: (x, 1.0 + 0 * x, 0 * x))
+    channels = ("rocker", "rocker_rate", "holding_moment")
+    run = Run("sweep", np.linspace(0.0, 1.0, 4), channels, (drive,))
+    own = simulate(shipped("fourbar.xml"), run).channels
+    damped = tmp_path / "damped.xml"
+    damped.write_text(
+        text.replace(f'<joint name="{joint}"/>', f'<joint name="{joint}" damping="5"/>')
+    )
+    assert damped.read_text() != text
+    got = simulate(damped, run).channels
+    for name in channels:
+        np.testing.assert_array_equal(got[name], own[name])
 
 
 @pytest.mark.parametrize(
