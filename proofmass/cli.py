@@ -1,4 +1,4 @@
-"""The command line: check, report, list, show, design, trade, choose, stress, diet.
+"""The command line: check, report, list, show, explain, design, trade, choose, stress, diet.
 
 Commands import what they need when they are called, so that help and errors of options come at
 once.
@@ -454,3 +454,20 @@ def show_command(
         print(as_toml(case), end="")
         if case.unmatched:
             errors.print(not_checked(case))
+
+
+@app.command("explain")
+def explain_command(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
+    json: Annotated[bool, typer.Option("--json", help="One object: all that was found.")] = False,
+    jobs: Jobs = None,
+) -> None:
+    """Tell who checks what in a case, and which wrong numbers of its model nobody would notice.
+
+    Each number of the model is changed and the runs are done again. What was found is kept: the
+    command goes on where it was stopped, and answers at once the second time. Exit code 0: done;
+    2: bad input.
+    """
+    from proofmass.explain import run_explain
+
+    run_explain(path, json, jobs)

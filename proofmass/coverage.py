@@ -12,7 +12,7 @@ numbers: `coverage_of` goes on where it was stopped, `stored_coverage` reads wha
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -30,6 +30,7 @@ from proofmass.files import read_text, write_whole
 from proofmass.fingerprint import digest, recorded_bytes, sources_with, versions
 from proofmass.reference import reads_model
 from proofmass.sim.numbers import KINDS
+from proofmass.terminal import finite
 from proofmass.worker import stopping
 
 FORMAT = 1
@@ -216,20 +217,12 @@ class Kept:
             "groups": {}
             if self.coverage
             else {
-                label: [plain(asdict(one)) for one in found] for label, found in self.groups.items()
+                label: [finite(asdict(one)) for one in found]
+                for label, found in self.groups.items()
             },
-            "coverage": plain(asdict(self.coverage)) if self.coverage else None,
+            "coverage": finite(asdict(self.coverage)) if self.coverage else None,
         }
         write_whole(file, json.dumps(table, allow_nan=False))
-
-
-def plain(table: Any) -> Any:
-    """A table with null for what is not a number."""
-    if isinstance(table, Mapping):
-        return {key: plain(value) for key, value in table.items()}
-    if isinstance(table, (list, tuple)):
-        return [plain(value) for value in table]
-    return None if isinstance(table, float) and not math.isfinite(table) else table
 
 
 def read_kept(file: Path) -> Kept:

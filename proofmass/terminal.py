@@ -17,6 +17,7 @@ from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
 from proofmass.diagnosis import Diagnosis
 from proofmass.outcome import Outcome
+from proofmass.reference import reads_model
 
 KEYS = (
     "case",
@@ -78,11 +79,11 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def console() -> Console:
+def console(width: int = 240) -> Console:
     """Standard output; as wide as the tables need when it is not a screen."""
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}  # names stay
     shown = Console(**plain)
-    return shown if shown.is_terminal else Console(**plain, width=240)
+    return shown if shown.is_terminal else Console(**plain, width=width)
 
 
 def number(value: float) -> str:
@@ -157,7 +158,8 @@ def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
 
 def failures(result: Result) -> Iterator[Text]:
     """A line for each run that failed, by its worst channel, and for each case in which nothing was
-    checked; sensors that no quantity is found for; and the counts of all outcomes.
+    checked; sensors that no quantity is found for; references that read the model themselves; and
+    the counts of all outcomes.
     """
     said = set[tuple[str, str]]()
     for (case, run, solver), rows in groupby(
@@ -184,6 +186,8 @@ def failures(result: Result) -> Iterator[Text]:
     for case in result.cases:
         if case.unmatched:
             yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
+        if reads_model(case):
+            yield Text(f"· {case.name}: {own_numbers(case)}", style="dim")
     counts = {
         o: sum(c.outcome == o for c in result.comparisons)
         for o in dict.fromkeys(c.outcome for c in result.comparisons)
@@ -213,6 +217,16 @@ def not_checked(case: Case) -> str:
     return (
         f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
         f"has their names, and the sidecar does not list them"
+    )
+
+
+def own_numbers(case: Case) -> str:
+    """What is said of a case whose reference reads the model itself."""
+    laws = [name for name, channel in case.channels.items() if not isinstance(channel.equals, str)]
+    but = f"; only {', '.join(laws)}, held to a number, can show it" if laws else ""
+    return (
+        f"the reference {case.reference} reads the numbers of {case.model}: a wrong one is wrong "
+        f"in the engines and in the reference{but}"
     )
 
 

@@ -265,18 +265,6 @@ KINDS = {
     "softness of the stop": "1",
 }
 """Kinds of numbers in the order in which they are told, and the unit of most."""
-PLURALS = {
-    "mass": "masses",
-    "mass of a rod": "masses of the rods",
-    "stiffness of a rod": "stiffnesses of the rods",
-    "centre of mass": "centres of mass",
-    "stiffness": "stiffnesses",
-    "softness of the loop": "softness of the loops",
-    "softness of the stop": "softness of the stops",
-    "gravity": "gravity",
-    "damping": "damping",
-    "friction": "friction",
-}
 
 
 def measured(

@@ -1,0 +1,230 @@
+"""``proofmass explain``: what a case notices, and what it does not, in words for a terminal."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+from textwrap import wrap
+
+from rich.table import Table
+
+from proofmass.case import Case
+from proofmass.check import find, load
+from proofmass.command import answering, counting, errors, not_one_case
+from proofmass.coverage import Coverage, coverage_of
+from proofmass.coverage_search import Finding
+from proofmass.sim.numbers import SHARE
+from proofmass.terminal import console, finite, not_checked, own_numbers
+from proofmass.units import si_unit
+from proofmass.wording import number, pretty, spoken
+
+WIDTH = 80
+EFFORTS = ("N", "N m", "J")
+"""Units of channels that inertia and damping act on in a prescribed motion."""
+ACTS_IN_MOTION = ("inertia", "armature", "damping")
+LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle")
+SOFTNESS = ("softness of the loop", "softness of the stop")
+START = ("zero", "direction")
+PLURALS = {
+    "mass": "masses",
+    "mass of a rod": "masses of the rods",
+    "stiffness of a rod": "stiffnesses of the rods",
+    "centre of mass": "centres of mass",
+    "stiffness": "stiffnesses",
+    "softness of the loop": "softness of the loops",
+    "softness of the stop": "softness of the stops",
+    "gravity": "gravity",
+    "damping": "damping",
+    "friction": "friction",
+    "armature": "armature",
+    "inertia": "inertias",
+}
+"""Kinds of several numbers, of which an s does not make the word."""
+TRIED = (
+    "Tried are masses, inertias, centres of mass, places and directions of bodies, joints, sites "
+    "and loops, zeros, springs, damping, armature, friction, ranges, gravity, loads, gears, how "
+    "hard loops and stops are held, and the lengths, stiffnesses and masses of rods: each changed "
+    f"by {100 * SHARE:.0f} %, one that is 0 by {100 * SHARE:.0f} % of what lengths, masses and "
+    "times of the mechanism make of its unit, up and down. Left out are what is only drawn, what "
+    "is normal to the plane of motion, and the settings of the engines."
+)
+
+
+def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:
+    """What ``proofmass explain`` does; `proofmass.cli` says what it is given."""
+    with answering("the groups that were tried are kept"):
+        (file,) = find([path]) if path.is_file() else [path]
+        if file.suffix != ".toml":
+            raise not_one_case(path)
+        case = load(file)
+        with counting() as advance:
+            found = coverage_of(case, jobs, advance)
+    if as_json:
+        print(json.dumps(finite(asdict(found)), indent=1, allow_nan=False))
+        return
+    out = console(WIDTH)
+    for part in explained(case, found):
+        out.print(part)
+    if case.unmatched:
+        errors.print(not_checked(case))
+
+
+def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
+    """All that is told, part by part; texts are wrapped."""
+    yield from wrapped(f"{case.name}: {case.title}")
+    yield ""
+    yield "Who checks what"
+    yield from checks(found)
+    if found.differing:
+        yield from wrapped(f"differ already, and are asked nothing: {', '.join(found.differing)}")
+    yield ""
+    yield "What the reference reads"
+    yield from wrapped(told_of_reference(case, found), "  ")
+    noticing = [one for one in found.parameters if one.noticed and not one.refused]
+    if noticing:
+        yield ""
+        yield "Noticed in the parameters of the reference, from this change on"
+        yield table_of(sorted(noticing, key=lambda one: one.measure))
+    for words, some in (
+        ("not noticed", [one for one in found.parameters if not one.noticed]),
+        ("not known", [one for one in found.parameters if one.refused]),
+    ):
+        if some:
+            yield from wrapped(f"{words}: {', '.join(one.of for one in some)}", "  ")
+    yield ""
+    yield from of_model(case, found)
+
+
+def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
+    """What is noticed of the numbers of the model."""
+    if found.left_out or not found.numbers:
+        why = found.left_out or "no run of the case checks anything"
+        yield from wrapped(f"No number of {case.model} was tried: {why}.")
+        return
+    told = [one for one in found.noticed if not one.refused]
+    if told:
+        yield f"Noticed in {case.model}, from this change on"
+        yield table_of(told)
+        yield ""
+    if lost := [one for one in found.noticed if one.refused]:
+        yield "Refused, or lost: the run says so"
+        for one in sorted(refusals(lost)):
+            yield from wrapped(one, "  ")
+        yield ""
+    yield "Not noticed by any run"
+    for words in not_noticed(case, found):
+        yield from wrapped(words, "  ")
+    if not found.unnoticed:
+        yield "  nothing of what was tried"
+    yield ""
+    yield from wrapped(TRIED)
+
+
+def wrapped(text: str, indent: str = "") -> Iterator[str]:
+    """Lines of a text; all but the first stand further in."""
+    yield from wrap(
+        text,
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_on_hyphens=False,
+    )
+
+
+def checks(found: Coverage) -> Iterator[str]:
+    """How closely each solver is checked, and why not closer."""
+    for one in found.runs:
+        head = f"{one.run}, {spoken(one.solver)}: "
+        if not one.checked:
+            yield from wrapped(f"{head}shown, not checked", "  ")
+            continue
+        yield from wrapped(
+            f"{head}{one.checked} of {one.channels} channels, the nearest to its limit "
+            f"{one.channel}: {number(one.error)} of its range, {number(one.allowed)} allowed",
+            "  ",
+        )
+        for why in one.why:
+            yield from wrapped(why, "    ")
+
+
+def told_of_reference(case: Case, found: Coverage) -> str:
+    """What the reference takes from the model, and what a wrong number then means."""
+    if case.recorded:
+        return f"the recorded curve {case.reference}; nothing of the model"
+    if found.reads_model:
+        return own_numbers(case)
+    return (
+        f"{case.reference} has its parameters from the sidecar, and nothing from "
+        f"{case.model}: a wrong number of the model is wrong in the engines alone"
+    )
+
+
+def table_of(some: Sequence[Finding]) -> Table:
+    """Numbers with the smallest change that is noticed, and by what."""
+    table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
+    table.add_column(overflow="fold", ratio=1)
+    table.add_column(justify="right", no_wrap=True)
+    table.add_column(justify="right", no_wrap=True)
+    table.add_column(overflow="fold", max_width=30)
+    for one in some:
+        name = one.of if one.kind == "parameter" else one.name
+        change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
+        share = f"{number(100 * one.share, 2)} %" if one.value else ""
+        table.add_row(name, change, share, f"{one.run} {spoken(one.solver)} {one.channel}")
+    return table
+
+
+def refusals(some: Sequence[Finding]) -> Iterator[str]:
+    """Numbers with which runs are lost, those with one kind and reason as one."""
+    for (kind, why), group in groupby(some, key=lambda one: (one.kind, one.refused)):
+        yield f"{phrase(kind, list(group))}: {why}"
+
+
+def not_noticed(case: Case, found: Coverage) -> Iterator[str]:
+    """Numbers that nothing notices, by their kinds, with the reason where one can be told."""
+    for kind, some in found.unnoticed.items():
+        why = reason(case, found, kind)
+        yield phrase(kind, some) + (f": {why}" if why else "")
+
+
+def phrase(kind: str, some: Sequence[Finding]) -> str:
+    """Numbers of a kind in words.
+
+    >>> one, two = (Finding("inertia", name, "1", 1.0, 0.1, False) for name in ("a", "b"))
+    >>> phrase("inertia", [one]), phrase("inertia", [one, two])
+    ('inertia of a', 'inertias of a and b')
+    """
+    names = [one.of for one in some]
+    if len(names) == 1:
+        return f"{kind} of {names[0]}"
+    return f"{PLURALS.get(kind, f'{kind}s')} of {', '.join(names[:-1])} and {names[-1]}"
+
+
+def reason(case: Case, found: Coverage, kind: str) -> str:
+    """Why numbers of a kind are not noticed, where the case itself tells it; or nothing."""
+    if found.reads_model and kind not in SOFTNESS:
+        return "the reference reads them from the model as well"
+    moving = [one for one in found.runs if one.run == "dynamics" and one.checked]
+    efforts = {
+        one.run
+        for one in found.runs
+        for unit in one.units
+        if one.checked and si_unit(unit or "1")[0] in EFFORTS
+    }
+    if kind in ACTS_IN_MOTION:
+        if not moving:
+            return "all runs that are checked are at rest, where nothing of it acts"
+        if case.drive and "dynamics" not in efforts:
+            return (
+                "it does not act at rest; in dynamics the drives prescribe the motion, and no "
+                "moment, force or energy is checked"
+            )
+    if kind in LOADS and case.drive and not efforts and not case.rod:
+        return "the drives prescribe the motion, and no moment, force or energy is checked"
+    if kind in SOFTNESS:
+        held = "a run at rest closes them to rounding"
+        return f"{held}; in dynamics they stay within the tolerances" if moving else held
+    if kind in START:
+        return "it changes the pose that the start is sought from, and nothing that is checked"
+    return ""
