@@ -311,8 +311,8 @@ class Search:
                     number, same.factor * change, run, same.channel
                 )
             told = self.nearest(run, number, change, trial)
-            if not told:
-                break
+            if not told or (least is None and abs(told) > number.step):
+                break  # the rate that promised it was rounding
             following = math.copysign(min(2 * abs(told), number.step), told)
             if trial.ratio <= 1 and least is not None and abs(following) >= abs(least[0]):
                 following = math.copysign((abs(change) + abs(least[0])) / 2, least[0])

@@ -8,6 +8,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from rich.table import Table
+from rich.text import Text
 
 from proofmass.case import Case
 from proofmass.check import find, load
@@ -32,8 +33,8 @@ PLURALS = {
     "stiffness of a rod": "stiffnesses of the rods",
     "centre of mass": "centres of mass",
     "stiffness": "stiffnesses",
-    "softness of the loop": "softness of the loops",
-    "softness of the stop": "softness of the stops",
+    "softness of the loop": "softness of the loop",
+    "softness of the stop": "softness of the stop",
     "gravity": "gravity",
     "damping": "damping",
     "friction": "friction",
@@ -161,17 +162,20 @@ def told_of_reference(case: Case, found: Coverage) -> str:
 
 
 def table_of(some: Sequence[Finding]) -> Table:
-    """Numbers with the smallest change that is noticed, and by what."""
-    table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
-    table.add_column(overflow="fold", ratio=1)
-    table.add_column(justify="right", no_wrap=True)
-    table.add_column(justify="right", no_wrap=True)
-    table.add_column(overflow="fold", max_width=30)
-    for one in some:
-        name = one.of if one.kind == "parameter" else one.name
-        change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
-        share = f"{number(100 * one.share, 2)} %" if one.value else ""
-        table.add_row(name, change, share, f"{one.run} {spoken(one.solver)} {one.channel}")
+    """Numbers with the smallest change that is noticed, by the runs that notice them."""
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(overflow="fold")
+    for _ in range(2):
+        table.add_column(justify="right", no_wrap=True)
+    table.add_column(overflow="fold")
+    runs = dict.fromkeys((one.run, one.solver) for one in some)
+    for run, solver in runs:
+        table.add_row(Text(f"  by {run}, {spoken(solver)}", style="bold"))
+        for one in (one for one in some if (one.run, one.solver) == (run, solver)):
+            name = one.of if one.kind == "parameter" else one.name
+            change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
+            share = f"{number(100 * one.share, 2)} %" if one.value else ""
+            table.add_row(f"  {name}", change, share, one.channel)
     return table
 
 
@@ -217,7 +221,7 @@ def reason(case: Case, found: Coverage, kind: str) -> str:
             return "all runs that are checked are at rest, where nothing of it acts"
         if case.drive and "dynamics" not in efforts:
             return (
-                "it does not act at rest; in dynamics the drives prescribe the motion, and no "
+                "nothing of it acts at rest; in dynamics the drives prescribe the motion, and no "
                 "moment, force or energy is checked"
             )
     if kind in LOADS and case.drive and not efforts and not case.rod:
