@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from proofmass.coverage import FOLDER
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
@@ -35,6 +36,14 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     folder = tmp_path_factory.mktemp("locks")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measure, "lock_file", lambda name: folder / name)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A folder for what `proofmass explain` keeps, that is not the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(FOLDER, str(tmp_path_factory.mktemp("found")))
         yield
 
 

@@ -1,0 +1,189 @@
+"""Every number of a model is changed where it stands, and nothing else is."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.sidecar import load_case
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.numbers import (
+    NotWritten,
+    Number,
+    Sizes,
+    Source,
+    changed_rods,
+    numbers_of,
+    source_of,
+    written,
+)
+from tests.shipped import models_like, shipped
+
+SIZES = Sizes(1.0, 1.0, 1.0)
+DRAWN = ("geom", "bvh", "cam", "light", "stat", "vis")
+CASES = [
+    "fourbar",
+    "slider_crank_inclined",
+    "balancer_sine_free_preload",
+    "balancer_sine_nonlinear",
+]
+CASES += ["pendulum", "hacksaw", "rfr2_natural", "rfr3"]
+
+
+def arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """All numbers of a compiled model that are not of what is drawn."""
+    found = {name: getattr(model, name) for name in dir(model) if not name.startswith(DRAWN)}
+    found["gravity"] = model.opt.gravity.copy()
+    return {k: v for k, v in found.items() if isinstance(v, np.ndarray) and v.dtype.kind == "f"}
+
+
+def listed(name: str) -> tuple[Source, list[Number]]:
+    case = load_case(shipped(f"{name}.toml"))
+    source = source_of(case.model_path, case.start, case.rods)
+    return source, numbers_of(source, SIZES, [drive.joint for drive in case.drive])
+
+
+@pytest.mark.parametrize("name", sorted(file.stem for file in models_like()))
+def test_a_change_by_nothing_changes_nothing(name, tmp_path):
+    source, there = listed(name)
+    file = tmp_path / source.path.name
+    file.write_text(written(source, [(number, 0.0) for number in there]))
+    again = arrays(compile_model(file, source.rods))
+    for key, values in arrays(source.full).items():
+        np.testing.assert_array_equal(again[key], values, err_msg=key)
+    assert len({number.name for number in there}) == len(there)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_change_is_where_it_was_meant_and_nowhere_else(name, tmp_path):
+    source, there = listed(name)
+    case = load_case(shipped(f"{name}.toml"))
+    driven = [drive.joint for drive in case.drive]
+    massless = {"gravity"} if source.rods else set()  # gravity asks for the mass of rods
+    for number in (n for n in there if n.place.tag != "rod" and n.kind not in massless):
+        file = tmp_path / source.path.name
+        file.write_text(written(source, [(number, 1e-3 * number.step)]))
+        changed = source_of(file, source.key, source.rods)
+        after = {one.name: one.value for one in numbers_of(changed, SIZES, driven)}
+        turned = number.place.attribute in ("turn", "inertia")
+        for one in there:
+            expected = one.value + (1e-3 * number.step if one == number and not turned else 0.0)
+            if one.kind == "rest angle" and number.kind == "zero":
+                continue  # a spring without its own rest is at rest at the zero
+            assert after.get(one.name, expected) == pytest.approx(expected, abs=1e-15), one.name
+        before, now = arrays(source.bare), arrays(changed.bare)
+        full, other = arrays(source.full), arrays(changed.full)
+        assert any((before[k] != now[k]).any() for k in before) or any(
+            (full[k] != other[k]).any() for k in full
+        ), number.name
+
+
+def test_a_turn_and_an_inertia_are_what_they_say(tmp_path):
+    source, there = listed("slider_crank_inclined")
+    by_name = {number.name: number for number in there}
+
+    def changed(name: str, by: float) -> mujoco.MjModel:
+        file = tmp_path / "model.xml"
+        file.write_text(written(source, [(by_name[name], by)]))
+        return compile_model(file)
+
+    axis = changed("direction of joint slider", 0.1).jnt_axis[2]
+    np.testing.assert_allclose(axis, [np.cos(0.1), np.sin(0.1), 0.0], atol=1e-15)
+    quat = changed("direction of body slider", 0.1).body_quat[3]
+    angle = (0.4636476090008061 + 0.1) / 2
+    np.testing.assert_allclose(quat, [np.cos(angle), 0, 0, np.sin(angle)], atol=1e-15)
+    inertia = changed("inertia of crank", 0.1).body_inertia[1]
+    np.testing.assert_allclose(inertia, 1.1 * source.full.body_inertia[1], rtol=1e-15)
+
+
+FIELDS = "jnt_range", "qpos_spring", "qpos0", "dof_damping", "body_mass"
+DEGREES = """<mujoco><compiler autolimits="true"/>
+<default><joint damping="0.5"/></default>
+<worldbody><body name="b" euler="0 0 30"><joint name="j" axis="0 0 1" range="-90 45" ref="10"
+springref="20" stiffness="3"/><geom type="capsule" size=".1" fromto="0 0 0 1 0 0"/></body>
+</worldbody></mujoco>"""
+
+
+def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
+    file = tmp_path / "degrees.xml"
+    file.write_text(DEGREES)
+    source = source_of(file, "start")
+    there = {one.name: one for one in numbers_of(source, SIZES)}
+    assert there["range of j high"].value == pytest.approx(np.pi / 4)
+    assert there["damping of j"].value == 0.5
+    other = tmp_path / "changed.xml"
+    for name, field, index, by in (
+        ("range of j high", "jnt_range", (0, 1), 0.1),
+        ("rest angle of j", "qpos_spring", (0,), 0.1),
+        ("zero of j", "qpos0", (0,), 0.1),
+        ("damping of j", "dof_damping", (0,), 0.1),
+        ("mass of b", "body_mass", (1,), 0.1),
+    ):
+        other.write_text(written(source, [(there[name], by)]))
+        model = compile_model(other)
+        for key, values in arrays(source.full).items():
+            if key in (
+                "jnt_range",
+                "qpos_spring",
+                "qpos0",
+                "dof_damping",
+                "body_mass",
+                "body_quat",
+            ):
+                expected = np.array(values)
+                if key == field:
+                    expected[index] += by
+                np.testing.assert_allclose(getattr(model, key), expected, atol=1e-15, err_msg=name)
+
+
+def test_numbers_of_rods_are_keys_of_the_sidecar():
+    source, there = listed("rfr2_natural")
+    by_name = {number.name: number for number in there}
+    changes = [(by_name["length of left"], 0.1), (by_name["stiffness of a rod of right"], 0.01)]
+    found = changed_rods(source.rods, changes)
+    assert found["left"] == {"length": pytest.approx(1.1)}
+    assert found["right"] == {"stiffness": pytest.approx(0.06218602640386952)}
+    assert written(source, changes) == written(source, [])
+
+
+def test_what_is_turned_off_or_across_the_plane_is_no_number(tmp_path):
+    text = shipped("fourbar.xml").read_text()
+    file = tmp_path / "off.xml"
+    file.write_text(re.sub("<flag ", '<flag damper="disable" gravity="disable" ', text))
+    kinds = {one.kind for one in numbers_of(source_of(file, "start"), SIZES, ["crank"])}
+    assert kinds.isdisjoint({"damping", "gravity", "start value"})
+    assert not any(one.of.endswith(" z") for one in listed("fourbar")[1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<worldbody>", '<worldbody><replicate count="2"><site/></replicate>', "<replicate>"),
+        ('<compiler angle="radian"/>', '<compiler angle="radian" settotalmass="3"/>', "settotalm"),
+        (
+            '<compiler angle="radian"/>',
+            '<compiler angle="radian" inertiafromgeom="true"/>',
+            "inertiaf",
+        ),
+    ],
+)
+def test_a_file_that_does_not_state_its_numbers_is_refused(old, new, words, tmp_path):
+    text = shipped("fourbar.xml").read_text().replace('mass="0"', 'mass="0.1"')
+    file: Path = tmp_path / "other.xml"
+    file.write_text(text.replace(old, new))
+    with pytest.raises(NotWritten, match=words):
+        numbers_of(source_of(file, "start"), SIZES)
+
+
+def test_what_stands_in_a_frame_is_not_changed(tmp_path):
+    text = shipped("fourbar.xml").read_text()
+    file = tmp_path / "framed.xml"
+    framed = text.replace('<body name="rocker"', '<frame><body name="rocker"')
+    file.write_text(framed.replace("</worldbody>", "</frame></worldbody>"))
+    source = source_of(file, "start")
+    there = {one.name: one for one in numbers_of(source, SIZES)}
+    with pytest.raises(NotWritten, match="in a frame"):
+        written(source, [(there["place of rocker x"], 0.1)])
+    written(source, [(there["place of coupler x"], 0.1)])

@@ -1,0 +1,409 @@
+"""What is said to be noticed is noticed, and what is not is not: changed models tell, run anew.
+
+The models are changed here by a few lines of their own, which set attributes of the file, and are
+judged as `proofmass check` does it.
+"""
+
+import json
+import math
+import random
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass import coverage as coverage_module
+from proofmass.case import Case
+from proofmass.changed import baseline, limit, numbers, stride_of
+from proofmass.check import check
+from proofmass.cli import app
+from proofmass.compare import compare
+from proofmass.coverage import Coverage, cache_folder, coverage_of, stored_coverage
+from proofmass.coverage_search import Finding, Search, draws, grouped, sides_of
+from proofmass.errors import InputError
+from proofmass.explain import explained, not_noticed, phrase
+from proofmass.outcome import FAILURES, Outcome
+from proofmass.sidecar import load_case
+from proofmass.sim.numbers import Number, Place
+from proofmass.sim.protocol import BadModel
+from proofmass.solve import solve
+from proofmass.terminal import failures
+from tests.shipped import models_like, shipped
+
+QUICK = ("fourbar", "pendulum", "rod_cantilever")
+SAMPLE = 12
+LOST = (InputError, BadModel, *FAILURES)
+ATTRIBUTE = {
+    "damping": "damping",
+    "armature": "armature",
+    "friction": "frictionloss",
+    "stiffness": "stiffness",
+    "rest angle": "springref",
+    "zero": "ref",
+}
+WIDE = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
+
+
+def attribute(element, name: str, default) -> list[float]:
+    """The numbers of an attribute."""
+    own = [float(x) for x in element.get(name, "").split()]
+    return own + list(default)[len(own) :]
+
+
+def put(element, name: str, default, part: int, by: float, factor: bool = False) -> None:
+    """Add to one number of an attribute, or multiply all of them."""
+    values = attribute(element, name, default)
+    if factor:
+        values = [value * (1 + by) for value in values]
+    else:
+        values[part] += by
+    element.set(name, " ".join(map(repr, values)))
+
+
+def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
+    """The case with one number changed in its file: models in radians whose elements have names."""
+    folder.mkdir(parents=True)
+    tree = ElementTree.parse(case.model_path)
+    root, words = tree.getroot(), one.of.split(" ")
+    axis = "xyz".find(words[-1]) if words[-1] in ("x", "y", "z") else 0
+    named = words[-2] if words[-1] in ("x", "y", "z") and len(words) > 1 else words[-1]
+    rods = dict(case.rod)
+
+    def element(tag: str, name: str = named):
+        return root.find(f".//{tag}[@name='{name}']")
+
+    key = root.find(f".//key[@name='{case.start}']")
+    zero = (0.0, 0.0, 0.0)
+    match one.kind:
+        case "length" | "stiffness of a rod" | "mass of a rod":
+            name = {"length": "length"}.get(one.kind, one.kind.split()[0])
+            value = getattr(rods[one.of], name) + change
+            rods[one.of] = rods[one.of].model_copy(update={name: value})
+        case "place":
+            put(element("body"), "pos", zero, axis, change)
+        case "anchor":
+            put(element("joint"), "pos", zero, axis, change)
+        case "site":
+            put(element("site"), "pos", zero, axis, change)
+        case "direction" if words[0] in ("body", "site"):
+            put(element(words[0]), "euler", zero, 2, change)
+        case "mass" | "centre of mass" | "inertia":
+            inertial = element("body").find("inertial")
+            name = {"mass": "mass", "inertia": "diaginertia"}.get(one.kind, "pos")
+            put(inertial, name, zero, axis, change, factor=one.kind == "inertia")
+        case "gravity":
+            put(root.find("option"), "gravity", (0.0, 0.0, -9.81), axis, change)
+        case "gear":
+            part = int(words[-1]) - 1 if len(words) > 1 else 0
+            put(element("motor", words[0]), "gear", (1.0, *zero, *zero[:2]), part, change)
+        case "load":
+            names = [motor.get("name") for motor in root.find("actuator")]
+            put(key, "ctrl", [0.0] * len(names), names.index(one.of), change)
+        case "start value" | "start rate":
+            joints = [joint.get("name") for joint in root.find("worldbody").iter("joint")]
+            name = {"start value": "qpos"}.get(one.kind, "qvel")
+            put(key, name, [0.0] * len(joints), joints.index(one.of), change)
+        case "softness of the loop":
+            loop, name, part = one.of.replace(",", "").split(" ")
+            usual = root.find("default/equality")
+            own = attribute(usual, name, WIDE[name]) if usual is not None else WIDE[name]
+            put(element("connect", loop), name, own, int(part) - 1, change)
+        case kind:
+            put(element("joint"), ATTRIBUTE[kind], [0.0], 0, change)
+    tree.write(folder / case.model)
+    runs = dict(case.run)
+    if "equilibrium" in runs:  # places along the rod stay where they are
+        length = min(rod.length for rod in case.rod.values())
+        whole = runs["equilibrium"].until or length
+        runs["equilibrium"] = runs["equilibrium"].model_copy(update={"until": whole})
+    return case.model_copy(update={"file": folder / case.file.name, "rod": rods, "run": runs})
+
+
+def judged(changed: Case, own: Case, kind, solver: str) -> set[str]:
+    """Outcomes of the channels of a run that have a tolerance."""
+    try:
+        curves = solve(changed, kind, solver)
+        # rods of a closed form are parameters: it is asked at the places that were
+        found = compare(own if changed.rod else changed, kind, solver, curves, detectable=False)
+    except LOST:
+        return {"lost"}
+    return {c.outcome for c in found if c.allowed > 0 and c.outcome != Outcome.UNSUPPORTED}
+
+
+def noticing(case: Case, one: Finding, change: float, folder: Path) -> list[tuple[str, str]]:
+    """The runs whose verdict a changed number turns."""
+    changed = by_hand(case, one, change, folder)
+    return [
+        (kind, solver)
+        for kind, run in case.run.items()
+        for solver in run.solvers
+        if any(case.tolerance_for(kind, solver, name) for name in case.channels_of(kind))
+        and judged(changed, case, kind, solver) & {"differs", "lost"}
+    ]
+
+
+def holds(case: Case, one: Finding, folder: Path) -> None:
+    """What a finding says is what changed models do."""
+    if not one.noticed:
+        for side in (1, -1) if one.value else (1,):
+            place = folder / f"tried {side}"
+            assert not noticing(case, one, side * one.tried, place), (one.name, "is noticed")
+    elif one.refused:
+        assert noticing(case, one, one.change, folder / "refused"), (one.name, "is not refused")
+    else:
+        found = noticing(case, one, 2 * one.change, folder / "twice")
+        assert (one.run, one.solver) in found, (one.name, "is not noticed at twice the change")
+        found = noticing(case, one, 0.5 * one.change, folder / "half")
+        assert not found, (one.name, "is noticed at half the change")
+
+
+@pytest.fixture(scope="module")
+def covered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Coverage]:
+    """What some cases notice, found once."""
+    folder = tmp_path_factory.mktemp("cache")
+    return {
+        name: coverage_of(load_case(shipped(f"{name}.toml")), 2, folder=folder) for name in QUICK
+    }
+
+
+def sample() -> list[tuple[str, int]]:
+    """Cases and shares of their lists, the same each time."""
+    chosen = random.Random(18)
+    return [(QUICK[k % len(QUICK)], chosen.randrange(1000)) for k in range(SAMPLE)]
+
+
+@pytest.mark.parametrize(("name", "share"), sample())
+def test_a_finding_is_what_a_changed_model_does(name, share, covered, tmp_path):
+    found = covered[name].numbers
+    holds(load_case(shipped(f"{name}.toml")), found[share * len(found) // 1000], tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(file.stem for file in models_like()))
+def test_every_finding_is_what_a_changed_model_does(name, tmp_path):
+    case = load_case(shipped(f"{name}.toml"))
+    found = coverage_of(case, folder=tmp_path / "cache")
+    assert not found.differing
+    for k, one in enumerate(found.numbers):
+        if not (one.kind == "direction" and one.of.startswith("joint")) and writable(case, one):
+            holds(case, one, tmp_path / str(k))
+
+
+def writable(case: Case, one: Finding) -> bool:
+    """Whether `by_hand` knows how the file states a number."""
+    text = case.model_path.read_text()
+    if one.kind == "direction":
+        return "xyaxes" not in text and "euler" not in text
+    return one.kind not in ("range", "softness of the stop") and not one.of[-1:].isdigit()
+
+
+def test_the_fourbar_leaves_inertias_damping_and_armature_unchecked(covered):
+    """As one-number mutants of its file told before any of this was written."""
+    unnoticed = {
+        kind: {one.of for one in some} for kind, some in covered["fourbar"].unnoticed.items()
+    }
+    assert unnoticed["inertia"] == {"crank", "coupler", "rocker"}
+    assert unnoticed["damping"] == {"crank", "coupler", "rocker"}
+    assert unnoticed["armature"] == {"crank", "rocker"}  # pymunk refuses the coupler's
+    assert unnoticed.keys() == {"inertia", "damping", "armature", "softness of the loop"}
+    words = list(not_noticed(load_case(shipped("fourbar.toml")), covered["fourbar"]))
+    assert words[0].startswith("inertias of crank, coupler and rocker: nothing of it acts at rest")
+
+
+def test_a_length_is_noticed_in_the_model_as_in_the_reference(covered):
+    """One number, by two ways: a changed engine here, a changed reference in `compare`."""
+    found = covered["fourbar"]
+    model = {one.name: abs(one.change) for one in found.numbers}
+    reference = {one.of: one.change for one in found.parameters}
+    for here, there in (
+        ("site of rocker_end x", "rocker"),
+        ("place of rocker x", "ground"),
+        ("site of coupler_end x", "coupler"),
+        ("place of coupler x", "crank"),
+        ("site of point x", "point_along"),
+        ("gravity of y", "gravity"),
+    ):
+        assert model[here] == pytest.approx(reference[there], rel=0.05)  # of a sample in fifteen
+
+
+@pytest.mark.parametrize("name", ["inertia of crank", "mass of crank", "friction of crank"])
+def test_a_finding_that_is_turned_round_does_not_hold(name, covered, tmp_path):
+    case = load_case(shipped("fourbar.toml"))
+    (one,) = (one for one in covered["fourbar"].numbers if one.name == name)
+    change = one.change if one.noticed else one.tried
+    wrong = replace(one, noticed=not one.noticed, change=change, run="sweep", solver="mujoco")
+    with pytest.raises(AssertionError, match=name):
+        holds(case, wrong, tmp_path)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_a_change_that_is_wrong_by_five_does_not_hold(factor, covered, tmp_path):
+    case = load_case(shipped("fourbar.toml"))
+    (one,) = (one for one in covered["fourbar"].numbers if one.name == "mass of crank")
+    with pytest.raises(AssertionError, match="mass of crank"):
+        holds(case, replace(one, change=factor * one.change), tmp_path)
+
+
+def searching(name: str, kind, solver: str) -> Search:
+    """A search in one run of a case, in this process."""
+    case = load_case(shipped(f"{name}.toml"))
+    search = Search(case, ThreadPoolExecutor(1))
+    search.before = [baseline(case, kind, solver)]
+    return search
+
+
+def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
+    search = searching("peaucellier", "sweep", "mujoco")
+    there = {number.name: number for number in numbers(search.case)}
+    (tip,) = search.tried([there["site of tip x"]])
+    assert tip.noticed
+    assert tip.channel.startswith("tip")
+    (mass,) = search.tried([there["mass of crank"]])
+    assert not mass.noticed
+
+
+def test_check_says_that_a_reference_reads_the_model():
+    result = check([shipped("fourbar_released.toml")], 1)
+    (line,) = [text.plain for text in failures(result) if "reads the numbers" in text.plain]
+    assert line == (
+        "· fourbar_released: the reference planar reads the numbers of fourbar.xml: a wrong one is "
+        "wrong in the engines and in the reference"
+    )
+
+
+def test_the_first_tolerance_that_is_used_up_tells_the_factor():
+    error, rate = np.array([0.5, 0.0, -0.9]), np.array([0.1, 0.0, 0.1])
+    assert limit(error, 1.0, rate, "y").factor == pytest.approx(5.0)
+    assert limit(error, 1.0, -rate, "y").factor == pytest.approx(1.0)
+    assert limit(error, 1.0, 0 * rate, "y").factor == math.inf
+
+
+def number(kind: str, of: str, value: float = 0.0) -> Number:
+    return Number(kind, of, value, "1", 0.1, Place("joint", 0, kind))
+
+
+def test_draws_are_to_both_sides_and_never_less_than_alone():
+    group = [number("mass", name, 1.0) for name in "abcdef"]
+    one, two = draws(group)
+    for (_, first), (_, second) in zip(one, two, strict=True):
+        assert min(abs(first), abs(second)) >= 0.1
+        assert first * second < 0
+        assert abs(first) != abs(second)
+    assert [x for draw in draws([number("damping", "a")]) for _, x in draw] > [0.0, 0.0]
+
+
+def test_what_is_not_negative_is_not_tried_below_0():
+    assert sides_of(number("damping", "a")) == (1,)
+    assert sides_of(number("damping", "a", 1.0)) == (1, -1)
+    assert sides_of(number("gravity", "x")) == (1, -1)
+
+
+def test_groups_are_of_one_kind_and_of_a_few():
+    there = [number("mass", str(k)) for k in range(8)] + [number("inertia", "a")]
+    assert {label: len(some) for label, some in grouped(there).items()} == {
+        "mass 1": 6,
+        "mass 2": 2,
+        "inertia 1": 1,
+    }
+
+
+def test_a_sweep_is_searched_at_some_of_its_own_samples():
+    case = load_case(shipped("fourbar.toml"))
+    assert stride_of(case, "sweep") == 15  # of 360 intervals
+    assert stride_of(case, "dynamics") == 1
+    assert stride_of(load_case(shipped("rod_snap.toml")), "sweep") == 1  # 42 intervals
+    assert stride_of(load_case(shipped("hacksaw_recorded.toml")), "sweep") == 1
+
+
+def test_what_was_found_is_kept_and_read_again(tmp_path, monkeypatch):
+    case = load_case(shipped("rod_cantilever.toml"))
+    assert stored_coverage(case, tmp_path) is None
+    found = coverage_of(case, 1, folder=tmp_path)
+    monkeypatch.setattr(coverage_module, "Search", None)  # nothing is searched
+    assert str(coverage_of(case, 1, folder=tmp_path)) == str(found)
+    assert str(stored_coverage(case, tmp_path)) == str(found)
+    looser = case.tolerance[0].model_copy(update={"abs": None, "relative_to_range": 0.5})
+    other = case.model_copy(update={"tolerance": (looser, *case.tolerance[1:])})
+    assert stored_coverage(other, tmp_path) is None
+    (file,) = tmp_path.rglob("*.json")
+    for text in ("not json", "{}", '{"groups": 1, "coverage": null, "seconds": 0}'):
+        file.write_text(text)
+        with pytest.raises(InputError, match="delete it"):
+            stored_coverage(case, tmp_path)
+
+
+def test_a_search_that_was_stopped_goes_on(tmp_path, monkeypatch):
+    case, told = load_case(shipped("rod_cantilever.toml")), list[tuple[int, int]]()
+
+    def stop(label: str, done: int, total: int) -> None:
+        told.append((done, total))
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        coverage_of(case, 1, stop, tmp_path)
+    begun = len(told)
+    found = coverage_of(case, 1, lambda label, done, total: told.append((done, total)), tmp_path)
+    assert told[begun][0] > 3
+    assert told[-1][0] == told[-1][1]
+    assert {one.kind for one in found.numbers} >= {"length", "stiffness of a rod", "load"}
+
+
+def test_the_cache_is_where_the_environment_says(monkeypatch, tmp_path):
+    monkeypatch.setenv("PROOFMASS_CACHE", str(tmp_path))
+    assert cache_folder() == tmp_path
+    monkeypatch.delenv("PROOFMASS_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "proofmass"
+
+
+def test_explain_tells_and_has_the_same_as_json(tmp_path, monkeypatch):
+    monkeypatch.setenv("PROOFMASS_CACHE", str(tmp_path))
+    file = str(shipped("rod_cantilever.toml"))
+    answer = CliRunner().invoke(app, ["explain", file, "--jobs", "1"])
+    assert answer.exit_code == 0, answer.output
+    assert max(map(len, answer.stdout.splitlines())) <= 80
+    for words in ("Who checks what", "stiffness of a rod of rod", "Not noticed by any run"):
+        assert words in answer.stdout
+    answer = CliRunner().invoke(app, ["explain", file, "--json"])
+    assert answer.exit_code == 0, answer.output
+    table = json.loads(answer.stdout)
+    assert table["case"] == "rod_cantilever"
+    assert {one["of"] for one in table["numbers"] if one["kind"] == "length"} == {"rod"}
+
+
+@pytest.mark.parametrize("path", ["missing.toml", "models", "models/linkages/hacksaw_recorded.csv"])
+def test_explain_refuses_what_is_no_case(path, tmp_path, monkeypatch):
+    monkeypatch.setenv("PROOFMASS_CACHE", str(tmp_path))
+    answer = CliRunner().invoke(app, ["explain", path])
+    assert answer.exit_code == 2
+    assert answer.stderr.startswith("error: ")
+
+
+def test_explain_refuses_a_damaged_store(tmp_path, monkeypatch):
+    monkeypatch.setenv("PROOFMASS_CACHE", str(tmp_path))
+    case = load_case(shipped("rod_cantilever.toml"))
+    file = coverage_module.file_of(case, coverage_module.key_of(case), tmp_path)
+    file.parent.mkdir(parents=True)
+    file.write_text("[]")
+    answer = CliRunner().invoke(app, ["explain", str(case.file)])
+    assert answer.exit_code == 2
+    assert "delete it, and it is made again" in answer.stderr
+
+
+def test_all_parts_are_told_in_eighty_columns(covered):
+    for name, found in covered.items():
+        case = load_case(shipped(f"{name}.toml"))
+        lines = [part for part in explained(case, found) if isinstance(part, str)]
+        assert max(map(len, lines)) <= 80
+
+
+def test_words_for_one_number_and_for_several():
+    some = [Finding("mass", name, "kg", 1.0, 0.1, False) for name in "abc"]
+    assert phrase("mass", some[:1]) == "mass of a"
+    assert phrase("mass", some) == "masses of a, b and c"
+    assert phrase("gear", some[:2]) == "gears of a and b"
