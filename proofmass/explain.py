@@ -224,6 +224,9 @@ def reason(case: Case, found: Coverage, kind: str) -> str:
                 "nothing of it acts at rest; in dynamics the drives prescribe the motion, and no "
                 "moment, force or energy is checked"
             )
+    weightless = not any(one.value for one in found.numbers if one.kind == "gravity")
+    if kind in ("mass", "centre of mass") and weightless and not moving:
+        return "there is no gravity, and all runs that are checked are at rest"
     if kind in LOADS and case.drive and not efforts and not case.rod:
         return "the drives prescribe the motion, and no moment, force or energy is checked"
     if kind in SOFTNESS:

@@ -23,9 +23,9 @@ from proofmass.check import check
 from proofmass.cli import app
 from proofmass.compare import compare
 from proofmass.coverage import Coverage, cache_folder, coverage_of, stored_coverage
-from proofmass.coverage_search import Finding, Search, draws, grouped, sides_of
+from proofmass.coverage_search import CheckedRun, Finding, Search, draws, grouped, sides_of
 from proofmass.errors import InputError
-from proofmass.explain import explained, not_noticed, phrase
+from proofmass.explain import explained, not_noticed, phrase, reason
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.sidecar import load_case
 from proofmass.sim.numbers import Number, Place
@@ -401,6 +401,37 @@ def test_all_parts_are_told_in_eighty_columns(covered):
         case = load_case(shipped(f"{name}.toml"))
         lines = [part for part in explained(case, found) if isinstance(part, str)]
         assert max(map(len, lines)) <= 80
+
+
+def test_a_case_in_which_nothing_is_checked_is_asked_nothing(tmp_path):
+    case = load_case(shipped("fourbar.toml")).model_copy(update={"tolerance": ()})
+    found = coverage_of(case, 1, folder=tmp_path)
+    assert (found.numbers, {one.checked for one in found.runs}) == ((), {0})
+    lines = [part for part in explained(case, found) if isinstance(part, str)]
+    assert lines[-1] == ("No number of fourbar.xml was tried: no run of the case checks anything.")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("fourbar", "armature", "nothing of it acts at rest; in dynamics the drives prescribe"),
+        ("fourbar", "softness of the loop", "a run at rest closes them to rounding; in dynamics"),
+        ("balancer_sine", "mass", "there is no gravity, and all runs that are checked are at rest"),
+        ("balancer_sine", "inertia", "all runs that are checked are at rest, where nothing of it"),
+        ("peaucellier", "mass", "the reference reads them from the model as well"),
+        ("pendulum", "inertia", ""),
+    ],
+)
+def test_reasons_are_those_of_the_case(name, kind, words):
+    case = load_case(shipped(f"{name}.toml"))
+    runs = tuple(
+        CheckedRun(run, "mujoco", 1, 1, units=units)
+        for run, units in (("sweep", ("N m",)), ("dynamics", ("m", "J")[: 1 + (not case.drive)]))
+        if run in case.run
+    )
+    found = Coverage(name, "", runs, (), (), reads_model=name == "peaucellier")
+    assert reason(case, found, kind).startswith(words)
+    assert bool(reason(case, found, kind)) == bool(words)
 
 
 def test_words_for_one_number_and_for_several():
