@@ -2,24 +2,26 @@
 
 **What is tried.**  A number is changed by `SHARE` of its value, one that is 0 by `SHARE` of a
 natural size, to both sides.  Numbers of a kind that often nothing notices are changed together
-first, twice, by different random shares of at least that: where neither is noticed, none of them
-alone is, unless two cancel in both.  Where one is, the group is halved.
+first, six times, by different random shares of at least that and to different sides: where none is
+noticed, none of the numbers alone is.  Where one is, the group is halved.
 
 **The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
 error is (e1 - e0) / d at each sample, and the channel whose tolerance is used up first tells the
 change that is noticed.  This is repeated with twice the change that was told, until the two agree.
 
-Sweeps are searched at some of their samples, at which what is noticed is noticed by the whole run
-as well.  At the end the whole runs are asked once more for all numbers that nothing noticed, and
-the runs of another kind for half of the changes that were told.
+The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
+one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
+which what is noticed is noticed by the whole run as well.  At the end the whole sweeps are asked
+once more for all numbers that nothing noticed, and the runs of another kind for half of the changes
+that were told.
 """
 
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from proofmass.case import Case
 from proofmass.changed import Baseline, Changes, Trial, baseline, numbers, stride_of, with_changes
@@ -41,6 +43,8 @@ DOWN = 1e-2
 """Of a change with which a run is lost: the next one, which may tell a rate."""
 LOST = 3
 """Changes with which a run is lost, one after the other, until it is given up."""
+MOST = 2.0
+"""Of the change that is tried alone: the largest in a group."""
 SOONER = 0.8
 """Of the change that is told: what another solver has to promise to be asked."""
 QUIET = {
@@ -58,6 +62,9 @@ POSITIVE = {"damping", "armature", "friction", "stiffness"}
 """Kinds that are not tried below 0."""
 WHOLE = "all together"
 """Label of what is asked at the end."""
+Some = TypeVar("Some")
+Each = Callable[..., Iterable[Any]]
+"""A `map`, or that of a pool."""
 
 
 @dataclass(frozen=True)
@@ -177,22 +184,28 @@ class Search:
         waiting: dict[Future[list[Finding]], str] = {
             self.pool.submit(self.tried, groups[label]): label for label in missing
         }
-        total = len(groups) + bool(groups)
+        later = [f"then {run.kind} {run.solver}" for run in self.runs()[1:]] if groups else []
+        total = len(groups) + len(later) + bool(groups)
         while waiting:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 label = waiting.pop(future)
                 found[label] = future.result()
                 yield len(found), total, label
-        if groups:
-            first = {
-                n: one
-                for label in groups
-                for n, one in zip(groups[label], found[label], strict=True)
-            }
-            last = self.asked_whole(first)
-            found.clear()
-            found[WHOLE] = [last[number] for number in there]
-            yield total, total, WHOLE
+        if not groups:
+            return
+        pairs = (pair for k in groups for pair in zip(groups[k], found[k], strict=True))
+        known = dict(pairs)
+        for label, run in zip(later, self.runs()[1:], strict=True):
+            if label in found:
+                known = dict(zip(there, found[label], strict=True))
+                continue
+            known = self.asked(run, known)
+            found[label] = [known[number] for number in there]
+            yield len(found), total, label
+        known = self.asked_at_last(known)
+        found.clear()
+        found[WHOLE] = [known[number] for number in there]
+        yield total, total, WHOLE
 
     def call(self, kind: Kind, function: Callable, *args: object) -> Any:
         """Call a function of the case in a worker, within the limits of a run."""
@@ -232,33 +245,32 @@ class Search:
         return found
 
     def tried(self, group: Sequence[Number]) -> list[Finding]:
-        """What came of a group of numbers of one kind."""
-        found: dict[Number, Finding] = {}
-        for k, run in enumerate(self.runs()):
-            pending = [number for number in group if number not in found]
-            loud = not k and group[0].kind not in QUIET
-            found |= self.one_by_one(run, pending) if loud else self.together(run, pending)
+        """What the first run tells of a group of numbers of one kind."""
+        run = self.runs()[0]
+        alone = list(group)
+        if group[0].kind in QUIET:
+            alone = parted(group, lambda some: self.moves(run, some))
+        found = self.one_by_one(run, alone, map)
         return [found.get(number) or not_noticed(number) for number in group]
 
-    def together(
-        self, run: Baseline, group: Sequence[Number], whole: bool = False
+    def asked(
+        self, run: Baseline, known: Mapping[Number, Finding], whole: bool = False
     ) -> dict[Number, Finding]:
-        """Those that are noticed of a group that is changed as one, twice; halved if it is."""
-        if not group:
-            return {}
-        if len(group) == 1:
-            return self.one_by_one(run, group, whole)
-        if not any(self.trial(run, changes, whole).ratio > 1 for changes in draws(group)):
-            return {}
-        half = len(group) // 2
-        return self.together(run, group[:half], whole) | self.together(run, group[half:], whole)
+        """The findings after another run was asked for all numbers that nothing noticed."""
+        pending = [number for number, one in known.items() if not one.noticed]
+        alone = parted(pending, lambda some: self.moves(run, some, whole), self.pool.map)
+        return {**known, **self.one_by_one(run, alone, self.pool.map, whole)}
+
+    def moves(self, run: Baseline, group: Sequence[Number], whole: bool = False) -> bool:
+        """Whether a run notices a group that is changed as one, however it is."""
+        return any(self.trial(run, changes, whole).ratio > 1 for changes in draws(group))
 
     def one_by_one(
-        self, run: Baseline, group: Sequence[Number], whole: bool = False
+        self, run: Baseline, group: Sequence[Number], each: Each, whole: bool = False
     ) -> dict[Number, Finding]:
         """Those of a group that are noticed alone."""
-        found = ((number, self.single(run, number, whole)) for number in group)
-        return {number: one for number, one in found if one}
+        found = each(lambda number: self.single(run, number, whole), group)
+        return {number: one for number, one in zip(group, found, strict=True) if one}
 
     def single(self, run: Baseline, number: Number, whole: bool) -> Finding | None:
         """What a run notices of a number; None if it does not notice the change that is tried."""
@@ -339,12 +351,11 @@ class Search:
                     )
         return None
 
-    def asked_whole(self, found: dict[Number, Finding]) -> dict[Number, Finding]:
+    def asked_at_last(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
         """The findings after the whole runs were asked for what is open; see the module."""
-        found = dict(found)
-        for run in self.runs():
-            pending = [number for number, one in found.items() if not one.noticed]
-            found |= self.together(run, pending, whole=True)
+        found = dict(known)
+        for run in (one for one in self.runs() if self.strides[one.kind] > 1):
+            found = self.asked(run, found, whole=True)
         for run in self.runs():
             others = [
                 number
@@ -360,15 +371,13 @@ class Search:
         self, run: Baseline, group: Sequence[Number], found: Mapping[Number, Finding]
     ) -> list[Number]:
         """Those that a run notices at half of the change that is told so far."""
-        if not group:
-            return []
-        changes = [(number, 0.5 * found[number].change) for number in group]
-        if self.trial(run, changes).ratio <= 1:
-            return []
-        if len(group) == 1:
-            return list(group)
-        half = len(group) // 2
-        return [*self.sooner(run, group[:half], found), *self.sooner(run, group[half:], found)]
+
+        def asks(some: Sequence[Number]) -> bool:
+            changes = [(number, 0.5 * found[number].change) for number in some]
+            return self.trial(run, changes).ratio > 1
+
+        alone = parted(group, asks, self.pool.map)
+        return [number for number in alone if asks([number])]
 
     def differing(self) -> Iterator[str]:
         """The channels that differ already, in words."""
@@ -429,6 +438,27 @@ def grouped(there: Sequence[Number]) -> dict[str, list[Number]]:
     return groups
 
 
+def parted(
+    group: Sequence[Some], asks: Callable[[Sequence[Some]], bool], each: Each = map
+) -> list[Some]:
+    """What is left to be asked alone, of a group that is halved where it is noticed.
+
+    >>> parted("abcdefgh", lambda some: "c" in some)
+    ['c', 'd']
+    """
+    level: list[Sequence[Some]] = [group] if group else []
+    alone = list[Some]()
+    while level:
+        alone += [some[0] for some in level if len(some) == 1]
+        several = [some for some in level if len(some) > 1]
+        yes = each(asks, several)
+        inside = [some for some, one in zip(several, yes, strict=True) if one]
+        level = [
+            half for some in inside for half in (some[: len(some) // 2], some[len(some) // 2 :])
+        ]
+    return alone
+
+
 def sides_of(number: Number) -> tuple[int, ...]:
     """To which sides a number is changed."""
     below = number.kind not in POSITIVE or number.value - number.step >= 0
@@ -436,19 +466,21 @@ def sides_of(number: Number) -> tuple[int, ...]:
 
 
 def draws(group: Sequence[Number]) -> Iterator[Changes]:
-    """Two sets of random changes, to both sides where there are two, none less than alone."""
+    """Sets of random changes of a group, to both sides where there are two, none less than alone.
+
+    Two numbers next to each other, or next but one, are changed to the same side in some sets and
+    to opposite sides in others: what cancels in one of them does not in the other.
+    """
     chosen = random.Random(" ".join(number.name for number in group))
     sides = [chosen.choice((1, -1)) for _ in group]
-    for turn in (1, -1):
-        yield [
-            (
-                number,
-                (turn * side if len(sides_of(number)) == 2 else 1)
-                * chosen.uniform(1.0, 1.5)
-                * number.step,
-            )
-            for number, side in zip(group, sides, strict=True)
-        ]
+    for together in (None, 1, 2):  # as many neighbours that go to the same side
+        for turn in (1, -1):
+            changes = []
+            for k, (number, side) in enumerate(zip(group, sides, strict=True)):
+                opposite = together is not None and k // together % 2
+                sign = turn * side * (-1 if opposite else 1) if len(sides_of(number)) > 1 else 1
+                changes.append((number, sign * chosen.uniform(1.0, MOST) * number.step))
+            yield changes
 
 
 def noticed(number: Number, change: float, run: Baseline, channel: str, lost: str = "") -> Finding:

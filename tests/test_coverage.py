@@ -23,7 +23,7 @@ from proofmass.check import check
 from proofmass.cli import app
 from proofmass.compare import compare
 from proofmass.coverage import Coverage, cache_folder, coverage_of, stored_coverage
-from proofmass.coverage_search import CheckedRun, Finding, Search, draws, grouped, sides_of
+from proofmass.coverage_search import CheckedRun, Finding, Search, draws, grouped, parted, sides_of
 from proofmass.errors import InputError
 from proofmass.explain import explained, not_noticed, phrase, reason
 from proofmass.outcome import FAILURES, Outcome
@@ -288,13 +288,32 @@ def number(kind: str, of: str, value: float = 0.0) -> Number:
 
 
 def test_draws_are_to_both_sides_and_never_less_than_alone():
-    group = [number("mass", name, 1.0) for name in "abcdef"]
-    one, two = draws(group)
-    for (_, first), (_, second) in zip(one, two, strict=True):
-        assert min(abs(first), abs(second)) >= 0.1
-        assert first * second < 0
-        assert abs(first) != abs(second)
-    assert all(x > 0 for draw in draws([number("damping", "a")]) for _, x in draw)
+    group = [number("mass", name, 1.0) for name in "abcdef"] + [number("damping", "g")]
+    there = [[change for _, change in changes] for changes in draws(group)]
+    for own in zip(*there, strict=True):
+        assert min(map(abs, own)) >= 0.1
+        assert len({abs(change) for change in own}) == len(own)
+    for k in range(6):
+        assert {np.sign(changes[k]) for changes in there} == {1, -1}
+        for other in range(k + 1, min(k + 3, 6)):  # two that could cancel are tried both ways
+            assert {np.sign(changes[k] * changes[other]) for changes in there} == {1, -1}
+    assert all(changes[6] > 0 for changes in there)
+
+
+def test_numbers_that_cancel_are_found():
+    """A run that notices the difference of two numbers, or their sum, and only much of it."""
+    one, two, three = group = [number("zero", name, 1.0) for name in "abc"]
+    for sign in (1, -1):
+        for pair in ((one, two), (two, three), (one, three)):
+
+            def asks(some, pair=pair, sign=sign):
+                for changes in draws(some):
+                    by = dict(changes)
+                    if abs(by.get(pair[0], 0.0) + sign * by.get(pair[1], 0.0)) > 0.099:
+                        return True
+                return False
+
+            assert set(parted(group, asks)) >= set(pair)
 
 
 def test_what_is_not_negative_is_not_tried_below_0():
