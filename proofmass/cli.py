@@ -102,8 +102,14 @@ def report_command(
             help="Folder of proofmass trade, stress or diet: its pages become part of the report."
         ),
     ] = None,
+    figures: Annotated[
+        bool,
+        typer.Option(
+            "--figures", help="All curves as figures for papers as well (SVG and PNG); slow."
+        ),
+    ] = False,
 ) -> None:
-    """Check every case and write HTML pages with overlay plots.
+    """Check every case and write HTML pages with its curves and its mechanism in motion.
 
     Exit codes as for check.
     """
@@ -116,7 +122,7 @@ def report_command(
     result = examine(paths, jobs)
     show(result)  # before anything is written: what was found out is not lost with a full disk
     with answering(f"{output} is not complete"), errors.status("drawing"):
-        index = write_report(result, output, studies=studies)
+        index = write_report(result, output, studies=studies, figures=figures)
     print(index)
     raise typer.Exit(result.exit_code)
 

@@ -17,14 +17,17 @@ from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import LOST, OPEN, Outcome
 from proofmass.report import refinements, tables
+from proofmass.report.case_data import case_data, embedded
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
-from proofmass.report.page import about, complaint, slug
+from proofmass.report.first_screen import advice, badge, causes, looks_of, open_lines, texts
+from proofmass.report.overview import marks, overview
+from proofmass.report.page import complaint, made_with, slug
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
-from proofmass.report.words import SYMBOLS, from_model, headline
+from proofmass.report.words import SYMBOLS, closeness, from_model, headline
 from proofmass.wording import spoken
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
@@ -32,15 +35,6 @@ HEADINGS = {
     "sweep": "Sweep: the mechanism pose by pose, no time stepping",
     "equilibrium": "Equilibrium: the shapes of the rods, along their length",
     "dynamics": "Dynamics: the motion over time, as each engine steps it",
-}
-CAPTIONS = {
-    "overlay": "Reference (thick, pale) and solvers on top of it; angles in degrees.",
-    "paths": "Where measured points run, to one scale across and up: reference (thick, pale) and "
-    "solvers on top of it.",
-    "shapes": "The rods, to one scale across and up: reference (thick, pale) and solvers on top of "
-    "it.",
-    "difference": "Absolute difference to the reference, in the unit of the table. Dashed level "
-    "lines: what the tolerance allows. Exact zeros run into the lower edge.",
 }
 
 
@@ -59,11 +53,25 @@ def render_case(
     short = card(case, runs, drawings, faults)
     tell = partial(told, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
+    data = case_data(case, runs, drawings.motions, style)
     return short, env.get_template("case.html").render(
         case=case,
         card=short,
-        style=style,
-        about=about(),
+        data=data,
+        embedded=embedded(data),
+        curves=any(run.curves for run in runs),
+        badge=badge(case, rows, short["state"], faults),
+        closeness=closeness(case, rows),
+        overview=overview(data) if rows else [],
+        marks=marks(),
+        causes=causes(case, getattr(result, "diagnoses", {})),
+        open_lines=open_lines(case, runs),
+        advice=advice(case, rows, faults, short["state"]),
+        command=f"proofmass check {case.file.name if case.file.is_absolute() else case.file}",
+        detectable=tables.smallest_changes(case, rows),
+        texts=texts(case),
+        looks=looks_of(data, style),
+        about=made_with(case.file.parent),
         faults=faults,
         parts=[part(run, drawings) for run in runs],
         seen=[
@@ -218,21 +226,14 @@ def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
 
 def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
     """All that a page shows of one run."""
-    figures = []
-    for what in SHEETS:
-        if svg := drawings.figures.get(f"{view.kind}-{what}"):
-            stem = f"{slug(view.case.name)}-{view.kind}-{what}"
-            label = (
-                f"{view.case.name}, {view.kind}, {what}: {', '.join(view.channels)} over "
-                f"{view.x_name}; numbers in the table below"
-            )
-            caption = CAPTIONS["shapes" if (view.kind, what) == ("equilibrium", "paths") else what]
-            figures.append(
-                {"svg": Markup(inline(svg, stem, label)), "caption": caption, "stem": stem}
-            )
+    papers = [
+        {"what": what, "stem": f"{slug(view.case.name)}-{view.kind}-{what}"}
+        for what in SHEETS
+        if f"{view.kind}-{what}" in drawings.figures
+    ]
     return {
         "kind": view.kind,
-        "figures": figures,
+        "papers": papers,
         "groups": tables.comparisons(view),
         "extrema": tables.extrema(view) if view.curves else [],
         "costs": tables.costs(view),
@@ -241,7 +242,7 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
         "over": f"{view.x_name} [{view.x_unit}]",
         "stopped": [
             f"{spoken(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
-            f"{len(view.grid)} samples, which are kept (dotted line in the figures): "
+            f"{len(view.grid)} samples, which are kept: "
             f"{c.stopped}"
             for s, c in view.curves.items()
             if c.stopped

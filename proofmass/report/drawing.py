@@ -1,7 +1,7 @@
 """All figures of a case, drawn in another process: several cases are drawn side by side."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from matplotlib import rc_context
@@ -17,12 +17,15 @@ from proofmass.report.refinements import refine_sheet
 from proofmass.report.style import RC, Look
 from proofmass.report.views import Viewed, view_sheet
 from proofmass.sim.mjcf import NATIVE
-from proofmass.sim.picture import Picture, picture
+from proofmass.sim.motion import Measured, Motion, motion
+from proofmass.sim.picture import Picture
 from proofmass.solve import plan
+from proofmass.strict import Kind
 from proofmass.worker import isolated
 
 SECONDS = 300.0  # until the drawings of a case are given up
 SHEETS = ("overlay", "paths", "difference")
+POSES, OTHER_POSES = 121, 73  # of the first run, and of a second one: the page draws between them
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,15 @@ class Charted:
 
 @dataclass(frozen=True)
 class Drawings:
-    """The figures of a case by name (SVG), and why the mechanism is not drawn, or not all of it."""
+    """The figures of a case by name (SVG), and why the mechanism is not drawn, or not all of it.
+
+    `motions` are the mechanism at many poses, by run.
+    """
 
     figures: dict[str, str]
     note: str = ""
     charts: tuple[Charted, ...] = ()
+    motions: dict[str, Motion] = field(default_factory=dict)
 
 
 def drawn(
@@ -51,17 +58,23 @@ def drawn(
     style: dict[str, Look],
     folder: Path,
     slug: str,
+    papers: bool = False,
 ) -> Drawings:
     """Draw everything of a case and save it as ``folder/slug-….svg`` and ``.png``.
 
-    Names are ``mechanism``, ``thumbnail``, for each run with curves ``RUN-overlay``, ``RUN-paths``,
-    ``RUN-difference``, ``refine``, and ``view-1`` and so on; charts are ``chart-1`` and so on.
+    Names are ``mechanism``, ``thumbnail``, ``refine``, and ``view-1`` and so on; charts are
+    ``chart-1`` and so on.  For `papers` there are ``RUN-overlay``, ``RUN-paths`` and
+    ``RUN-difference`` of each run with curves as well, which the page shows by its script.
     """
     if beyond_limits(runs):
         return Drawings({}, "its runs reached their limits")
-    shape, note = pictured(case)
+    motions, note = moving(case, runs)
+    first = motions.get(next(iter(case.run)))
+    shape = distinct(first.picture) if first else None
     try:
-        figures = isolated(draw, case, runs, views, style, folder, slug, shape, timeout=SECONDS)
+        figures = isolated(
+            draw, case, runs, views, style, folder, slug, shape, papers, timeout=SECONDS
+        )
     except OSError:  # such as a full disk, which the other cases have as well
         raise
     except Exception as error:
@@ -69,7 +82,7 @@ def drawn(
     charts = tuple(
         charted(case, table, folder / f"{slug}-chart-{k}") for k, table in enumerate(case.chart, 1)
     )
-    return Drawings(figures, note, charts)
+    return Drawings(figures, note, charts, motions)
 
 
 def charted(case: Case, table: ChartTable, stem: Path) -> Charted:
@@ -88,18 +101,43 @@ def draw_chart(case: Case, table: ChartTable, stem: Path) -> Charted:
     return Charted(svg, f"{chart.y[0]} over {chart.x[0]}", chart.caption)
 
 
-def pictured(case: Case) -> tuple[Picture | None, str]:
-    """The mechanism at some poses; otherwise, or if these are not all, the reason."""
-    try:
-        whole = isolated(posed, case, timeout=SECONDS)
-        return distinct(whole), whole.stopped
-    except Exception as error:  # whatever is wrong with a model costs its drawing, not the report
-        return None, str(error)
+def moving(case: Case, runs: list[Shown]) -> tuple[dict[str, Motion], str]:
+    """The mechanism in each of its runs, and why the first of them has none, or not all poses."""
+    found, note, shown = dict[str, Motion](), "", {run.kind: run for run in runs}
+    for number, kind in enumerate(case.run):
+        try:
+            found[kind] = isolated(
+                moved_here,
+                case,
+                kind,
+                measured(shown[kind]) if kind in shown else {},
+                OTHER_POSES if number else POSES,
+                timeout=SECONDS,
+            )
+        except Exception as error:  # whatever is wrong with a model costs its drawing only
+            note = note or ("" if number else str(error))
+        else:
+            note = note or ("" if number else found[kind].picture.stopped)
+    return found, note
 
 
-def posed(case: Case) -> Picture:
-    """What `pictured` does in the other process."""
-    return picture(case.model_path, plan(case, next(iter(case.run)), NATIVE))
+def moved_here(case: Case, kind: Kind, curves: Measured, count: int) -> Motion:
+    """What `moving` does of a run in the other process."""
+    return motion(case.model_path, plan(case, kind, NATIVE), curves, count)
+
+
+def measured(run: Shown) -> Measured:
+    """What the positions of the bodies are told by: places and angles that a run compares."""
+    names = [n for n in run.channels if run.case.channels[n].si_unit in ("m", "rad")]
+    found = {}
+    for solver, curves in run.curves.items():
+        truth = run.truth[solver].channels
+        there = [name for name in names if name in curves.channels]
+        found[solver] = (
+            {name: truth[name] for name in names},
+            {name: curves.channels[name] - truth[name] for name in there},
+        )
+    return found
 
 
 def draw(
@@ -110,6 +148,7 @@ def draw(
     folder: Path,
     slug: str,
     shape: Picture | None,
+    papers: bool,
 ) -> dict[str, str]:
     """What `drawn` does in the other process."""
     found, asked, runs = {}, runs, [r for r in runs if r.curves]
@@ -125,7 +164,7 @@ def draw(
             found["thumbnail"] = save(
                 thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
             )
-        for run in runs:
+        for run in runs if papers else ():
             for what in sheets(run, shape):
                 name = f"{run.kind}-{what}"
                 figure = (

@@ -3,14 +3,21 @@
 import os
 import platform
 import re
+import subprocess
+import sys
+from collections.abc import Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution, version
+from importlib.resources import files
+from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from proofmass.engines import NoEngine, brought_by, engine_names, engine_of
 from proofmass.errors import InputError
+from proofmass.files import write_whole
 from proofmass.report.words import SYMBOLS
 from proofmass.wording import number
 
@@ -65,3 +72,40 @@ def about() -> list[tuple[str, str]]:
         ("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"),
         ("date", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"),
     ]
+
+
+def made_with(folder: Path) -> list[tuple[str, str]]:
+    """The same as `about`, with the command and the commit of the folder of a model."""
+    given = [word if not Path(word).is_absolute() else Path(word).name for word in sys.argv[1:]]
+    command = ("command", " ".join([Path(sys.argv[0]).stem, *given]))
+    return [
+        *about(),
+        *([("commit of the model", commit)] if (commit := commit_of(folder)) else []),
+        command,
+    ]
+
+
+@cache
+def commit_of(folder: Path) -> str:
+    """The commit of a folder, with a plus where files have changed since; empty without git."""
+    asked = ["git", "-C", str(folder), "describe", "--always", "--dirty=+", "--exclude=*"]
+    try:
+        told = subprocess.run(asked, capture_output=True, text=True, timeout=5, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return told.stdout.strip()
+
+
+CURVES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
+"""Files of the package ``uplot-python``, which draws the curves of a page, by their new names."""
+
+
+def write_static(folder: Path, names: Iterable[str]) -> None:
+    """Write style sheets and scripts into the folder ``static`` beside the pages, once for all."""
+    (folder / "static").mkdir(parents=True, exist_ok=True)
+    for name in names:
+        if name in CURVES:  # found by its record: importing the package would load IPython
+            text = Path(str(distribution("uplot-python").locate_file(CURVES[name]))).read_bytes()
+        else:
+            text = (files("proofmass.report") / "static" / name).read_bytes()
+        write_whole(folder / "static" / name, text)

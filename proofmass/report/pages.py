@@ -12,9 +12,14 @@ from proofmass.files import write_whole
 from proofmass.report.case_page import gather, render_case
 from proofmass.report.drawing import drawn
 from proofmass.report.families import families
-from proofmass.report.page import about, complaint, environment, slug
+from proofmass.report.page import about, complaint, environment, slug, write_static
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import looks
+
+STATIC = (
+    *("uPlot.js", "uPlot.css", "common.css", "common.js"),
+    *("case.css", "case.js", "curves.js", "mechanism.js"),
+)
 
 
 def write_report(
@@ -22,6 +27,7 @@ def write_report(
     folder: Path | str,
     progress: Callable[[str, int, int], None] = lambda *_: None,
     studies: Sequence[ShownStudy] = (),
+    figures: bool = False,
 ) -> Path:
     """Write the index, a page for each case, and every figure as SVG and PNG.
 
@@ -35,6 +41,8 @@ def write_report(
         Called as ``progress(label, done, total)`` after each case.
     studies : sequence of Study
         That the pages lead to; see `proofmass.studies.pages.write_study_pages`.
+    figures : bool
+        Whether figures for papers of all curves are written as well: overlays, paths, differences.
 
     Returns
     -------
@@ -43,12 +51,15 @@ def write_report(
     """
     folder = Path(folder)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
+    write_static(folder, STATIC)
     style, env = looks(c.solver for c in result.comparisons), environment()
     cards = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         gathered = list(pool.map(partial(gather, result), result.cases))
         futures = [
-            pool.submit(drawn, case, runs, views, style, folder / "figures", slug(case.name))
+            pool.submit(
+                drawn, case, runs, views, style, folder / "figures", slug(case.name), figures
+            )
             for case, (runs, views) in zip(result.cases, gathered, strict=True)
         ]
         for k, case in enumerate(result.cases):

@@ -112,6 +112,46 @@ def looks(solvers: Iterable[str]) -> dict[str, Look]:
     return chosen
 
 
+PAPERS = {"light": "#ffffff", "dark": "#191d21"}
+"""What curves are drawn on, in light and in dark pages."""
+READABLE = 4.5  # contrast of small letters to what they stand on (WCAG 2.2, 1.4.3); lines need 3
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of a colour such as ``#0072B2`` (WCAG 2.2)."""
+    parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def contrast(one: str, other: str) -> float:
+    """Contrast of two colours, 1 to 21 (WCAG 2.2).
+
+    >>> contrast("#000000", "#ffffff")
+    21.0
+    """
+    low, high = sorted((luminance(one), luminance(other)))
+    return round((high + 0.05) / (low + 0.05), 3)
+
+
+def legible(colour: str, paper: str, least: float = READABLE) -> str:
+    """A colour, mixed with black or white until its contrast to the paper is large enough.
+
+    >>> legible("#0072B2", "#ffffff"), legible("#0072B2", "#191d21") == "#0072B2"
+    ('#0072B2', False)
+    """
+    towards = 255 if luminance(paper) < 0.2 else 0
+    parts = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
+    for share in range(101):
+        mixed = [round(part + (towards - part) * share / 100) for part in parts]
+        found = "#" + "".join(f"{part:02X}" for part in mixed)
+        if contrast(found, paper) >= least:
+            break
+    return found
+
+
 def hatches(engines: Iterable[str]) -> dict[str, str]:
     """A hatch for every engine, its own for those of this distribution.
 

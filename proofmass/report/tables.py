@@ -9,11 +9,12 @@ import numpy as np
 
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
+from proofmass.errors import InputError
 from proofmass.outcome import LOST, Outcome
 from proofmass.reference import facts, unit_of
 from proofmass.report.data import Shown
 from proofmass.report.words import SYMBOLS
-from proofmass.wording import listed, number, pretty
+from proofmass.wording import listed, number, pretty, spoken
 
 NAN = float("nan")
 
@@ -130,6 +131,44 @@ def not_known(case: Case, rows: list[Comparison]) -> list[str]:
         for p in changeable(case)
         if p in changes and all(math.isnan(change.size) for change in changes[p])
     ]
+
+
+@dataclass(frozen=True)
+class SmallestChange:
+    """A parameter, and the smallest change of it that some tolerance would catch, in words."""
+
+    name: str
+    value: str
+    size: str
+    by: str
+
+
+def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]:
+    """For each parameter the channel of all runs and solvers that notices the least."""
+    try:
+        values = parameters(case, case.parameters)
+        names = list(changeable(case))
+    except InputError:  # the reference is at fault, which the runs have said
+        return []
+    found = []
+    for name in names:
+        known = [
+            (c.detectable[name].size, c)
+            for c in rows
+            if name in c.detectable
+            and c.outcome in (Outcome.AGREES, Outcome.DIFFERS)
+            and not math.isnan(c.detectable[name].size)
+        ]
+        if not known:
+            found.append(SmallestChange(name, values[name], "—", "not noticed"))
+            continue
+        least, c = min(known, key=lambda item: item[0])
+        change = c.detectable[name]
+        size = f"{number(100 * least, 2)} %" if change.relative else detectable(change)
+        found.append(
+            SmallestChange(name, values[name], size, f"{c.channel}, {c.run}, {spoken(c.solver)}")
+        )
+    return found
 
 
 def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:

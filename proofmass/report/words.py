@@ -193,9 +193,8 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
     kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*KINDS, "force or energy")}
     for c in rows:
         if math.isfinite(c.relative_to_range):
-            unit = si_unit(c.unit)[0]
-            kind = next((k for k, units in KINDS.items() if unit in units), "force or energy")
-            kinds[kind].append(c)
+            kind = kind_of(c.unit)
+            kinds[kind if kind in KINDS else "force or energy"].append(c)
     words = list[str]()
     for kind, own in kinds.items():
         if not own:
@@ -209,6 +208,50 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
             text += f" at the start, {portion(later)} after a tenth of the run"
         words.append(text)
     return words
+
+
+EFFORTS = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
+WHERE = {"sweep": "in a sweep", "equilibrium": "at rest", "dynamics": "in time"}
+
+
+def kind_of(unit: str) -> str:
+    """What a channel is, by its unit: position, velocity, acceleration, moment, force, energy.
+
+    >>> kind_of("deg/s"), kind_of("N mm"), kind_of("kg")
+    ('velocity', 'moment', 'other')
+    """
+    own = si_unit(unit)[0]
+    kinds = {**KINDS, **EFFORTS}
+    return next((kind for kind, units in kinds.items() if own in units), "other")
+
+
+def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
+    """How well the engines agree, in one sentence: the worst checked curve of each run.
+
+    Of a run with positions these are told, otherwise what it has.  Curves that no tolerance covers
+    are told only where no other is there.
+    """
+    rows = [c for c in comparisons if math.isfinite(c.relative_to_range) and c.run in case.run]
+    judged = [c for c in rows if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    told: dict[str, list[str]] = {}
+    for run in WHERE:
+        own = [c for c in judged or rows if c.run == run]
+        for kind in (*KINDS, *EFFORTS, "other"):
+            if here := [c.relative_to_range for c in own if kind_of(c.unit) == kind]:
+                told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{WHERE[run]}")
+                break
+    words = []
+    for kind, parts in told.items():
+        name = {"velocity": "velocities", "energy": "energies", "other": "curves"}.get(
+            kind, f"{kind}s"
+        )
+        shares = ", ".join(
+            part.format("of their range " if k == 0 else "") for k, part in enumerate(parts)
+        )
+        words.append(f"{name} to {shares}")
+    unjudged = "Not judged: " if words and not judged else ""
+    text = "; ".join(words)
+    return f"{unjudged}{text[:1].upper()}{text[1:]}." if text else ""
 
 
 def portion(value: float) -> str:

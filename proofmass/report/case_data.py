@@ -1,0 +1,330 @@
+"""All that the script of a case's page shows, as one dict that JSON can hold.
+
+Curves are binary numbers in base64, little end first: the reference as float64, the signed
+differences of the solvers to it as float32, whose rounding is 6e-8 of a difference.  Everything is
+in SI; the factors to the units that people read stand beside it.  Poses of the mechanism are whole
+numbers of 16 bits with a scale, 3e-5 of the largest, which no drawing shows.
+"""
+
+import json
+from base64 import b64encode
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from proofmass.analytic.numerics import Array
+from proofmass.case import Case
+from proofmass.compare import Comparison, scale_of
+from proofmass.outcome import LOST, Outcome
+from proofmass.report.data import Shown, drive_units, inputs, readable
+from proofmass.report.style import Look
+from proofmass.report.tables import plain
+from proofmass.report.words import kind_of
+from proofmass.sim.motion import Motion
+from proofmass.wording import pretty, spoken
+
+ROOM = 340_000  # characters of a page for curves: with the rest of it at most 700 kB
+WHOLE = 2**15 - 1
+RUNS = {"sweep": "Sweep", "equilibrium": "Equilibrium", "dynamics": "Dynamics"}
+SEEN = 1e-3  # of the range: a reference that is so far from the drawn one is told apart
+CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d": "diamond"}
+
+
+def case_data(
+    case: Case, runs: Iterable[Shown], motions: Mapping[str, Motion], style: Mapping[str, Look]
+) -> dict[str, Any]:
+    """The dict of a case.
+
+    Parameters
+    ----------
+    case : Case
+    runs : iterable of Shown
+        Its runs, from `proofmass.report.data.shown`.
+    motions : mapping of str to Motion
+        By run, where there is one.
+    style : mapping of str to Look
+        From `proofmass.report.style.looks`.
+
+    Returns
+    -------
+    dict
+        For ``json.dumps``; `decoded` turns its curves into arrays again.
+    """
+    runs = list(runs)
+    every = thinning(runs)
+    return {
+        "name": case.name,
+        "title": case.title,
+        "parameters": dict(case.parameters),
+        "solvers": {s: solver_data(s, style) for run in runs for s in run.solvers},
+        "drives": [
+            {"joint": drive.joint, "unit": unit}
+            for drive, unit in zip(case.drive, units_of_drives(case, runs), strict=True)
+        ],
+        "runs": {run.kind: run_data(run, every[run.kind]) for run in runs},
+        "motions": {kind: motion_data(motion) for kind, motion in motions.items()},
+    }
+
+
+def embedded(data: Mapping[str, Any]) -> Markup:
+    """The dict as text that can stand in an element ``script``."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=str)
+    return Markup(text.replace("<", "\\u003c"))
+
+
+def units_of_drives(case: Case, runs: list[Shown]) -> list[str]:
+    """The units of the drives; none where no run has curves, because the model may not compile."""
+    return drive_units(case) if any(run.curves for run in runs) else [""] * len(case.drive)
+
+
+def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
+    """How a solver is called and looks."""
+    look = style[solver]
+    return {
+        "label": spoken(solver),
+        "dash": list(look.dash[1]),
+        "marker": CSS.get(look.marker, "cross"),
+        "variant": ":" in solver,
+    }
+
+
+def thinning(runs: list[Shown]) -> dict[str, int]:
+    """For each run, of how many samples one is drawn, so that all curves have room in a page."""
+    whole = {run.kind: characters(run) for run in runs}
+    total = sum(whole.values())
+    return {kind: max(1, int(np.ceil(total / ROOM))) for kind in whole}
+
+
+def characters(run: Shown) -> int:
+    """How much of a page the curves of a run take."""
+    if not run.curves:
+        return 0
+    doubles = 1 + len(run.channels)
+    singles = sum(len(curves.channels) for curves in run.curves.values())
+    return int((8 * doubles + 4 * singles) * len(run.longest.x) * 4 / 3)
+
+
+def run_data(run: Shown, every: int) -> dict[str, Any]:
+    """A run: its samples, the reference's curves, and what each solver has of them."""
+    found: dict[str, Any] = {
+        "label": RUNS[run.kind],
+        "solvers": {s: {"comparisons": {}} for s in run.solvers},
+        "lost": {s: {"outcome": str(c.outcome), "why": c.message} for s, c in run.lost.items()},
+        "channels": {},
+    }
+    for solver in run.solvers:
+        own = {c.channel: comparison_data(run, c) for c in run.rows if c.solver == solver}
+        found["solvers"][solver]["comparisons"] = own
+    if not run.curves:
+        return found
+    index = kept(run, every)
+    x = run.longest.x
+    found |= {
+        "x": packed(x[index], "<f8"),
+        "name": run.x_name,
+        "unit": run.x_unit,
+        "scale": run.x_scale,
+        "samples": len(x),
+        "every": every,
+        "drawn": len(index),
+    }
+    for name in run.channels:
+        channel = run.case.channels[name]
+        unit, factor = readable(channel.unit)
+        curve = run.longest.channels[name]
+        found["channels"][name] = {
+            "unit": pretty(channel.unit),
+            "factor": 1 / channel.factor,
+            "read": pretty(unit),
+            "read_factor": factor if unit.startswith("deg") else 1 / channel.factor,
+            "kind": kind_of(channel.unit),
+            "range": float(np.ptp(curve)) / channel.factor,
+            "curve": packed(curve[index], "<f8"),
+        }
+    for solver, curves in run.curves.items():
+        truth, drawn = run.truth[solver], index[index < len(curves.x)]
+        one = found["solvers"][solver]
+        one |= {
+            "stopped": curves.stopped,
+            "end": float(curves.x[-1]),
+            "seconds": curves.seconds,
+            "steps": curves.steps,
+            "violation": curves.violation,
+            "settings": {key: plain(value) for key, value in curves.settings.items()},
+            "differences": {},
+            "shifts": {},
+        }
+        for name in run.channels:
+            if name not in curves.channels:
+                continue
+            own = truth.channels[name]
+            one["differences"][name] = packed((curves.channels[name] - own)[drawn], "<f4")
+            shift = own - run.longest.channels[name][: len(own)]
+            if np.abs(shift).max() > SEEN * (np.ptp(own) or np.inf):
+                one["shifts"][name] = packed(shift[drawn], "<f4")
+    for name, (law, moved, unit) in inputs(run).items():
+        read, factor = readable(unit)
+        found["channels"][name] = {
+            "unit": pretty(unit),
+            "factor": 1.0,
+            "read": pretty(read),
+            "read_factor": factor,
+            "kind": "drive",
+            "range": float(np.ptp(law)),
+            "curve": packed(law[index], "<f8"),
+        }
+        for solver, values in moved.items():
+            drawn = index[index < len(values)]
+            found["solvers"][solver]["differences"][name] = packed(
+                values[drawn] - law[drawn], "<f4"
+            )
+    return found
+
+
+def kept(run: Shown, every: int) -> Array:
+    """The samples that are drawn: every so many, the last, all extremes and all worst places."""
+    x = run.longest.x
+    chosen = {*range(0, len(x), every), len(x) - 1}
+    for curve in run.longest.channels.values() if every > 1 else ():
+        chosen |= {int(np.nanargmin(curve)), int(np.nanargmax(curve))}
+    for c in run.rows if every > 1 else ():
+        if np.isfinite(c.at):
+            chosen.add(int(np.abs(x - c.at).argmin()))
+    return np.array(sorted(chosen))
+
+
+def comparison_data(run: Shown, c: Comparison) -> dict[str, Any]:
+    """A comparison, with the shares of the range that the first table and the index show."""
+    scale = float("nan")
+    if c.solver in run.curves and c.channel in run.truth[c.solver].channels:
+        curves, truth = run.curves[c.solver], run.truth[c.solver].channels[c.channel]
+        factor = run.case.channels[c.channel].factor
+        scale = scale_of(run.case, run.kind, c.channel, curves, truth) / factor
+    tolerance = run.case.tolerance_for(run.kind, c.solver, c.channel)
+    lost = c.outcome in (*LOST, Outcome.UNSUPPORTED)
+    agrees = c.outcome == Outcome.AGREES  # then the message is the reason of the tolerance
+    return {
+        "outcome": str(c.outcome),
+        "message": "" if agrees else c.message,
+        "error": finite(c.error_max),
+        "at": finite(c.at),
+        "later": short(c.error_later / scale if scale else np.nan),
+        "allowed": None if lost else finite(c.allowed),
+        "share": short(c.error_max / scale if scale else np.nan),
+        "allowed_share": None if lost else short(c.allowed / scale if scale else np.nan),
+        "ratio": None if lost or not c.allowed else short(c.error_max / c.allowed),
+        "why": tolerance.why if tolerance else "",
+        "detectable": {
+            name: [short(change.size), change.relative] for name, change in c.detectable.items()
+        },
+    }
+
+
+def motion_data(motion: Motion) -> dict[str, Any]:
+    """The mechanism of a run at its poses; links of rods as points of a line."""
+    picture = motion.picture
+    in_rods = {k for links in motion.rods.values() for k in links}
+    rigid = [k for k in range(len(motion.bodies)) if k not in in_rods]
+    number = {k: i for i, k in enumerate(rigid)}
+    spots = []
+    for spot in motion.spots:
+        one: dict[str, Any] = {
+            "name": spot.name,
+            "kind": spot.kind,
+            "body": number.get(spot.body, -1),
+            "at": rounded(spot.at),
+            "to": None if spot.to is None else rounded(spot.to),
+            "driven": spot.driven,
+            "ground": spot.ground,
+            "spring": spot.spring,
+        }
+        if spot.body in in_rods:  # a place of a rod's link is a line of one point
+            one["rod"] = len(spots)
+        spots.append(one)
+    return {
+        "x": packed(picture.x, "<f8"),
+        "axes": list(picture.axes),
+        "stopped": picture.stopped,
+        "used": list(motion.used),
+        "unfit": motion.unfit,
+        "bodies": [
+            {
+                "name": motion.bodies[k].name,
+                "outlines": list(map(rounded, motion.bodies[k].outlines)),
+            }
+            for k in rigid
+        ],
+        "ground": [rounded(outline[0]) for outline in picture.ground.outlines],
+        "spots": spots,
+        "lines": [
+            {
+                "name": name,
+                **line(motion, [(k, vertex) for k in links for vertex in ends(motion, k)]),
+            }
+            for name, links in motion.rods.items()
+        ]
+        + [
+            {"spot": i, **line(motion, [(spot.body, spot.at)])}
+            for i, spot in enumerate(motion.spots)
+            if spot.body in in_rods
+        ],
+        "places": whole(motion.places[:, rigid]),
+        "away": {s: whole(rows[:, rigid]) for s, rows in motion.away.items()},
+        "limits": {name: np.flatnonzero(on).tolist() for name, on in motion.at_limit.items()},
+    }
+
+
+def ends(motion: Motion, body: int) -> list[Array]:
+    """The vertices of a rod's link: of its first outline, and a joint without one is its origin."""
+    outlines = motion.bodies[body].outlines
+    return [outlines[0][0], outlines[0][-1]] if outlines else [np.zeros(2)]
+
+
+def line(motion: Motion, vertices: list[tuple[int, Array]]) -> dict[str, Any]:
+    """Points of bodies at all poses, and how far solvers' are from the reference's."""
+    bodies = [body for body, _ in vertices]
+    about = np.array([at for _, at in vertices])
+    turn = motion.places[:, bodies, 2]
+    cos, sin = np.cos(turn), np.sin(turn)
+    turned = np.stack(
+        [cos * about[:, 0] - sin * about[:, 1], sin * about[:, 0] + cos * about[:, 1]], axis=-1
+    )
+    across = np.stack([-turned[..., 1], turned[..., 0]], axis=-1)
+    return {
+        "points": whole(motion.places[:, bodies, :2] + turned),
+        "away": {
+            solver: whole(rows[:, bodies, :2] + rows[:, bodies, 2:] * across)
+            for solver, rows in motion.away.items()
+        },
+    }
+
+
+def rounded(points: Array) -> list[float]:
+    """Points one after the other, to six digits."""
+    return [float(f"{value:.6g}") for value in np.ravel(points)]
+
+
+def finite(value: float) -> float | None:
+    """A number; None for what is not a number, which JSON does not have."""
+    return float(value) if np.isfinite(value) else None
+
+
+def short(value: float) -> float | None:
+    """The same to four digits, for shares, of which two are shown."""
+    return float(f"{value:.4g}") if np.isfinite(value) else None
+
+
+def packed(values: Array, kind: str) -> str:
+    """Numbers as base64."""
+    return b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+
+
+def whole(rows: Array) -> dict[str, Any]:
+    """An array whose last axis has a scale each, as whole numbers; the least is not a number."""
+    flat = rows.reshape(-1, rows.shape[-1])
+    largest = np.nanmax(np.abs(flat), axis=0, initial=0.0)
+    scale = np.where(largest > 0, largest, 1.0) / WHOLE
+    numbers = np.where(np.isfinite(flat), np.round(np.nan_to_num(flat) / scale), -WHOLE - 1)
+    return {"shape": list(rows.shape), "scale": scale.tolist(), "numbers": packed(numbers, "<i2")}

@@ -1,0 +1,152 @@
+"""The first table of a case's page: what each engine reached and what it was allowed.
+
+A row is a kind of quantity of a run, a column a solver.  A cell tells one channel: of those that
+differ the one that does most, otherwise the one that is furthest away, as a share of the range of
+its reference.  The same is drawn on a logarithmic axis that is the same on all pages.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from proofmass.wording import number
+
+FIRST, LAST = -16.4, 0.6  # decades at the ends of the axis
+DECADES = (-15, -12, -9, -6, -3, 0)
+ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
+ADDRESSES = {"sweep": "sweep", "equilibrium": "equilibrium", "dynamics": "dynamics"}
+TITLES = {
+    "sweep": "Sweep, quasi-static",
+    "equilibrium": "Equilibrium, along the rods",
+    "dynamics": "Dynamics, stepped in time",
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One kind of quantity of one solver in one run.
+
+    Attributes
+    ----------
+    solver, text, note : str
+        Note is what was allowed, or why there is no number.
+    bad : bool
+        Whether it differs.
+    link, title : str
+        Address of the curve on the page, and what the link shows.
+    dot, tick : float, optional
+        Places of the error and of what is allowed on the axis [%].
+    """
+
+    solver: str
+    text: str = ""
+    note: str = ""
+    bad: bool = False
+    link: str = ""
+    title: str = ""
+    dot: float | None = None
+    tick: float | None = None
+
+
+@dataclass(frozen=True)
+class OverviewRow:
+    """A kind of quantity, and a cell for each solver; None where a solver has no such run."""
+
+    kind: str
+    cells: tuple[Cell | None, ...]
+
+    @property
+    def lanes(self) -> list[Cell]:
+        """The cells that are drawn."""
+        return [cell for cell in self.cells if cell and cell.dot is not None]
+
+    @property
+    def spoken(self) -> str:
+        """The drawing in words."""
+        parts = [
+            f"{cell.solver} {cell.text}" + (f", {cell.note}" if cell.tick is not None else "")
+            for cell in self.lanes
+        ]
+        return f"{self.kind}: {'; '.join(parts)}"
+
+
+@dataclass(frozen=True)
+class OverviewRun:
+    """A run of the table."""
+
+    kind: str
+    title: str
+    rows: tuple[OverviewRow, ...]
+
+
+def place(share: float) -> float:
+    """Where a share of the range stands on the axis [%].
+
+    >>> place(10**FIRST), place(0.0), place(1e9)
+    (0.0, 0.0, 100.0)
+    """
+    decade = math.log10(share) if share > 0 else FIRST
+    inside = min(max(decade, FIRST), LAST)
+    return round(100 * (inside - FIRST) / (LAST - FIRST), 2)
+
+
+def marks() -> list[tuple[str, float]]:
+    """The words below the axis, and where they stand [%]."""
+    return [("1" if d == 0 else f"1e{d}", place(10.0**d)) for d in DECADES]
+
+
+def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
+    """The table of a case, from its dict of `proofmass.report.case_data.case_data`."""
+    solvers = list(data["solvers"])
+    found = []
+    for kind, run in data["runs"].items():
+        rows = []
+        kinds = {name: channel["kind"] for name, channel in run["channels"].items()}
+        for quantity in ORDER:
+            names = [name for name, own in kinds.items() if own == quantity]
+            if names:
+                cells = [cell(data, kind, solver, names) for solver in solvers]
+                rows.append(OverviewRow(quantity, tuple(cells)))
+        found.append(OverviewRun(kind, TITLES[kind], tuple(rows)))
+    return found
+
+
+def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) -> Cell | None:
+    """The cell of a solver of some channels of a run."""
+    run = data["runs"][kind]
+    if solver not in run["solvers"]:
+        return None
+    own = run["solvers"][solver]["comparisons"]
+    there = {name: own[name] for name in names if name in own}
+    known = {name: c for name, c in there.items() if c["share"] is not None}
+    if solver in run["lost"]:
+        return Cell(solver, "", run["lost"][solver]["outcome"], bad=True)
+    if not known:
+        bad = any(c["outcome"] == "differs" for c in there.values())
+        return Cell(solver, "not finite" if bad else "", "" if bad else "not available", bad=bad)
+    bad = {name: c for name, c in known.items() if c["outcome"] == "differs"}
+    judged = {name: c for name, c in known.items() if c["outcome"] in ("agrees", "differs")}
+    chosen = bad or judged or known
+    name = max(
+        chosen,
+        key=lambda n: chosen[n]["ratio"] if bad and chosen[n]["ratio"] else chosen[n]["share"],
+    )
+    c = chosen[name]
+    checked = name in judged
+    if checked:
+        note = f"allowed {number(c['allowed_share'], 2)}"
+    elif c["later"] is not None and c["share"] > 2 * c["later"]:
+        note = "at the start"
+    else:
+        note = "not judged"
+    return Cell(
+        solver,
+        number(c["share"], 2),
+        note,
+        name in bad,
+        f"#{ADDRESSES[kind]}/{solver}/{name}@{c['at']:.6g}",
+        f"{name}: show the curve",
+        place(c["share"]),
+        place(c["allowed_share"]) if checked else None,
+    )

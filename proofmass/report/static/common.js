@@ -1,0 +1,58 @@
+// What the pages share: finding elements, numbers as words, arrays out of base64.
+"use strict";
+
+const find = (selector, inside = document) => inside.querySelector(selector);
+const findAll = (selector, inside = document) => [...inside.querySelectorAll(selector)];
+
+const MINUS = "\u2212";
+const ENTITIES = { "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" };
+
+function escaped(text) {
+  return String(text).replace(/[&<>"]/g, (letter) => ENTITIES[letter]);
+}
+
+// A number to so many significant digits: 1.1e−15, 0.023, 412; a dash for none.
+function worded(value, digits = 2) {
+  if (value === null || value === undefined || !Number.isFinite(value)) {
+    return "–";
+  }
+  if (value === 0) {
+    return "0";
+  }
+  const size = Math.abs(value);
+  if (size >= 1e-2 && size < 1e5) {
+    const whole = size >= 100 ? Math.max(digits, 3) : digits;
+    return String(Number(value.toPrecision(whole))).replace("-", MINUS);
+  }
+  const [mantissa, exponent] = value.toExponential(digits - 1).split("e");
+  const short = mantissa.includes(".") ? mantissa.replace(/0+$/, "").replace(/\.$/, "") : mantissa;
+  return `${short}e${Number(exponent)}`.replaceAll("-", MINUS);
+}
+
+const ARRAYS = { f8: Float64Array, f4: Float32Array, i2: Int16Array };
+
+// An array from base64; its numbers are little-endian, as on all machines that browsers run on.
+function unpacked(text, kind) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new ARRAYS[kind](bytes.buffer);
+}
+
+// A colour or another variable of the style sheet, as it is now: it follows light and dark.
+function variable(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+// The number of the entry of a rising array that is nearest to a value.
+function nearest(values, wanted) {
+  let low = 0;
+  let high = values.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (values[middle] < wanted) {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  return Math.abs(values[low] - wanted) <= Math.abs(values[high] - wanted) ? low : high;
+}

@@ -1,0 +1,395 @@
+// One channel of a run: the curves above, their differences to the reference below.
+"use strict";
+
+const BAND_SHARE = 12; // the band of the allowance is shown if it is at most so many differences
+const LEAST = 1e-16;
+const MARKERS = 9; // on a curve, so that it is told from others without its colour
+
+// Draws a marker about a place of a canvas.
+const SHAPES = {
+  circle: (ctx, x, y, r) => ctx.arc(x, y, r, 0, 2 * Math.PI),
+  square: (ctx, x, y, r) => ctx.rect(x - r, y - r, 2 * r, 2 * r),
+  up: (ctx, x, y, r) => polygon(ctx, [[x, y - r], [x + r, y + r], [x - r, y + r]]),
+  down: (ctx, x, y, r) => polygon(ctx, [[x, y + r], [x + r, y - r], [x - r, y - r]]),
+  diamond: (ctx, x, y, r) => polygon(ctx, [[x, y - r], [x + r, y], [x, y + r], [x - r, y]]),
+  cross: (ctx, x, y, r) => {
+    ctx.moveTo(x - r, y - r);
+    ctx.lineTo(x + r, y + r);
+    ctx.moveTo(x + r, y - r);
+    ctx.lineTo(x - r, y + r);
+  },
+};
+
+function polygon(ctx, corners) {
+  corners.forEach(([x, y], i) => (i ? ctx.lineTo(x, y) : ctx.moveTo(x, y)));
+  ctx.closePath();
+}
+
+// Powers of ten only, of what a logarithmic axis proposes.
+function decadesOnly(plot, splits) {
+  return splits.map((value) => {
+    const power = Math.log10(value);
+    return value > 0 && Math.abs(power - Math.round(power)) < 1e-6 ? value : null;
+  });
+}
+
+function plainLabels(plot, values) {
+  return values.map((value) => {
+    if (value === null) {
+      return "";
+    }
+    const size = Math.abs(value);
+    const short = size >= 1e-3 && size < 1e5;
+    return short ? String(Number(value.toPrecision(6))).replace("-", MINUS) : worded(value, 2);
+  });
+}
+
+class CurvePair {
+  // `seen` is told of what happens: point(k), zoomed([low, high] or null), left().
+  constructor(above, below, seen) {
+    this.above = above;
+    this.below = below;
+    this.seen = seen;
+    this.plots = [];
+    this.passing = false; // a zoom is on its way to the other plot
+    this.pointing = false;
+    this.sync = uPlot.sync("pair");
+  }
+
+  // Build both plots anew.  `view` has run, channel, solvers, mode, zoom, sample.
+  show(view) {
+    this.view = view;
+    for (const plot of this.plots) {
+      plot.destroy();
+    }
+    this.ink = variable("--ink");
+    this.soft = variable("--soft");
+    this.hair = variable("--hair");
+    this.letters = variable("--sans");
+    const narrow = this.above.clientWidth < 520;
+    const { run, channel, solvers } = view;
+    const lines = solvers.map((solver) => ({
+      label: solver.label,
+      stroke: variable(`--${solver.css}`),
+      width: 1.7,
+      dash: solver.dash,
+      points: { show: false },
+    }));
+    const reference = { stroke: variable("--pale"), width: 6, points: { show: false } };
+    const curves = [run.xs, channel.curve.map((value) => value * channel.read_factor)];
+    for (const solver of solvers) {
+      curves.push(this.found(solver, channel));
+    }
+    this.columns = [run.xs, ...solvers.map((solver) => this.difference(solver))];
+    const limits = this.columns.length > 1 ? this.range() : [-1, 1];
+    const hooks = (series) => ({
+      ready: [(plot) => this.line(plot)],
+      setScale: [(plot, key) => key === "x" && this.pass(plot)],
+      setCursor: [(plot) => this.point(plot)],
+      draw: [(plot) => this.markers(plot, series)],
+    });
+    const top = new uPlot(
+      this.options(narrow ? 190 : 238, [{}, reference, ...lines], {}, hooks(2)),
+      curves,
+      this.above,
+    );
+    const scale =
+      view.mode === "log" ? { distr: 3, range: () => limits } : { range: () => limits };
+    const more = hooks(1);
+    more.drawClear = [(plot) => this.bands(plot)];
+    more.draw.push((plot) => this.rings(plot));
+    const bottom = new uPlot(
+      this.options(narrow ? 170 : 214, [{}, ...lines], scale, more),
+      this.columns,
+      this.below,
+    );
+    this.plots = [top, bottom];
+    if (view.zoom) {
+      this.zoom(view.zoom);
+    }
+    this.scrub(view.sample);
+  }
+
+  // What a solver found, in the unit that people read; null where it has nothing.
+  found(solver, channel) {
+    const { difference, shift } = solver;
+    return channel.curve.map((value, i) => {
+      const found = value + (shift ? shift[i] : 0) + (i < difference.length ? difference[i] : NaN);
+      return Number.isFinite(found) ? found * channel.read_factor : null;
+    });
+  }
+
+  // The difference of a solver as the mode wants it; null where it cannot be drawn.
+  difference(solver) {
+    const { run, channel, mode } = this.view;
+    return run.xs.map((_, i) => {
+      const off = i < solver.difference.length ? solver.difference[i] * channel.factor : NaN;
+      if (!Number.isFinite(off)) {
+        return null;
+      }
+      if (mode === "log") {
+        return off ? Math.abs(off) : null;
+      }
+      if (mode === "tol") {
+        return solver.allowed ? off / solver.allowed : null;
+      }
+      return off;
+    });
+  }
+
+  // The ends of the lower axis.
+  range() {
+    const { solvers, mode } = this.view;
+    let [least, most] = [Infinity, 0];
+    for (const column of this.columns.slice(1)) {
+      for (const value of column) {
+        if (value !== null) {
+          most = Math.max(most, Math.abs(value));
+          least = Math.min(least, Math.abs(value) || Infinity);
+        }
+      }
+    }
+    const allowed = Math.max(0, ...solvers.map((solver) => solver.allowed ?? 0));
+    if (mode === "log") {
+      const high = Math.max(most, allowed) || 1;
+      const low = Math.max(Number.isFinite(least) ? least : high / 10, high * 1e-12);
+      return [10 ** Math.floor(Math.log10(low)), 10 ** Math.ceil(Math.log10(high * 1.0001))];
+    }
+    const band = mode === "tol" ? 1 : allowed;
+    most = most || LEAST;
+    if (band && band < most * BAND_SHARE) {
+      most = Math.max(most, 1.12 * band);
+    }
+    return [-1.08 * most, 1.08 * most];
+  }
+
+  options(height, series, scale, hooks) {
+    const { run } = this.view;
+    const width = this.above.clientWidth;
+    const grid = { stroke: this.hair, width: 1 };
+    const font = `12px ${this.letters}`;
+    const log = scale.distr === 3;
+    const lines = log ? { ...grid, filter: decadesOnly } : grid;
+    const unit = run.unit === "deg" ? "°" : ` ${run.unit}`;
+    return {
+      width,
+      height,
+      legend: { show: false },
+      cursor: {
+        sync: { key: "pair", setSeries: false },
+        drag: { x: true, y: false },
+        points: { size: 7 },
+      },
+      scales: { x: { time: false }, y: scale },
+      axes: [
+        {
+          stroke: this.soft,
+          grid,
+          ticks: grid,
+          font,
+          size: 28,
+          values: (plot, values) => values.map((value) => Number(value.toFixed(3)) + unit),
+        },
+        {
+          stroke: this.soft,
+          grid: lines,
+          ticks: lines,
+          font,
+          size: width < 520 ? 62 : 78,
+          filter: log ? decadesOnly : undefined,
+          values: log
+            ? (plot, values) => values.map((value) => (value === null ? "" : worded(value, 1)))
+            : plainLabels,
+        },
+      ],
+      series,
+      hooks,
+    };
+  }
+
+  // The line of the scrub bar, and whether the pointer is in a plot.
+  line(plot) {
+    const line = document.createElement("div");
+    line.className = "scrub-line";
+    plot.over.append(line);
+    plot.scrubLine = line;
+    plot.over.addEventListener("mouseenter", () => {
+      this.pointing = true;
+    });
+    plot.over.addEventListener("mouseleave", () => {
+      this.pointing = false;
+      this.seen.left();
+    });
+  }
+
+  point(plot) {
+    if (this.pointing && plot.cursor.left >= 0 && plot.cursor.idx !== null) {
+      this.seen.point(plot.cursor.idx);
+    }
+  }
+
+  // A zoom of one plot goes to the other.
+  pass(plot) {
+    if (this.passing || this.plots.length < 2 || !this.plots.includes(plot)) {
+      return;
+    }
+    const { min, max } = plot.scales.x;
+    const { xs } = this.view.run;
+    const [first, last] = [xs[0], xs[xs.length - 1]];
+    const whole = min <= first + 1e-9 && max >= last - 1e-9;
+    this.passing = true;
+    this.plots.find((other) => other !== plot).setScale("x", { min, max });
+    this.passing = false;
+    this.view.zoom = whole ? null : [min, max];
+    this.seen.zoomed(this.view.zoom);
+    this.scrub(this.view.sample);
+  }
+
+  zoom([min, max]) {
+    this.passing = true;
+    for (const plot of this.plots) {
+      plot.setScale("x", { min, max });
+    }
+    this.passing = false;
+  }
+
+  // Bring the line to a sample.
+  scrub(sample) {
+    if (!this.view) {
+      return;
+    }
+    this.view.sample = sample;
+    for (const plot of this.plots) {
+      if (plot.scrubLine) {
+        const x = plot.valToPos(this.view.run.xs[sample], "x");
+        const inside = x >= 0 && x <= plot.over.clientWidth;
+        plot.scrubLine.style.display = inside ? "" : "none";
+        plot.scrubLine.style.transform = `translateX(${x.toFixed(1)}px)`;
+      }
+    }
+  }
+
+  // What is allowed, as a band behind the differences, with its number.
+  bands(plot) {
+    const { solvers, mode } = this.view;
+    const ctx = plot.ctx;
+    const { left, top, width, height } = plot.bbox;
+    const ratio = devicePixelRatio;
+    const used = [];
+    const shown = solvers.filter((solver) => solver.allowed);
+    for (const solver of mode === "tol" ? shown.slice(0, 1) : shown) {
+      const allowed = mode === "tol" ? 1 : solver.allowed;
+      const upper = plot.valToPos(allowed, "y", true);
+      const lower = mode === "log" ? top + height : plot.valToPos(-allowed, "y", true);
+      const beyond = upper < top - 1 && mode !== "log";
+      const colour = variable(`--${solver.css}`);
+      const clipped = [Math.max(upper, top), Math.min(lower, top + height)];
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(left, top, width, height);
+      ctx.clip();
+      ctx.fillStyle = colour;
+      ctx.globalAlpha = 0.09;
+      ctx.fillRect(left, clipped[0], width, clipped[1] - clipped[0]);
+      if (!beyond) {
+        ctx.globalAlpha = 0.75;
+        ctx.strokeStyle = colour;
+        ctx.lineWidth = ratio;
+        ctx.setLineDash([5 * ratio, 4 * ratio]);
+        ctx.beginPath();
+        for (const y of mode === "log" ? [upper] : [upper, lower]) {
+          ctx.moveTo(left, y);
+          ctx.lineTo(left + width, y);
+        }
+        ctx.stroke();
+        ctx.setLineDash([]);
+      }
+      let words = `${solver.label}: allowed ±${worded(allowed)}`;
+      words = mode === "tol" ? "allowance" : words;
+      words += beyond ? ", beyond this axis" : "";
+      let y = beyond ? top + 4 * ratio : Math.max(top + 3 * ratio, upper + 4 * ratio);
+      while (used.some((other) => Math.abs(other - y) < 14 * ratio)) {
+        y += 15 * ratio;
+      }
+      used.push(y);
+      ctx.font = `${12 * ratio}px ${this.letters}`;
+      ctx.textAlign = "right";
+      ctx.textBaseline = "top";
+      const wide = ctx.measureText(words).width;
+      ctx.globalAlpha = 0.85;
+      ctx.fillStyle = variable("--card");
+      ctx.fillRect(left + width - wide - 10 * ratio, y - 2 * ratio, wide + 8 * ratio, 17 * ratio);
+      ctx.globalAlpha = 1;
+      ctx.fillStyle = colour;
+      ctx.fillText(words, left + width - 6 * ratio, y);
+      ctx.restore();
+    }
+  }
+
+  // Draw something about a place of a plot if that lies inside it.
+  mark(plot, x, y, paint) {
+    const { left, top, width, height } = plot.bbox;
+    const across = plot.valToPos(x, "x", true);
+    const down = plot.valToPos(y, "y", true);
+    if (across >= left - 1 && across <= left + width + 1 && down >= top && down <= top + height) {
+      plot.ctx.beginPath();
+      paint(plot.ctx, across, down);
+    }
+  }
+
+  // A few markers on each curve, staggered, that tell solvers apart without colour.
+  markers(plot, first) {
+    const { run, solvers } = this.view;
+    const { min, max } = plot.scales.x;
+    const low = nearest(run.xs, min);
+    const high = nearest(run.xs, max);
+    const step = Math.max(1, Math.floor((high - low) / MARKERS));
+    const ctx = plot.ctx;
+    const ratio = devicePixelRatio;
+    solvers.forEach((solver, number) => {
+      const values = plot.data[first + number];
+      ctx.save();
+      ctx.setLineDash([]);
+      ctx.lineWidth = 1.4 * ratio;
+      ctx.strokeStyle = variable(`--${solver.css}`);
+      ctx.fillStyle = variable("--card");
+      const start = low + Math.floor(((number + 0.5) * step) / solvers.length);
+      for (let i = start; i <= high; i += step) {
+        if (values[i] !== null && values[i] !== undefined) {
+          this.mark(plot, run.xs[i], values[i], (_, x, y) => {
+            SHAPES[solver.marker](ctx, x, y, 3.2 * ratio);
+            ctx.fill();
+            ctx.stroke();
+          });
+        }
+      }
+      ctx.restore();
+    });
+  }
+
+  // A ring where a comparison has its largest error.
+  rings(plot) {
+    const { run, solvers } = this.view;
+    const ctx = plot.ctx;
+    const ratio = devicePixelRatio;
+    solvers.forEach((solver, number) => {
+      if (solver.at === null || solver.at === undefined) {
+        return;
+      }
+      const k = nearest(run.x, solver.at);
+      const value = plot.data[number + 1][k];
+      if (value === null) {
+        return;
+      }
+      ctx.save();
+      ctx.setLineDash([]);
+      ctx.strokeStyle = variable(`--${solver.css}`);
+      ctx.lineWidth = 1.8 * ratio;
+      this.mark(plot, run.xs[k], value, (_, x, y) => {
+        ctx.arc(x, y, 6.5 * ratio, 0, 2 * Math.PI);
+        ctx.stroke();
+      });
+      ctx.restore();
+    });
+  }
+}

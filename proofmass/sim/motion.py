@@ -1,0 +1,414 @@
+"""A planar mechanism in motion: its bodies at many poses, and how far measured curves move them.
+
+The poses are those of the model: kinematics at the values of the drives, rest, or a free motion.
+What curves say beyond that is small, and is brought to the bodies by the Jacobians J of what is
+measured: a change dq of the joints changes the measured positions and angles s by
+
+    ds = J dq,        dq = least squares of ds, with the loops held together much more weakly
+
+so that a loop that a solver leaves open is drawn open.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import (
+    anchor_bodies,
+    anchors,
+    channel_unit,
+    connects,
+    pose_of,
+    sensors,
+)
+from proofmass.sim.mujoco.model import load
+from proofmass.sim.picture import Picture, PictureScene, follow
+from proofmass.sim.plane import find_plane
+from proofmass.sim.protocol import Run
+from proofmass.sim.rods import chain, joints_of
+
+LOOPS = 1e-3  # weight of a loop's gap beside what is measured: a square of 1e-6
+RANK = 1e-9  # singular values below this share of the largest tell nothing
+TOUCHES = 1e-3  # [rad, or share of the size] a joint so near to the end of its range stands on it
+ROUNDS = 4  # of Newton's method, from poses that are near
+J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
+FRAMES = {
+    OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat"),
+    OBJ.mjOBJ_GEOM: ("geom_xpos", "geom_xmat"),
+    OBJ.mjOBJ_XBODY: ("xpos", "xmat"),
+    OBJ.mjOBJ_BODY: ("xipos", "ximat"),
+}
+Curve = Mapping[str, Array]
+Gauge = Callable[[mujoco.MjData], tuple[float, Array]]
+"""What a sensor shows, and its change with each joint."""
+Gauges = Mapping[str, Gauge]
+Measured = Mapping[str, tuple[Curve, Curve]]
+"""By solver: the reference's curves, and the differences to them, at the run's x; both in SI."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body; `outlines` (points, 2) stand about its origin, as it is at the first pose."""
+
+    name: str
+    outlines: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A joint, one side of a loop, a guide or a clamp: a place `at` of a body.
+
+    Attributes
+    ----------
+    name, kind : str
+        Kind is hinge, slide, pin, guide or clamp.
+    body : int
+        Number of the body; -1 of the ground.
+    at : ndarray (2,)
+        About the body's origin, as it is at the first pose.
+    driven, ground, spring : bool
+        Whether it is driven, stands on the ground, has a spring.
+    to : ndarray (2,), optional
+        The other end of a guide; a point ahead of a clamp.
+    """
+
+    name: str
+    kind: str
+    body: int
+    at: Array
+    driven: bool = False
+    ground: bool = False
+    spring: bool = False
+    to: Array | None = None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A mechanism at the poses of a run.
+
+    Attributes
+    ----------
+    picture : Picture
+        The same poses as outlines in the world.
+    index : ndarray (poses,) of int
+        Samples of the run that the poses belong to.
+    bodies, spots : tuple of Body, tuple of Spot
+    places : ndarray (poses, bodies, 3)
+        Position and turn of each body [m, m, rad]: as the reference has it, if curves tell that,
+        otherwise as the model has it.
+    away : dict of str to ndarray (poses, bodies, 3)
+        By solver, how far its curves are from the reference's; not a number at poses that a solver
+        does not have.
+    rods : dict of str to tuple of int
+        Bodies that are the links of a rod, in their order.
+    at_limit : dict of str to ndarray (poses,) of bool
+        By joint that comes there, whether it stands on the end of its range.
+    used : tuple of str
+        The curves that tell where the bodies are.
+    unfit : float
+        How far the bodies so placed are from the reference's curves at most, as a share of the
+        size.
+    """
+
+    picture: Picture
+    index: Array
+    bodies: tuple[Body, ...]
+    spots: tuple[Spot, ...]
+    places: Array
+    away: dict[str, Array]
+    rods: dict[str, tuple[int, ...]]
+    at_limit: dict[str, Array]
+    used: tuple[str, ...]
+    unfit: float
+
+
+def motion(model: Path, run: Run, measured: Measured, count: int = 121) -> Motion:
+    """The mechanism at up to `count` samples of a run, or as far as it comes.
+
+    Parameters
+    ----------
+    model : Path
+    run : Run
+    measured : mapping
+        See `Measured`.  The curves of a solver may end early.
+    count : int
+
+    Raises
+    ------
+    Unsupported, BadModel
+        See `proofmass.sim.picture.picture`.
+    """
+    compiled, data = load(model, run)
+    scene = MovingScene(compiled, data.qpos, run)
+    index = np.unique(np.linspace(0, run.x.size - 1, min(count, run.x.size)).round().astype(int))
+    index = index[:1] if run.kind == "equilibrium" else index
+    x = run.x[index]
+    rows, stopped = follow(compiled, data, replace(run, x=x))
+    index = index[: len(rows)]
+    poses = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    drawn = replace(
+        scene.drawn(poses, run),
+        x=x[: len(rows)],
+        inputs=run.motion(x)[0][:, : len(rows)],
+        stopped=stopped,
+    )
+    scene.before = poses["xmat"][0].reshape(-1, 3, 3)
+    places, away, used, unfit = scene.placed_by(poses, measured, index)
+    return Motion(
+        drawn,
+        index,
+        scene.bodies(poses),
+        scene.spots(poses, drawn),
+        places,
+        away,
+        scene.rods,
+        scene.limits(poses),
+        used,
+        unfit,
+    )
+
+
+class MovingScene(PictureScene):
+    """The rigid bodies of a model, the spots on them, and how they move with what is measured."""
+
+    def __init__(self, model: mujoco.MjModel, start: Array, run: Run):
+        super().__init__(model, start)
+        self.run = run
+        self.roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+        self.number = {root: k for k, root in enumerate(self.roots)}
+        self.across = np.cross(*self.basis)
+        self.before = np.empty(0)
+        self.plane = find_plane(model, self.data)
+        self.name_of_rod = {link: rod.name for rod in run.rods for link in chain(rod).names}
+        self.hidden = {name for rod in run.rods for name in joints_of(chain(rod))}
+        self.rods: dict[str, tuple[int, ...]] = {}
+        for k, root in enumerate(self.roots):
+            rod = self.name_of_rod.get(model.body(root).name)
+            if rod:
+                self.rods[rod] = (*self.rods.get(rod, ()), k)
+
+    def bodies(self, poses: dict[str, Array]) -> tuple[Body, ...]:
+        """All rigid bodies, with their outlines about their origins."""
+        first = {name: rows[:1] for name, rows in poses.items()}
+        found = []
+        for root in self.roots:
+            name, origin = self.model.body(root).name, self.flat(poses["xpos"][0, root])
+            outlines = tuple(outline[0] - origin for outline in self.outlines(root, first))
+            found.append(Body(self.name_of_rod.get(name, name), outlines))
+        return tuple(found)
+
+    def spots(self, poses: dict[str, Array], drawn: Picture) -> tuple[Spot, ...]:
+        """Joints on the bodies that they move, guides on those that bear them, sides of loops."""
+        model, found = self.model, list[Spot]()
+        curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
+        marks = {mark.name: mark for mark in drawn.marks}
+
+        def spot(
+            name: str, kind: str, body: int, at: Array, to: Array | None = None, **more: bool
+        ) -> None:
+            root = int(model.body_weldid[body])
+            number = self.number.get(root, -1)
+            origin = self.flat(poses["xpos"][0, root]) if number >= 0 else np.zeros(2)
+            end = None if to is None else to - origin
+            found.append(Spot(name, kind, number, at - origin, **more, to=end))
+
+        for j in range(model.njnt):
+            name, body = model.joint(j).name, int(model.jnt_bodyid[j])
+            if name in self.hidden:
+                continue
+            mark = marks[name]
+            parent = int(model.body_parentid[body])
+            if mark.guide is not None:
+                spot(name, "guide", parent, *mark.guide[0])
+            spot(
+                name,
+                mark.kind,
+                body,
+                mark.at[0],
+                driven=mark.driven,
+                ground=mark.ground,
+                spring=bool(model.jnt_stiffness[j] or curved[j]),
+            )
+        for i in connects(model):
+            ground = 0 in model.body_weldid[list(anchor_bodies(model, i))]
+            sides = zip(anchor_bodies(model, i), anchors(model, i, poses), strict=True)
+            for body, at in sides:
+                spot(model.equality(i).name, "pin", body, self.flat(at[0]), ground=bool(ground))
+        for rod in filter(self.walled, self.run.rods):
+            ends = self.clamp(rod, poses).guide
+            if ends is not None:
+                spot(rod.name, "clamp", 0, ends[0, 0], ends[0, 1], ground=True)
+        return tuple(found)
+
+    def limits(self, poses: dict[str, Array]) -> dict[str, Array]:
+        """Which joints stand on the end of their range, and at which poses."""
+        model, found = self.model, {}
+        for j in np.flatnonzero(model.jnt_limited):
+            values = poses["qpos"][:, model.jnt_qposadr[j]]
+            slide = model.jnt_type[j] == J.mjJNT_SLIDE
+            near = TOUCHES * (self.size if slide else 1.0)
+            low, high = model.jnt_range[j]
+            touching = (values < low + near) | (values > high - near)
+            if touching.any():
+                found[model.joint(j).name] = touching
+        return found
+
+    def placed_by(
+        self, poses: dict[str, Array], measured: Measured, index: Array
+    ) -> tuple[Array, dict[str, Array], tuple[str, ...], float]:
+        """Places of the bodies, what solvers are away, by which curves, and how badly these fit."""
+        shape = (len(index), len(self.roots), 3)
+        places, unfit = np.empty(shape), 0.0
+        away = {solver: np.full(shape, np.nan) for solver in measured}
+        truth = max((known for known, _ in measured.values()), key=extent, default={})
+        gauges = {name: gauge for name in truth if (gauge := self.gauge(name)) is not None}
+        if not self.tells(gauges):
+            gauges = {}
+        for k, sample in enumerate(index.tolist()):
+            self.data.qpos[:] = poses["qpos"][k]
+            wanted = {n: float(truth[n][sample]) for n in gauges if sample < len(truth[n])}
+            if wanted and np.isfinite(list(wanted.values())).all():
+                unfit = max(unfit, self.fit({n: gauges[n] for n in wanted}, wanted))
+            self.update()
+            places[k] = self.places()
+            rates = self.rates()
+            for solver, (_, differences) in measured.items():
+                off = {
+                    n: float(differences[n][sample])
+                    for n in gauges
+                    if n in differences and sample < len(differences[n])
+                }
+                if off and np.isfinite(list(off.values())).all():
+                    known = {n: gauges[n] for n in off}
+                    away[solver][k] = rates @ self.change(known, np.array(list(off.values())))
+        places[:, :, 2] = np.unwrap(places[:, :, 2], axis=0)
+        away = {s: rows for s, rows in away.items() if np.isfinite(rows).any()}
+        return places, away, tuple(gauges), unfit
+
+    def update(self) -> None:
+        """Bring all that depends on the joints to their present values."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
+    def tells(self, gauges: Gauges) -> bool:
+        """Whether what is measured moves with a joint that no drive holds."""
+        driven = [self.model.joint(d.joint).dofadr[0] for d in self.run.drives]
+        self.update()
+        rows = [np.delete(gauge(self.data)[1], driven) for gauge in gauges.values()]
+        return any(np.abs(row).max(initial=0.0) > RANK for row in rows)
+
+    def places(self) -> Array:
+        """Position and turn of each body (bodies, 3), from how it stood at the start pose."""
+        at = self.flat(self.data.xpos[self.roots])
+        turned = self.data.xmat.reshape(-1, 3, 3) @ self.before.transpose(0, 2, 1)
+        lead = self.flat(turned[self.roots] @ self.basis[0])
+        return np.column_stack([at, np.arctan2(lead[:, 1], lead[:, 0])])
+
+    def rates(self) -> Array:
+        """How bodies move with the joints: (bodies, 3, joints)."""
+        found = np.empty((len(self.roots), 3, self.model.nv))
+        for k, root in enumerate(self.roots):
+            move, turn = self.jacobian(root, self.data.xpos[root])
+            found[k] = np.vstack([self.basis @ move, self.across @ turn])
+        return found
+
+    def jacobian(self, body: int, point: Array) -> tuple[Array, Array]:
+        """How a point of a body moves, and the body turns, with the joints: (3, joints) each."""
+        move, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
+        mujoco.mj_jac(self.model, self.data, move, turn, point, body)
+        return move, turn
+
+    def fit(self, gauges: Gauges, wanted: dict[str, float]) -> float:
+        """Move the joints so that the gauges show what is wanted; how far they are off after it."""
+        for _ in range(ROUNDS):
+            self.update()
+            lacking = self.lacking(gauges, wanted)
+            if np.abs(lacking).max() < 1e-13:
+                break
+            self.data.qpos += self.change(gauges, lacking, close=True)
+        self.update()
+        scales = np.array([1.0 if self.turns(name) else self.size for name in gauges])
+        return float(np.abs(self.lacking(gauges, wanted) / scales).max())
+
+    def lacking(self, gauges: Gauges, wanted: dict[str, float]) -> Array:
+        """What the gauges show too little; angles without whole turns."""
+        off = np.array([wanted[name] - gauge(self.data)[0] for name, gauge in gauges.items()])
+        turns = np.array([self.turns(name) for name in gauges])
+        return np.where(turns, (off + np.pi) % (2 * np.pi) - np.pi, off)
+
+    def turns(self, channel: str) -> bool:
+        """Whether a channel is an angle."""
+        return channel_unit(self.model, channel) == "rad"
+
+    def change(self, gauges: Gauges, off: Array, close: bool = False) -> Array:
+        """The change of the joints that the gauges show, and that closes the loops if asked for."""
+        model, data = self.model, self.data
+        lengths = np.where(model.jnt_type == J.mjJNT_SLIDE, self.size, 1.0)
+        rows = [
+            gauge(data)[1] / (1.0 if self.turns(n) else self.size) for n, gauge in gauges.items()
+        ]
+        sides = [
+            o / (1.0 if self.turns(n) else self.size) for n, o in zip(gauges, off, strict=True)
+        ]
+        for drive in self.run.drives:
+            rows.append(np.eye(model.nv)[model.joint(drive.joint).dofadr[0]])
+            sides.append(0.0)
+        for i in connects(model):
+            one, two = anchors(model, i, pose_of(data))
+            bodies = anchor_bodies(model, i)
+            gap = self.flat(two.reshape(3) - one.reshape(3)) / self.size
+            apart = [
+                self.jacobian(b, p.reshape(3))[0] for b, p in zip(bodies, (one, two), strict=True)
+            ]
+            rows.extend(LOOPS * (self.basis @ (apart[0] - apart[1])) / self.size)
+            sides.extend(LOOPS * gap * close)
+        matrix = np.array(rows) * lengths
+        return lengths * np.linalg.lstsq(matrix, np.array(sides), rcond=RANK)[0]
+
+    def gauge(self, channel: str) -> Gauge | None:
+        """What a channel that is a place or an angle shows, and how it changes with the joints."""
+        model = self.model
+        name, _, part = channel.partition(".")
+        if name not in sensors(model):
+            return None
+        s = sensors(model).index(name)
+        kind, of, number = (
+            S(int(model.sensor_type[s])),
+            OBJ(int(model.sensor_objtype[s])),
+            int(model.sensor_objid[s]),
+        )
+        if kind == S.mjSENS_JOINTPOS:
+            return lambda data: (
+                float(data.qpos[model.jnt_qposadr[number]]),
+                np.eye(model.nv)[model.jnt_dofadr[number]],
+            )
+        if of not in FRAMES or model.sensor_refid[s] >= 0:
+            return None
+        place, frame = FRAMES[of]
+        body = {OBJ.mjOBJ_SITE: model.site_bodyid, OBJ.mjOBJ_GEOM: model.geom_bodyid}.get(
+            of, np.arange(model.nbody)
+        )[number]
+        if kind == S.mjSENS_FRAMEPOS and part in "xyz":
+            axis = "xyz".index(part)
+            return lambda data: (
+                float(getattr(data, place)[number][axis]),
+                self.jacobian(body, getattr(data, place)[number])[0][axis],
+            )
+        if kind == S.mjSENS_FRAMEXAXIS and part == "angle":
+
+            def angle(data: mujoco.MjData) -> tuple[float, Array]:
+                across, up = self.plane.flat(getattr(data, frame)[number].reshape(3, 3)[:, 0])
+                turn = self.jacobian(body, getattr(data, place)[number])[1]
+                return float(np.arctan2(up, across)), self.plane.normal @ turn
+
+            return angle
+        return None
+
+
+def extent(curves: Curve) -> int:
+    """How many samples curves have."""
+    return max(map(len, curves.values()), default=0)
