@@ -53,6 +53,7 @@ def render_case(
     short = card(case, runs, drawings, faults)
     tell = partial(told, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
+    compared = any(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in rows)
     data = case_data(case, runs, drawings.motions, style)
     return short, env.get_template("case.html").render(
         case=case,
@@ -68,7 +69,8 @@ def render_case(
         open_lines=open_lines(case, runs),
         advice=advice(case, rows, faults, short["state"]),
         command=f"proofmass check {case.file.name if case.file.is_absolute() else case.file}",
-        detectable=tables.smallest_changes(case, rows),
+        compared=compared,
+        detectable=tables.smallest_changes(case, rows) if compared else [],
         texts=texts(case),
         looks=looks_of(data, style),
         about=made_with(case.file.parent),
@@ -91,8 +93,8 @@ def render_case(
         knowledge=tell(reference.facts, {}),
         laws=any(tables.law(case, name) for name in case.channels),
         reasons=tables.reasons(case),
-        unnoticed=tables.unnoticed(case, rows),
-        not_known=tables.not_known(case, rows),
+        unnoticed=tables.unnoticed(case, rows) if compared else [],
+        not_known=tables.not_known(case, rows) if compared else [],
     )
 
 

@@ -122,8 +122,15 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
             "Halve the time step and look whether the error follows its order; proofmass trade "
             "does so for all settings."
         )
-    if outcomes & set(LOST):
-        words.append("Look at the start pose and at the end of the curves that are left below.")
+    if outcomes & {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}:
+        words.append(
+            "Find what keeps the run busy, or give it more: timeout and memory of its table [run]."
+        )
+    if outcomes & {Outcome.DIVERGED, Outcome.CRASHED}:
+        words.append(
+            "Of a run that is lost no curves are left. Begin with its start pose, then halve its "
+            "time step; what the engine said stands with the solver below."
+        )
     return words
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from proofmass.wording import number
 
 FIRST, LAST = -16.4, 0.6  # decades at the ends of the axis
-DECADES = (-15, -12, -9, -6, -3, 0)
+DECADES = (-15, -10, -5, 0)
 ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
 ADDRESSES = {"sweep": "sweep", "equilibrium": "equilibrium", "dynamics": "dynamics"}
 TITLES = {
@@ -108,7 +108,10 @@ def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
             if names:
                 cells = [cell(data, kind, solver, names) for solver in solvers]
                 rows.append(OverviewRow(quantity, tuple(cells)))
-        found.append(OverviewRun(kind, TITLES[kind], tuple(rows)))
+        if not rows and run["lost"]:
+            rows.append(OverviewRow("curves", tuple(cell(data, kind, s, ()) for s in solvers)))
+        if rows:
+            found.append(OverviewRun(kind, TITLES[kind], tuple(rows)))
     return found
 
 

@@ -241,6 +241,7 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
                 told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{WHERE[run]}")
                 break
     words = []
+    to = "differ by up to" if any(c.outcome == Outcome.DIFFERS for c in rows) else "to"
     for kind, parts in told.items():
         name = {"velocity": "velocities", "energy": "energies", "other": "curves"}.get(
             kind, f"{kind}s"
@@ -248,7 +249,7 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
         shares = ", ".join(
             part.format("of their range " if k == 0 else "") for k, part in enumerate(parts)
         )
-        words.append(f"{name} to {shares}")
+        words.append(f"{name} {to} {shares}")
     unjudged = "Not judged: " if words and not judged else ""
     text = "; ".join(words)
     return f"{unjudged}{text[:1].upper()}{text[1:]}." if text else ""

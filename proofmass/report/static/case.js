@@ -139,7 +139,9 @@ function drawMechanism() {
   find("#mechanism").setAttribute("class", `mechanism ${data.solvers[state.solver]?.css ?? ""}`);
   const compared = own.has(state.solver);
   const words = [];
-  if (!compared) {
+  if (!own.reaches(x)) {
+    words.push(`drawn up to ${worded(own.x[own.x.length - 1] * run.scale, 3)} ${run.unit} only`);
+  } else if (!compared) {
     words.push("no positions to compare");
   } else if (!there) {
     words.push(`${label} has no pose here`);
@@ -507,6 +509,12 @@ function drawChips() {
   const lost = Object.entries(run.lost).map(
     ([name, why]) => `${data.solvers[name].label} is not drawn: ${why.outcome}. ${why.why}`,
   );
+  for (const [name, solver] of Object.entries(run.solvers)) {
+    if (solver.stopped) {
+      const end = `${worded(solver.end * run.scale, 4)} ${run.unit}`;
+      lost.push(`${data.solvers[name].label} ends at ${end}: ${solver.stopped}.`);
+    }
+  }
   find("#lost").textContent = lost.join(" ");
   find("#lost").hidden = !lost.length;
 }

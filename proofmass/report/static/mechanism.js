@@ -312,6 +312,13 @@ class Mechanism {
     return Math.min(Math.max(first + share, 0), last);
   }
 
+  // Whether there is a pose of the model at x: it may not come to the end of a run.
+  reaches(x) {
+    const last = this.x[this.x.length - 1];
+    const span = Math.abs(last - this.x[0]) || 1;
+    return Boolean(this.curves) || this.x.length < 2 || x <= last + 1e-6 * span;
+  }
+
   // Reference + factor * (simulated - reference) of body k; null where a solver has no such pose.
   placeOf(k, pose, solver, factor) {
     const place = between(this.places, pose, k);
@@ -345,7 +352,9 @@ class Mechanism {
       const place = this.placeOf(body, pose, solver, factor) ?? [NaN, NaN, NaN];
       const [[across, up]] = [...this.moved(middle, place)];
       if (Number.isFinite(across + up)) {
-        text.setAttribute("x", (this.across(across) + 10).toFixed(1));
+        const left = this.across(across) > WIDTH - 9 * text.textContent.length - 20;
+        text.setAttribute("text-anchor", left ? "end" : "start");
+        text.setAttribute("x", (this.across(across) + (left ? -10 : 10)).toFixed(1));
         text.setAttribute("y", (this.down(up) + (spot ? -8 : 18)).toFixed(1));
       }
     }
