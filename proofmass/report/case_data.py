@@ -33,15 +33,18 @@ CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d"
 
 
 def case_data(
-    case: Case, runs: Iterable[Shown], motions: Mapping[str, Motion], style: Mapping[str, Look]
+    case: Case,
+    recorded: Mapping[str, Any],
+    motions: Mapping[str, Motion],
+    style: Mapping[str, Look],
 ) -> dict[str, Any]:
     """The dict of a case.
 
     Parameters
     ----------
     case : Case
-    runs : iterable of Shown
-        Its runs, from `proofmass.report.data.shown`.
+    recorded : mapping
+        From `recorded_data`.
     motions : mapping of str to Motion
         By run, where there is one.
     style : mapping of str to Look
@@ -50,21 +53,30 @@ def case_data(
     Returns
     -------
     dict
-        For ``json.dumps``; `decoded` turns its curves into arrays again.
+        For ``json.dumps``.
     """
-    runs = list(runs)
-    every = thinning(runs)
+    solvers = [solver for run in recorded["runs"].values() for solver in run["solvers"]]
     return {
         "name": case.name,
         "title": case.title,
         "parameters": dict(case.parameters),
-        "solvers": {s: solver_data(s, style) for run in runs for s in run.solvers},
+        "solvers": {solver: solver_data(solver, style) for solver in solvers},
+        **recorded,
+        "motions": {kind: motion_data(motion) for kind, motion in motions.items()},
+    }
+
+
+def recorded_data(case: Case, runs: Iterable[Shown]) -> dict[str, Any]:
+    """The part of the dict that needs the model: drives, curves and comparisons of the runs."""
+    runs = list(runs)
+    every = thinning(runs)
+    units = drive_units(case) if any(run.curves for run in runs) else [""] * len(case.drive)
+    return {
         "drives": [
             {"joint": drive.joint, "unit": unit}
-            for drive, unit in zip(case.drive, units_of_drives(case, runs), strict=True)
+            for drive, unit in zip(case.drive, units, strict=True)
         ],
         "runs": {run.kind: run_data(run, every[run.kind]) for run in runs},
-        "motions": {kind: motion_data(motion) for kind, motion in motions.items()},
     }
 
 
@@ -72,11 +84,6 @@ def embedded(data: Mapping[str, Any]) -> Markup:
     """The dict as text that can stand in an element ``script``."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=str)
     return Markup(text.replace("<", "\\u003c"))
-
-
-def units_of_drives(case: Case, runs: list[Shown]) -> list[str]:
-    """The units of the drives; none where no run has curves, because the model may not compile."""
-    return drive_units(case) if any(run.curves for run in runs) else [""] * len(case.drive)
 
 
 def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
@@ -110,13 +117,14 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
     """A run: its samples, the reference's curves, and what each solver has of them."""
     found: dict[str, Any] = {
         "label": RUNS[run.kind],
-        "solvers": {s: {"comparisons": {}} for s in run.solvers},
+        "solvers": {},
         "lost": {s: {"outcome": str(c.outcome), "why": c.message} for s, c in run.lost.items()},
         "channels": {},
     }
     for solver in run.solvers:
         own = {c.channel: comparison_data(run, c) for c in run.rows if c.solver == solver}
-        found["solvers"][solver]["comparisons"] = own
+        if own:
+            found["solvers"][solver] = {"comparisons": own}
     if not run.curves:
         return found
     index = kept(run, every)
@@ -159,10 +167,10 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
         for name in run.channels:
             if name not in curves.channels:
                 continue
-            own = truth.channels[name]
-            one["differences"][name] = packed((curves.channels[name] - own)[drawn], "<f4")
-            shift = own - run.longest.channels[name][: len(own)]
-            if np.abs(shift).max() > SEEN * (np.ptp(own) or np.inf):
+            wanted = truth.channels[name]
+            one["differences"][name] = packed((curves.channels[name] - wanted)[drawn], "<f4")
+            shift = wanted - run.longest.channels[name][: len(wanted)]
+            if np.abs(shift).max() > SEEN * (np.ptp(wanted) or np.inf):
                 one["shifts"][name] = packed(shift[drawn], "<f4")
     for name, (law, moved, unit) in inputs(run).items():
         read, factor = readable(unit)
@@ -228,7 +236,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
     in_rods = {k for links in motion.rods.values() for k in links}
     rigid = [k for k in range(len(motion.bodies)) if k not in in_rods]
     number = {k: i for i, k in enumerate(rigid)}
-    spots = []
+    spots = list[dict[str, Any]]()
     for spot in motion.spots:
         one: dict[str, Any] = {
             "name": spot.name,
@@ -261,7 +269,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
         "lines": [
             {
                 "name": name,
-                **line(motion, [(k, vertex) for k in links for vertex in ends(motion, k)]),
+                **line(motion, vertices(motion, links)),
             }
             for name, links in motion.rods.items()
         ]
@@ -276,16 +284,17 @@ def motion_data(motion: Motion) -> dict[str, Any]:
     }
 
 
-def ends(motion: Motion, body: int) -> list[Array]:
-    """The vertices of a rod's link: of its first outline, and a joint without one is its origin."""
-    outlines = motion.bodies[body].outlines
-    return [outlines[0][0], outlines[0][-1]] if outlines else [np.zeros(2)]
+def vertices(motion: Motion, links: tuple[int, ...]) -> list[tuple[int, Array]]:
+    """The places of a rod's line: where its links begin, and the far end of the last."""
+    found = [(link, np.zeros(2)) for link in links]
+    points = np.vstack([np.zeros((1, 2)), *motion.bodies[links[-1]].outlines])
+    return [*found, (links[-1], points[np.linalg.norm(points, axis=1).argmax()])]
 
 
-def line(motion: Motion, vertices: list[tuple[int, Array]]) -> dict[str, Any]:
+def line(motion: Motion, places: list[tuple[int, Array]]) -> dict[str, Any]:
     """Points of bodies at all poses, and how far solvers' are from the reference's."""
-    bodies = [body for body, _ in vertices]
-    about = np.array([at for _, at in vertices])
+    bodies = [body for body, _ in places]
+    about = np.array([at for _, at in places])
     turn = motion.places[:, bodies, 2]
     cos, sin = np.cos(turn), np.sin(turn)
     turned = np.stack(

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, cast
@@ -17,7 +17,7 @@ from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import LOST, OPEN, Outcome
 from proofmass.report import refinements, tables
-from proofmass.report.case_data import case_data, embedded
+from proofmass.report.case_data import case_data, embedded, recorded_data
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
 from proofmass.report.first_screen import advice, badge, causes, looks_of, open_lines, texts
@@ -38,23 +38,32 @@ HEADINGS = {
 }
 
 
+@dataclass(frozen=True)
+class Gathered:
+    """The runs of a case beside their references, its views, and both as data for the page."""
+
+    runs: list[Shown]
+    views: list[Viewed]
+    recorded: dict[str, Any]
+
+
 def render_case(
     env: Environment,
     case: Case,
     result: Result,
-    runs: list[Shown],
-    views: list[Viewed],
+    gathered: Gathered,
     drawings: Drawings,
     style: Mapping[str, Look],
     studies: Sequence[ShownStudy] = (),
 ) -> tuple[dict[str, Any], str]:
     """The card of a case for the index, and the text of its page."""
+    runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
     short = card(case, runs, drawings, faults)
     tell = partial(told, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
     compared = any(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in rows)
-    data = case_data(case, runs, drawings.motions, style)
+    data = case_data(case, gathered.recorded, drawings.motions, style)
     return short, env.get_template("case.html").render(
         case=case,
         card=short,
@@ -98,7 +107,7 @@ def render_case(
     )
 
 
-def gather(result: Result, case: Case) -> tuple[list[Shown], list[Viewed]]:
+def gather(result: Result, case: Case) -> Gathered:
     """The runs of a case beside their references, and its views, from a worker.
 
     Where the references are not there again within the limits of all runs, the runs have no curves.
@@ -113,7 +122,7 @@ def gather(result: Result, case: Case) -> tuple[list[Shown], list[Viewed]]:
     )
     try:
         return cast(
-            tuple[list[Shown], list[Viewed]],
+            Gathered,
             isolated(
                 gathered_here,
                 own,
@@ -125,11 +134,11 @@ def gather(result: Result, case: Case) -> tuple[list[Shown], list[Viewed]]:
         return gathered_here(replace(own, curves={}))
 
 
-def gathered_here(result: Result) -> tuple[list[Shown], list[Viewed]]:
+def gathered_here(result: Result) -> Gathered:
     """What `gather` does, in this process and of the only case of a result."""
     (case,) = result.cases
     runs = [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
-    return runs, all_viewed(case, runs)
+    return Gathered(runs, all_viewed(case, runs), recorded_data(case, runs))
 
 
 def told(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any) -> Any:

@@ -1,6 +1,6 @@
 """All figures of a case, drawn in another process: several cases are drawn side by side."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -69,8 +69,7 @@ def drawn(
     if beyond_limits(runs):
         return Drawings({}, "its runs reached their limits")
     motions, note = moving(case, runs)
-    first = motions.get(next(iter(case.run)))
-    shape = distinct(first.picture) if first else None
+    shape = shape_of(case, motions)
     try:
         figures = isolated(
             draw, case, runs, views, style, folder, slug, shape, papers, timeout=SECONDS
@@ -119,6 +118,12 @@ def moving(case: Case, runs: list[Shown]) -> tuple[dict[str, Motion], str]:
         else:
             note = note or ("" if number else found[kind].picture.stopped)
     return found, note
+
+
+def shape_of(case: Case, motions: Mapping[str, Motion]) -> Picture | None:
+    """The mechanism at some poses of its first run, which differ; None if there is none."""
+    first = motions.get(next(iter(case.run)))
+    return distinct(first.picture) if first else None
 
 
 def moved_here(case: Case, kind: Kind, curves: Measured, count: int) -> Motion:

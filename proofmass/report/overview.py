@@ -9,13 +9,13 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
 from proofmass.wording import number
 
 FIRST, LAST = -16.4, 0.6  # decades at the ends of the axis
 DECADES = (-15, -10, -5, 0)
 ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
-ADDRESSES = {"sweep": "sweep", "equilibrium": "equilibrium", "dynamics": "dynamics"}
 TITLES = {
     "sweep": "Sweep, quasi-static",
     "equilibrium": "Equilibrium, along the rods",
@@ -126,18 +126,22 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
     if solver in run["lost"]:
         return Cell(solver, "", run["lost"][solver]["outcome"], bad=True)
     if not known:
-        bad = any(c["outcome"] == "differs" for c in there.values())
-        return Cell(solver, "not finite" if bad else "", "" if bad else "not available", bad=bad)
+        differs = any(c["outcome"] == "differs" for c in there.values())
+        return Cell(
+            solver,
+            "not finite" if differs else "",
+            "" if differs else "not available",
+            bad=differs,
+        )
     bad = {name: c for name, c in known.items() if c["outcome"] == "differs"}
     judged = {name: c for name, c in known.items() if c["outcome"] in ("agrees", "differs")}
-    chosen = bad or judged or known
-    name = max(
-        chosen,
-        key=lambda n: chosen[n]["ratio"] if bad and chosen[n]["ratio"] else chosen[n]["share"],
-    )
-    c = chosen[name]
-    checked = name in judged
-    if checked:
+    if bad:
+        name = max(bad, key=lambda n: bad[n]["ratio"] or math.inf)
+    else:
+        some = judged or known
+        name = max(some, key=lambda n: some[n]["share"])
+    c = known[name]
+    if name in judged:
         note = f"allowed {number(c['allowed_share'], 2)}"
     elif c["later"] is not None and c["share"] > 2 * c["later"]:
         note = "at the start"
@@ -148,8 +152,8 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
         number(c["share"], 2),
         note,
         name in bad,
-        f"#{ADDRESSES[kind]}/{solver}/{name}@{c['at']:.6g}",
+        f"#{kind}/{quote(solver, safe=':')}/{quote(name)}@{c['at']:.6g}",
         f"{name}: show the curve",
         place(c["share"]),
-        place(c["allowed_share"]) if checked else None,
+        place(c["allowed_share"]) if name in judged else None,
     )

@@ -58,13 +58,13 @@ def write_report(
         gathered = list(pool.map(partial(gather, result), result.cases))
         futures = [
             pool.submit(
-                drawn, case, runs, views, style, folder / "figures", slug(case.name), figures
+                drawn, case, g.runs, g.views, style, folder / "figures", slug(case.name), figures
             )
-            for case, (runs, views) in zip(result.cases, gathered, strict=True)
+            for case, g in zip(result.cases, gathered, strict=True)
         ]
         for k, case in enumerate(result.cases):
             card, page = render_case(
-                env, case, result, *gathered[k], futures[k].result(), style, studies
+                env, case, result, gathered[k], futures[k].result(), style, studies
             )
             cards.append(card)
             write_whole(folder / card["page"], page)

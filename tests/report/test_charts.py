@@ -132,7 +132,7 @@ def test_a_page_has_the_chart_and_names_the_one_that_failed(stub: Path, tmp_path
     assert "<figcaption>Up to 2 &amp; more." in plain
     assert "“Lost” is not drawn: IndexError: nothing there</p>" in plain
     assert "stored &lt;&amp;&gt;" in text
-    assert plain.count("<figure>") == 4  # mechanism, chart, overlay, difference: nothing else lost
+    assert plain.count("<figure>") == 2  # mechanism and chart: nothing else is lost
     assert plain.index("Charts: ") < plain.index("Sweep: ")
     figures = page.parent / "figures"
     assert (figures / "fourbar-chart-1.png").read_bytes().startswith(b"\x89PNG")

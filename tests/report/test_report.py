@@ -1,5 +1,6 @@
 """The report: its verdicts in words, and its pages."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from proofmass.errors import InputError
 from proofmass.reference import evaluate, unit_of
 from proofmass.report import headline, write_report
 from proofmass.report.data import input_rows, inputs, shown, thin
-from proofmass.report.drawing import SHEETS, pictured, tracks
+from proofmass.report.drawing import SHEETS, moving, shape_of, tracks
 from proofmass.report.figures import tolerances
 from proofmass.report.mechanism import path, paths
 from proofmass.report.style import looks
@@ -25,6 +26,7 @@ from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from tests.shipped import models_like, shipped
 
+DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 EVIL = '<script>alert("x")</script> & crank'
 
 
@@ -98,7 +100,7 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
         Comparison("loose", "mujoco", "dynamics", "", "", message="no sidecar; it loads and steps")
     )
     result.errors.append(InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>"))
-    return write_report(result, folder).parent
+    return write_report(result, folder, figures=True).parent
 
 
 def test_all_agree(fourbar: Case) -> None:
@@ -200,7 +202,10 @@ def test_pages_fetch_nothing_and_name_no_folder(report: Path) -> None:
     for file in report.glob("*.html"):
         page = file.read_text(encoding="utf-8")
         assert not re.search(r"(?:src|href)\s*=\s*[\"']?\s*(?:https?:)?//", page)
-        assert not re.search(r"<script|@import|url\(\s*['\"]?http", page)
+        assert not re.search(r"@import|url\(\s*['\"]?http", page)
+        scripts = re.findall(r"<script[^>]*>", page)
+        own = re.compile(r'<script (src="static/\w+\.js"|type="application/json" id="data")>')
+        assert all(own.fullmatch(script) for script in scripts)
         assert "/home/" not in page
         assert str(report) not in page
         assert len(page) < 3e6
@@ -211,16 +216,20 @@ def test_ids_are_unique_and_links_lead_somewhere(report: Path) -> None:
         page = file.read_text(encoding="utf-8")
         ids = re.findall(r'\sid="([^"]*)"', page)
         assert len(ids) == len(set(ids))
-        for target in re.findall(r'href="([^"#]+)"', page):
+        for target in re.findall(r'(?:href|src)="([^"#]+)"', page):
             assert (report / target).is_file()
-        assert set(re.findall(r'(?:href="|url\()#([\w.-]+)', page)) <= set(ids)
+        inside = set(re.findall(r'(?:href="|url\()#([^")]+)', page))
+        places = {place for place in inside if re.match(r"(sweep|dynamics|equilibrium)/", place)}
+        assert inside - places <= set(ids)
+        assert bool(places) == (file.name == "fourbar.html")  # addresses of curves
 
 
 def test_special_characters_are_escaped(report: Path) -> None:
     for name in ("fourbar.html", "index.html"):
         page = (report / name).read_text(encoding="utf-8")
         assert "&lt;script&gt;alert(" in page
-        assert "<script" not in page
+        assert "<script>" not in page
+        assert "</script> &" not in page
     assert "no joint &lt;q&gt;" in (report / "index.html").read_text(encoding="utf-8")
 
 
@@ -258,7 +267,7 @@ def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
     )
     index = write_report(result_of(case, dynamics=0.0), tmp_path)
     page = index.with_name("pendulum.html").read_text(encoding="utf-8")
-    assert page.count("<figure") == 3  # mechanism, overlay, difference
+    assert page.count("<figure") == 1  # the mechanism; curves are drawn by the script
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
 
 
@@ -301,7 +310,9 @@ def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path
 
 def test_a_path_is_its_two_channels() -> None:
     case = case_of("fivebar")
-    view, (shape, _) = shown(result_of(case, sweep=0.01), case, "sweep"), pictured(case)
+    view = shown(result_of(case, sweep=0.01), case, "sweep")
+    shape = shape_of(case, moving(case, [view])[0])
+    assert shape
     assert paths(view, shape) == ["tip"]
     for curves in (view.curves["mujoco"], view.longest):
         found = path(curves, "tip", shape)
@@ -328,6 +339,10 @@ def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
         page = write_report(result, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
         assert re.search(r" ends at 190 deg, 20 of 37 samples, .* the loop stays open\.", page)
         assert page.count(" ends at ") == 1
+        assert (
+            "the loop stays open"
+            in json.loads(DATA.search(page)[1])["runs"]["sweep"]["solvers"][order[1]]["stopped"]
+        )
 
 
 def test_own_numbers_as_reference_and_a_law(report: Path, tmp_path: Path) -> None:

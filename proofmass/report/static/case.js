@@ -835,7 +835,7 @@ function listen() {
   let opened = [];
   addEventListener("beforeprint", () => {
     play(false);
-    opened = findAll("details:not([open])").filter((one) => !one.matches(".source"));
+    opened = findAll(".more > details:not([open]):not(.source)");
     opened.forEach((one) => one.setAttribute("open", ""));
     drawCurves();
   });

@@ -1,0 +1,294 @@
+"""The pages of cases in a browser: what they show, and that they fetch nothing."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.metadata import distribution
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from proofmass.check import Result
+from proofmass.compare import Comparison
+from proofmass.report import write_report
+from proofmass.sidecar import load_case
+from tests.report.whole import whole_result
+from tests.shipped import shipped
+
+api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
+)
+pytestmark = pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium on this system")
+NAMES = [
+    "fourbar",
+    "rod_cantilever",
+    "balancer_sine",
+    "slider_crank",
+    "hacksaw_recorded",
+    "pendulum",
+]
+DESKTOP, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
+SLOW = 2000  # [ms] until a page may be used, on a busy machine; 0.3 s are usual
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Pages of six cases: the slider-crank differs, the pendulum is lost."""
+    cases = {name: load_case(shipped(f"{name}.toml")) for name in NAMES}
+    offs = {"rod_cantilever": 1e-4, "slider_crank": 0.02}
+    parts = [whole_result(case, off=offs.get(n, 1e-13)) for n, case in cases.items()]
+    result = Result(cases=list(cases.values()))
+    for part in parts:
+        result.comparisons.extend(part.comparisons)
+        result.curves.update(part.curves)
+    rows = [replace(c, **LOST) if c.case == "pendulum" else c for c in result.comparisons]
+    curves = {key: curve for key, curve in result.curves.items() if key[0] != "pendulum"}
+    out = tmp_path_factory.mktemp("browser")
+    write_report(replace(result, comparisons=rows, curves=curves), out)
+    return out
+
+
+LOST: dict[str, Any] = {
+    **{name: float("nan") for name in ("error_max", "at", "error_rms", "nrmse", "error_later")},
+    "detectable": {},
+    "outcome": "diverged",
+    "message": "the state is not finite",
+}
+assert set(LOST) <= set(Comparison.__dataclass_fields__)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with api.sync_playwright() as play:
+        found = play.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield found
+        found.close()
+
+
+class Visit:
+    """A page that was opened, and what went wrong on it."""
+
+    def __init__(self, browser: Any, file: Path, address: str = "", **options: Any) -> None:
+        self.context = browser.new_context(
+            **{"viewport": DESKTOP, "reduced_motion": "reduce", **options}
+        )
+        self.page = self.context.new_page()
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(file.as_uri() + address)
+        self.page.wait_for_load_state()
+
+    def __enter__(self) -> "Visit":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.context.close()
+
+    def run(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def plot(self, place: str) -> dict[str, float]:
+        """Where a plot is on the screen, after it was brought there."""
+        found = self.page.locator(f"{place} .u-over")
+        found.scroll_into_view_if_needed()
+        return dict(found.bounding_box())
+
+    @property
+    def address(self) -> str:
+        return str(self.run("decodeURIComponent(location.hash)"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / f"{name}.html") as visit:
+        assert visit.said == []
+        assert all(url.startswith(folder.as_uri()) for url in visit.asked)
+        timing = "performance.getEntriesByType('navigation')[0].loadEventEnd"
+        assert visit.run(timing) < SLOW
+        lost = name == "pendulum"
+        assert visit.run("find('#curves').hidden") == lost
+        assert visit.page.locator("#above canvas").count() == (0 if lost else 1)
+        overflow = visit.run("document.documentElement.scrollWidth - innerWidth")
+        assert overflow <= 0
+
+
+def test_what_is_lost_is_told(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "pendulum.html") as visit:
+        text = visit.page.inner_text("main")
+        assert "runs diverged" in text
+        assert "the state is not finite" in text
+
+
+def test_a_page_that_differs_opens_where_it_does(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "slider_crank.html") as visit:
+        assert "Differs" in visit.page.inner_text(".badge")
+        assert visit.run("state.run") == "sweep"
+        first = visit.page.locator("#list [role=option]").first
+        assert "✗" in first.inner_text()
+        assert visit.run("ordered(current())[0].ratio") > 1
+
+
+def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@0") as visit:
+        line = "find('.scrub-line').style.transform"
+        crank = "findAll('.m-drawn > g')[0].getAttribute('transform')"
+        before = visit.run(line), visit.run(crank)
+        visit.page.evaluate(
+            "const bar = find('#scrub'); bar.value = 90; bar.dispatchEvent(new Event('input'))"
+        )
+        assert visit.run("state.sample") == 90
+        after = visit.run(line), visit.run(crank)
+        assert after[0] != before[0]
+        turn = float(after[1].split("rotate(")[1].rstrip(")"))
+        assert turn == pytest.approx(-90, abs=0.01)  # 16 bits of a turn; screens count downwards
+        assert visit.address == "#sweep/mujoco/pin.x@1.5708"
+        assert visit.page.inner_text("#position") == "90°"
+        visit.page.keyboard.press("ArrowRight")
+        assert visit.run("state.sample") == 91
+
+
+def test_a_plot_that_is_pointed_at_moves_the_mechanism(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@0") as visit:
+        box = visit.plot("#above")
+        visit.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
+        assert visit.run("state.sample") == pytest.approx(180, abs=2)
+        lines = visit.run("findAll('.u-cursor-x').map((line) => line.style.transform)")
+        assert len(lines) == 2
+        assert len(set(lines)) == 1  # both plots show the same place
+
+
+def test_dragging_zooms_both_plots_and_the_address_keeps_it(folder: Path, browser: Any) -> None:
+    file = folder / "fourbar.html"
+    with Visit(browser, file, "#dynamics/pymunk/pin.x@1") as visit:
+        box = visit.plot("#below")
+        visit.page.mouse.move(box["x"] + 100, box["y"] + 60)
+        visit.page.mouse.down()
+        visit.page.mouse.move(box["x"] + 300, box["y"] + 60, steps=4)
+        visit.page.mouse.up()
+        scales = visit.run("pair.plots.map((plot) => [plot.scales.x.min, plot.scales.x.max])")
+        assert scales[0] == scales[1]
+        low, high = scales[0]
+        assert 0 < low < high < 6
+        address = visit.address
+        assert ";z=" in address
+    with Visit(browser, file, address) as visit:
+        again = visit.run("pair.plots.map((plot) => [plot.scales.x.min, plot.scales.x.max])")
+        assert again[0] == pytest.approx([low, high], rel=1e-5)
+        visit.page.keyboard.press("0")
+        assert ";z=" not in visit.address
+
+
+def test_solvers_can_be_switched_off_and_axes_changed(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@1") as visit:
+        count = "pair.plots[0].series.length"
+        before = visit.run(count)
+        visit.page.click("#chips [data-solver='pymunk']")
+        assert visit.run(count) == before - 1
+        assert ";on=mujoco" in visit.address
+        visit.page.keyboard.press("l")
+        assert ";log" in visit.address
+        assert visit.run("pair.plots[1].scales.y.distr") == 3
+        visit.page.keyboard.press("l")
+        assert "units of the allowance" in visit.page.inner_text("#difference-title")
+
+
+def test_an_address_opens_its_channel(folder: Path, browser: Any) -> None:
+    address = "#dynamics/pymunk/pin.x@3.25;log;m=6"
+    with Visit(browser, folder / "fourbar.html", address) as visit:
+        assert visit.page.inner_text("#channel") == "pin.x"
+        assert visit.run("[state.run, state.solver, state.mode, state.power]") == [
+            "dynamics",
+            "pymunk",
+            "log",
+            6,
+        ]
+        assert visit.run("current().x[state.sample]") == pytest.approx(3.25, abs=0.01)
+        visit.page.click(".sum td a >> nth=0")
+        assert visit.address.startswith("#sweep/mujoco/")
+
+
+def test_differences_are_magnified(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "slider_crank.html", "#sweep/mujoco/slider.x@1") as visit:
+        slide = "findAll('.m-drawn > g')[2].getAttribute('transform')"
+        plain = visit.run(slide)
+        visit.page.evaluate(
+            "const bar = find('#magnification'); bar.value = 1;"
+            " bar.dispatchEvent(new Event('input'))"
+        )
+        assert visit.page.inner_text("#magnification-words") == "×10"
+        assert visit.run(slide) != plain
+        across = [float(text.split("(")[1].split()[0]) for text in (plain, visit.run(slide))]
+        run = "data.runs.sweep.solvers.mujoco.differences['slider.x'][state.sample]"
+        scale = visit.run("mechanism().scale")
+        # ten times the difference instead of once: nine more of it
+        assert across[1] - across[0] == pytest.approx(9 * scale * visit.run(run), rel=0.02)
+
+
+def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "rod_cantilever.html") as visit:
+        assert visit.run("mechanism().curves.rods.length") == 1
+        assert visit.page.locator(".m-dot").count() == 1
+        assert "rods of the reference" in visit.page.inner_text("#ghost")
+
+
+@pytest.mark.parametrize("name", ["fourbar", "hacksaw_recorded", "pendulum"])
+def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / f"{name}.html", viewport=PHONE) as visit:
+        assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
+        small = visit.run(
+            "findAll('main *').filter((one) => one.childNodes.length && one.offsetParent"
+            " && !one.closest('.paper') && [...one.childNodes].some((node) => node.nodeType === 3"
+            " && node.data.trim()) && parseFloat(getComputedStyle(one).fontSize) < 12)"
+            ".map((one) => one.outerHTML.slice(0, 80))"
+        )
+        assert small == []
+
+
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    [
+        ("fourbar", "light"),
+        ("rod_cantilever", "dark"),
+        ("slider_crank", "dark"),
+        ("pendulum", "light"),
+    ],
+)
+def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
+    axe = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
+    with Visit(browser, folder / f"{name}.html", color_scheme=scheme) as visit:
+        visit.run("findAll('.more > details').forEach((one) => one.setAttribute('open', ''))")
+        visit.run(Path(str(axe)).read_text(encoding="utf-8"))
+        found = visit.run("axe.run()")
+        wrong = [(v["id"], v["nodes"][0]["html"][:200]) for v in found["violations"]]
+        assert wrong == []
+        assert len(found["passes"]) > 15
+
+
+def test_dark_pages_are_dark_and_their_curves_light(folder: Path, browser: Any) -> None:
+    for scheme, dark in (("light", False), ("dark", True)):
+        with Visit(browser, folder / "fourbar.html", color_scheme=scheme) as visit:
+            paper = visit.run("getComputedStyle(document.body).backgroundColor")
+            levels = [int(part) for part in paper[4:-1].split(",")]
+            assert (max(levels) < 60) == dark
+
+
+def test_it_prints_with_its_tables(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "fourbar.html") as visit:
+        printed = visit.page.pdf(format="A4", print_background=True)
+        assert printed.startswith(b"%PDF")
+        assert printed.count(b"/Type /Page\n") + printed.count(b"/Type /Page ") >= 3
+
+
+def test_without_script_there_are_the_tables(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "fourbar.html", java_script_enabled=False) as visit:
+        assert visit.page.locator(".sum td a").count() > 5
+        visit.page.locator("details.numbers > summary").first.click()
+        assert "worst error" in visit.page.locator("details.numbers").first.inner_text()
+        assert "need JavaScript" in visit.page.inner_text("main")

@@ -1,0 +1,336 @@
+"""The data of a case's page: curves, comparisons and poses as its script finds them."""
+
+import json
+import re
+from base64 import b64decode
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.reference import evaluate
+from proofmass.report import case_data, write_report
+from proofmass.report.case_data import kept, motion_data, recorded_data, thinning
+from proofmass.report.data import Shown, shown
+from proofmass.report.drawing import measured, moving
+from proofmass.report.first_screen import advice, badge, causes
+from proofmass.report.overview import FIRST, LAST, overview, place
+from proofmass.report.style import PAPERS, READABLE, contrast, legible, looks
+from proofmass.report.tables import smallest_changes
+from proofmass.report.words import closeness
+from proofmass.sidecar import load_case
+from proofmass.sim.motion import Motion, motion
+from proofmass.solve import plan
+from tests.report.whole import whole_result
+from tests.shipped import shipped
+
+DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
+SIZE = 700_000  # bytes of a page, its data with it
+
+
+def unpacked(text: str, kind: str) -> np.ndarray:
+    return np.frombuffer(b64decode(text), kind)
+
+
+def scaled(packed: dict[str, Any]) -> np.ndarray:
+    numbers = unpacked(packed["numbers"], "<i2").reshape(packed["shape"]).astype(float)
+    return np.where(numbers == -(2**15), np.nan, numbers) * packed["scale"]
+
+
+@pytest.fixture(scope="module")
+def fourbar() -> Case:
+    return load_case(shipped("fourbar.toml"))
+
+
+@pytest.fixture(scope="module")
+def result(fourbar: Case) -> Result:
+    return whole_result(fourbar, detectable=True)
+
+
+@pytest.fixture(scope="module")
+def runs(fourbar: Case, result: Result) -> list[Shown]:
+    return [shown(result, fourbar, kind) for kind in fourbar.run]
+
+
+@pytest.fixture(scope="module")
+def page(result: Result, tmp_path_factory: pytest.TempPathFactory) -> str:
+    index = write_report(result, tmp_path_factory.mktemp("page"))
+    return index.with_name("fourbar.html").read_text(encoding="utf-8")
+
+
+def test_curves_on_the_page_are_those_of_the_run(page: str, result: Result, fourbar: Case) -> None:
+    data = json.loads(DATA.search(page)[1])  # type: ignore[index]
+    assert list(data["runs"]) == ["sweep", "dynamics"]
+    for kind, run in data["runs"].items():
+        x = unpacked(run["x"], "<f8")
+        assert run["every"] == 1
+        for solver in fourbar.run[kind].solvers:
+            curves = result.curves[fourbar.name, kind, solver]
+            assert np.array_equal(x, curves.x)
+            truth = evaluate(fourbar, curves.x, curves.drive).channels
+            for name in fourbar.channels_of(kind):
+                reference = unpacked(run["channels"][name]["curve"], "<f8")
+                assert np.array_equal(reference, truth[name])
+                off = unpacked(run["solvers"][solver]["differences"][name], "<f4")
+                exact = curves.channels[name] - truth[name]
+                assert off == pytest.approx(exact, rel=6e-8)  # rounding of float32
+                assert np.abs(off).max() > 0
+
+
+def test_the_largest_difference_stands_where_the_comparison_says(page: str, result: Result) -> None:
+    data = json.loads(DATA.search(page)[1])  # type: ignore[index]
+    for c in result.comparisons:
+        run = data["runs"][c.run]
+        own = run["solvers"][c.solver]
+        off = np.abs(unpacked(own["differences"][c.channel], "<f4"))
+        at = int(np.abs(unpacked(run["x"], "<f8") - c.at).argmin())
+        assert off[at] == pytest.approx(off.max(), rel=1e-6)
+        told = own["comparisons"][c.channel]
+        assert off[at] * run["channels"][c.channel]["factor"] == pytest.approx(told["error"])
+        assert told["share"] == pytest.approx(c.relative_to_range, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "rod_cantilever"])
+def test_a_page_is_small(name: str, page: str, tmp_path: Path) -> None:
+    if name != "fourbar":
+        case = load_case(shipped(f"{name}.toml"))
+        index = write_report(whole_result(case, off=1e-4), tmp_path)
+        page = index.with_name(f"{name}.html").read_text(encoding="utf-8")
+    assert 30_000 < len(page.encode()) < SIZE
+
+
+def test_thinned_curves_keep_extremes_and_the_worst(
+    runs: list[Shown], fourbar: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(case_data, "ROOM", 20_000)
+    run = runs[0]
+    every = thinning(runs)["sweep"]
+    assert every > 5
+    index = kept(run, every)
+    assert len(index) < len(run.longest.x) / 2
+    for curve in run.longest.channels.values():
+        assert {int(curve.argmin()), int(curve.argmax())} <= set(index.tolist())
+    places = run.longest.x[index]
+    assert all(np.abs(places - c.at).min() == 0 for c in run.rows)
+    data = recorded_data(fourbar, runs)["runs"]["sweep"]
+    assert (data["every"], data["samples"], data["drawn"]) == (every, 361, len(index))
+    assert len(unpacked(data["x"], "<f8")) == len(index)
+
+
+def test_curves_of_a_solver_that_stopped_early_end_there(fourbar: Case, result: Result) -> None:
+    whole = result.curves[fourbar.name, "sweep", "pymunk"]
+    short = replace(
+        whole,
+        x=whole.x[:100],
+        stopped="a limit position",
+        channels={name: curve[:100] for name, curve in whole.channels.items()},
+        drive=tuple(part[:, :100] for part in whole.drive or ()),
+    )
+    cut = replace(result, curves={**result.curves, (fourbar.name, "sweep", "pymunk"): short})
+    run = shown(cut, fourbar, "sweep")
+    own = recorded_data(fourbar, [run])["runs"]["sweep"]["solvers"]["pymunk"]
+    assert own["stopped"] == "a limit position"
+    assert own["end"] == short.x[-1]
+    assert len(unpacked(own["differences"]["pin.x"], "<f4")) == 100
+    moved = moving(fourbar, [run])[0]["sweep"]
+    there = np.isfinite(moved.away["pymunk"]).all(axis=(1, 2))
+    assert there.tolist() == (moved.index < 100).tolist()
+    assert np.isnan(scaled(motion_data(moved)["away"]["pymunk"])[~there]).all()
+
+
+def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) -> Motion:
+    """The motion of a sweep or of dynamics whose curves differ by what is given, by channel."""
+    kind = next(iter(case.run))
+    run = plan(case, kind, "mujoco")
+    state = run.motion(run.x) if run.drives else None
+    truth = evaluate(case, run.x, state).channels
+    off = change(run.x)
+    known = {name: truth[name] for name in off}
+    return motion(case.model_path, run, {"mujoco": (known, off)}, 31)
+
+
+def test_bodies_are_moved_by_what_is_measured(fourbar: Case) -> None:
+    names = [body.name for body in moved_by(fourbar, lambda x: {}).bodies]
+    found = moved_by(
+        fourbar, lambda x: {"rocker": 1e-7 * np.cos(x), "coupler.angle": 3e-7 * np.sin(x)}
+    )
+    x, away = found.picture.x, found.away["mujoco"]
+    # the loops pull with the square of `LOOPS`, 1e-6 of it
+    assert away[:, names.index("rocker"), 2] == pytest.approx(1e-7 * np.cos(x), abs=1e-12)
+    assert away[:, names.index("coupler"), 2] == pytest.approx(3e-7 * np.sin(x), abs=1e-12)
+    assert away[:, names.index("crank")] == pytest.approx(0.0, abs=1e-12)  # the drive holds it
+    assert found.places[:, names.index("crank"), 2] == pytest.approx(x, abs=1e-12)
+    assert found.unfit < 1e-13
+    assert set(found.used) == {"rocker", "coupler.angle"}
+
+
+def test_a_free_motion_is_moved_as_well() -> None:
+    found = moved_by(load_case(shipped("pendulum.toml")), lambda x: {"angle": 1e-6 * np.sin(x)})
+    assert found.away["mujoco"][:, 0, 2] == pytest.approx(1e-6 * np.sin(found.picture.x), abs=1e-14)
+
+
+def test_without_positions_there_is_no_reference_to_draw(fourbar: Case) -> None:
+    found = moved_by(fourbar, lambda x: {"holding_moment": np.cos(x)})
+    assert (found.used, found.away) == ((), {})
+
+
+def test_a_wrong_length_does_not_fit_the_reference(models: Path) -> None:
+    file = models / "fourbar.xml"
+    text = file.read_text().replace(
+        'name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"'
+    )
+    file.write_text(text)
+    case = load_case(models / "fourbar.toml")
+    names = ["rocker", "coupler.angle", "pin.x", "pin.y"]
+    found = moved_by(case, lambda x: dict.fromkeys(names, 0 * x))
+    assert 1e-3 < found.unfit < 2e-2  # 0.025 m too long, of a size of 3 m
+
+
+def test_limits_that_are_met_are_told() -> None:
+    case = load_case(shipped("balancer_progressive_contact.toml"))
+    found = moving(case, [])[0]["sweep"]
+    (touching,) = found.at_limit.values()
+    assert 0 < touching.sum() < len(touching)
+    assert any(spot.spring for spot in found.spots)
+
+
+def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[Shown]) -> None:
+    found = moving(fourbar, runs)[0]["dynamics"]
+    data = motion_data(found)
+    size = np.abs(found.places).max(axis=(0, 1))
+    assert np.abs(scaled(data["places"]) - found.places).max(axis=(0, 1)) == pytest.approx(
+        0.0, abs=float(size.max()) / 2**16 * 1.01
+    )
+    assert [body["name"] for body in data["bodies"]] == ["crank", "coupler", "rocker"]
+    assert set(data["away"]) == set(fourbar.run["dynamics"].solvers)
+    assert set(measured(runs[1])["pymunk"][1]) >= {"pin.x", "rocker"}
+
+
+def test_links_of_a_rod_are_one_line() -> None:
+    case = load_case(shipped("rod_snap.toml"))
+    found = moving(case, [])[0]["sweep"]
+    data = motion_data(found)
+    assert [body["name"] for body in data["bodies"]] == ["motor"]
+    (rod, pin) = data["lines"]
+    assert rod["name"] == "rod"
+    points = scaled(rod["points"])
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+    half = 1.0 / 80  # of 40 links of 1 m in all; the first half link is clamped to the motor
+    assert steps == pytest.approx(1.0 - half, abs=1e-4)
+    assert scaled(pin["points"])[:, 0] == pytest.approx(
+        np.tile([0.8, 0.0], (len(points), 1)), abs=1e-4
+    )
+
+
+def test_the_first_table_shows_the_worst_and_says_where(page: str, result: Result) -> None:
+    rows = [
+        c
+        for c in result.comparisons
+        if (c.run, c.solver) == ("sweep", "mujoco") and c.unit in ("m", "rad")
+    ]
+    (first, *_) = re.findall(r'href="#sweep/mujoco/([^@"]+)@([^"]+)"', page)
+    (shown_row,) = [c for c in rows if c.channel == first[0]]
+    worst = max(c.relative_to_range for c in rows)
+    assert shown_row.relative_to_range == pytest.approx(worst, rel=1e-3)  # four digits are kept
+    assert float(first[1]) == pytest.approx(shown_row.at, rel=1e-5)
+    assert place(10**LAST * 10) == 100.0
+    assert place(10 ** (FIRST - 1)) == 0.0
+
+
+def test_of_channels_that_differ_the_worst_by_its_allowance_is_shown(
+    fourbar: Case, result: Result
+) -> None:
+    rows = [
+        replace(c, outcome="differs", allowed=c.error_max / 50, message="x")
+        if (c.run, c.solver, c.channel) == ("sweep", "mujoco", "pin.y")
+        else c
+        for c in result.comparisons
+    ]
+    data = {
+        "solvers": {"mujoco": {}, "pymunk": {}},
+        **recorded_data(fourbar, [shown(replace(result, comparisons=rows), fourbar, "sweep")]),
+    }
+    (run,) = overview(data)
+    cell = run.rows[0].cells[0]
+    assert cell
+    assert (cell.bad, "pin.y@" in cell.link, run.rows[0].kind) == (True, True, "position")
+    assert badge(fourbar, rows, "bad", []).startswith("✗ Differs: 1 of ")
+    assert "differ by up to 1e-13 of their range in a sweep" in closeness(fourbar, rows)
+    assert "Hold the lengths" in advice(fourbar, rows, [], "bad")[0]
+
+
+def test_how_well_engines_agree_is_one_sentence(fourbar: Case, result: Result) -> None:
+    assert (
+        closeness(fourbar, result.comparisons)
+        == "Positions to 1e-13 of their range in a sweep, 1e-13 in time."
+    )
+    assert closeness(fourbar, []) == ""
+
+
+def test_the_smallest_change_is_that_of_the_most_sensitive_channel(
+    fourbar: Case, result: Result
+) -> None:
+    found = {row.name: row for row in smallest_changes(fourbar, result.comparisons)}
+    known = [(c.detectable["crank"].size, c) for c in result.comparisons if "crank" in c.detectable]
+    least, c = min(known, key=lambda item: item[0])
+    assert found["crank"].by == f"{c.channel}, {c.run}, MuJoCo"
+    assert float(found["crank"].size.removesuffix(" %")) == pytest.approx(100 * least, rel=0.05)
+    assert found["crank"].value == "1 m"
+
+
+@dataclass(frozen=True)
+class Cause:
+    kind: str
+    words: str
+    explains: tuple[str, ...]
+    left: float
+    changes: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    case: str
+    run: str
+    solver: str
+    differing: tuple[str, ...]
+    as_is: float
+    causes: tuple[Cause, ...]
+    tried: tuple[str, ...]
+
+
+def test_causes_stand_first_on_the_page(fourbar: Case) -> None:
+    cause = Cause("parameter", "rocker is longer", ("pin.x",), 1e-15, {"rocker": (2.5, 2.525)})
+    found = {
+        ("fourbar", run, "mujoco"): Diagnosis(
+            "fourbar", run, "mujoco", ("pin.x", "pin.y"), 0.01, (cause,), ("sign", "unit")
+        )
+        for run in ("sweep", "dynamics")
+    }
+    (panel,) = causes(fourbar, found)
+    assert panel.title == "Cause: rocker is longer"
+    assert panel.rows[0].changes == "rocker 2.5 → 2.525"
+    assert panel.rows[0].explains == "1 of 2 curves"
+    assert panel.rows[0].place < panel.rows[1].place  # less is left than without a change
+    assert "MuJoCo in the sweep and MuJoCo in dynamics" in panel.where
+    assert (
+        causes(fourbar, {("other", "sweep", "mujoco"): found["fourbar", "sweep", "mujoco"]}) == []
+    )
+
+
+def test_colours_can_be_read_on_both_papers() -> None:
+    for look in looks(["mujoco", "pymunk", "mujoco:default", "pymunk:default", "x"]).values():
+        for paper in PAPERS.values():
+            assert contrast(legible(look.colour, paper), paper) >= READABLE
+    assert contrast("#E69F00", "#ffffff") < 3  # why they are changed
+
+
+def test_scripts_and_styles_stand_beside_the_pages(result: Result, tmp_path: Path) -> None:
+    write_report(replace(result, cases=[], comparisons=[], curves={}), tmp_path)
+    names = {file.name for file in (tmp_path / "static").iterdir()}
+    assert {"uPlot.js", "uPlot.css", "case.js", "case.css", "common.js", "common.css"} <= names
+    assert "uPlot" in (tmp_path / "static" / "uPlot.js").read_text(encoding="utf-8")

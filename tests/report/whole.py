@@ -1,0 +1,39 @@
+"""Results of cases with curves of all their solvers, made from the references: no engine runs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.compare import compare
+from proofmass.reference import evaluate
+from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
+
+
+def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> Result:
+    """Curves that are off by that share of their ranges, with a sign and a place of their own."""
+    result = Result(cases=list(cases))
+    for case in cases:
+        for kind, run in case.run.items():
+            planned = plan(case, kind, "mujoco")
+            state = planned.motion(planned.x) if planned.drives else None
+            truth = evaluate(case, planned.x, state).channels
+            for number, solver in enumerate(run.solvers):
+                wave = np.cos((3 + number) * np.linspace(0, 2, len(planned.x)) + number)
+                curves = Curves(
+                    planned.x,
+                    {
+                        name: truth[name] + off * (np.ptp(truth[name]) or 1.0) * wave
+                        for name in case.channels_of(kind)
+                    },
+                    drive=state,
+                    seconds=0.1,
+                    steps=len(planned.x),
+                    settings={"timestep": 1e-3},
+                )
+                rows = compare(case, kind, solver, curves, detectable=detectable and number == 0)
+                result.curves[case.name, kind, solver] = curves
+                result.comparisons.extend(replace(c, seconds=0.1) for c in rows)
+    return result
