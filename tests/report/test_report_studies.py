@@ -173,7 +173,10 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(
         for link in re.findall(r'href="([^"#]*)(#[^"]*)?"', page.read_text(encoding="utf-8")):
             target = page if not link[0] else page.parent / link[0]
             assert target.is_file(), (page.name, link)
-            if link[1]:
+            if "/" in link[1]:  # the address of a curve, which the page's script opens
+                channel = re.split("[/@]", link[1])[2]
+                assert f'">{channel} <span class="unit">' in target.read_text(encoding="utf-8")
+            elif link[1]:
                 assert f'id="{link[1][1:]}"' in target.read_text(encoding="utf-8"), link
     case = (out / "pendulum.html").read_text(encoding="utf-8")
     for link in (

@@ -634,7 +634,8 @@ function save() {
   }
   const run = current();
   const plain = (value) => String(Number(value.toPrecision(6)));
-  const parts = [state.run, state.solver, state.channel].map((part) => encodeURIComponent(part).replaceAll("%3A", ":"));
+  const coded = (word) => encodeURIComponent(word).replaceAll("%3A", ":");
+  const parts = [state.run, state.solver, state.channel].map(coded);
   let address = `#${parts.join("/")}@${plain(run.x[state.sample])}`;
   if (state.mode !== "lin") {
     address += `;${state.mode}`;
@@ -649,7 +650,7 @@ function save() {
   const usual = there.filter((name) => !data.solvers[name].variant);
   const shown = there.filter((name) => state.shown.has(name));
   if (shown.join() !== (usual.length ? usual : there).join()) {
-    address += `;on=${shown.map(encodeURIComponent).join(",")}`;
+    address += `;on=${shown.map(coded).join(",")}`;
   }
   if (address !== written) {
     written = address;

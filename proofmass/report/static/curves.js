@@ -2,7 +2,8 @@
 "use strict";
 
 const BAND_SHARE = 12; // the band of the allowance is shown if it is at most so many differences
-const LEAST = 1e-16;
+const LEAST = 1e-16; // of a linear axis, where all differences are zero
+const SMALLEST = 0.03; // share of the differences that may lie below a logarithmic axis
 const MARKERS = 9; // on a curve, so that it is told from others without its colour
 
 // Draws a marker about a place of a canvas.
@@ -25,12 +26,16 @@ function polygon(ctx, corners) {
   ctx.closePath();
 }
 
-// Powers of ten only, of what a logarithmic axis proposes.
-function decadesOnly(plot, splits) {
-  return splits.map((value) => {
-    const power = Math.log10(value);
-    return value > 0 && Math.abs(power - Math.round(power)) < 1e-6 ? value : null;
-  });
+// Powers of ten between two, at most about six of them.
+function decades(plot, axis, low, high) {
+  const first = Math.ceil(Math.log10(low) - 1e-6);
+  const last = Math.floor(Math.log10(high) + 1e-6);
+  const step = Math.max(1, Math.ceil((last - first) / 5));
+  const found = [];
+  for (let power = last; power >= first; power -= step) {
+    found.unshift(10 ** power);
+  }
+  return found;
 }
 
 function plainLabels(plot, values) {
@@ -140,19 +145,18 @@ class CurvePair {
   // The ends of the lower axis.
   range() {
     const { solvers, mode } = this.view;
-    let [least, most] = [Infinity, 0];
-    for (const column of this.columns.slice(1)) {
-      for (const value of column) {
-        if (value !== null) {
-          most = Math.max(most, Math.abs(value));
-          least = Math.min(least, Math.abs(value) || Infinity);
-        }
-      }
-    }
+    const sizes = this.columns
+      .slice(1)
+      .flat()
+      .filter((value) => value)
+      .map(Math.abs)
+      .sort((a, b) => a - b);
+    let most = sizes.at(-1) ?? 0;
+    const least = sizes[Math.floor(SMALLEST * sizes.length)]; // a zero crossing needs no decades
     const allowed = Math.max(0, ...solvers.map((solver) => solver.allowed ?? 0));
     if (mode === "log") {
       const high = Math.max(most, allowed) || 1;
-      const low = Math.max(Number.isFinite(least) ? least : high / 10, high * 1e-12);
+      const low = Math.min(least ?? high, high / 10);
       return [10 ** Math.floor(Math.log10(low)), 10 ** Math.ceil(Math.log10(high * 1.0001))];
     }
     const band = mode === "tol" ? 1 : allowed;
@@ -169,7 +173,6 @@ class CurvePair {
     const grid = { stroke: this.hair, width: 1 };
     const font = `12px ${this.letters}`;
     const log = scale.distr === 3;
-    const lines = log ? { ...grid, filter: decadesOnly } : grid;
     const unit = run.unit === "deg" ? "°" : ` ${run.unit}`;
     return {
       width,
@@ -192,14 +195,15 @@ class CurvePair {
         },
         {
           stroke: this.soft,
-          grid: lines,
-          ticks: lines,
+          grid,
+          ticks: grid,
           font,
           size: width < 520 ? 62 : 78,
-          filter: log ? decadesOnly : undefined,
-          values: log
-            ? (plot, values) => values.map((value) => (value === null ? "" : worded(value, 1)))
-            : plainLabels,
+          ...(log && {
+            splits: decades,
+            filter: (plot, values) => values,
+          }),
+          values: log ? (plot, values) => values.map((value) => worded(value, 1)) : plainLabels,
         },
       ],
       series,

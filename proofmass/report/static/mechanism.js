@@ -437,10 +437,11 @@ class Mechanism {
   // The power of ten at which the largest difference of a solver is seen.
   power(solver) {
     let largest = 0;
-    const away = this.away[solver];
-    if (away) {
+    const parts = [this.away[solver], ...this.lines.map((line) => line.away[solver])];
+    for (const away of parts.filter(Boolean)) {
       for (let i = 0; i < away.values.length; i += 1) {
-        const off = Math.abs(away.values[i]) * (i % 3 === 2 ? 0.5 * this.size : 1);
+        const turn = away.width === 3 && i % 3 === 2;
+        const off = Math.abs(away.values[i]) * (turn ? 0.5 * this.size : 1);
         largest = Math.max(largest, Number.isFinite(off) ? off : 0);
       }
     }
