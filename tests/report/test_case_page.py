@@ -303,7 +303,7 @@ class Diagnosis:
     tried: tuple[str, ...]
 
 
-def test_causes_stand_first_on_the_page(fourbar: Case) -> None:
+def test_causes_stand_first_on_the_page(fourbar: Case, tmp_path: Path) -> None:
     cause = Cause("parameter", "rocker is longer", ("pin.x",), 1e-15, {"rocker": (2.5, 2.525)})
     found = {
         ("fourbar", run, "mujoco"): Diagnosis(
@@ -317,9 +317,12 @@ def test_causes_stand_first_on_the_page(fourbar: Case) -> None:
     assert panel.rows[0].explains == "1 of 2 curves"
     assert panel.rows[0].place < panel.rows[1].place  # less is left than without a change
     assert "MuJoCo in the sweep and MuJoCo in dynamics" in panel.where
-    assert (
-        causes(fourbar, {("other", "sweep", "mujoco"): found["fourbar", "sweep", "mujoco"]}) == []
-    )
+    assert causes(fourbar.model_copy(update={"file": Path("other.toml")}), found) == []
+    result = Result(cases=[fourbar])
+    object.__setattr__(result, "diagnoses", found)
+    page = write_report(result, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+    assert page.index("Cause: rocker is longer") < page.index("Not checked")
+    assert "Also tried: sign and unit." in page
 
 
 def test_colours_can_be_read_on_both_papers() -> None:
