@@ -20,7 +20,6 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import (
     anchor_bodies,
     anchors,
-    channel_unit,
     connects,
     pose_of,
     sensors,
@@ -34,6 +33,7 @@ from proofmass.sim.rods import chain, joints_of
 LOOPS = 1e-3  # weight of a loop's gap beside what is measured: a square of 1e-6
 RANK = 1e-9  # singular values below this share of the largest tell nothing
 TOUCHES = 1e-3  # [rad, or share of the size] a joint so near to the end of its range stands on it
+ROUNDING = 1e-13  # share of the size, or rad, that poses may be off
 ROUNDS = 4  # of Newton's method, from poses that are near
 J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
 FRAMES = {
@@ -43,11 +43,30 @@ FRAMES = {
     OBJ.mjOBJ_BODY: ("xipos", "ximat"),
 }
 Curve = Mapping[str, Array]
-Gauge = Callable[[mujoco.MjData], tuple[float, Array]]
-"""What a sensor shows, and its change with each joint."""
-Gauges = Mapping[str, Gauge]
 Measured = Mapping[str, tuple[Curve, Curve]]
 """By solver: the reference's curves, and the differences to them, at the run's x; both in SI."""
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A place or an angle that is measured.
+
+    Attributes
+    ----------
+    read : callable
+        Of a pose, what is shown, and its change with each joint.
+    scale : float
+        1 rad of an angle, the size of the mechanism of a place [m].
+    turns : bool
+        Whether it is an angle.
+    """
+
+    read: Callable[[mujoco.MjData], tuple[float, Array]]
+    scale: float
+    turns: bool
+
+
+Gauges = Mapping[str, Gauge]
 
 
 @dataclass(frozen=True)
@@ -298,7 +317,7 @@ class MovingScene(PictureScene):
         """Whether what is measured moves with a joint that no drive holds."""
         driven = [self.model.joint(d.joint).dofadr[0] for d in self.run.drives]
         self.update()
-        rows = [np.delete(gauge(self.data)[1], driven) for gauge in gauges.values()]
+        rows = [np.delete(gauge.read(self.data)[1], driven) for gauge in gauges.values()]
         return any(np.abs(row).max(initial=0.0) > RANK for row in rows)
 
     def places(self) -> Array:
@@ -327,33 +346,25 @@ class MovingScene(PictureScene):
         for _ in range(ROUNDS):
             self.update()
             lacking = self.lacking(gauges, wanted)
-            if np.abs(lacking).max() < 1e-13:
+            if np.abs(lacking).max() < ROUNDING * self.size:
                 break
             self.data.qpos += self.change(gauges, lacking, close=True)
         self.update()
-        scales = np.array([1.0 if self.turns(name) else self.size for name in gauges])
+        scales = np.array([gauge.scale for gauge in gauges.values()])
         return float(np.abs(self.lacking(gauges, wanted) / scales).max())
 
     def lacking(self, gauges: Gauges, wanted: dict[str, float]) -> Array:
         """What the gauges show too little; angles without whole turns."""
-        off = np.array([wanted[name] - gauge(self.data)[0] for name, gauge in gauges.items()])
-        turns = np.array([self.turns(name) for name in gauges])
+        off = np.array([wanted[name] - gauge.read(self.data)[0] for name, gauge in gauges.items()])
+        turns = np.array([gauge.turns for gauge in gauges.values()])
         return np.where(turns, (off + np.pi) % (2 * np.pi) - np.pi, off)
-
-    def turns(self, channel: str) -> bool:
-        """Whether a channel is an angle."""
-        return channel_unit(self.model, channel) == "rad"
 
     def change(self, gauges: Gauges, off: Array, close: bool = False) -> Array:
         """The change of the joints that the gauges show, and that closes the loops if asked for."""
         model, data = self.model, self.data
         lengths = np.where(model.jnt_type == J.mjJNT_SLIDE, self.size, 1.0)
-        rows = [
-            gauge(data)[1] / (1.0 if self.turns(n) else self.size) for n, gauge in gauges.items()
-        ]
-        sides = [
-            o / (1.0 if self.turns(n) else self.size) for n, o in zip(gauges, off, strict=True)
-        ]
+        rows = [gauge.read(data)[1] / gauge.scale for gauge in gauges.values()]
+        sides = [o / gauge.scale for o, gauge in zip(off, gauges.values(), strict=True)]
         for drive in self.run.drives:
             rows.append(np.eye(model.nv)[model.joint(drive.joint).dofadr[0]])
             sides.append(0.0)
@@ -382,9 +393,12 @@ class MovingScene(PictureScene):
             int(model.sensor_objid[s]),
         )
         if kind == S.mjSENS_JOINTPOS:
-            return lambda data: (
-                float(data.qpos[model.jnt_qposadr[number]]),
-                np.eye(model.nv)[model.jnt_dofadr[number]],
+            slide = model.jnt_type[number] == J.mjJNT_SLIDE
+            unit = np.eye(model.nv)[model.jnt_dofadr[number]]
+            return Gauge(
+                lambda data: (float(data.qpos[model.jnt_qposadr[number]]), unit),
+                self.size if slide else 1.0,
+                not slide,
             )
         if of not in FRAMES or model.sensor_refid[s] >= 0:
             return None
@@ -392,11 +406,15 @@ class MovingScene(PictureScene):
         body = {OBJ.mjOBJ_SITE: model.site_bodyid, OBJ.mjOBJ_GEOM: model.geom_bodyid}.get(
             of, np.arange(model.nbody)
         )[number]
-        if kind == S.mjSENS_FRAMEPOS and part in "xyz":
+        if kind == S.mjSENS_FRAMEPOS and part in ("x", "y", "z"):
             axis = "xyz".index(part)
-            return lambda data: (
-                float(getattr(data, place)[number][axis]),
-                self.jacobian(body, getattr(data, place)[number])[0][axis],
+            return Gauge(
+                lambda data: (
+                    float(getattr(data, place)[number][axis]),
+                    self.jacobian(body, getattr(data, place)[number])[0][axis],
+                ),
+                self.size,
+                False,
             )
         if kind == S.mjSENS_FRAMEXAXIS and part == "angle":
 
@@ -405,7 +423,7 @@ class MovingScene(PictureScene):
                 turn = self.jacobian(body, getattr(data, place)[number])[1]
                 return float(np.arctan2(up, across)), self.plane.normal @ turn
 
-            return angle
+            return Gauge(angle, 1.0, True)
         return None
 
 
