@@ -119,6 +119,36 @@ def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: An
         assert overflow <= 0
 
 
+@pytest.mark.parametrize("name", NAMES[:-1])
+def test_every_channel_of_every_run_can_be_shown(name: str, folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / f"{name}.html") as visit:
+        count = visit.run(EVERY)
+        assert count >= 4
+        assert visit.run(SAID) is None
+        assert visit.said == []
+
+
+EVERY = """() => {
+  let count = 0;
+  for (const run of runs()) {
+    choose(run.kind);
+    drawAll();
+    for (const { name } of ordered(run)) {
+      chooseChannel(name);
+      MODES.forEach(chooseMode);
+      count += 1;
+    }
+    for (const solver of solversOf(run)) {
+      state.solver = solver;
+      drawGap();
+      [0, Math.floor(run.x.length / 2), run.x.length - 1].forEach((sample) => goTo(sample));
+    }
+  }
+  return count;
+}"""
+SAID = "find('main').innerText.match(/NaN|undefined|null|Infinity|object Object/)"
+
+
 def test_what_is_lost_is_told(folder: Path, browser: Any) -> None:
     with Visit(browser, folder / "pendulum.html") as visit:
         text = visit.page.inner_text("main")

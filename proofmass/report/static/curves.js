@@ -91,8 +91,8 @@ class CurvePair {
       ready: [(plot) => this.line(plot)],
       setScale: [(plot, key) => key === "x" && this.pass(plot)],
       setCursor: [(plot) => this.point(plot)],
-      draw: [(plot) => this.markers(plot, series)],
-    });
+      draw: [(plot) => this.plots.includes(plot) && this.markers(plot, series)],
+    }); // a plot that was taken away may still draw once, when another view is there
     const top = new uPlot(
       this.options(narrow ? 190 : 238, [{}, reference, ...lines], {}, hooks(2)),
       curves,
@@ -101,8 +101,8 @@ class CurvePair {
     const scale =
       view.mode === "log" ? { distr: 3, range: () => limits } : { range: () => limits };
     const more = hooks(1);
-    more.drawClear = [(plot) => this.bands(plot)];
-    more.draw.push((plot) => this.rings(plot));
+    more.drawClear = [(plot) => this.plots.includes(plot) && this.bands(plot)];
+    more.draw.push((plot) => this.plots.includes(plot) && this.rings(plot));
     const bottom = new uPlot(
       this.options(narrow ? 170 : 214, [{}, ...lines], scale, more),
       this.columns,
