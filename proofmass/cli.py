@@ -4,6 +4,7 @@ Commands import what they need when they are called, so that help and errors of 
 once.
 """
 
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -62,7 +63,7 @@ def show(result: "Result", every_channel: bool = False) -> None:
     for table in summary(result, every_channel, out.width):
         out.print(table)
     for line in failures(result):
-        out.print(line, soft_wrap=True)
+        out.print(line, soft_wrap=not out.is_terminal)  # a screen breaks lines between words
 
 
 @app.command("check")
@@ -73,12 +74,23 @@ def check_command(
     ] = False,
     jobs: Jobs = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Every channel.")] = False,
+    junit: Annotated[
+        Path | None,
+        typer.Option("--junit", help="JUnit XML to write: a test a channel.", metavar="FILE"),
+    ] = None,
+    sarif: Annotated[
+        Path | None,
+        typer.Option("--sarif", help="SARIF 2.1.0 to write: what is wrong.", metavar="FILE"),
+    ] = None,
 ) -> None:
     """Run every case and hold it against its reference.
 
     Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
-    checked; 2: bad input.
+    checked; 2: bad input, or a file that cannot be written.
     """
+    from proofmass.files import write_whole
+    from proofmass.junit import as_junit
+    from proofmass.sarif import as_sarif
     from proofmass.terminal import as_json
 
     result = examine(paths, jobs)
@@ -86,6 +98,10 @@ def check_command(
         print(as_json(result))
     else:
         show(result, verbose)
+    for file, written in ((junit, as_junit), (sarif, as_sarif)):
+        if file is not None:  # after the verdicts, which a full disk must not cost
+            with answering(f"{file} is not written"):
+                write_whole(file, written(result))
     raise typer.Exit(result.exit_code)
 
 
@@ -108,21 +124,56 @@ def report_command(
             "--figures", help="All curves as figures for papers as well (SVG and PNG); slow."
         ),
     ] = False,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the report that this one is compared with.",
+            show_default="the one that is in the output folder",
+        ),
+    ] = None,
+    data: Annotated[
+        bool, typer.Option("--data", help="Write the curves as well: CSV, and Parquet if it can.")
+    ] = False,
 ) -> None:
     """Check every case and write HTML pages with its curves and its mechanism in motion.
 
-    Exit codes as for check.
+    Says what changed since the last report.  Exit codes as for check.
     """
     from proofmass.report import write_report  # matplotlib is slow to load
+    from proofmass.report.record import (
+        changes,
+        read_last,
+        record_of,
+        require_record,
+        since,
+        started,
+    )
     from proofmass.studies.pages import write_study_pages
 
     with answering(f"{output} is not complete"), errors.status("drawing studies"):
         output.mkdir(parents=True, exist_ok=True)
         studies = write_study_pages(study or [], output)
+        if baseline is not None:
+            require_record(baseline)
+    last = read_last(output if baseline is None else baseline)
+    made = started(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
     result = examine(paths, jobs)
     show(result)  # before anything is written: what was found out is not lost with a full disk
+    record = record_of(result, made)
+    if last.wrong:
+        errors.print(last.wrong)
+    if last.record is not None:
+        print(since(last.record, changes(last.record, record)))
     with answering(f"{output} is not complete"), errors.status("drawing"):
-        index = write_report(result, output, studies=studies, figures=figures)
+        index = write_report(
+            result,
+            output,
+            studies=studies,
+            record=record,
+            last=last,
+            data=data,
+            figures=figures,
+        )
     print(index)
     raise typer.Exit(result.exit_code)
 
@@ -147,7 +198,8 @@ def list_command(paths: Paths = None) -> None:
                 cases.append(case)
         except InputError as error:
             found.append(error)
-    console().print(case_table(cases, lone, paths))
+    out = console()
+    out.print(case_table(cases, lone, paths, out.width))
     complain(found)
     raise typer.Exit(2 if found else 0)
 

@@ -65,6 +65,7 @@ def write_whole(file: Path, what: str | bytes) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(half, file)
-    except OSError:
+    except OSError as error:
         half.unlink(missing_ok=True)
+        error.filename = str(file)  # which the user asked for, and not the half of it
         raise

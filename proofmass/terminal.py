@@ -2,13 +2,15 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
@@ -42,6 +44,10 @@ LOOK: dict[str, tuple[str, str]] = {
     Outcome.UNSUPPORTED: ("–", "dim"),
 }
 FAILED = ("✗", "bold red")
+
+
+WIDE = 500
+"""Columns of what is no screen: more than any table needs."""
 
 
 def as_json(result: Result) -> str:
@@ -79,7 +85,7 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def console(width: int = 240) -> Console:
+def console(width: int = WIDE) -> Console:
     """Standard output; as wide as the tables need when it is not a screen."""
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}  # names stay
     shown = Console(**plain)
@@ -111,42 +117,132 @@ def worst(group: list[Comparison]) -> Comparison:
     return max(group, key=rank)
 
 
-def summary(result: Result, every_channel: bool = False, width: int = 240) -> Iterator[Table]:
-    """A table with one row for each solver of each run, or for each channel.
+COLUMNS = (
+    "case",
+    "run",
+    "solver",
+    "outcome",
+    "channel",
+    "worst error",
+    "allowed",
+    "of range",
+    "of allowed",
+    "s",
+    "steps",
+)
+LEFT = 5
+"""Columns that are words, and stand on the left."""
+LAYOUTS: tuple[tuple[str, ...], ...] = (
+    COLUMNS,
+    COLUMNS[:9],
+    (*COLUMNS[:5], "of range", "of allowed"),
+    (*COLUMNS[:4], "of range", "of allowed"),
+)
+"""The columns of a screen, the widest first; on a narrower one cases have lines of their own."""
+NARROW: tuple[tuple[str, ...], ...] = (
+    ("run", "solver", "outcome", "of range", "of allowed"),
+    ("case",),
+)
+NARROW_CHANNELS: tuple[tuple[str, ...], ...] = (
+    ("channel", "outcome", "of range", "of allowed"),
+    ("case", "run", "solver"),
+)
+"""The columns of a narrow screen, and what the line above them says."""
+GAP = 2
+INDENT = 2
+Cells = dict[str, str | Text]
 
-    On a screen of less than 140 columns it leaves out share of range, seconds and steps.
+
+def summary(result: Result, every_channel: bool = False, width: int = 240) -> Iterator[Table]:
+    """A row for each solver of each run, or for each channel; as many columns as fit the width.
+
+    Where not even the fewest fit, each case has a table, whose title it is.
     """
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("case", "run", "solver", "outcome", "channel"):  # only names give way
-        table.add_column(name, no_wrap=name not in ("case", "channel"), overflow="fold")
-    numbers = ("worst error", "allowed", "of range", "s", "steps")
-    kept = len(numbers) if width >= 140 else 2
-    for name in numbers[:kept]:
-        table.add_column(name, justify="right", no_wrap=True)
-    last = ""
-    for (case, run, solver), rows in groupby(
+    rows = list(summary_rows(result, every_channel))
+    if not rows:
+        return
+    for columns in LAYOUTS[: 3 if every_channel else 4]:
+        if fits(rows, columns, width):
+            yield table_of(rows, columns)
+            return
+    columns, above = NARROW_CHANNELS if every_channel else NARROW
+    wide = widths(rows, columns)
+    wide[0] += INDENT
+    for k, (title, group) in enumerate(
+        groupby(rows, lambda row: " ".join(str(row[name]) for name in above))
+    ):
+        own = table_of(list(group), columns, wide, head=not k)
+        own.title, own.title_justify, own.title_style = Text(title, no_wrap=True), "left", ""
+        yield own
+
+
+def summary_rows(result: Result, every_channel: bool) -> Iterator[Cells]:
+    """The cells of the rows by the names of their columns."""
+    for (case, run, solver), comparisons in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
-        group = list(rows)
+        group = list(comparisons)
         for c in group if every_channel else [worst(group)]:
-            figures = [
-                f"{number(c.error_max)} {c.unit}".strip(),
-                number(c.allowed),
-                number(c.relative_to_range),
-                f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
-                str(c.steps or "–"),
-            ]
-            table.add_row(
-                case if case != last else "",
-                run,
-                solver,
-                outcomes(group, c, every_channel),
-                c.channel,
-                *figures[:kept],
-            )
-            last = case
-    if table.row_count:
-        yield table
+            yield {
+                "case": case,
+                "run": run,
+                "solver": solver,
+                "outcome": outcomes(group, c, every_channel),
+                "channel": c.channel,
+                "worst error": f"{number(c.error_max)} {c.unit}".strip(),
+                "allowed": number(c.allowed),
+                "of range": number(c.relative_to_range),
+                "of allowed": of_allowed(c),
+                "s": f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
+                "steps": str(c.steps or "–"),
+            }
+
+
+def of_allowed(c: Comparison) -> str:
+    """The error over what is allowed: two digits, or a dash.
+
+    >>> of_allowed(Comparison("a", "b", "c", "d", "m", error_max=1.0, allowed=3.0))
+    '0.33'
+    """
+    if not (math.isfinite(c.error_max) and c.allowed > 0):
+        return "–"
+    ratio = c.error_max / c.allowed
+    return f"{ratio:.2f}" if 0.01 <= ratio < 1e4 else "0" if not ratio else f"{ratio:.1e}"
+
+
+def widths(rows: list[Cells], columns: Iterable[str]) -> list[int]:
+    """How wide the columns are in which nothing is broken."""
+    return [max([cell_len(name), *(cell_len(str(row[name])) for row in rows)]) for name in columns]
+
+
+def fits(rows: list[Cells], columns: Sequence[str], width: int) -> bool:
+    """Whether a table of these columns is no wider than a screen, with nothing broken."""
+    return sum(widths(rows, columns)) + GAP * (len(columns) - 1) <= width
+
+
+def table_of(
+    rows: list[Cells], columns: Sequence[str], wide: Sequence[int] = (), head: bool = True
+) -> Table:
+    """A table of these columns, in which no word is broken; a case is named in its first row."""
+    table = Table(box=None, header_style="bold", pad_edge=False, show_header=head)
+    for k, name in enumerate(columns):
+        side: JustifyMethod = "left" if name in COLUMNS[:LEFT] else "right"
+        table.add_column(
+            " " * INDENT * bool(wide and not k) + name,
+            justify=side,
+            no_wrap=True,
+            min_width=wide[k] if wide else None,
+        )
+    last = ""
+    for row in rows:
+        cells = [row[name] for name in columns]
+        if columns[0] == "case":
+            cells[0] = row["case"] if row["case"] != last else ""
+        elif wide:
+            cells[0] = " " * INDENT + str(cells[0])
+        table.add_row(*cells)
+        last = str(row["case"])
+    return table
 
 
 def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
@@ -175,7 +271,8 @@ def failures(result: Result) -> Iterator[Text]:
             if c.outcome != Outcome.DIFFERS
             else (
                 f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
-                f"{number(c.error_max)} {c.unit} at {c.at:.6g}"
+                f"{number(c.error_max)} {c.unit} at {c.at:.6g}, "
+                f"{number(c.relative_to_range)} of the range"
             )
         )
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
@@ -188,6 +285,9 @@ def failures(result: Result) -> Iterator[Text]:
             yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
         if reads_model(case):
             yield Text(f"· {case.name}: {own_numbers(case)}", style="dim")
+    judged = [c for c in result.comparisons if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    if judged:
+        yield Text(nearest(judged))
     counts = {
         o: sum(c.outcome == o for c in result.comparisons)
         for o in dict.fromkeys(c.outcome for c in result.comparisons)
@@ -212,6 +312,26 @@ def diagnosis(found: Diagnosis, said: set[tuple[str, str]]) -> Iterator[Text]:
         yield Text(f"         {line}")
 
 
+def nearest(judged: list[Comparison]) -> str:
+    """How well the engines agree: the largest error of all, and the one nearest to its limit."""
+    largest = max(judged, key=lambda c: finite_or(c.relative_to_range, -1.0))
+    limit = max(judged, key=lambda c: c.error_max / c.allowed if c.allowed > 0 else -1.0)
+    return (
+        f"largest error {number(largest.relative_to_range)} of the range ({place(largest)}); "
+        f"nearest to its limit {of_allowed(limit)} of what is allowed ({place(limit)})"
+    )
+
+
+def finite_or(value: float, otherwise: float) -> float:
+    """A number, or another one where it is none."""
+    return value if math.isfinite(value) else otherwise
+
+
+def place(c: Comparison) -> str:
+    """Where a comparison belongs to."""
+    return f"{c.case} {c.run} {c.solver} {c.channel}"
+
+
 def not_checked(case: Case) -> str:
     """What is said of the sensors that a case does not check."""
     return (
@@ -230,33 +350,53 @@ def own_numbers(case: Case) -> str:
     )
 
 
-def case_table(cases: list[Case], lone: list[Path], paths: list[Path]) -> Table:
-    """What `proofmass list` shows: cases by their folders below the given paths."""
-    table = Table(
-        "folder",
-        "case",
-        "model",
-        "reference",
-        "runs",
-        "channels",
-        "title",
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-    )
-    for case in cases:
-        runs = "; ".join(f"{kind}: {', '.join(run.solvers)}" for kind, run in case.run.items())
-        table.add_row(
-            family_of(case.file, paths),
-            case.name,
-            case.model,
-            case.reference,
-            runs,
-            str(len(case.channels)),
-            case.title,
-        )
-    for model in lone:
-        table.add_row(
-            family_of(model, paths), model.stem, model.name, "–", "unchecked: no sidecar", "", ""
-        )
+def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: int = 500) -> Table:
+    """What `proofmass list` shows: a line a case, by their folders below the given paths.
+
+    Where not all columns fit there are names, runs, and the first words of the title.
+    """
+    full = [
+        {
+            "folder": family_of(case.file, paths),
+            "case": case.name,
+            "model": case.model,
+            "reference": case.reference,
+            "runs": "; ".join(f"{k}: {', '.join(run.solvers)}" for k, run in case.run.items()),
+            "channels": str(len(case.channels)),
+            "title": case.title,
+        }
+        for case in cases
+    ]
+    full += [
+        {
+            "folder": family_of(model, paths),
+            "case": model.stem,
+            "model": model.name,
+            "reference": "–",
+            "runs": "unchecked: no sidecar",
+            "channels": "",
+            "title": "",
+        }
+        for model in lone
+    ]
+    rows: list[Cells] = [{**row} for row in full]
+    brief: list[Cells] = [
+        {**row, "runs": ", ".join(part.partition(":")[0] for part in row["runs"].split("; "))}
+        for row in full
+    ]
+    columns = ["folder", "case", "model", "reference", "runs", "channels", "title"]
+    if not fits(rows, columns, width):
+        rows, columns = brief, ["folder", "case", "reference", "runs", "channels", "title"]
+    if not fits(rows, columns, width):
+        columns = ["case", "runs", "title"]
+        room = width - sum(widths(rows, columns[:2])) - 2 * GAP
+        for row in rows:
+            row["title"] = shorten(
+                str(row["title"]), max(room, 1), placeholder="…", break_on_hyphens=False
+            )
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in columns:
+        table.add_column(name, no_wrap=True)
+    for row in rows:
+        table.add_row(*(row[name] for name in columns))
     return table

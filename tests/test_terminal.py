@@ -13,7 +13,7 @@ from proofmass.compare import UNCHECKED, Comparison, DetectableChange
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.terminal import as_json, case_table, console, failures, mark, number, summary, worst
-from tests.shipped import MODELS, shipped
+from tests.shipped import MODELS, models_like, shipped
 
 
 def of(
@@ -53,6 +53,15 @@ def cells(*args, **how) -> list[list[str]]:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
+def printed(*shown: object, width: int) -> list[str]:
+    """The lines of a screen."""
+    screen = Console(width=width, highlight=False, markup=False, emoji=False)
+    with screen.capture() as caught:
+        for each in shown:
+            screen.print(each)
+    return [line.rstrip() for line in caught.get().splitlines()]
+
+
 HEAD = [
     "case",
     "run",
@@ -62,6 +71,7 @@ HEAD = [
     "worst error",
     "allowed",
     "of range",
+    "of allowed",
     "s",
     "steps",
 ]
@@ -79,11 +89,24 @@ def test_a_solver_has_a_row_with_its_worst_channel():
             "9.00e-03 m",
             "1.00e-02",
             "1.80e-02",
+            "0.90",
             "1.23",
             "70",
         ],
-        ["two", "sweep", "mujoco", "✗ differs 2/3", "y", "3.00e-02 m", "1.00e-02", "–", "–", "–"],
-        ["", "sweep", "pymunk", "✗ diverged", "y", "– m", "–", "–", "–", "–"],
+        [
+            "two",
+            "sweep",
+            "mujoco",
+            "✗ differs 2/3",
+            "y",
+            "3.00e-02 m",
+            "1.00e-02",
+            "–",
+            "3.00",
+            "–",
+            "–",
+        ],
+        ["", "sweep", "pymunk", "✗ diverged", "y", "– m", "–", "–", "–", "–", "–"],
     ]
 
 
@@ -100,29 +123,101 @@ def test_each_channel_has_a_row_where_all_are_asked_for():
     ]
 
 
+def test_a_share_of_the_allowance_has_two_digits():
+    shares = [
+        terminal.of_allowed(of(error_max=e, allowed=1e-2)) for e in (0.0, 1e-7, 1e-3, 2.0, 3e3, nan)
+    ]
+    assert shares == ["0", "1.0e-05", "0.10", "200.00", "3.0e+05", "–"]
+    assert terminal.of_allowed(of(error_max=1.0, allowed=0.0)) == "–"
+
+
 def test_a_narrow_screen_has_fewer_columns():
-    assert cells(RESULT, width=140)[0] == HEAD
-    assert cells(RESULT, width=139)[0] == HEAD[:7]
+    for width, head in (
+        (101, HEAD),
+        (100, HEAD[:9]),
+        (88, HEAD[:9]),
+        (87, [*HEAD[:5], *HEAD[7:9]]),
+        (65, [*HEAD[:5], *HEAD[7:9]]),
+        (64, [*HEAD[:4], *HEAD[7:9]]),
+    ):
+        (table,) = summary(RESULT, width=width)
+        assert [c.header for c in table.columns] == head
+        assert max(map(len, printed(table, width=width))) <= width
     assert list(summary(Result())) == []
     (table,) = summary(RESULT)
-    assert [c.header for c in table.columns if not c.no_wrap] == ["case", "channel"]
-    assert [c.justify for c in table.columns] == ["left"] * 5 + ["right"] * 5
-    assert all(c.overflow == "fold" for c in table.columns[:5])
+    assert all(column.no_wrap for column in table.columns)
+    assert [c.justify for c in table.columns] == ["left"] * 5 + ["right"] * 6
     assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
+
+
+LONG = [
+    of(
+        "balancer_progressive_contact",
+        solver,
+        "right_coupler_acceleration.z",
+        "out of memory" if solver == "pymunk" else "agrees",
+        error_max=9e-3,
+        allowed=1e-2,
+        error_rms=1e-3,
+        nrmse=2e-3,
+    )
+    for solver in ("mujoco:settled", "pymunk")
+]
+
+
+def test_no_word_is_broken_on_80_columns():
+    """The longest names of the shipped cases; each line says how well the engine agrees."""
+    found = printed(*summary(Result(comparisons=[*LONG, NEAR]), width=80), width=80)
+    assert found == [
+        "balancer_progressive_contact",
+        "  run    solver          outcome          of range  of allowed",
+        "  sweep  mujoco:settled  ✓ agrees         1.80e-02        0.90",
+        "  sweep  pymunk          ✗ out of memory  1.80e-02        0.90",
+        "one",
+        "  sweep  mujoco          ✓ agrees         1.80e-02        0.90",
+    ]
+    assert printed(*summary(Result(comparisons=LONG), True, width=80), width=80) == [
+        "balancer_progressive_contact sweep mujoco:settled",
+        "  channel                       outcome          of range  of allowed",
+        "  right_coupler_acceleration.z  ✓ agrees         1.80e-02        0.90",
+        "balancer_progressive_contact sweep pymunk",
+        "  right_coupler_acceleration.z  ✗ out of memory  1.80e-02        0.90",
+    ]
+
+
+def test_all_shipped_cases_are_listed_a_line_each_on_80_columns():
+    cases = [load_case(file) for file in models_like("*.toml")]
+    lines = printed(case_table(cases, [Path("lone/humanoid.xml")], [MODELS], 80), width=80)
+    assert len(lines) == len(cases) + 2
+    assert max(map(len, lines)) <= 80
+    for case, line in zip(cases, lines[1:], strict=False):
+        name, runs = line.split("  ")[0], ", ".join(case.run)
+        assert name == case.name
+        assert runs in line
+        title = line.partition(f"  {runs} ")[2].strip()
+        words = title.removesuffix("…").split()
+        assert words == case.title.split()[: len(words)]
+        assert title.endswith("…") == (len(words) < len(case.title.split()))
 
 
 def test_what_failed_has_a_line_and_all_outcomes_are_counted():
     lines = [line.plain for line in failures(RESULT)]
     assert lines == [
         "✗ two sweep mujoco differs: 2 of 3 channels, y by 3 x the allowed error: 3.00e-02 m at "
-        "1.23457e+06",
+        "1.23457e+06, – of the range",
         "✗ two sweep pymunk diverged: the loops are open",
+        "largest error 1.80e-02 of the range (one sweep mujoco y); nearest to its limit 3.00 of "
+        "what is allowed (two sweep mujoco y)",
         "3 agrees, 2 differs, 1 diverged",
     ]
     assert list(failures(RESULT))[-1].style == "bold red"
     assert [str(span.style) for line in failures(RESULT) for span in line.spans] == ["red"] * 2
-    (good,) = failures(Result(comparisons=[NEAR]))
-    assert (good.plain, good.style) == ("1 agrees", "bold")
+    how_well, good = failures(Result(comparisons=[NEAR, FAR]))
+    assert how_well.plain == (
+        "largest error 1.80e-02 of the range (one sweep mujoco y); nearest to its limit 0.90 of "
+        "what is allowed (one sweep mujoco y)"
+    )
+    assert (good.plain, good.style) == ("2 agrees", "bold")
     assert [line.plain for line in failures(Result())] == ["nothing to check"]
 
 
@@ -203,7 +298,7 @@ def test_json_has_null_for_what_is_no_number():
 
 def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatch, capsys):
     shown = console()
-    assert shown.width == 240
+    assert shown.width == terminal.WIDE
     shown.print("a [bold] b :smile: 1.5")
     assert capsys.readouterr().out == "a [bold] b :smile: 1.5\n"
     monkeypatch.setattr(

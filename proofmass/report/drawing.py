@@ -15,6 +15,7 @@ from proofmass.report.figures import save, sheet, thumbnail
 from proofmass.report.mechanism import distinct, mechanism, path, path_sheet, paths, small
 from proofmass.report.refinements import refine_sheet
 from proofmass.report.style import RC, Look
+from proofmass.report.thumbnail import Thumbnail, reduced
 from proofmass.report.views import Viewed, view_sheet
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.motion import Measured, Motion, motion
@@ -42,13 +43,14 @@ class Charted:
 class Drawings:
     """The figures of a case by name (SVG), and why the mechanism is not drawn, or not all of it.
 
-    `motions` are the mechanism at many poses, by run.
+    `motions` are the mechanism at many poses, by run, and `moving` is what the index shows of it.
     """
 
     figures: dict[str, str]
     note: str = ""
     charts: tuple[Charted, ...] = ()
     motions: dict[str, Motion] = field(default_factory=dict)
+    moving: Thumbnail | None = None
 
 
 def drawn(
@@ -81,7 +83,8 @@ def drawn(
     charts = tuple(
         charted(case, table, folder / f"{slug}-chart-{k}") for k, table in enumerate(case.chart, 1)
     )
-    return Drawings(figures, note, charts, motions)
+    first = motions.get(next(iter(case.run)))
+    return Drawings(figures, note, charts, motions, reduced(first.picture) if first else None)
 
 
 def charted(case: Case, table: ChartTable, stem: Path) -> Charted:

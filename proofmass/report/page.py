@@ -57,8 +57,8 @@ def packages_of(engine: str) -> list[str]:
     return []
 
 
-def about() -> list[tuple[str, str]]:
-    """Versions, machine and date; no host name, no paths."""
+def versions() -> list[tuple[str, str]]:
+    """The versions of what the numbers come from."""
     found = []
     engines = [name for engine in engine_names() for name in packages_of(engine)]
     for name in dict.fromkeys(("proofmass", *engines, "numpy", "scipy")):
@@ -66,9 +66,13 @@ def about() -> list[tuple[str, str]]:
             found.append((name, version(name)))
         except PackageNotFoundError:
             found.append((name, "not installed"))
+    return [*found, ("python", platform.python_version())]
+
+
+def about() -> list[tuple[str, str]]:
+    """Versions, machine and date; no host name, no paths."""
     return [
-        *found,
-        ("python", platform.python_version()),
+        *versions(),
         ("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"),
         ("date", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"),
     ]

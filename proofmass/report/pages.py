@@ -1,24 +1,39 @@
 """The report: an index and a page for each case.  They open from disk and fetch nothing."""
 
 import os
-from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from markupsafe import Markup
+
 from proofmass.check import Result
 from proofmass.files import write_whole
 from proofmass.report.case_page import gather, render_case
-from proofmass.report.drawing import drawn
-from proofmass.report.families import families
-from proofmass.report.page import about, complaint, environment, slug, write_static
+from proofmass.report.curves_files import files_of, note_on, write_curves
+from proofmass.report.drawing import Drawings, drawn
+from proofmass.report.index_page import STATIC as INDEX_STATIC
+from proofmass.report.index_page import render_index
+from proofmass.report.page import environment, slug, write_static
+from proofmass.report.record import (
+    History,
+    Last,
+    Record,
+    continued,
+    read_last,
+    record_of,
+    write_record,
+)
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import looks
+from proofmass.report.svg import inline
+from proofmass.report.thumbnail import Thumbnail
 
 STATIC = (
     *("uPlot.js", "uPlot.css", "common.css", "common.js"),
     *("case.css", "case.js", "curves.js", "mechanism.js"),
+    *INDEX_STATIC,
 )
 
 
@@ -28,6 +43,9 @@ def write_report(
     progress: Callable[[str, int, int], None] = lambda *_: None,
     studies: Sequence[ShownStudy] = (),
     figures: bool = False,
+    record: Record | None = None,
+    last: Last | None = None,
+    data: bool = False,
 ) -> Path:
     """Write the index, a page for each case, and every figure as SVG and PNG.
 
@@ -43,6 +61,10 @@ def write_report(
         That the pages lead to; see `proofmass.studies.pages.write_study_pages`.
     figures : bool
         Whether figures for papers of all curves are written as well: overlays, paths, differences.
+    record, last : Record, Last, optional
+        Of this report, and of the one that it is compared with; without it the one in `folder`.
+    data : bool
+        Whether the curves are written as well, see `proofmass.report.curves_files`.
 
     Returns
     -------
@@ -53,7 +75,10 @@ def write_report(
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     write_static(folder, STATIC)
     style, env = looks(c.solver for c in result.comparisons), environment()
-    cards = []
+    record = record or record_of(result)
+    own = read_last(folder)
+    last = last or own
+    pictures = dict[str, Thumbnail | Markup | None]()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         gathered = list(pool.map(partial(gather, result), result.cases))
         futures = [
@@ -63,23 +88,36 @@ def write_report(
             for case, g in zip(result.cases, gathered, strict=True)
         ]
         for k, case in enumerate(result.cases):
-            card, page = render_case(
-                env, case, result, gathered[k], futures[k].result(), style, studies
-            )
-            cards.append(card)
-            write_whole(folder / card["page"], page)
+            drawings = futures[k].result()
+            if data:
+                write_curves(folder, case, gathered[k].runs)
+            _, page = render_case(env, case, result, gathered[k], drawings, style, studies)
+            write_whole(folder / f"{slug(case.name)}.html", page)
+            pictures[case.name] = drawings.moving or still(case.name, drawings)
             progress(case.name, k + 1, len(result.cases))
+    history = own.record or last.record
+    known = continued(history.history if history else History(), record)
     index = folder / "index.html"
     write_whole(
         index,
-        env.get_template("index.html").render(
-            families=families(result.cases, cards, result.paths),
-            style=style,
-            about=about(),
-            studies=studies,
-            states=Counter(c["state"] for c in cards),
-            errors=[complaint(e) for e in result.errors],
-            loose=[c for c in result.comparisons if not c.channel],
+        render_index(
+            env,
+            result,
+            style,
+            pictures,
+            record,
+            last,
+            known,
+            studies,
+            {case.name: files_of(folder, case) for case in result.cases} if data else {},
+            note_on(data),
         ),
     )
+    write_record(folder, record, known)
     return index
+
+
+def still(name: str, drawings: Drawings) -> Markup:
+    """The drawing of a case without poses: its curves, or nothing."""
+    svg = drawings.figures.get("thumbnail")
+    return Markup(inline(svg, f"{slug(name)}-thumbnail", name)) if svg else Markup()

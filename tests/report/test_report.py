@@ -204,7 +204,9 @@ def test_pages_fetch_nothing_and_name_no_folder(report: Path) -> None:
         assert not re.search(r"(?:src|href)\s*=\s*[\"']?\s*(?:https?:)?//", page)
         assert not re.search(r"@import|url\(\s*['\"]?http", page)
         scripts = re.findall(r"<script[^>]*>", page)
-        own = re.compile(r'<script (src="static/\w+\.js"|type="application/json" id="data")>')
+        own = re.compile(
+            r'<script (src="static/\w+\.js"( defer)?|type="application/json" id="(data|poses)")>'
+        )
         assert all(own.fullmatch(script) for script in scripts)
         assert "/home/" not in page
         assert str(report) not in page
@@ -228,8 +230,7 @@ def test_special_characters_are_escaped(report: Path) -> None:
     for name in ("fourbar.html", "index.html"):
         page = (report / name).read_text(encoding="utf-8")
         assert "&lt;script&gt;alert(" in page
-        assert "<script>" not in page
-        assert "</script> &" not in page
+        assert "<script>alert(" not in page
     assert "no joint &lt;q&gt;" in (report / "index.html").read_text(encoding="utf-8")
 
 
@@ -238,8 +239,8 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
     assert "1 input at fault" in page
     assert "bad.toml: drive.joint" in page
     assert "no sidecar; it loads and steps" in page
-    assert page.index("at fault</h2>") < page.index('class="cards"')
-    assert page.index('class="cards"') < page.index("without a sidecar")
+    assert page.index("at fault</h2>") < page.index('id="cases"')
+    assert page.index('id="cases"') < page.index("without a sidecar")
 
 
 @pytest.mark.parametrize(
@@ -257,7 +258,8 @@ def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
     page = write_report(failed, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
     assert "pymunk is not drawn: crashed" in page
     assert page.count("<figure") == 1  # the mechanism: it needs no solver
-    assert "Not judged" in write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
+    page = write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
+    assert "Nothing of it was checked." in page
     assert "No case was found" in write_report(Result(), tmp_path).read_text(encoding="utf-8")
 
 

@@ -1,0 +1,122 @@
+"""A check as JUnit XML, which continuous integration shows: a suite a case, a test a channel."""
+
+import math
+import re
+from collections import Counter
+from itertools import groupby
+from xml.etree import ElementTree
+
+from proofmass.check import Result
+from proofmass.compare import UNCHECKED, Comparison
+from proofmass.errors import InputError
+from proofmass.outcome import OPEN, Outcome
+from proofmass.wording import number
+
+BARRED = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML cannot have."""
+
+
+def as_junit(result: Result) -> bytes:
+    """The XML file of a result.
+
+    A channel that is not checked is skipped, one that differs or was lost is a failure, and an
+    input at fault is a suite of its own with an error.  The time of a run is shared out evenly
+    among its channels, so that the sums are those of the runs.
+    """
+    root = ElementTree.Element("testsuites", name="proofmass")
+    shared = Counter((c.case, c.run, c.solver) for c in result.comparisons)
+    for case, rows in groupby(result.comparisons, lambda c: c.case):
+        suite = ElementTree.SubElement(root, "testsuite", name=clean(case))
+        for c in rows:
+            add_test(suite, c, shared[c.case, c.run, c.solver])
+        if case in [each.name for each in result.unchecked]:
+            add_unchecked(suite, case)
+    for error in result.errors:
+        add_error(root, error)
+    for suite in [*root]:
+        count(suite)
+    total(root)
+    ElementTree.indent(root)
+    found: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return found + b"\n"
+
+
+def clean(text: str) -> str:
+    """A text without the characters that XML cannot have.
+
+    >>> clean("a\\x00b")
+    'a?b'
+    """
+    return BARRED.sub("?", text)
+
+
+def add_test(suite: ElementTree.Element, c: Comparison, channels: int) -> None:
+    """A channel of a solver of a run."""
+    test = ElementTree.SubElement(
+        suite,
+        "testcase",
+        classname=clean(f"{c.case}.{c.run}.{c.solver}"),
+        name=clean(c.channel or "loads and steps"),
+        time=seconds(c.seconds / channels),
+    )
+    if c.outcome in OPEN:
+        ElementTree.SubElement(test, "skipped", message=clean(skipped(c)))
+    elif c.outcome != Outcome.AGREES:
+        what = clean(failure(c))
+        ElementTree.SubElement(test, "failure", type=str(c.outcome), message=what).text = what
+
+
+def skipped(c: Comparison) -> str:
+    """Why a channel is not checked."""
+    why = c.message or c.outcome.sentence if isinstance(c.outcome, Outcome) else c.message
+    return f"{c.outcome}: {why}"
+
+
+def failure(c: Comparison) -> str:
+    """What is wrong with a channel, with its numbers."""
+    if c.outcome != Outcome.DIFFERS:
+        return f"{c.outcome}: {c.message}"
+    numbers = f"error {number(c.error_max)} {c.unit}".strip()
+    return (
+        f"differs: {c.message}: {numbers} at {c.at:.6g}, {number(c.allowed)} allowed, "
+        f"{number(c.relative_to_range)} of the range"
+    )
+
+
+def add_unchecked(suite: ElementTree.Element, case: str) -> None:
+    """A case of which nothing was checked is a failure."""
+    test = ElementTree.SubElement(
+        suite, "testcase", classname=clean(case), name="something is checked", time="0"
+    )
+    ElementTree.SubElement(test, "failure", type="unchecked", message=UNCHECKED).text = UNCHECKED
+
+
+def add_error(root: ElementTree.Element, error: InputError) -> None:
+    """An input at fault."""
+    suite = ElementTree.SubElement(root, "testsuite", name=clean(str(error.file)))
+    name = clean(error.key or "is read")
+    test = ElementTree.SubElement(
+        suite, "testcase", classname=clean(error.file.name), name=name, time="0"
+    )
+    what = clean(str(error))
+    ElementTree.SubElement(test, "error", type="InputError", message=what).text = what
+
+
+def count(suite: ElementTree.Element) -> None:
+    """Write the numbers of tests, failures, errors and skipped tests into a suite."""
+    suite.set("tests", str(len(suite)))
+    for key, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        suite.set(key, str(len(suite.findall(f"testcase/{tag}"))))
+    suite.set("time", seconds(sum(float(test.get("time", "0")) for test in suite)))
+
+
+def total(root: ElementTree.Element) -> None:
+    """Write the sums of all suites."""
+    for key in ("tests", "failures", "errors", "skipped"):
+        root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
+    root.set("time", seconds(sum(float(suite.get("time", "0")) for suite in root)))
+
+
+def seconds(value: float) -> str:
+    """Seconds to the microsecond; 0 where they are not known."""
+    return f"{value:.6f}" if math.isfinite(value) else "0"

@@ -1,0 +1,496 @@
+"""The index: a table with a row a case, what is wrong first."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from jinja2 import Environment
+from markupsafe import Markup
+
+from proofmass.case import Case
+from proofmass.check import Result, family_of
+from proofmass.compare import Comparison
+from proofmass.outcome import GOOD, LOST, OPEN, Outcome
+from proofmass.report.families import families, reference_of
+from proofmass.report.page import about, complaint, slug
+from proofmass.report.record import FACTOR, Change, History, Last, Record, changes, of_case
+from proofmass.report.study import ShownStudy
+from proofmass.report.style import Look
+from proofmass.report.thumbnail import Thumbnail
+from proofmass.report.words import SYMBOLS, by_solver
+from proofmass.units import KINDS, si_unit
+from proofmass.wording import number, spoken
+
+STATIC = ("index.css", "index.js")
+RUNS = {"quasi-static": ("sweep", "equilibrium"), "dynamics": ("dynamics",)}
+"""The groups of the table's columns.  No case has a sweep and an equilibrium."""
+DECADES = (-15, -12, -9, -6, -3, 0)
+LEFT, RIGHT = -16.4, 0.6
+"""Powers of ten at the edges of the axis; what is beyond stands on the edge."""
+MARKERS = {
+    "circle": "M-4 0a4 4 0 1 0 8 0a4 4 0 1 0-8 0z",
+    "square": "M-3.5-3.5h7v7h-7z",
+    "diamond": "M0-5l5 5-5 5-5-5z",
+    "triangle": "M0-4.6l4.6 8.4h-9.2z",
+}
+"""Shapes of dots, engine by engine; engines beyond them share the last one."""
+SAID = 2
+"""Sentences that a row says at most of runs that failed."""
+NOTHING = Markup()
+TREND = 3
+"""Reports from which on a row has a trend."""
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A solver of a cell: its worst error on the axis, and what it is allowed there.
+
+    `at` and `allowed` are places in per cent of the axis; None where there is none.
+    """
+
+    solver: str
+    hollow: bool
+    over: bool
+    at: float | None
+    allowed: float | None
+    words: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What a row says of the runs of one group in one engine; `sort` is the worst share."""
+
+    lanes: list[Lane]
+    error: str
+    kind: str
+    bad: bool
+    sort: float
+
+    @property
+    def words(self) -> str:
+        """All lanes in words."""
+        return "; ".join(lane.words for lane in self.lanes)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of cells: a group of runs in an engine."""
+
+    run: str
+    engine: str
+
+    @property
+    def key(self) -> str:
+        """Its name for the script."""
+        return f"{self.run}/{self.engine}"
+
+    @property
+    def title(self) -> str:
+        """Its heading."""
+        return f"{self.run.capitalize()} · {spoken(self.engine)}"
+
+
+@dataclass(frozen=True)
+class EngineLook:
+    """Colour and marker of an engine's dots."""
+
+    name: str
+    colour: str
+    path: str
+
+    @property
+    def title(self) -> str:
+        """The engine as a sentence calls it."""
+        return spoken(self.name)
+
+
+@dataclass(frozen=True)
+class CaseRow:
+    """A case on the index.
+
+    Attributes
+    ----------
+    state : str
+        good, open or bad; `symbol` and `word` say it.
+    remarks : list of str
+        What is wrong with it, in sentences; empty of a good one.
+    margin : float
+        Largest error over its allowance, of the checked channels.
+    checked, channels : int
+        Curves that were held against a tolerance, and all that there could be.
+    worse : int
+        Changes since the last report for the worse, of `changes`.
+    """
+
+    name: str
+    title: str
+    page: str
+    family: str
+    reference: str
+    state: str
+    symbol: str
+    word: str
+    remarks: list[str]
+    cells: dict[str, Cell]
+    engines: list[str]
+    bad_engines: list[str]
+    margin: float
+    checked: int
+    channels: int
+    seconds: float
+    search: str
+    changes: list[Change] = field(default_factory=list)
+    worse: int = 0
+    picture: Markup = NOTHING
+    files: list[tuple[str, str]] = field(default_factory=list)
+    trend: Markup = NOTHING
+
+    @property
+    def order(self) -> tuple[bool, bool, float, str]:
+        """Failures first, then what is worse than in the last report, then the smallest margin."""
+        return self.state != "bad", not self.worse, -self.margin, self.name
+
+    @property
+    def change(self) -> str:
+        """What changed since the last report, in a word."""
+        if not self.changes:
+            return ""
+        if not self.changes[0].run:
+            return "new"
+        better = sum(change.growth < 1 for change in self.changes)
+        counts = {
+            "worse": self.worse,
+            "better": better,
+            "other": len(self.changes) - self.worse - better,
+        }
+        return ", ".join(f"{n} {word}" for word, n in counts.items() if n)
+
+
+def render_index(
+    env: Environment,
+    result: Result,
+    style: Mapping[str, Look],
+    pictures: Mapping[str, Thumbnail | Markup | None],
+    record: Record,
+    last: Last,
+    history: History,
+    studies: Sequence[ShownStudy] = (),
+    files: Mapping[str, list[tuple[str, str]]] | None = None,
+    note: str = "",
+) -> str:
+    """The text of the index.
+
+    Parameters
+    ----------
+    pictures : mapping of str to Thumbnail or Markup
+        By case; a drawing without poses stands still.
+    record, last : Record, Last
+        Of this report and of the one before.
+    history : History
+        Up to this report.
+    files : mapping of str to list of tuple
+        Labels and paths of the curves of each case.
+    note : str
+        On the curves; empty if they are written.
+    """
+    found = changes(last.record, record) if last.record else []
+    columns = columns_of(result)
+    shapes = engine_looks(columns, style)
+    rows = [
+        row_of(case, result, columns, found, pictures.get(case.name), history, files or {})
+        for case in result.cases
+    ]
+    rows.sort(key=lambda row: row.order)
+    by_name = {row.name: row for row in rows}
+    grouped = families(
+        result.cases,
+        [{"name": case.name, "state": by_name[case.name].state} for case in result.cases],
+        result.paths,
+    )
+    gone = [c for c in found if not c.run and not c.now]
+    return env.get_template("index.html").render(
+        rows=rows,
+        columns=columns,
+        engines=shapes,
+        groups=grouped,
+        decades=[(place(10.0**d), d) for d in DECADES],
+        states=Counter(row.state for row in rows),
+        checked=sum(row.checked for row in rows),
+        channels=sum(row.channels for row in rows),
+        changed=sum(bool(row.changes) for row in rows) + len(gone),
+        gone=[change.case for change in gone],
+        last=last,
+        record=record,
+        seconds=sum(row.seconds for row in rows),
+        poses={
+            name: shape.data for name, shape in pictures.items() if isinstance(shape, Thumbnail)
+        },
+        about=about(),
+        studies=studies,
+        errors=[complaint(e) for e in result.errors],
+        loose=[c for c in result.comparisons if not c.channel],
+        note=note,
+    )
+
+
+def columns_of(result: Result) -> list[Column]:
+    """The columns that any case has something in; engines in the order in which they come."""
+    there = {(group_of(c.run), engine(c)) for c in result.comparisons if c.channel}
+    engines = dict.fromkeys(engine(c) for c in result.comparisons)
+    return [Column(run, name) for run in RUNS for name in engines if (run, name) in there]
+
+
+def group_of(run: str) -> str:
+    """The group of columns that a run stands in; empty for a refinement."""
+    return next((group for group, runs in RUNS.items() if run in runs), "")
+
+
+def engine(c: Comparison) -> str:
+    """The engine of a comparison's solver."""
+    return c.solver.partition(":")[0]
+
+
+def engine_looks(columns: Iterable[Column], style: Mapping[str, Look]) -> dict[str, EngineLook]:
+    """A colour and a marker for each engine, its own colour if a solver of that name has one."""
+    paths, found = list(MARKERS.values()), dict[str, EngineLook]()
+    for name in dict.fromkeys(column.engine for column in columns):
+        mine = next((look for solver, look in style.items() if solver == name), None)
+        first = next(look for solver, look in style.items() if solver.partition(":")[0] == name)
+        path = paths[min(len(found), len(paths) - 1)]
+        found[name] = EngineLook(name, (mine or first).colour, path)
+    return found
+
+
+def row_of(
+    case: Case,
+    result: Result,
+    columns: Sequence[Column],
+    found: Sequence[Change],
+    picture: Thumbnail | Markup | None,
+    history: History,
+    files: Mapping[str, list[tuple[str, str]]],
+) -> CaseRow:
+    """What the index says of a case."""
+    rows = [c for c in result.comparisons if c.case == case.name]
+    faults = [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
+    state = state_of(case, rows, faults)
+    own = of_case(found, case.name)
+    curves = [c for c in rows if c.run in case.run and not only_shown(c, rows)]
+    symbol, word = verdict(state, rows, faults)
+    cells = {c.key: cell for c in columns if (cell := cell_of(select(rows, c)))}
+    family, reference = family_of(case.file, result.paths), reference_of(case)
+    return CaseRow(
+        name=case.name,
+        title=case.title,
+        page=f"{slug(case.name)}.html",
+        family=family,
+        reference=reference,
+        state=state,
+        symbol=symbol,
+        word=word,
+        remarks=[*faults, *shortened(remarks(case, rows))],
+        cells=cells,
+        engines=list(dict.fromkeys(map(engine, rows))),
+        bad_engines=list(dict.fromkeys(engine(c) for c in rows if c.outcome not in GOOD)),
+        margin=max((ratio(c) for c in rows if c.outcome not in OPEN), default=0.0),
+        checked=sum(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in curves),
+        channels=len(curves),
+        seconds=seconds_of(rows),
+        search=" ".join([case.name, case.title, family, reference, *case.channels]).lower(),
+        changes=own,
+        worse=sum(change.growth > 1 for change in own),
+        picture=picture.svg(case.name) if isinstance(picture, Thumbnail) else picture or NOTHING,
+        files=files.get(case.name, []),
+        trend=trend(history, rows),
+    )
+
+
+def state_of(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:
+    """Whether a case agrees (good), was not checked and says so (open), or is wrong (bad)."""
+    outcomes = {c.outcome for c in rows}
+    checked = case.unchecked or outcomes - set(OPEN)
+    if faults or not checked or outcomes - set(GOOD):
+        return "bad"
+    return "good" if Outcome.AGREES in outcomes else "open"
+
+
+def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
+    """What is wrong with a case, a sentence a run and solver."""
+    for run in dict.fromkeys(c.run for c in rows):
+        for solver, group in by_solver(rows, run).items():
+            bad = [c for c in group if c.outcome not in GOOD]
+            if bad:
+                yield f"{spoken(solver)}, {run}: {wrong(bad, len(group))}."
+    if not case.unchecked and not {c.outcome for c in rows} - set(OPEN):
+        yield "Nothing of it was checked."
+
+
+def wrong(bad: Sequence[Comparison], of: int) -> str:
+    """What is wrong in a run of a solver, by its worst channel."""
+    c = max(bad, key=ratio)
+    if c.outcome != Outcome.DIFFERS:
+        return f"{c.outcome}: {c.message}"
+    return f"{len(bad)} of {of} differ, {c.channel} by {c.message}"
+
+
+def shortened(sentences: Iterable[str]) -> list[str]:
+    """The first of some sentences, and how many more there are."""
+    whole = list(sentences)
+    more = len(whole) - SAID
+    return whole if more < 2 else [*whole[:SAID], f"And {more} more runs."]
+
+
+def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tuple[str, str]:
+    """The sign and the word of a case's state: of the worst outcome."""
+    order = (Outcome.DIFFERS, *LOST, *((Outcome.AGREES,) if state == "good" else ()))
+    there = {c.outcome for c in rows}
+    for outcome in order:
+        if outcome in there:
+            return SYMBOLS[outcome], str(outcome)
+    if faults:
+        return SYMBOLS[Outcome.DIFFERS], "at fault"
+    sign = SYMBOLS[Outcome.UNCHECKED]
+    return (SYMBOLS[Outcome.DIFFERS] if state == "bad" else sign), str(Outcome.UNCHECKED)
+
+
+def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
+    """Whether a solver has other settings, and no tolerance judges any of its curves."""
+    return ":" in c.solver and all(
+        math.isnan(other.allowed) and other.outcome in OPEN
+        for other in rows
+        if (other.solver, other.run) == (c.solver, c.run)
+    )
+
+
+def select(rows: Iterable[Comparison], column: Column) -> list[Comparison]:
+    """The comparisons of a column."""
+    runs = RUNS[column.run]
+    return [c for c in rows if c.run in runs and engine(c) == column.engine]
+
+
+def ratio(c: Comparison) -> float:
+    """The error over what is allowed; infinite of what failed without a number."""
+    if math.isfinite(c.error_max) and c.allowed > 0:
+        return c.error_max / c.allowed
+    return 0.0 if c.outcome in GOOD else math.inf
+
+
+def cell_of(rows: Sequence[Comparison]) -> Cell | None:
+    """The cell of these comparisons, a lane a solver, the engine itself first."""
+    solvers = sorted(dict.fromkeys(c.solver for c in rows), key=lambda s: ":" in s)
+    groups = [[c for c in rows if c.solver == solver] for solver in solvers]
+    if not groups:
+        return None
+    speakers = [speaker(group) for group in groups]
+    first = next((c for c in speakers if c.outcome not in GOOD), speakers[0])
+    lanes = [lane_of(c) for c in speakers]
+    share = first.relative_to_range
+    known = math.isfinite(share)
+    return Cell(
+        lanes=lanes,
+        error=number(share, 2) if known else str(first.outcome),
+        kind=kind_of(first.unit) if known else "",
+        bad=first.outcome not in GOOD,
+        sort=share if known else math.inf if first.outcome not in GOOD else -1.0,
+    )
+
+
+def speaker(group: Sequence[Comparison]) -> Comparison:
+    """The comparison that stands for a solver: the worst failure, else the largest error."""
+
+    def rank(c: Comparison) -> tuple[bool, float, float]:
+        failed = c.outcome not in GOOD
+        share = c.relative_to_range
+        known = share if math.isfinite(share) else -1.0
+        return failed, ratio(c) if failed else 0.0, known
+
+    return max(group, key=rank)
+
+
+def lane_of(c: Comparison) -> Lane:
+    """A solver's lane, by the comparison that stands for it."""
+    share, judged = c.relative_to_range, math.isfinite(c.allowed)
+    name = spoken(c.solver)
+    if not math.isfinite(share):
+        return Lane(
+            c.solver, ":" in c.solver, c.outcome not in GOOD, None, None, f"{name}: {c.outcome}"
+        )
+    allowed = share * c.allowed / c.error_max if judged and c.error_max else None
+    words = f"{name}: {c.channel} {number(share, 2)} of the range"
+    words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
+    return Lane(
+        c.solver,
+        ":" in c.solver,
+        c.outcome not in GOOD,
+        place(share),
+        None if allowed is None else place(allowed),
+        words,
+    )
+
+
+def place(share: float) -> float:
+    """Where a share of the range stands on the axis, in per cent of its width.
+
+    >>> place(0.0), place(1e3) == 100.0, place(1e-6) < place(1e-3)
+    (0.0, True, True)
+    """
+    power = math.log10(share) if share > 0 else LEFT
+    return round(100 * (min(max(power, LEFT), RIGHT) - LEFT) / (RIGHT - LEFT), 2)
+
+
+def kind_of(unit: str) -> str:
+    """What kind of quantity a unit is of: position, velocity, acceleration, or another's name.
+
+    >>> kind_of("deg/s"), kind_of("N m"), kind_of("J")
+    ('velocity', 'moment', 'energy')
+    """
+    si = si_unit(unit)[0] if unit else ""
+    other = {"N m": "moment", "N": "force", "J": "energy"}
+    return next((kind for kind, units in KINDS.items() if si in units), other.get(si, ""))
+
+
+def seconds_of(rows: Iterable[Comparison]) -> float:
+    """Wall time of all runs of a case [s]."""
+    runs = {(c.run, c.solver): c.seconds for c in rows}
+    return sum(s for s in runs.values() if math.isfinite(s))
+
+
+def trend(history: History, rows: Sequence[Comparison]) -> Markup:
+    """The error of the channel nearest to its allowance over the last reports, as a line."""
+    judged = [c for c in rows if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    if len(history.reports) < TREND or not judged:
+        return NOTHING
+    c = max(judged, key=ratio)
+    values = history.trend(c.case, c.run, c.solver, c.channel)
+    powers = [math.log10(v) if v else None for v in values]
+    known = [p for p in powers if p is not None]
+    if len(known) < TREND or max(known) - min(known) < math.log10(FACTOR):
+        return NOTHING
+    low, high = min(known), max(known)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    step = 56 / (len(powers) - 1)
+    points = list(spread(powers, step, middle, half))
+    where = f"{c.run} {spoken(c.solver)}, {c.channel}"
+    return Markup(
+        '<svg class="trend" viewBox="0 0 60 18" role="img" aria-label="{}"><polyline '
+        'points="{}"/></svg>'
+    ).format(
+        f"{where}: {len(known)} reports, {number(values_of(values)[0], 2)} to "
+        f"{number(values_of(values)[-1], 2)} of the range",
+        " ".join(points),
+    )
+
+
+def values_of(values: Iterable[float | None]) -> list[float]:
+    """The values that there are."""
+    return [value for value in values if value]
+
+
+def spread(
+    powers: Iterable[float | None], step: float, middle: float, half: float
+) -> Iterator[str]:
+    """Points of a trend."""
+    for k, power in enumerate(powers):
+        if power is not None:
+            yield f"{2 + k * step:.1f},{9 - 7 * (power - middle) / half:.1f}"

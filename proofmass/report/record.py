@@ -1,0 +1,447 @@
+"""What a report keeps for the next one: ``results.json`` beside its index.
+
+It holds every number of `proofmass check --json`, where and when they were made, and the errors of
+the last reports, so that a report says what changed since the last one.
+"""
+
+import json
+import math
+import os
+import platform
+import subprocess
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from proofmass.check import Result, family_of
+from proofmass.compare import Comparison
+from proofmass.errors import InputError
+from proofmass.files import read_text, write_whole
+from proofmass.outcome import GOOD, Outcome
+from proofmass.report.families import reference_of
+from proofmass.report.page import versions
+from proofmass.terminal import KEYS, finite
+from proofmass.wording import number
+
+FORMAT = 1
+NAME = "results.json"
+KEPT = 50
+"""Reports whose errors are kept."""
+FACTOR = 2.0
+"""Between two errors, beyond which they are not the same: a run repeats its digits on a machine."""
+ROUNDING = 1e-12
+"""Share of the range up to which errors are rounding, of which another compiler changes the sum."""
+SAID = 5
+"""Changes that the terminal's line names."""
+FAILING = tuple(str(outcome) for outcome in Outcome if outcome not in GOOD)
+
+
+class Part(BaseModel):
+    """A part of a record; of one from another version it keeps what it knows."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Made(Part):
+    """When and on what a report was made; no host name, no folder.
+
+    Attributes
+    ----------
+    date : str
+        In UTC, as in ISO 8601.
+    commit : str
+        Of the working tree that the inputs lie in; empty if they lie in none.
+    edited : bool
+        Whether that tree has changes since the commit.
+    load_start, load_end : float or None
+        Processes that wanted a processor, the mean over a minute, before and after the runs.
+    """
+
+    date: str
+    command: str = ""
+    commit: str = ""
+    edited: bool = False
+    versions: dict[str, str] = {}
+    machine: str = ""
+    processors: int = 0
+    load_start: float | None = None
+    load_end: float | None = None
+
+    @property
+    def day(self) -> str:
+        """The date as people read it."""
+        return f"{self.date[:10]} {self.date[11:16]} UTC"
+
+
+class CaseRecord(Part):
+    """A case, the folder that it lies in, and what its reference is called."""
+
+    name: str
+    title: str
+    family: str
+    reference: str
+
+
+class ChannelRecord(Part):
+    """A `Comparison` by the keys of ``check --json``, and its error as a share of the range."""
+
+    case: str
+    solver: str
+    run: str
+    channel: str
+    unit: str
+    error_max: float | None
+    at: float | None
+    error_rms: float | None
+    nrmse: float | None
+    allowed: float | None
+    detectable: dict[str, dict[str, float | bool | None]]
+    outcome: str
+    message: str
+    seconds: float | None
+    steps: int
+    share_of_range: float | None
+
+    @property
+    def key(self) -> str:
+        """Its name in the history."""
+        return channel_key(self.case, self.run, self.solver, self.channel)
+
+
+class FaultRecord(Part):
+    """An input at fault."""
+
+    file: str
+    key: str
+    wrong: str
+
+
+class Past(Part):
+    """A report of the history."""
+
+    date: str
+    commit: str = ""
+
+
+class History(Part):
+    """Errors of the last reports, as shares of the range: a list a channel, oldest first."""
+
+    reports: list[Past] = []
+    errors: dict[str, list[float | None]] = {}
+
+    def trend(self, case: str, run: str, solver: str, channel: str) -> list[float | None]:
+        """The errors of a channel in `reports`; None where a report has none."""
+        return self.errors.get(channel_key(case, run, solver, channel), [None] * len(self.reports))
+
+
+class Record(Part):
+    """All that a report keeps."""
+
+    format: int
+    made: Made
+    exit_code: int
+    cases: list[CaseRecord]
+    comparisons: list[ChannelRecord]
+    errors: list[FaultRecord]
+    history: History = History()
+
+
+@dataclass(frozen=True)
+class Last:
+    """The last report: its record, or why its file cannot be read; neither if there is none."""
+
+    record: Record | None = None
+    wrong: str = ""
+    file: Path = Path(NAME)
+
+    @property
+    def shown(self) -> str:
+        """What is wrong without the folders of the machine."""
+        return self.wrong.replace(str(self.file), self.file.name)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is not as in the last report: a case, an outcome, or an error.
+
+    Attributes
+    ----------
+    case, run, solver, channel : str
+        The last three are empty of a case that is new or gone.
+    before, now : str
+        Outcomes, or errors as shares of the range; empty if there was or is none.
+    growth : float
+        The error over that of the last report; infinite of what fails now, zero of what no longer
+        does; 1 of what is neither better nor worse.
+    """
+
+    case: str
+    run: str
+    solver: str
+    channel: str
+    before: str
+    now: str
+    growth: float = 1.0
+
+    @property
+    def sentence(self) -> str:
+        """The change in words."""
+        if not self.run:
+            return f"{self.case} is {'new' if self.now else 'gone'}"
+        where = f"{self.case} {self.run} {self.solver} {self.channel}".strip()
+        if self.before and self.now:
+            return f"{where}: {self.before} before, {self.now} now"
+        return f"{where}: {'is new, ' + self.now if self.now else 'is gone, ' + self.before}"
+
+
+def channel_key(case: str, run: str, solver: str, channel: str) -> str:
+    """What the history calls a channel."""
+    return f"{case}/{run}/{solver}/{channel}"
+
+
+def load_average() -> float | None:
+    """Processes that want a processor, the mean over a minute; None where no system tells it."""
+    return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+
+
+def started(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
+    """What is known when the runs of a report begin.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Its words; of a word that is an absolute path only the name is kept.
+    inputs : Path, optional
+        A file or folder of the working tree whose commit is recorded; the current one by default.
+    """
+    commit, edited = commit_of(inputs or Path())
+    words = [Path(word).name if Path(word).is_absolute() else word for word in command]
+    return Made(
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        command=" ".join(words),
+        commit=commit,
+        edited=edited,
+        versions=dict(versions()),
+        machine=f"{platform.system()} {platform.machine()}",
+        processors=os.cpu_count() or 0,
+        load_start=load_average(),
+    )
+
+
+def commit_of(place: Path) -> tuple[str, bool]:
+    """The commit of the working tree that a path lies in, and whether files differ from it."""
+    folder = place if place.is_dir() else place.parent
+    try:
+        commit = git(folder, "rev-parse", "--verify", "HEAD")
+        return commit, bool(git(folder, "status", "--porcelain", "--untracked-files=no"))
+    except (OSError, subprocess.SubprocessError):
+        return "", False
+
+
+def git(folder: Path, *words: str) -> str:
+    """What git answers in a folder."""
+    found = subprocess.run(
+        ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
+    )
+    return found.stdout.strip()
+
+
+def record_of(result: Result, made: Made | None = None) -> Record:
+    """The record of a result, without a history."""
+    made = made or started(inputs=next(iter(result.paths), None))
+    return Record(
+        format=FORMAT,
+        made=made.model_copy(update={"load_end": load_average()}),
+        exit_code=result.exit_code,
+        cases=[
+            CaseRecord(
+                name=case.name,
+                title=case.title,
+                family=family_of(case.file, result.paths),
+                reference=reference_of(case),
+            )
+            for case in result.cases
+        ],
+        comparisons=[channel_record(c) for c in result.comparisons],
+        errors=[
+            FaultRecord(
+                file=e.file.name, key=e.key, wrong=e.wrong.replace(str(e.file), e.file.name)
+            )
+            for e in result.errors
+        ],
+    )
+
+
+def channel_record(c: Comparison) -> ChannelRecord:
+    """A comparison as the record has it."""
+    values = asdict(c)
+    return ChannelRecord.model_validate(
+        finite({key: values[key] for key in KEYS} | {"share_of_range": c.relative_to_range})
+    )
+
+
+def read_last(folder: Path) -> Last:
+    """The record of the report in a folder, or why it cannot be read."""
+    file = folder / NAME
+    if not file.exists():
+        return Last()
+    try:
+        return Last(parsed(read_text(file)), file=file)
+    except InputError as error:
+        wrong = f"cannot be read: {error.wrong}"
+    except ValidationError as error:
+        first = error.errors()[0]
+        wrong = f"is damaged: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+    except (ValueError, RecursionError) as error:
+        wrong = f"is damaged: {error}"
+    wrong = f"the record {file} {wrong}; changes since the last report are not shown"
+    return Last(wrong=wrong, file=file)
+
+
+def require_record(folder: Path) -> None:
+    """Raise InputError if there is no record in the folder that a report is compared with."""
+    if not (folder / NAME).exists():
+        raise InputError(folder / NAME, "", "no such file; proofmass report writes it")
+
+
+def parsed(text: str) -> Record:
+    """A record from its text; ValueError if it is none, or of another format version."""
+    found = json.loads(text)
+    if not isinstance(found, dict) or "format" not in found:
+        raise ValueError("it has no format version")
+    if found["format"] != FORMAT:
+        raise ValueError(f"its format version is {found['format']!r}, and {FORMAT} is read here")
+    return Record.model_validate(found)
+
+
+def write_record(folder: Path, record: Record, history: History) -> None:
+    """Write a record with the history up to it, a channel a line."""
+    whole = record.model_copy(update={"history": history})
+    write_whole(folder / NAME, as_lines(whole.model_dump(mode="json")))
+
+
+def as_lines(table: dict[str, Any]) -> str:
+    """JSON whose lists and tables have a line for each entry, so that versions can be compared."""
+    parts = []
+    for key, value in table.items():
+        if key == "history":
+            text = as_lines(value).rstrip()
+        elif isinstance(value, list) and value:
+            text = "[\n" + ",\n".join(map(as_line, value)) + "\n]"
+        elif isinstance(value, dict) and value:
+            entries = (f"{as_line(name)}: {as_line(each)}" for name, each in value.items())
+            text = "{\n" + ",\n".join(entries) + "\n}"
+        else:
+            text = as_line(value)
+        parts.append(f"{as_line(key)}: {text}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def as_line(value: Any) -> str:
+    """JSON in a line."""
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def continued(history: History, record: Record) -> History:
+    """A history with another report at its end, of the last `KEPT`."""
+    past = Past(date=record.made.date, commit=record.made.commit)
+    reports = [*history.reports, past][-KEPT:]
+    missing = [None] * len(history.reports)
+    now = {c.key: rounded(c.share_of_range) for c in record.comparisons if c.channel}
+    errors = {}
+    for key in dict.fromkeys([*history.errors, *now]):
+        row = [*history.errors.get(key, missing), now.get(key)][-KEPT:]
+        if any(value is not None for value in row):
+            errors[key] = row
+    return History(reports=reports, errors=errors)
+
+
+def rounded(value: float | None) -> float | None:
+    """A number to three digits.
+
+    >>> rounded(1.23456e-9)
+    1.23e-09
+    """
+    return None if value is None else float(f"{value:.2e}")
+
+
+def changes(before: Record, now: Record) -> list[Change]:
+    """What is not as it was, worst first.
+
+    Cases that are new or gone, outcomes that are others, and errors that changed by more than a
+    factor of two, unless both are rounding.
+    """
+    names = [{c.case for c in r.comparisons} | {c.name for c in r.cases} for r in (before, now)]
+    found = [Change(name, "", "", "", "there", "") for name in sorted(names[0] - names[1])]
+    found += [Change(name, "", "", "", "", "there") for name in sorted(names[1] - names[0])]
+    rows = [{c.key: c for c in r.comparisons} for r in (before, now)]
+    for key in dict.fromkeys([*rows[0], *rows[1]]):
+        pair = (rows[0].get(key), rows[1].get(key))
+        there = pair[1] or pair[0]
+        if there and there.case in names[0] & names[1] and (change := changed(there, *pair)):
+            found.append(change)
+    return sorted(found, key=badness, reverse=True)
+
+
+def changed(
+    there: ChannelRecord, before: ChannelRecord | None, now: ChannelRecord | None
+) -> Change | None:
+    """The change of a channel; None if it is as it was."""
+    where = (there.case, there.run, there.solver, there.channel)
+    if before is None or now is None or before.outcome != now.outcome:
+        growth = 1.0
+        if now and now.outcome not in GOOD:
+            growth = math.inf
+        elif before and before.outcome not in GOOD:
+            growth = 0.0
+        was, is_now = (each.outcome if each else "" for each in (before, now))
+        return Change(*where, was, is_now, growth)
+    first, second = before.share_of_range, now.share_of_range
+    if first is None or second is None or max(first, second) <= ROUNDING:
+        return None
+    growth = second / first if first else math.inf
+    if 1 / FACTOR <= growth <= FACTOR:
+        return None
+    return Change(*where, error_of(first), error_of(second), growth)
+
+
+def error_of(share: float) -> str:
+    """An error in words."""
+    return f"error {number(share)} of the range"
+
+
+def badness(change: Change) -> tuple[bool, bool, float]:
+    """What changes are sorted by: failures and cases that are gone, then by how much is worse."""
+    gone = not change.run and not change.now
+    return change.now in FAILING, gone, change.growth
+
+
+def since(last: Record, found: Sequence[Change]) -> str:
+    """The line on what changed, what is worse in a run together, and what is not."""
+    start = f"since the last report ({last.made.day}): "
+    if not found:
+        return start + "nothing changed"
+    groups: dict[tuple[str, str, str, bool], list[Change]] = {}
+    for change in found:
+        alike = (change.case, change.run, change.solver, change.growth > 1)
+        groups.setdefault(alike, []).append(change)
+    words = [together(group) for group in groups.values()]
+    more = f"; and {len(words) - SAID} more" if len(words) > SAID else ""
+    count = f"{len(found)} change{'s' * (len(found) > 1)}"
+    return f"{start}{count}: {'; '.join(words[:SAID])}{more}"
+
+
+def together(group: Sequence[Change]) -> str:
+    """Changes of a run's channels by the worst of them."""
+    others = len(group) - 1
+    more = f" (and {others} more channel{'s' * (others > 1)})" if others else ""
+    return f"{group[0].sentence}{more}"
+
+
+def of_case(found: Iterable[Change], case: str) -> list[Change]:
+    """The changes of a case."""
+    return [change for change in found if change.case == case]

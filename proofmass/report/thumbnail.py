@@ -1,0 +1,127 @@
+"""The small drawing of a mechanism on the index, and the poses that its script moves it through."""
+
+from base64 import b64encode
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from markupsafe import Markup
+
+from proofmass.analytic.numerics import Array
+from proofmass.report.mechanism import clearest
+from proofmass.sim.picture import Mark, Picture
+
+POSES = 30
+WIDE, HIGH, MARGIN = 248, 168, 16
+"""Of the drawing in whole steps, which a byte can count; on the page it is a third as wide."""
+MANY = 14  # joints, beyond which their signs would hide the links
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A mechanism at some poses, in whole steps of the drawing.
+
+    Attributes
+    ----------
+    sizes : list of int
+        How many points each outline has; one of more than two is closed.
+    points : ndarray of bytes (poses, points, 2)
+        Those of the outlines, then the joints.
+    joints : list of tuple of str and bool
+        Kind of each joint, whether it is driven, and whether it stands on the ground.
+    still : list of ndarray (k, 2)
+        Outlines of the ground.
+    guides : list of ndarray (2, 2)
+        Of slides on the ground.
+    shown : int
+        The pose that is drawn while nothing moves.
+    """
+
+    sizes: list[int]
+    points: Array
+    joints: list[tuple[str, bool, bool]]
+    still: list[Array]
+    guides: list[Array]
+    shown: int
+
+    @property
+    def data(self) -> dict[str, object]:
+        """What the script moves the drawing by; the points are bytes in base64, pose by pose."""
+        return {
+            "sizes": self.sizes,
+            "joints": len(self.joints),
+            "poses": len(self.points),
+            "shown": self.shown,
+            "points": b64encode(self.points.astype(np.uint8).tobytes()).decode(),
+        }
+
+    def svg(self, name: str) -> Markup:
+        """The drawing at the pose that is shown."""
+        words = [f'<path class="ground area" d="{line(o, True)}"/>' for o in self.still]
+        words += [f'<path class="ground" d="{line(g, False)}"/>' for g in self.guides]
+        here, first = self.points[self.shown], 0
+        for size in self.sizes:
+            kind = "link area" if size > 2 else "link"
+            path = line(here[first : first + size], size > 2)
+            words.append(f'<path class="{kind}" d="{path}"/>')
+            first += size
+        for (kind, driven, grounded), (x, y) in zip(self.joints, here[first:], strict=True):
+            foot = '<path class="ground" d="M0 0l-9 15h18z"/>' if grounded else ""
+            sign = (
+                '<rect x="-6" y="-6" width="12" height="12"/>'
+                if kind == "slide"
+                else '<circle r="5.5"/>'
+            )
+            state = "joint driven" if driven else "joint"
+            words.append(f'<g class="{state}" transform="translate({x} {y})">{foot}{sign}</g>')
+        return Markup(
+            f'<svg class="thumbnail" viewBox="0 0 {WIDE} {HIGH}" data-name="{escape(name)}" '
+            f'aria-hidden="true">{"".join(words)}</svg>'
+        )
+
+
+def line(points: Array, closed: bool) -> str:
+    """An outline as an SVG path.
+
+    >>> line(np.array([[1, 2], [3, 4], [5, 6]]), True)
+    'M1 2 3 4 5 6Z'
+    """
+    return "M" + " ".join(str(int(v)) for v in points.ravel()) + "Z" * closed
+
+
+def reduced(whole: Picture) -> Thumbnail:
+    """A picture with `POSES` of its poses, evenly over the run, in whole steps."""
+    chosen = np.unique(np.linspace(0, len(whole.x) - 1, POSES).round().astype(int))
+    few = whole.at(chosen.tolist())
+    outlines = [o for link in few.links for o in link.outlines]
+    marks = [m for m in few.marks if m.kind != "clamp"]
+    guides = [m.guide for m in few.marks if m.guide is not None and m.ground]
+    everything = [*outlines, *(m.at[:, None] for m in marks), *guides]
+    cloud = np.concatenate([points.reshape(-1, 2) for points in everything])
+    low, high = np.nanmin(cloud, axis=0), np.nanmax(cloud, axis=0)
+    span = np.maximum(high - low, 1e-3 * ((high - low).max() or 1.0))
+    room = np.array([WIDE, HIGH])
+    scale = float(((room - 2 * MARGIN) / span).min())
+    middle = 0.5 * (low + high)
+
+    def steps(points: Array) -> Array:
+        """Places in the drawing, whose y points down."""
+        flipped = (points - middle) * scale * np.array([1.0, -1.0])
+        found: Array = np.clip(np.nan_to_num((flipped + room / 2).round()), 0, 255).astype(np.uint8)
+        return found
+
+    shown = marks if len(marks) <= MANY else []
+    moving = [*outlines, *(m.at[:, None] for m in shown)]
+    return Thumbnail(
+        sizes=[o.shape[1] for o in outlines],
+        points=steps(np.concatenate(moving, axis=1)),
+        joints=[(m.kind, m.driven, standing(m)) for m in shown],
+        still=[steps(o[0]) for o in few.ground.outlines],
+        guides=[steps(guide[0]) for guide in guides],
+        shown=clearest(few),
+    )
+
+
+def standing(mark: Mark) -> bool:
+    """Whether a joint has a foot on the ground; a slide has its guide instead."""
+    return mark.ground and mark.kind != "slide"

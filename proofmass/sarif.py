@@ -1,0 +1,204 @@
+"""What is wrong in a check as SARIF 2.1.0, which code hosts show beside the lines of the files."""
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.compare import UNCHECKED, Comparison
+from proofmass.errors import InputError
+from proofmass.files import read_text
+from proofmass.junit import failure
+from proofmass.outcome import GOOD, Outcome
+
+SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+BAD_INPUT = "bad-input"
+NOTHING_CHECKED = "nothing-checked"
+FAILING = [outcome for outcome in Outcome if outcome not in GOOD]
+HEAD = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+KEY = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)\s*=")
+
+
+def as_sarif(result: Result) -> str:
+    """The SARIF file of a result: its failures, inputs at fault, and cases without a check."""
+    cases = {case.name: case for case in result.cases}
+    lines = Lines()
+    found = [
+        of_channel(c, cases.get(c.case), lines) for c in result.comparisons if c.outcome not in GOOD
+    ]
+    found += [of_case(case, lines) for case in result.unchecked]
+    found += [of_error(error, lines) for error in result.errors]
+    rules = rules_of({each["ruleId"] for each in found})
+    order = {rule["id"]: k for k, rule in enumerate(rules)}
+    for each in found:
+        each["ruleIndex"] = order[each["ruleId"]]
+    return json.dumps(
+        {
+            "$schema": SCHEMA,
+            "version": "2.1.0",
+            "runs": [
+                {
+                    "tool": {
+                        "driver": {"name": "proofmass", "version": own_version(), "rules": rules}
+                    },
+                    "invocations": [
+                        {
+                            "executionSuccessful": not result.errors,
+                            "exitCode": result.exit_code,
+                        }
+                    ],
+                    "columnKind": "unicodeCodePoints",
+                    "results": found,
+                }
+            ],
+        },
+        indent=1,
+        ensure_ascii=False,
+    )
+
+
+def own_version() -> str:
+    """The version of this distribution."""
+    try:
+        return version("proofmass")
+    except PackageNotFoundError:  # a source tree on the path, not installed
+        return "0+unknown"
+
+
+def rule_id(outcome: str) -> str:
+    """The rule of an outcome.
+
+    >>> rule_id("timed out")
+    'timed-out'
+    """
+    return outcome.replace(" ", "-")
+
+
+def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
+    """The rules that results name."""
+    words = {rule_id(outcome): outcome.sentence for outcome in FAILING}
+    words[BAD_INPUT] = "a file is not usable: its key, line or whole is at fault"
+    words[NOTHING_CHECKED] = "a case has no curve that a tolerance covers"
+    return [
+        {"id": name, "shortDescription": {"text": text}}
+        for name, text in words.items()
+        if name in set(used)
+    ]
+
+
+def of_channel(c: Comparison, case: Case | None, lines: "Lines") -> dict[str, Any]:
+    """A channel that differs or was lost, at its line in the sidecar, or in the model."""
+    places = []
+    if case is not None:
+        file, line = case.file, lines.of_key(case.file, ["channels", c.channel], exactly=True)
+        if line is None and (sensor := lines.of_name(case.model_path, c.channel)):
+            file, line = case.model_path, sensor
+        places = [location(file, line)]
+    where = " ".join([c.case, c.run, c.solver, c.channel]).strip()
+    return entry(rule_id(c.outcome), f"{where} {failure(c)}", places, where)
+
+
+def of_case(case: Case, lines: "Lines") -> dict[str, Any]:
+    """A case of which nothing was checked."""
+    return entry(NOTHING_CHECKED, f"{case.name}: {UNCHECKED}", [location(case.file)], case.name)
+
+
+def of_error(error: InputError, lines: "Lines") -> dict[str, Any]:
+    """An input at fault, at the line of its key."""
+    sidecar = error.file.suffix == ".toml"
+    line = lines.of_key(error.file, key_parts(error.key)) if sidecar else None
+    if line is None and (said := re.search(r"\bline (\d+)", f"{error.key} {error.wrong}")):
+        line = int(said[1])
+    words = f"{error.key}: {error.wrong}" if error.key else error.wrong
+    return entry(BAD_INPUT, words, [location(error.file, line)], f"{error.file.name} {error.key}")
+
+
+def entry(rule: str, text: str, places: list[dict[str, Any]], name: str) -> dict[str, Any]:
+    """A result; `name` is what it keeps from one check to the next."""
+    return {
+        "ruleId": rule,
+        "level": "error",
+        "message": {"text": text},
+        "locations": places,
+        "partialFingerprints": {"proofmass/v1": f"{rule} {name}".strip()},
+    }
+
+
+def location(file: Path, line: int | None = None) -> dict[str, Any]:
+    """A place in a file; a file below the current folder by its relative path."""
+    whole = Path(file).absolute()
+    try:
+        relative = whole.relative_to(Path.cwd())
+        artifact = {"uri": quoted(relative), "uriBaseId": "%SRCROOT%"}
+    except ValueError:
+        artifact = {"uri": whole.as_uri()}
+    region = {} if line is None else {"region": {"startLine": line}}
+    return {"physicalLocation": {"artifactLocation": artifact, **region}}
+
+
+def quoted(relative: Path) -> str:
+    """A relative path as a URI has it.
+
+    >>> quoted(Path("a b/ü.toml"))
+    'a%20b/%C3%BC.toml'
+    """
+    root = Path.cwd().anchor
+    return (Path(root) / relative).as_uri().removeprefix(Path(root).as_uri())
+
+
+class Lines:
+    """Where keys and names stand in files; each file is read once."""
+
+    def __init__(self) -> None:
+        self.texts: dict[Path, list[str]] = {}
+
+    def text(self, file: Path) -> list[str]:
+        """The lines of a file; none of one that cannot be read."""
+        if file not in self.texts:
+            try:
+                self.texts[file] = read_text(file).splitlines()
+            except InputError:
+                self.texts[file] = []
+        return self.texts[file]
+
+    def of_key(self, file: Path, wanted: list[str], exactly: bool = False) -> int | None:
+        """The line of a sidecar in which a key is given, or that of the nearest table around it."""
+        best, deepest = None, 0
+        table, counts = list[str](), Counter[str]()
+        for number, line in enumerate(self.text(file), 1):
+            if head := HEAD.match(line):
+                here = table = key_parts(head[2])
+                if head[1] == "[[":  # a list of tables, whose numbers are parts of the key
+                    here = table = [*table, str(counts[head[2]])]
+                    counts[head[2]] += 1
+            elif given := KEY.match(line):
+                here = [*table, *key_parts(given[1])]
+            else:
+                continue
+            if here == wanted[: len(here)] and len(here) > deepest:
+                best, deepest = number, len(here)
+        return best if deepest == len(wanted) or not exactly else None
+
+    def of_name(self, file: Path, channel: str) -> int | None:
+        """The line of a model that names a sensor, whose name is a channel's up to its axis."""
+        names = (channel, channel.rpartition(".")[0])
+        for name in filter(None, names):
+            said = re.compile(rf"\bname\s*=\s*([\"']){re.escape(name)}\1")
+            for number, line in enumerate(self.text(file), 1):
+                if said.search(line):
+                    return number
+        return None
+
+
+def key_parts(key: str) -> list[str]:
+    """The parts of a dotted key; what is quoted is one.
+
+    >>> key_parts('settings."mujoco:fine".timestep'), key_parts("tolerance.0.why")
+    (['settings', 'mujoco:fine', 'timestep'], ['tolerance', '0', 'why'])
+    """
+    return [quoted or bare for quoted, bare in re.findall(r'"([^"]*)"|([\w:-]+)', key)]

@@ -1,0 +1,140 @@
+"""A result with everything that an index can show, without a run."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.compare import Comparison
+from proofmass.errors import InputError
+from proofmass.outcome import Outcome
+from proofmass.report.index_page import STATIC, render_index
+from proofmass.report.page import environment, write_static
+from proofmass.report.record import History, Last, Record, continued, record_of, started
+from proofmass.report.style import looks
+from proofmass.report.thumbnail import Thumbnail
+from proofmass.sidecar import load_case
+from tests.shipped import MODELS, shipped
+
+NAMES = ("pendulum", "fourbar", "slider_crank", "rod_cantilever", "hacksaw_recorded")
+MADE = started(["proofmass", "report", "models"])
+
+
+def of(
+    case: str,
+    run: str,
+    solver: str,
+    channel: str,
+    share: float,
+    allowed: float | None = 1e-6,
+    outcome: str = Outcome.AGREES,
+    unit: str = "m",
+    message: str = "",
+) -> Comparison:
+    """A comparison whose error and allowance are these shares of a range of 2."""
+    return Comparison(
+        case,
+        solver,
+        run,
+        channel,
+        unit,
+        error_max=2 * share,
+        error_rms=2.0,
+        nrmse=1.0,
+        allowed=float("nan") if allowed is None else 2 * allowed,
+        outcome=outcome,
+        message=message,
+        seconds=0.5,
+    )
+
+
+def lost(case: str, run: str, solver: str, channel: str, outcome: str) -> Comparison:
+    return Comparison(case, solver, run, channel, "m", outcome=outcome, message="why not")
+
+
+ROWS = [
+    of("pendulum", "dynamics", "mujoco", "angle", 9e-7, unit="rad"),
+    of("pendulum", "dynamics", "mujoco", "rate", 1e-8, unit="rad/s"),
+    of("pendulum", "dynamics", "mujoco:default", "angle", 1e-3, None, Outcome.UNCHECKED),
+    of("pendulum", "dynamics", "mujoco:default", "rate", 1e-2, None, Outcome.UNCHECKED, "rad/s"),
+    of("pendulum", "dynamics", "adams", "angle", 1e-9, unit="rad"),
+    lost("pendulum", "dynamics", "adams", "rate", Outcome.UNSUPPORTED),
+    of("fourbar", "sweep", "mujoco", "pin.x", 1e-14),
+    of("fourbar", "sweep", "mujoco", "pin.y", 3e-2, 1e-3, Outcome.DIFFERS, message="30 x"),
+    of("fourbar", "sweep", "mujoco", "rocker", 9e-1, 1e0, unit="rad"),
+    of("fourbar", "dynamics", "pymunk", "pin.x", 1e-8),
+    of("slider_crank", "sweep", "mujoco", "slider", 1e-7),
+    lost("slider_crank", "dynamics", "pymunk", "slider", Outcome.DIVERGED),
+    of("rod_cantilever", "equilibrium", "mujoco", "x", 5e-7),
+    of("rod_cantilever", "refine", "mujoco", "x", 1.0, 1e-1, Outcome.AGREES),
+    of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-12),
+    Comparison("loose", "mujoco", "dynamics", "", "", message="no sidecar; it loads and steps"),
+]
+
+
+@cache
+def loaded() -> list[Case]:
+    """The cases; they are not changed."""
+    return [load_case(shipped(f"{name}.toml")) for name in NAMES]
+
+
+def whole_result() -> Result:
+    """Five cases, a model without a sidecar, and an input at fault."""
+    return Result(
+        cases=loaded(),
+        comparisons=list(ROWS),
+        errors=[InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>")],
+        paths=(MODELS,),
+    )
+
+
+def last_record(result: Result) -> Record:
+    """The record of a report before: an error was smaller, one larger, and a case was there."""
+    rows = [
+        of("pendulum", "dynamics", "mujoco", "angle", 1e-9, unit="rad")
+        if (c.case, c.solver, c.channel) == ("pendulum", "mujoco", "angle")
+        else of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-9)
+        if c.case == "hacksaw_recorded"
+        else c
+        for c in result.comparisons
+    ]
+    rows.append(of("gone_by_now", "sweep", "mujoco", "x", 1e-9))
+    return record_of(Result(result.cases, rows, paths=result.paths), MADE)
+
+
+def small() -> Thumbnail:
+    """A bar that turns, from a pivot on the ground, with a driven slide at its end."""
+    angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    end = np.stack([124 + 60 * np.cos(angles), 84 - 60 * np.sin(angles)], axis=1).round()
+    pivot = np.broadcast_to([124.0, 84.0], end.shape)
+    points = np.stack([pivot, end, pivot, end], axis=1).astype(np.uint8)
+    return Thumbnail([2], points, [("hinge", False, True), ("slide", True, False)], [], [], 3)
+
+
+def index_text(
+    result: Result, before: Record | None = None, history: History | None = None, **more
+) -> str:
+    """The index of a result."""
+    now = record_of(result, MADE)
+    return render_index(
+        environment(),
+        result,
+        looks(c.solver for c in result.comparisons),
+        {case.name: small() for case in result.cases},
+        now,
+        Last(before),
+        continued(history or History(), now),
+        **more,
+    )
+
+
+def write_index(folder: Path, result: Result, before: Record | None = None) -> Path:
+    """The index with its styles and script, and pages that its links lead to."""
+    write_static(folder, STATIC)
+    for case in result.cases:
+        (folder / f"{case.name}.html").write_text(f"<!doctype html><title>{case.name}</title>")
+    index = folder / "index.html"
+    index.write_text(index_text(result, before), encoding="utf-8")
+    return index

@@ -1,0 +1,227 @@
+"""The index in a browser: it filters, sorts and moves, fetches nothing, and is readable by all."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.report.index_rows import last_record, whole_result, write_index
+
+playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs a Chromium of the system")
+ORDER = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
+
+
+@pytest.fixture(scope="module")
+def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    result = whole_result()
+    return write_index(tmp_path_factory.mktemp("index"), result, last_record(result))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[object]:
+    with playwright.sync_playwright() as play:
+        chromium = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def opened(browser, index: Path) -> Iterator[object]:
+    """``opened(hash, **how)``: a page; at its end it has said and fetched nothing."""
+    contexts, said = [], []
+
+    def open_page(address: str = "", **how: object):
+        context = browser.new_context(**{"viewport": {"width": 1440, "height": 900}, **how})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(5000)
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on(
+            "request",
+            lambda request: (
+                said.append(request.url) if not request.url.startswith(("file:", "data:")) else None
+            ),
+        )
+        page.goto(index.as_uri() + address)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert said == []
+
+
+def names(page) -> list[str]:
+    """The rows that are seen, from above."""
+    return page.eval_on_selector_all(
+        "tbody tr[data-name]", "rows => rows.filter(r => !r.hidden).map(r => r.dataset.name)"
+    )
+
+
+def test_a_search_filters_and_stays_in_the_address(opened):
+    page = opened()
+    assert names(page) == ORDER
+    page.keyboard.press("/")
+    assert page.evaluate("document.activeElement.id") == "search"
+    page.keyboard.type("crank slider")  # words in any order
+    assert names(page) == ["slider_crank"]
+    assert page.inner_text("#count") == "1 of 5 cases"
+    assert page.url.endswith("#q=crank+slider")
+    page.keyboard.press("Escape")
+    assert names(page) == ORDER
+    assert "#" not in page.url
+    page.fill("#search", "nothing of that name")
+    assert names(page) == []
+    page.click("#clear")
+    assert names(page) == ORDER
+
+
+def test_the_numbers_filter(opened):
+    page = opened()
+    for outcome, left in (
+        ("agree", ORDER[2:]),
+        ("differ", ORDER[:2]),
+        ("gaps", ["slider_crank", "pendulum"]),
+        ("changed", ["pendulum", "hacksaw_recorded"]),
+    ):
+        page.click(f"[data-outcome={outcome}]")
+        assert names(page) == left
+        assert page.get_attribute(f"[data-outcome={outcome}]", "aria-pressed") == "true"
+        shown = page.inner_text(f"[data-outcome={outcome}] b").split()[0]
+        if outcome in ("agree", "differ"):
+            assert int(shown) == len(left)
+    page.click("[data-outcome=changed]")  # again: all of them
+    assert names(page) == ORDER
+
+
+def test_an_engine_and_a_family_filter(opened):
+    page = opened()
+    page.click("[data-engine=pymunk]")
+    assert names(page) == ["slider_crank", "fourbar"]
+    heads = page.eval_on_selector_all(
+        "th[data-of]", "heads => heads.filter(h => !h.hidden).map(h => h.innerText.trim())"
+    )
+    assert heads == ["Dynamics · pymunk"]
+    page.click("[data-outcome=differ]")  # fourbar fails in the other engine
+    assert names(page) == ["slider_crank"]
+    page.click("[data-outcome=differ]")
+    page.click("[data-engine='']")
+    page.select_option("#family", "linkages/")
+    assert names(page) == [name for name in ORDER if name != "rod_cantilever"]
+    page.select_option("#family", "linkages/pendulum")
+    assert names(page) == ["pendulum"]
+    assert page.inner_text("#about-family").startswith("Simple pendulum")
+
+
+def test_columns_sort_up_and_down_and_back(opened):
+    page = opened()
+    button = "th button[data-sort='quasi-static/mujoco']"
+    page.click(button)
+    assert names(page)[:2] == ["fourbar", "rod_cantilever"]  # the largest error first
+    assert page.get_attribute("th[aria-sort]", "aria-sort") == "descending"
+    page.click(button)
+    assert names(page)[-2:] == ["rod_cantilever", "fourbar"]
+    assert page.get_attribute("th[aria-sort]", "aria-sort") == "ascending"
+    assert "down=1" in page.url
+    page.click(button)
+    assert names(page) == ORDER
+    assert page.locator("th[aria-sort]").count() == 0
+    page.click("th button[data-sort=name]")
+    assert names(page) == sorted(ORDER)
+    assert page.get_attribute("th[aria-sort]", "aria-sort") == "ascending"
+
+
+def test_an_address_is_a_state(opened):
+    page = opened("#outcome=agree&sort=name&q=p&family=linkages%2F&engine=mujoco")
+    assert names(page) == ["hacksaw_recorded", "pendulum"]
+    assert page.input_value("#search") == "p"
+    page.evaluate("location.hash = '#q=fourbar'")
+    page.wait_for_function("document.querySelector('#search').value === 'fourbar'")
+    assert names(page) == ["fourbar"]
+    assert names(opened("#outcome=x&family=y&engine=z")) == ORDER
+
+
+def test_a_drawing_moves_under_the_pointer_and_with_the_focus(opened):
+    page = opened()
+    path = "tr[data-name=pendulum] .thumbnail .link"
+    moved = f"start => document.querySelector('{path}').getAttribute('d') !== start"
+    for touch in (
+        lambda: page.hover("tr[data-name=pendulum] .case p"),
+        lambda: page.focus("tr[data-name=pendulum] .case a"),
+    ):
+        start = page.get_attribute(path, "d")
+        touch()
+        page.wait_for_function(moved, arg=start)
+        page.hover("h1")
+        page.wait_for_function(f"start => !({moved})(start)", arg=start)
+
+
+def test_a_drawing_stays_still_where_motion_is_not_wanted(opened):
+    page = opened(reduced_motion="reduce")
+    path = "tr[data-name=pendulum] .thumbnail .link"
+    start = page.get_attribute(path, "d")
+    page.hover("tr[data-name=pendulum] .case p")
+    page.wait_for_timeout(200)
+    assert page.get_attribute(path, "d") == start
+
+
+@pytest.mark.parametrize("width", [390, 760, 1024, 1440])
+def test_nothing_is_wider_than_the_screen(opened, width):
+    page = opened(viewport={"width": width, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    small = page.evaluate(
+        "[...document.querySelectorAll('body *')].filter(e => e.childNodes.length && "
+        "[...e.childNodes].some(n => n.nodeType === 3 && n.data.trim()) && "
+        "e.checkVisibility() && !e.closest('.hidden, script') && "
+        "parseFloat(getComputedStyle(e).fontSize) < 12).map(e => e.outerHTML)"
+    )
+    assert small == []
+
+
+def test_a_phone_shows_a_case_as_lines(opened):
+    page = opened(viewport={"width": 390, "height": 844})
+    left = page.eval_on_selector_all(
+        "tr[data-name=pendulum] td.cell:not(.none)",
+        "cells => cells.map(c => c.getBoundingClientRect().left)",
+    )
+    assert len(left) == 2
+    assert len(set(left)) == 1
+
+
+def test_without_a_script_the_rows_are_there(opened):
+    page = opened(java_script_enabled=False)
+    assert page.locator("tbody tr[data-name]").count() == 5
+    assert page.is_visible("tr[data-name=pendulum] .strip")
+    assert not page.is_visible(".bar")
+
+
+def test_print_has_all_rows_and_no_controls(opened):
+    across = 703  # A4 less the margins, at 96 dots an inch
+    page = opened(color_scheme="dark", viewport={"width": across, "height": 1000})
+    page.emulate_media(media="print")
+    assert page.evaluate("document.documentElement.scrollWidth") <= across
+    right = "document.querySelector('#cases').getBoundingClientRect().right"
+    assert page.evaluate(right) <= across
+    assert not page.is_visible(".bar")
+    assert page.is_visible("tr[data-name=pendulum]")
+    ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert ground == "rgb(255, 255, 255)"
+    ink = page.evaluate("getComputedStyle(document.body).color")
+    assert ink == "rgb(21, 24, 28)"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1440])
+def test_rules_of_accessibility_are_kept(opened, scheme, width):
+    axe = pytest.importorskip("axe_core_python.sync_playwright", reason="needs axe-core-python")
+    page = opened(color_scheme=scheme, viewport={"width": width, "height": 900})
+    page.click("[data-outcome=agree]")
+    page.click("[data-outcome=agree]")
+    found = axe.Axe().run(page)
+    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found["violations"]] == []
+    assert len(found["passes"]) > 15  # it did look

@@ -1,0 +1,308 @@
+"""The index as it is written: its rows, their order, and what stands in a cell."""
+
+import json
+import math
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from markupsafe import Markup
+
+from proofmass.check import Result
+from proofmass.outcome import Outcome
+from proofmass.report import curves_files, index_page
+from proofmass.report.curves_files import files_of, note_on, table_of, write_curves
+from proofmass.report.data import Shown
+from proofmass.report.drawing import moving as moved
+from proofmass.report.index_page import cell_of, columns_of, place, row_of
+from proofmass.report.record import History, continued
+from proofmass.report.study import ShownStudy
+from proofmass.report.thumbnail import HIGH, POSES, WIDE, reduced
+from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Curves
+from tests.report.index_rows import (
+    MADE,
+    NAMES,
+    index_text,
+    last_record,
+    of,
+    record_of,
+    small,
+    whole_result,
+)
+from tests.shipped import shipped
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    result = whole_result()
+    return index_text(result, last_record(result))
+
+
+def rows_of(page: str) -> dict[str, str]:
+    """The rows of the table by the names of their cases."""
+    found = re.findall(r'(?s)<tr data-name="([^"]+)".*?</tr>', page)
+    parts = re.split(r'<tr (?=data-name=")', page)[1:]
+    return dict(zip(found, parts, strict=True))
+
+
+def attribute(row: str, name: str) -> str:
+    return unescape(re.search(rf'data-{name}="([^"]*)"', row)[1])
+
+
+def test_failures_come_first_then_what_is_worse_then_the_smallest_margin(page):
+    # slider_crank is lost, fourbar 30 times too far, pendulum worse than before, and the margins
+    # of the others are 0.5 and 1e-6
+    order = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
+    assert list(rows_of(page)) == order
+    states = [attribute(row, "state") for row in rows_of(page).values()]
+    assert states == ["bad", "bad", "good", "good", "good"]
+
+
+def test_the_numbers_above_are_those_of_the_rows(page):
+    numbers = dict(
+        re.findall(r'data-outcome="(\w+)" disabled>(.*?)</button>', page.replace("\n", " "))
+    )
+    words = {key: re.sub(r"<[^>]*>|\s+", " ", text).split() for key, text in numbers.items()}
+    assert words["agree"][:3] == ["3", "of", "5"]
+    assert words["differ"][0] == "2"
+    # not checked: the rate of adams, and the run that is lost; default settings are only shown
+    assert words["gaps"][:3] == ["2", "of", "12"]
+    # pendulum is worse, hacksaw_recorded better, and a case is gone
+    assert words["changed"][0] == "3"
+    assert "Not in this one: gone_by_now." in page
+
+
+def test_without_a_last_report_there_are_no_changes():
+    page = index_text(whole_result())
+    assert "no last report to compare with" in page
+    assert 'data-sort="change"' not in page
+
+
+def test_a_cell_has_the_worst_error_its_allowance_and_other_settings_hollow():
+    result = whole_result()
+    cell = cell_of([c for c in result.comparisons if c.case == "pendulum" and "muj" in c.solver])
+    assert (cell.error, cell.kind, cell.bad, cell.sort) == ("9e-7", "position", False, 9e-7)
+    first, other = cell.lanes
+    assert (first.solver, first.hollow, first.over) == ("mujoco", False, False)
+    assert (first.at, first.allowed) == (place(9e-7), place(1e-6))
+    assert (other.solver, other.hollow, other.allowed) == ("mujoco:default", True, None)
+    assert other.at == place(1e-2)
+    assert cell.words == (
+        "MuJoCo: angle 9e-7 of the range, 1e-6 allowed; "
+        "MuJoCo default: rate 0.01 of the range, no tolerance"
+    )
+
+
+def test_a_failure_speaks_for_a_cell_though_another_error_is_larger():
+    cell = cell_of(
+        [c for c in whole_result().comparisons if (c.case, c.run) == ("fourbar", "sweep")]
+    )
+    assert (cell.error, cell.bad) == ("0.03", True)
+    assert cell.lanes[0].words.startswith("MuJoCo: pin.y 0.03 of the range, 1e-3 allowed")
+    assert cell.lanes[0].over
+
+
+def test_a_lost_run_has_a_word_and_no_dot(page):
+    cell = cell_of([c for c in whole_result().comparisons if c.outcome == Outcome.DIVERGED])
+    assert (cell.error, cell.bad, cell.sort) == ("diverged", True, math.inf)
+    assert (cell.lanes[0].at, cell.lanes[0].words) == (None, "pymunk: diverged")
+    row = rows_of(page)["slider_crank"]
+    assert "pymunk, dynamics: diverged: why not." in row
+    assert '<b class="bad">diverged</b>' in row
+    assert '<span class="hidden">diverged</span>' in row
+
+
+def test_the_axis_is_the_same_for_all_cells():
+    assert place(1.0) - place(1e-3) == pytest.approx(place(1e-12) - place(1e-15), abs=0.02)
+    assert [place(v) for v in (0.0, 1e-99, 1e99)] == [0.0, 0.0, 100.0]
+
+
+def test_an_engine_that_is_not_known_in_advance_has_its_column(page):
+    columns = columns_of(whole_result())
+    assert [(c.run, c.engine) for c in columns] == [
+        ("quasi-static", "mujoco"),
+        ("dynamics", "mujoco"),
+        ("dynamics", "adams"),
+        ("dynamics", "pymunk"),
+    ]
+    assert "Dynamics · adams" in page
+    assert 'data-engine="adams"' in page
+    shapes = re.findall(r'<svg class="dot" viewBox[^>]*><path d="([^"]+)"', page)
+    assert len(set(shapes)) == 3  # told apart without colour as well
+
+
+def test_a_curve_counts_as_checked_only_if_there_is_one(page):
+    checked = {name: attribute(row, "gaps") for name, row in rows_of(page).items()}
+    assert checked["pendulum"] == "1"
+    assert checked["slider_crank"] == "1"
+    assert checked["rod_cantilever"] == "0"  # a refinement is no curve
+    assert "3 of 4" in rows_of(page)["pendulum"]
+
+
+def test_settings_that_a_tolerance_judges_count():
+    result = whole_result()
+    case = next(c for c in result.cases if c.name == "pendulum")
+    rows = [
+        of("pendulum", "dynamics", "mujoco:fine", "angle", 1e-9),
+        of("pendulum", "dynamics", "mujoco:fine", "rate", 1e-9, None, Outcome.UNCHECKED),
+    ]
+    whole = Result([case], rows, paths=result.paths)
+    row = row_of(case, whole, columns_of(whole), [], None, History(), {})
+    assert (row.checked, row.channels) == (1, 2)
+
+
+def test_a_row_names_family_reference_and_what_changed(page):
+    rows = rows_of(page)
+    assert attribute(rows["pendulum"], "family") == "linkages/pendulum"
+    assert attribute(rows["hacksaw_recorded"], "family") == "linkages/recorded curves"
+    assert "1 worse" in rows["pendulum"]
+    assert "1 better" in rows["hacksaw_recorded"]
+    assert "angle: error 1e-9 of the range before, error 9e-7 of the range now" in rows["pendulum"]
+
+
+def test_families_with_their_lines_are_a_filter(page):
+    (what,) = re.findall(r'value="linkages/pendulum" title="([^"]+)">pendulum \(1\)<', page)
+    assert what.startswith("Simple pendulum")
+    assert f"<dd>{what}</dd>" in page
+    assert '<option value="linkages/">All linkages (4)</option>' in page
+
+
+def test_errors_loose_models_and_studies_have_their_sections(page):
+    assert "bad.toml: drive.joint: no joint &lt;q&gt;" in page
+    assert "/home/me" not in page
+    assert "1 input at fault" in page
+    assert "no sidecar; it loads and steps" in page
+    study = ShownStudy("Cost", "what accuracy costs", "trade/index.html", {})
+    other = index_text(whole_result(), studies=[study])
+    assert '<a href="trade/index.html">Cost</a>: what accuracy costs. 0 parts.' in other
+    assert "<h2>Studies</h2>" not in page
+
+
+def test_an_empty_report_says_so():
+    page = index_text(Result())
+    assert "No case was found." in page
+    assert "<table" not in page
+
+
+def test_a_bad_row_says_no_more_than_it_has_room_for():
+    assert index_page.shortened("abc") == list("abc")
+    assert index_page.shortened("abcd") == [*"ab", "And 2 more runs."]
+
+
+def test_a_bad_row_says_what_differs(page):
+    row = rows_of(page)["fourbar"]
+    assert "MuJoCo, sweep: 1 of 3 differ, pin.y by 30 x." in row
+    assert "remark" not in rows_of(page)["pendulum"]
+
+
+def test_a_trend_is_drawn_of_errors_that_change():
+    result = whole_result()
+    history = History()
+    for share in (1e-9, 1e-8):
+        rows = [of("pendulum", "dynamics", "mujoco", "angle", share, unit="rad")]
+        history = continued(history, record_of(Result(comparisons=rows), MADE))
+    before = last_record(result)
+    rows = rows_of(index_text(result, before, history))
+    (points,) = re.findall(r'<polyline points="([^"]+)"', rows["pendulum"])
+    heights = [float(point.split(",")[1]) for point in points.split()]
+    assert len(heights) == 3
+    assert heights == sorted(heights, reverse=True)  # errors grow upwards
+    assert "polyline" not in rows["hacksaw_recorded"]  # of one report
+    assert "polyline" not in rows_of(index_text(result, before))["pendulum"]
+
+
+def test_the_drawing_moves_within_its_frame():
+    motions, _ = moved(load_case(shipped("fourbar.toml")), [])
+    moving = reduced(motions["sweep"].picture)
+    assert moving.points.shape == (POSES, sum(moving.sizes) + len(moving.joints), 2)
+    assert moving.points[..., 0].max() <= WIDE
+    assert moving.points[..., 1].max() <= HIGH
+    kinds = [(kind, driven, grounded) for kind, driven, grounded in moving.joints]
+    assert kinds.count(("hinge", True, True)) == 1  # the crank
+    # links stay as long as they are, to a step at each end in both directions
+    first = moving.points[:, : moving.sizes[0]].astype(float)
+    length = np.linalg.norm(first[:, 0] - first[:, 1], axis=1)
+    assert np.ptp(length) <= 2 * np.sqrt(2)
+    assert np.ptp(first, axis=0).max() > 10  # and it does move
+
+
+def test_the_data_of_a_drawing_are_its_bytes(page):
+    found = json.loads(re.search(r'(?s)id="poses">(.*?)</script>', page)[1])
+    assert set(found) == set(NAMES)
+    shape = small()
+    assert found["pendulum"] == shape.data
+    raw = np.frombuffer(__import__("base64").b64decode(shape.data["points"]), np.uint8)
+    assert np.array_equal(raw.reshape(shape.points.shape), shape.points)
+    svg = shape.svg('a"b')
+    assert isinstance(svg, Markup)
+    assert 'data-name="a&#34;b"' in svg or 'data-name="a&quot;b"' in svg
+    assert svg.count('class="link"') == 1
+    assert svg.count('class="joint') == 2
+
+
+def shown_curves(case_name: str = "fourbar") -> Shown:
+    """Two solvers of a run, the second of which stopped early and has a reference of its own."""
+    case = load_case(shipped(f"{case_name}.toml"))
+    view = Shown(case, "dynamics", [])
+    x = view.grid
+    drive = (np.atleast_2d(x), np.ones((1, x.size)), np.zeros((1, x.size)))
+    short = 5
+    cut = tuple(part[:, :short] for part in drive)
+    view.curves["mujoco"] = Curves(x, {"pin.x": np.sin(x) / 3, "rocker": x}, drive=drive)
+    view.curves["pymunk"] = Curves(x[:short], {"pin.x": x[:short]}, drive=cut)
+    view.truth["mujoco"] = Curves(x, {"pin.x": np.sin(x), "rocker": x})
+    view.truth["pymunk"] = Curves(x[:short], {"pin.x": x[:short] + 1e-16})
+    return view
+
+
+def test_curves_are_written_in_si_units_with_all_their_digits(tmp_path: Path):
+    view = shown_curves()
+    write_curves(tmp_path, view.case, [view])
+    head, *lines = (tmp_path / "data" / "fourbar-dynamics.csv").read_text().splitlines()
+    columns = head.split(",")
+    assert columns[0] == "time t [s]"
+    assert "pin.x mujoco [m]" in columns
+    assert "pin.x reference pymunk [m]" in columns
+    assert "rocker reference [rad]" in columns  # the same for all that have it
+    assert "crank drive rate mujoco [rad/s]" in columns
+    assert len(lines) == view.grid.size
+    row = lines[7].split(",")
+    assert float(row[columns.index("pin.x mujoco [m]")]) == np.sin(view.grid[7]) / 3
+    assert row[columns.index("pin.x pymunk [m]")] == ""  # it had stopped
+    assert "pin.x pymunk [m]" in table_of(view)
+
+
+def test_links_lead_to_the_files_that_are_there(tmp_path: Path):
+    view = shown_curves()
+    assert files_of(tmp_path, view.case) == []
+    write_curves(tmp_path, view.case, [view])
+    found = files_of(tmp_path, view.case)
+    assert found[0] == ("dynamics (CSV)", "data/fourbar-dynamics.csv")
+    assert all((tmp_path / path).is_file() for _, path in found)
+    page = index_text(whole_result(), files={"fourbar": found}, note="")
+    assert '<a href="data/fourbar-dynamics.csv">dynamics (CSV)</a>' in rows_of(page)["fourbar"]
+    write_curves(tmp_path, view.case, [])  # a later report without them
+    assert files_of(tmp_path, view.case) == []
+
+
+def test_the_page_says_how_to_get_what_is_not_written(monkeypatch):
+    monkeypatch.setattr(curves_files, "find_spec", lambda name: None)
+    assert "--data" in note_on(data=False)
+    assert "proofmass[parquet]" in note_on(data=True)
+    monkeypatch.setattr(curves_files, "find_spec", lambda name: name)
+    assert note_on(data=True) == ""
+    assert "a note of that kind" in index_text(whole_result(), note="a note of that kind")
+
+
+def test_parquet_has_the_numbers_of_the_csv(tmp_path: Path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs proofmass[parquet]")
+    view = shown_curves()
+    write_curves(tmp_path, view.case, [view])
+    table = parquet.read_table(tmp_path / "data" / "fourbar.parquet")
+    assert set(table["run"].to_pylist()) == {"dynamics"}
+    for name, values in table_of(view).items():
+        assert np.array_equal(table[name].to_numpy(), values, equal_nan=True)
+    assert ("Parquet", "data/fourbar.parquet") in files_of(tmp_path, view.case)

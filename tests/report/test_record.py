@@ -1,0 +1,267 @@
+"""What a report keeps for the next one, and what changed since the last."""
+
+import json
+import subprocess
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass import cli
+from proofmass.check import Result
+from proofmass.compare import Comparison, DetectableChange
+from proofmass.errors import InputError
+from proofmass.outcome import Outcome
+from proofmass.report import record, write_report
+from proofmass.report.record import (
+    KEPT,
+    Change,
+    History,
+    Last,
+    changes,
+    continued,
+    read_last,
+    record_of,
+    since,
+    started,
+    write_record,
+)
+from proofmass.sidecar import load_case
+from proofmass.terminal import KEYS
+from tests.shipped import MODELS, shipped
+
+MADE = started(["proofmass", "report"])
+
+
+def of(channel: str, share: float, case: str = "one", outcome: str = "agrees", **more):
+    """A comparison whose error is that share of a range of 1."""
+    return Comparison(
+        case,
+        "mujoco",
+        "sweep",
+        channel,
+        "m",
+        error_max=share,
+        error_rms=1.0,
+        nrmse=1.0,
+        allowed=1e-3,
+        outcome=outcome,
+        **more,
+    )
+
+
+def recorded(*rows: Comparison, **more):
+    return record_of(Result(comparisons=list(rows), **more), MADE)
+
+
+def test_a_record_holds_every_key_of_the_json_and_the_share_of_the_range():
+    names = set(record.ChannelRecord.model_fields)
+    assert names == {*KEYS, "share_of_range"}
+    found = recorded(of("x", 0.25, detectable={"length": DetectableChange(nan)}, at=inf))
+    (row,) = found.comparisons
+    assert row.share_of_range == 0.25
+    assert (row.at, row.seconds) == (None, None)
+    assert row.detectable == {"length": {"size": None, "relative": True}}
+
+
+def test_a_record_is_the_same_after_it_was_written(tmp_path):
+    case = load_case(shipped("fourbar.toml"))
+    error = InputError(Path("/home/me/bad.toml"), "drive.joint", "in /home/me/bad.toml")
+    first = recorded(of("x", 0.25), cases=[case], errors=[error], paths=(MODELS,))
+    write_record(tmp_path, first, continued(History(), first))
+    again = read_last(tmp_path).record
+    assert again == first.model_copy(update={"history": continued(History(), first)})
+    (kept,) = again.cases
+    assert (kept.name, kept.family, kept.reference) == ("fourbar", "linkages", "fourbar")
+    text = (tmp_path / "results.json").read_text()
+    assert "/home/me" not in text
+    assert again.errors[0].model_dump() == {
+        "file": "bad.toml",
+        "key": "drive.joint",
+        "wrong": "in bad.toml",
+    }
+    assert len([line for line in text.splitlines() if '"channel":' in line]) == 1
+
+
+def test_a_command_keeps_no_folder_and_a_machine_no_name(monkeypatch):
+    made = started(["proofmass", "report", "/home/me/models", "-o", "pages"])
+    assert made.command == "proofmass report models -o pages"
+    assert made.versions["proofmass"]
+    assert made.versions["mujoco"]
+    assert made.processors >= 1
+    assert made.load_start is None or made.load_start >= 0
+
+
+def test_the_commit_is_that_of_the_tree_of_the_inputs(tmp_path):
+    assert record.commit_of(tmp_path) == ("", False)
+    tree = tmp_path / "tree"
+    tree.mkdir()
+
+    def git(*words: str) -> str:
+        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        command = ["git", "-C", str(tree), *who, *words]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    git("init", "-q")
+    (tree / "a.toml").write_text("")
+    git("add", "a.toml")
+    git("commit", "-q", "-m", "one")
+    assert record.commit_of(tree / "a.toml") == (git("rev-parse", "HEAD"), False)
+    (tree / "b.toml").write_text("")  # not of the tree
+    assert record.commit_of(tree) == (git("rev-parse", "HEAD"), False)
+    (tree / "a.toml").write_text("x = 1")
+    assert record.commit_of(tree) == (git("rev-parse", "HEAD"), True)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "is damaged: "),
+        ("[]", "is damaged: it has no format version"),
+        ('{"format": 2}', "is damaged: its format version is 2, and 1 is read here"),
+        ('{"format": 1}', "is damaged: made: Field required"),
+        (b"\xb0", "cannot be read: the byte 0xb0 is not UTF-8"),
+    ],
+)
+def test_a_damaged_record_is_one_line_and_the_rest_is_drawn(tmp_path, text, words):
+    file = tmp_path / "results.json"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    wrong = read_last(tmp_path).wrong
+    assert wrong.startswith(f"the record {file} {words}")
+    assert wrong.endswith("; changes since the last report are not shown")
+    assert "\n" not in wrong
+    page = write_report(Result(comparisons=[of("x", 1.0)]), tmp_path).read_text(encoding="utf-8")
+    assert "changes since the last report are not shown" in page
+    assert str(tmp_path) not in page
+    assert read_last(tmp_path).record is not None  # the next report has one to compare with
+
+
+def test_no_record_is_no_fault(tmp_path):
+    assert read_last(tmp_path) == Last()
+
+
+BEFORE = [of("x", 1e-6), of("y", 1e-6), of("z", 1e-14), of("w", 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("now", "growth"),
+    [
+        (of("x", 1.99e-6), None),
+        (of("x", 2.01e-6), 2.01),
+        (of("x", 0.51e-6), None),
+        (of("x", 0.49e-6), 0.49),
+        (of("z", 0.99e-12), None),  # both are rounding
+        (of("z", 1.01e-12), 101.0),
+        (of("w", 1.01e-12), inf),
+        (of("x", 0.0), 0.0),
+    ],
+)
+def test_an_error_changes_by_more_than_a_factor_of_two_above_rounding(now, growth):
+    rows = [now if c.channel == now.channel else c for c in BEFORE]
+    found = changes(recorded(*BEFORE), recorded(*rows))
+    assert [c.growth for c in found] == ([] if growth is None else [pytest.approx(growth)])
+    if growth is not None:
+        assert found[0].channel == now.channel
+        assert "of the range before, error" in found[0].sentence
+
+
+def test_outcomes_and_cases_change_as_well():
+    before = recorded(of("x", 1e-6), of("y", 1.0, outcome=Outcome.DIFFERS), of("x", 1e-6, "old"))
+    now = recorded(of("x", nan, outcome=Outcome.CRASHED), of("y", 1e-6), of("x", 1e-6, "new"))
+    assert [c.sentence for c in changes(before, now)] == [
+        "one sweep mujoco x: agrees before, crashed now",
+        "old is gone",
+        "new is new",
+        "one sweep mujoco y: differs before, agrees now",
+    ]
+    assert [c.growth for c in changes(before, now)] == [inf, 1.0, 1.0, 0.0]
+    assert changes(now, now) == []
+
+
+def test_a_channel_that_is_new_or_gone_in_a_case_that_stays_is_a_change():
+    found = changes(recorded(of("x", 0.1), of("y", 0.1)), recorded(of("x", 0.1), of("z", 0.1)))
+    assert sorted(c.sentence for c in found) == [
+        "one sweep mujoco y: is gone, agrees",
+        "one sweep mujoco z: is new, agrees",
+    ]
+
+
+def test_the_line_names_the_worst_five():
+    last = recorded(*(of("x", 1e-6, f"c{k}") for k in range(8)))
+    assert since(last, []) == f"since the last report ({MADE.day}): nothing changed"
+    grown = recorded(*(of("x", 1e-6 * (k + 1), f"c{k}") for k in range(8)))
+    line = since(last, changes(last, grown))
+    # c1 is twice as large, which is not more than a factor of two
+    assert line.startswith(f"since the last report ({MADE.day}): 6 changes: c7 sweep mujoco x: ")
+    assert line.endswith("; and 1 more")
+    assert line.count(" before, ") == 5
+    assert "c2" not in line
+    one = since(last, [Change("a", "", "", "", "", "there")])
+    assert one.endswith("1 change: a is new")
+
+
+def test_the_line_names_the_channels_of_a_run_together():
+    last = recorded(*(of(name, 1e-6) for name in "abcde"))
+    wrong = [of(name, 1.0, outcome=Outcome.DIFFERS) for name in "abc"]
+    now = recorded(*wrong, of("d", 1e-5), of("e", 1e-9))
+    line = since(last, changes(last, now))
+    assert line.partition("): ")[2] == (
+        "5 changes: one sweep mujoco a: agrees before, differs now (and 3 more channels); "
+        "one sweep mujoco e: error 1e-6 of the range before, error 1e-9 of the range now"
+    )
+
+
+def test_a_history_keeps_three_digits_of_the_last_reports():
+    history = History()
+    for k in range(KEPT + 2):
+        rows = [of("x", 1.23456 * (k + 1)), *([of("y", 1.0)] if k == 1 else [])]
+        history = continued(history, recorded(*rows))
+    assert len(history.reports) == KEPT
+    assert history.trend("one", "sweep", "mujoco", "x")[0] == 3.7
+    assert len(history.trend("one", "sweep", "mujoco", "x")) == KEPT
+    assert history.trend("one", "sweep", "mujoco", "y") == [None] * KEPT  # too long ago
+    assert set(history.errors) == {"one/sweep/mujoco/x"}
+    again = continued(history, recorded(of("y", 0.5)))
+    assert again.trend("one", "sweep", "mujoco", "y") == [None] * (KEPT - 1) + [0.5]
+    assert again.trend("one", "sweep", "mujoco", "x")[-1] is None
+
+
+def run(*args: object):
+    return CliRunner().invoke(cli.app, [str(a) for a in args])
+
+
+def test_a_report_is_compared_with_the_one_before_or_with_another(monkeypatch, tmp_path):
+    found = [of("x", 1e-6), of("x", 1e-6, "two")]
+    monkeypatch.setattr(cli, "examine", lambda *_: Result(comparisons=list(found)))
+    first = run("report", "-o", tmp_path / "a")
+    assert first.exit_code == 0, first.output
+    assert "since the last report" not in first.output
+    again = run("report", "-o", tmp_path / "a")
+    assert "): nothing changed" in again.output
+    found[0] = replace(found[0], error_max=1e-3)
+    worse = run("report", "-o", tmp_path / "a")
+    assert "1 change: one sweep mujoco x: error 1e-6 of the range before" in worse.output
+    other = run("report", "-o", tmp_path / "b", "--baseline", tmp_path / "a")
+    assert "): nothing changed" in other.output
+    assert len(read_last(tmp_path / "a").record.history.reports) == 3
+    assert len(read_last(tmp_path / "b").record.history.reports) == 4
+
+
+def test_a_baseline_that_is_not_there_is_said_before_anything_runs(monkeypatch, tmp_path):
+    monkeypatch.setattr(cli, "examine", lambda *_: pytest.fail("it ran"))
+    answer = run("report", "-o", tmp_path / "a", "--baseline", tmp_path / "b")
+    assert answer.exit_code == 2
+    assert "results.json: no such file; proofmass report writes it" in answer.output.replace(
+        "\n", ""
+    )
+
+
+def test_a_damaged_baseline_costs_the_changes_only(monkeypatch, tmp_path):
+    monkeypatch.setattr(cli, "examine", lambda *_: Result(comparisons=[of("x", 1e-6)]))
+    (tmp_path / "results.json").write_text("{")
+    answer = run("report", "-o", tmp_path)
+    assert answer.exit_code == 0
+    assert answer.output.count("changes since the last report are not shown") == 1
+    assert json.loads((tmp_path / "results.json").read_text())["exit_code"] == 0

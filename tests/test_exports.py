@@ -1,0 +1,252 @@
+"""A check as JUnit XML and as SARIF: what is counted, and where faults are said to stand."""
+
+import json
+from collections import Counter
+from math import nan
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+from urllib.request import url2pathname
+from xml.etree import ElementTree
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass import cli
+from proofmass.check import Result
+from proofmass.cli import app
+from proofmass.compare import Comparison
+from proofmass.errors import InputError
+from proofmass.junit import as_junit
+from proofmass.outcome import Outcome
+from proofmass.sarif import as_sarif
+from proofmass.sidecar import load_case
+from tests.shipped import shipped
+
+
+def of(channel: str, outcome: str = "agrees", **more) -> Comparison:
+    place = {"case": "fourbar", "solver": "mujoco", "run": "sweep", "seconds": 3.0}
+    return Comparison(**{**place, "channel": channel, "unit": "m", "outcome": outcome, **more})
+
+
+DIFFERS = of(
+    "pin.x",
+    Outcome.DIFFERS,
+    error_max=3e-2,
+    allowed=1e-2,
+    error_rms=1e-2,
+    nrmse=2e-2,
+    at=0.5,
+    message="3 x the allowed error",
+)
+ROWS = [
+    of("pin.y"),
+    DIFFERS,
+    of("rocker", Outcome.UNSUPPORTED, message="no such sensor"),
+    of("crank", Outcome.UNCHECKED, solver="pymunk", message="no tolerance"),
+    of(
+        "pin.y", Outcome.TIMED_OUT, solver="pymunk", run="dynamics", message="60 s\x00", seconds=nan
+    ),
+    of("", Outcome.UNCHECKED, case="loose", message="no sidecar; it loads and steps"),
+]
+BAD = InputError(Path("models/a b.toml"), "drive.joint", "no joint <q>")
+
+
+@pytest.fixture
+def result(models: Path) -> Result:
+    """Every kind of outcome, of a case in the folder `models`."""
+    case = load_case(models / "fourbar.toml")
+    still = load_case(models / "pendulum.toml")
+    rows = [*ROWS, of("angle", Outcome.UNCHECKED, case="pendulum", seconds=nan)]
+    return Result(cases=[case, still], comparisons=rows, errors=[BAD])
+
+
+def test_junit_has_a_suite_a_case_and_a_test_a_channel(result):
+    root = ElementTree.fromstring(as_junit(result))
+    assert root.tag == "testsuites"
+    suites = {suite.get("name"): suite for suite in root}
+    assert list(suites) == ["fourbar", "loose", "pendulum", str(BAD.file)]
+    found = {
+        name: tuple(int(suite.get(key)) for key in ("tests", "failures", "errors", "skipped"))
+        for name, suite in suites.items()
+    }
+    assert found == {
+        "fourbar": (5, 2, 0, 2),
+        "loose": (1, 0, 0, 1),
+        "pendulum": (2, 1, 0, 1),
+        str(BAD.file): (1, 0, 1, 0),
+    }
+    assert [root.get(key) for key in ("tests", "failures", "errors", "skipped")] == list("9314")
+    tests = [(t.get("classname"), t.get("name")) for t in suites["fourbar"]]
+    assert tests[:2] == [("fourbar.sweep.mujoco", "pin.y"), ("fourbar.sweep.mujoco", "pin.x")]
+    assert len(set(tests)) == 5
+
+
+def test_junit_counts_what_it_holds(result):
+    root = ElementTree.fromstring(as_junit(result))
+    for suite in root:
+        assert int(suite.get("tests")) == len(suite.findall("testcase"))
+        for key, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+            assert int(suite.get(key)) == len(suite.findall(f"testcase/{tag}"))
+
+
+def test_junit_says_the_numbers_of_a_failure(result):
+    root = ElementTree.fromstring(as_junit(result))
+    first, second, third = root.iter("failure")
+    assert first.get("message") == (
+        "differs: 3 x the allowed error: error 0.03 m at 0.5, 0.01 allowed, 0.06 of the range"
+    )
+    assert (first.get("type"), first.text) == ("differs", first.get("message"))
+    assert second.get("message") == "timed out: 60 s?"  # XML has no zero byte
+    assert third.get("type") == "unchecked"
+    assert next(root.iter("skipped")).get("message") == "unsupported: no such sensor"
+    (error,) = root.iter("error")
+    assert error.get("message") == f"{BAD.file}: drive.joint: no joint <q>"
+
+
+def test_junit_shares_the_time_of_a_run_among_its_channels(result):
+    root = ElementTree.fromstring(as_junit(result))
+    times = [float(test.get("time")) for test in root.find("testsuite")]
+    assert times == [1.0, 1.0, 1.0, 3.0, 0.0]
+    assert float(root.find("testsuite").get("time")) == 6.0
+
+
+REQUIRED = {  # of SARIF 2.1.0, sections 3.13 to 3.28
+    "log": {"version", "runs"},
+    "run": {"tool", "results"},
+    "driver": {"name"},
+    "rule": {"id"},
+    "result": {"message"},
+    "invocation": {"executionSuccessful"},
+}
+LEVELS = {"none", "note", "warning", "error"}
+
+
+def require_sarif(log: dict) -> dict:
+    """The one run of a SARIF log that keeps the rules of the format."""
+    assert log.keys() >= REQUIRED["log"]
+    assert log["version"] == "2.1.0"
+    (run,) = log["runs"]
+    assert run.keys() >= REQUIRED["run"]
+    driver = run["tool"]["driver"]
+    assert driver.keys() >= REQUIRED["driver"]
+    ids = [rule["id"] for rule in driver["rules"]]
+    assert len(set(ids)) == len(ids)
+    assert all(rule["shortDescription"]["text"] for rule in driver["rules"])
+    for invocation in run["invocations"]:
+        assert invocation.keys() >= REQUIRED["invocation"]
+        assert isinstance(invocation["executionSuccessful"], bool)
+    for found in run["results"]:
+        assert found.keys() >= REQUIRED["result"]
+        assert found["message"]["text"]
+        assert found["level"] in LEVELS
+        assert ids[found["ruleIndex"]] == found["ruleId"]
+        for place in found["locations"]:
+            physical = place["physicalLocation"]
+            uri = urlparse(physical["artifactLocation"]["uri"])
+            assert " " not in uri.geturl()
+            assert (uri.scheme == "file") != ("uriBaseId" in physical["artifactLocation"])
+            assert physical.get("region", {"startLine": 1})["startLine"] >= 1
+        assert all(isinstance(v, str) for v in found["partialFingerprints"].values())
+    return run
+
+
+def test_sarif_keeps_the_rules_of_its_format(result):
+    run = require_sarif(json.loads(as_sarif(result)))
+    assert Counter(found["ruleId"] for found in run["results"]) == {
+        "differs": 1,
+        "timed-out": 1,
+        "nothing-checked": 1,
+        "bad-input": 1,
+    }
+    assert run["invocations"] == [{"executionSuccessful": False, "exitCode": 2}]
+    marks = [json.dumps(found["partialFingerprints"]) for found in run["results"]]
+    assert len(set(marks)) == len(marks)
+    assert require_sarif(json.loads(as_sarif(Result())))["results"] == []
+
+
+def test_sarif_names_the_line_of_a_channel(result, models):
+    lines = (models / "fourbar.toml").read_text().splitlines()
+    first = json.loads(as_sarif(result))["runs"][0]["results"][0]
+    place = first["locations"][0]["physicalLocation"]
+    uri = urlparse(place["artifactLocation"]["uri"])
+    assert Path(url2pathname(unquote(uri.path))) == models / "fourbar.toml"
+    line = lines[place["region"]["startLine"] - 1]
+    assert line.split("=")[0].strip().strip('"') == "pin.x"
+    assert "3 x the allowed error" in first["message"]["text"]
+
+
+def test_sarif_names_the_line_of_a_sensor_where_the_sidecar_leaves_it_out(monkeypatch):
+    file = shipped("fourbar.toml")
+    monkeypatch.chdir(file.parent)
+    found = json.loads(as_sarif(Result(cases=[load_case(file)], comparisons=[DIFFERS])))
+    place = found["runs"][0]["results"][0]["locations"][0]["physicalLocation"]
+    assert place["artifactLocation"] == {"uri": "fourbar.xml", "uriBaseId": "%SRCROOT%"}
+    line = (file.parent / "fourbar.xml").read_text().splitlines()[place["region"]["startLine"] - 1]
+    assert 'name="pin"' in line
+
+
+SIDECAR = """title = "a"
+
+[parameters]
+crank = 1.0
+lenght = 2.0
+
+[settings."mujoco:fine"]
+timestep = 1e-3
+
+[[tolerance]]
+abs = 1e-3
+
+[[tolerance]]
+abs = -1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong", "line"),
+    [
+        ("parameters.lenght", "unknown", 5),
+        ("parameters.width", "missing", 3),
+        ('settings."mujoco:fine".timestep', "too large", 8),
+        ("tolerance.1.abs", "negative", 14),
+        ("tolerance.0.why", "missing", 10),
+        ("", "", None),
+        ("run", "not there", None),
+        ("line 4", "the byte 0xb0 is not UTF-8", 4),
+    ],
+)
+def test_sarif_names_the_line_of_a_key(tmp_path, key, wrong, line):
+    file = tmp_path / "a.toml"
+    file.write_text(SIDECAR)
+    found = json.loads(as_sarif(Result(errors=[InputError(file, key, wrong)])))
+    place = found["runs"][0]["results"][0]["locations"][0]["physicalLocation"]
+    assert place.get("region", {}).get("startLine") == line
+
+
+def run(*args: object):
+    return CliRunner().invoke(app, [str(a) for a in args])
+
+
+def test_check_writes_both_after_the_verdict(models, edit, tmp_path):
+    edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
+    junit, sarif = tmp_path / "junit.xml", tmp_path / "check.sarif"
+    answer = run("check", models / "pendulum.toml", "--junit", junit, "--sarif", sarif)
+    assert answer.exit_code == 1
+    root = ElementTree.fromstring(junit.read_bytes())
+    # five channels of four solvers, of which those with default settings are not checked
+    assert (root.get("tests"), root.get("failures"), root.get("skipped")) == ("20", "10", "10")
+    found = require_sarif(json.loads(sarif.read_text()))["results"]
+    assert {each["ruleId"] for each in found} == {"differs"}
+    assert len(found) == 10
+
+
+@pytest.mark.parametrize("option", ["--junit", "--sarif"])
+def test_a_file_that_cannot_be_written_costs_no_verdict(monkeypatch, tmp_path, option):
+    monkeypatch.setattr(cli, "examine", lambda *_: Result(comparisons=[ROWS[0]]))
+    answer = run("check", "models", option, tmp_path / "none" / "file")
+    assert answer.exit_code == 2
+    assert "1 agrees" in answer.output
+    flat = answer.output.replace("\n", "")
+    assert flat.count("error: ") == 1
+    assert "file: No such file or directory" in flat
+    assert not list(tmp_path.iterdir())
