@@ -95,6 +95,17 @@ def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
     assert pages == {"index.html", "pendulum.html"}
 
 
+@pytest.mark.parametrize(("options", "there"), [((), False), (("--figures",), True)])
+def test_report_writes_figures_for_papers_on_demand(models, tmp_path, options, there):
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path, *options)
+    assert answer.exit_code == 0
+    assert (tmp_path / "figures" / "pendulum-mechanism.svg").is_file()
+    assert (tmp_path / "figures" / "pendulum-dynamics-overlay.svg").is_file() == there
+    assert (tmp_path / "figures" / "pendulum-dynamics-difference.png").is_file() == there
+    page = (tmp_path / "pendulum.html").read_text()
+    assert ("figures/pendulum-dynamics-overlay.svg" in page) == there
+
+
 def test_sidecars_are_pytest_items(models, pytester):
     result = pytester.runpytest_subprocess(
         models / "pendulum.toml",

@@ -244,6 +244,23 @@ def test_an_address_opens_its_channel(folder: Path, browser: Any) -> None:
         assert visit.address.startswith("#sweep/mujoco/")
 
 
+def test_keys_choose_channel_run_and_sample(folder: Path, browser: Any) -> None:
+    with Visit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@1.5707963") as visit:
+        assert visit.page.inner_text("#reference-value").endswith("m at 90°")
+        visit.page.focus("#list")
+        names = visit.run("ordered(current()).map((one) => one.name)")
+        place = names.index("pin.x")
+        visit.page.keyboard.press("ArrowUp" if place else "ArrowDown")
+        assert visit.run("state.channel") == names[place - 1 if place else 1]
+        visit.page.focus("#tab-sweep")
+        visit.page.keyboard.press("ArrowRight")
+        assert visit.run("[state.run, document.activeElement.id]") == ["dynamics", "tab-dynamics"]
+        visit.page.keyboard.press("r")
+        assert visit.run("state.run") == "sweep"
+        visit.page.keyboard.press("2")
+        assert ";on=mujoco" in visit.address
+
+
 def test_differences_are_magnified(folder: Path, browser: Any) -> None:
     with Visit(browser, folder / "slider_crank.html", "#sweep/mujoco/slider.x@1") as visit:
         slide = "findAll('.m-drawn > g')[2].getAttribute('transform')"

@@ -410,7 +410,8 @@ function readOut(sample) {
     find("output", chip).textContent = `${value > 0 ? "+" : ""}${worded(value)}`;
   }
   const value = channel.curve[sample] * channel.read_factor;
-  find("#reference-value").textContent = `${worded(value, 5)} ${channel.read}`;
+  find("#reference-value").textContent =
+    `${worded(value, 5)} ${channel.read} at ${atSample(sample)}`;
 }
 
 // ---- the lists
@@ -779,17 +780,22 @@ function pressed(event) {
   };
   const next = (by) => chooseChannel(names[Math.min(Math.max(place + by, 0), names.length - 1)]);
   const all = runs().map((run) => run.kind);
+  const tab = target.matches("[role=tab]");
+  const turn = (by) => {
+    choose(all[(all.indexOf(state.run) + by + all.length) % all.length]);
+    drawAll();
+    if (tab) {
+      find(`#tab-${state.run}`).focus();
+    }
+  };
   const actions = {
     ArrowDown: listed && (() => next(1)),
     ArrowUp: listed && (() => next(-1)),
-    ArrowRight: () => step(1),
-    ArrowLeft: () => step(-1),
+    ArrowRight: () => (tab ? turn(1) : step(1)),
+    ArrowLeft: () => (tab ? turn(-1) : step(-1)),
     " ": () => play(!playing),
     l: () => chooseMode(MODES[(MODES.indexOf(state.mode) + 1) % MODES.length]),
-    r: () => {
-      choose(all[(all.indexOf(state.run) + 1) % all.length]);
-      drawAll();
-    },
+    r: () => turn(1),
     0: wholeRun,
   };
   const number = Number(key);
