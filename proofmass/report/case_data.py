@@ -82,8 +82,17 @@ def recorded_data(case: Case, runs: Iterable[Shown]) -> dict[str, Any]:
 
 def embedded(data: Mapping[str, Any]) -> Markup:
     """The dict as text that can stand in an element ``script``."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=str)
+    text = json.dumps(numbered(data), separators=(",", ":"), allow_nan=False, default=str)
     return Markup(text.replace("<", "\\u003c"))
+
+
+def numbered(value: Any) -> Any:
+    """The same with None for all that is not a number, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: numbered(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [numbered(part) for part in value]
+    return finite(value) if isinstance(value, float) else value
 
 
 def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
@@ -170,7 +179,7 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
             wanted = truth.channels[name]
             one["differences"][name] = packed((curves.channels[name] - wanted)[drawn], "<f4")
             shift = wanted - run.longest.channels[name][: len(wanted)]
-            if np.abs(shift).max() > SEEN * (np.ptp(wanted) or np.inf):
+            if np.nan_to_num(np.abs(shift)).max() > SEEN * (np.ptp(wanted) or np.inf):
                 one["shifts"][name] = packed(shift[drawn], "<f4")
     for name, (law, moved, unit) in inputs(run).items():
         read, factor = readable(unit)
@@ -196,7 +205,8 @@ def kept(run: Shown, every: int) -> Array:
     x = run.longest.x
     chosen = {*range(0, len(x), every), len(x) - 1}
     for curve in run.longest.channels.values() if every > 1 else ():
-        chosen |= {int(np.nanargmin(curve)), int(np.nanargmax(curve))}
+        if np.isfinite(curve).any():
+            chosen |= {int(np.nanargmin(curve)), int(np.nanargmax(curve))}
     for c in run.rows if every > 1 else ():
         if np.isfinite(c.at):
             chosen.add(int(np.abs(x - c.at).argmin()))
@@ -333,7 +343,7 @@ def packed(values: Array, kind: str) -> str:
 def whole(rows: Array) -> dict[str, Any]:
     """An array whose last axis has a scale each, as whole numbers; the least is not a number."""
     flat = rows.reshape(-1, rows.shape[-1])
-    largest = np.nanmax(np.abs(flat), axis=0, initial=0.0)
+    largest = np.nan_to_num(np.abs(flat), posinf=0.0).max(axis=0, initial=0.0)
     scale = np.where(largest > 0, largest, 1.0) / WHOLE
     numbers = np.where(np.isfinite(flat), np.round(np.nan_to_num(flat) / scale), -WHOLE - 1)
     return {"shape": list(rows.shape), "scale": scale.tolist(), "numbers": packed(numbers, "<i2")}

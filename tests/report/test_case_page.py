@@ -13,6 +13,7 @@ import pytest
 
 from proofmass.case import Case
 from proofmass.check import Result
+from proofmass.compare import compare
 from proofmass.reference import evaluate
 from proofmass.report import case_data, write_report
 from proofmass.report.case_data import kept, motion_data, recorded_data, thinning
@@ -141,6 +142,30 @@ def test_curves_of_a_solver_that_stopped_early_end_there(fourbar: Case, result: 
     there = np.isfinite(moved.away["pymunk"]).all(axis=(1, 2))
     assert there.tolist() == (moved.index < 100).tolist()
     assert np.isnan(scaled(motion_data(moved)["away"]["pymunk"])[~there]).all()
+
+
+def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
+    fourbar: Case, result: Result, tmp_path: Path
+) -> None:
+    whole = result.curves[fourbar.name, "sweep", "mujoco"]
+    broken = whole.channels["pin.x"].copy()
+    broken[200:] = np.nan
+    curves = replace(whole, channels={**whole.channels, "pin.x": broken}, violation=float("nan"))
+    rows = [c for c in result.comparisons if (c.run, c.solver) != ("sweep", "mujoco")]
+    found = replace(
+        result,
+        comparisons=[*compare(fourbar, "sweep", "mujoco", curves, detectable=False), *rows],
+        curves={**result.curves, (fourbar.name, "sweep", "mujoco"): curves},
+    )
+    page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+    own = json.loads(DATA.search(page)[1])["runs"]["sweep"]["solvers"]["mujoco"]  # type: ignore[index]
+    off = unpacked(own["differences"]["pin.x"], "<f4")
+    assert np.isfinite(off).tolist() == [k < 200 for k in range(361)]
+    assert own["violation"] is None
+    assert own["comparisons"]["pin.x"]["outcome"] == "differs"
+    away = scaled(json.loads(DATA.search(page)[1])["motions"]["sweep"]["away"]["mujoco"])  # type: ignore[index]
+    assert np.isnan(away[-1]).all()
+    assert np.isfinite(away[0]).all()
 
 
 def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) -> Motion:

@@ -81,7 +81,8 @@ class CurvePair {
       points: { show: false },
     }));
     const reference = { stroke: variable("--pale"), width: 6, points: { show: false } };
-    const curves = [run.xs, channel.curve.map((value) => value * channel.read_factor)];
+    const known = (value) => (Number.isFinite(value) ? value * channel.read_factor : null);
+    const curves = [run.xs, channel.curve.map(known)];
     for (const solver of solvers) {
       curves.push(this.found(solver, channel));
     }
@@ -223,6 +224,11 @@ class CurvePair {
     plot.over.addEventListener("mouseleave", () => {
       this.pointing = false;
       this.seen.left();
+    });
+    plot.over.addEventListener("pointerdown", (event) => {
+      if (event.pointerType !== "mouse") {
+        this.seen.point(plot.posToIdx(event.offsetX)); // a finger has no place while it is up
+      }
     });
   }
 
