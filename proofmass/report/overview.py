@@ -125,14 +125,12 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
     known = {name: c for name, c in there.items() if c["share"] is not None}
     if solver in run["lost"]:
         return Cell(solver, "", run["lost"][solver]["outcome"], bad=True)
+    broken = [n for n, c in there.items() if c["share"] is None and c["outcome"] == "differs"]
+    if broken:
+        link = address(kind, solver, broken[0], there[broken[0]]["at"] or 0.0)
+        return Cell(solver, "no number", f"in {broken[0]}", True, link, f"{broken[0]}: show")
     if not known:
-        differs = any(c["outcome"] == "differs" for c in there.values())
-        return Cell(
-            solver,
-            "not finite" if differs else "",
-            "" if differs else "not available",
-            bad=differs,
-        )
+        return Cell(solver, "", "not available")
     bad = {name: c for name, c in known.items() if c["outcome"] == "differs"}
     judged = {name: c for name, c in known.items() if c["outcome"] in ("agrees", "differs")}
     if bad:
@@ -152,8 +150,17 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
         number(c["share"], 2),
         note,
         name in bad,
-        f"#{kind}/{quote(solver, safe=':')}/{quote(name)}@{c['at']:.6g}",
+        address(kind, solver, name, c["at"]),
         f"{name}: show the curve",
         place(c["share"]),
         place(c["allowed_share"]) if name in judged else None,
     )
+
+
+def address(run: str, solver: str, channel: str, x: float) -> str:
+    """The address of a sample of a curve on the page of its case; x is in SI.
+
+    >>> address("sweep", "mujoco:default", "pin.x", 0.5)
+    '#sweep/mujoco:default/pin.x@0.5'
+    """
+    return f"#{run}/{quote(solver, safe=':')}/{quote(channel)}@{x:.6g}"

@@ -162,6 +162,9 @@ def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
     off = unpacked(own["differences"]["pin.x"], "<f4")
     assert np.isfinite(off).tolist() == [k < 200 for k in range(361)]
     assert own["violation"] is None
+    assert re.search(
+        r'<a href="#sweep/mujoco/pin\.x@[^"]+"[^>]* class="bad"><b>no number ✗</b>', page
+    )
     assert own["comparisons"]["pin.x"]["outcome"] == "differs"
     away = scaled(json.loads(DATA.search(page)[1])["motions"]["sweep"]["away"]["mujoco"])  # type: ignore[index]
     assert np.isnan(away[-1]).all()

@@ -386,7 +386,8 @@ function reasons() {
       return `<p>${head} <span class="soft">not available: ${escaped(c.message)}</span></p>`;
     }
     const at = c.at === null ? "" : ` at ${worded(c.at * run.scale, 4)} ${escaped(run.unit)}`;
-    let text = `largest ${worded(c.error, 3)} ${escaped(channel.unit)}${at}`;
+    let text =
+      c.error === null ? `no number${at}` : `largest ${worded(c.error, 3)} ${escaped(channel.unit)}${at}`;
     if (!judged(c)) {
       return `<p>${head} ${text}, not judged.${stopped}</p>`;
     }
