@@ -28,12 +28,14 @@ When a run differs from its reference, `proofmass check` looks for one change of
 explain it. Of a four-bar whose rocker was made 1 % longer in the model it says:
 
 ```
-  cause: rocker = 2.525 m instead of 2.5 m (+1 %)
-         puts 16 of 17 channels right, 1.1e-13 of the error left; not holding_moment
+  cause: in fourbar.xml: site of rocker_end x = 2.5 m instead of 2.525 m (-0.9901 %)
+         puts all 17 channels right, 1.5e-13 of the error left
+         next best: rocker = 2.525 m instead of 2.5 m (+1 %) (16 of 17 channels right, 1.1e-13 left)
          2.525 stands in fourbar.xml, line 33
 ```
 
-The centre of mass was left in its place, which is why the holding moment does not follow. Each
+The centre of mass was left in its place, so that the holding moment does not follow the parameter
+of the reference, and the number of the model explains more. Each
 parameter of the reference is fitted to the curves of the engine alone, and pairs of parameters if
 no single one explains all. Also tried are the sign, unit, factor and offset of each channel, other
 quantities of the reference, shifts by a sample or any step, other assembly modes, and, in a run in
@@ -46,10 +48,13 @@ in Python in `proofmass.check(...).diagnoses`, and in the message of a failed py
 Of a lost run the terminal says which channel left its tolerance first, how the constraint violation
 grew, and with which shorter step the run comes to its end.
 
+Where no single change of the reference explains all, each number of the model is fitted as well, by
+running the engine again with changed models, if one run is quick: of the four-bar above it names
+the site of the rocker's end, which the moment follows. So a wrong number is found too where the
+reference is a recorded curve, or where it reads the model itself and a channel is held to a number.
+
 A cause is a hypothesis: the change makes the reference agree with the curves. Whether the model or
-the sidecar has the wrong number is for people to decide. Where the reference reads the model's own
-numbers (`reference = "planar"`) or is a recorded curve, there are no parameters to fit, and only
-channels, shifts and steps are tried.
+the sidecar has the wrong number is for people to decide.
 
 ## Planted faults
 

@@ -22,6 +22,8 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
@@ -30,17 +32,26 @@ from scipy.interpolate import CubicSpline
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import Memory, memory_in_use
 from proofmass.case import Case
+from proofmass.changed import mutant, numbers
 from proofmass.compare import allowed_error, changeable
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text
 from proofmass.outcome import FAILURES
 from proofmass.recorded import Recorded
-from proofmass.reference import compiled, evaluate, modes, module_of, quantities, unit_of
+from proofmass.reference import (
+    compiled,
+    evaluate,
+    modes,
+    module_of,
+    quantities,
+    reads_model,
+    unit_of,
+)
 from proofmass.sim.contents import highest_frequency
-from proofmass.sim.protocol import Curves, Knobs
+from proofmass.sim.protocol import BadModel, Curves, Knobs
 from proofmass.sim.stability import limit
-from proofmass.solve import run_here, settings_of
+from proofmass.solve import plan, run_here, settings_of, simulate
 from proofmass.strict import Kind
 from proofmass.wording import listed, number, pretty
 
@@ -62,6 +73,10 @@ PAIRS = 4  # that are fitted: those that leave least by slopes
 KEPT = 5  # causes
 EXACT = 1e-6  # share of the differences that a cause may leave and be called exact
 SECONDS = 2.0  # after which no other fit begins
+MODEL = "number of the model"  # a kind of cause
+SAMPLES = 48  # of a sweep that are enough to fit a number
+MODEL_SECONDS = 8.0  # the same of numbers of the model, with which the engine runs again
+LEFT_OUT = ("inertia", "softness of the loop", "softness of the stop")  # kinds of numbers
 FACTORS = {
     "turned in sign": (-1.0, ""),
     "in degrees, not in radians": (180 / np.pi, "rad"),
@@ -87,7 +102,7 @@ WORSE = 1.1  # times the difference, from which on it is said to be larger
 PLACE = 1e-5  # relative difference of a number in the model, as the fit has it
 FEW = 4  # lines that are named
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
-LOST_RUN: tuple[type[Exception], ...] = (InputError, *FAILURES)
+LOST_RUN: tuple[type[Exception], ...] = (InputError, BadModel, *FAILURES)
 Known = dict[str, Array]
 
 
@@ -178,13 +193,18 @@ class Diagnosis:
     lost: bool = False
 
     @property
+    def found(self) -> bool:
+        """Whether there is a cause that explains something."""
+        return bool(self.causes) and self.causes[0].score > 0
+
+    @property
     def lines(self) -> list[str]:
         """The best cause, what it leaves unexplained, the next best, and remarks; a line each."""
         if self.fault:
             return [f"causes were not sought: {self.fault}"]
         if self.lost:
             return list(self.remarks)
-        if not self.causes or self.causes[0].score <= 0:
+        if not self.found:
             return [f"none of those tried: {', '.join(self.tried)}", *self.remarks]
         best, *others = self.causes
         rest = [name for name in self.differing if name not in best.explains]
@@ -222,7 +242,9 @@ class Residuals:
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         self.case, self.curves, self.parameters = case, curves, changeable(case)
         self.memory: Memory = {}
-        self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
+        self.run, self.solver = run, solver
+        largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
+        self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         begin = time.perf_counter()
         with memory_in_use(self.memory, more=True):
             truth = evaluate(case, curves.x, curves.drive).channels
@@ -258,9 +280,12 @@ class Residuals:
         return differences if np.isfinite(size(differences)) else {}
 
     def value(self, key: str, share: float) -> float:
-        """A parameter after a change; a share of the largest one if it is 0."""
-        value = self.parameters[key]
-        return value + share * (abs(value) or self.largest)
+        """A parameter after a change, which is a share of it, or of the largest if it is 0."""
+        return self.parameters[key] + share * self.sizes[key]
+
+    def unit(self, key: str) -> str:
+        """The unit of a parameter."""
+        return unit_of(self.case, key)
 
     def at_shares(self, shares: Mapping[str, float]) -> Known:
         """The same, by shares of parameters."""
@@ -301,6 +326,57 @@ class Residuals:
             free,
             changes or {},
         )
+
+
+class ModelResiduals(Residuals):
+    """The same at other numbers of the model: the engine runs again with each change.
+
+    Of a sweep some samples are enough, which are run alone.  Where the reference reads the model,
+    channels are left out that are held to it: it has each change as well.
+    """
+
+    def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
+        super().__init__(case, run, solver, curves)
+        if reads_model(case):
+            laws = [n for n, c in case.channels.items() if not isinstance(c.equals, str)]
+            self.allowed = {n: most for n, most in self.allowed.items() if n in laws}
+            self.differing = tuple(n for n in self.differing if n in laws)
+        self.stride = max(curves.x.size // SAMPLES, 1) if run == "sweep" else 1
+        for known in (self.curve, self.reference, self.before):
+            kept = {name: known[name][:: self.stride] for name in self.allowed}
+            known.clear()
+            known.update(kept)
+        self.numbers = {n.name: n for n in numbers(case) if n.kind not in LEFT_OUT}
+        self.parameters = {name: number.value for name, number in self.numbers.items()}
+        self.sizes = {n: abs(one.value) or 10.0 * one.step for n, one in self.numbers.items()}
+        self.seconds += curves.seconds / self.stride
+
+    def at(self, changed: Mapping[str, float]) -> Known:
+        """The differences of the engine's curves with other numbers; nothing if the run is lost."""
+        changes = [(self.numbers[key], v - self.parameters[key]) for key, v in changed.items()]
+        try:
+            with TemporaryDirectory() as folder:
+                other = mutant(self.case, changes, Path(folder))
+                asked = plan(other, self.run, self.solver)
+                asked = replace(asked, x=asked.x[:: self.stride])
+                curves = simulate(self.solver.partition(":")[0], other.model_path, asked)
+        except LOST_RUN:
+            return {}
+        if curves.x.size != asked.x.size or not self.allowed.keys() <= curves.channels.keys():
+            return {}
+        mine = self.scaled(curves.channels)
+        differences = {name: mine[name] - self.reference[name] for name in self.allowed}
+        return differences if np.isfinite(size(differences)) else {}
+
+    def repeats(self) -> bool:
+        """Whether the engine gives the same curves again: else they are of something else."""
+        again = self.at({})
+        apart = {name: y - self.before[name] for name, y in again.items()}
+        return bool(apart) and size(apart) <= NEARLY * size(self.before)
+
+    def unit(self, key: str) -> str:
+        """The unit of a number."""
+        return self.numbers[key].unit
 
 
 def size(differences: Known, names: Sequence[str] | None = None, end: int | None = None) -> float:
@@ -351,6 +427,7 @@ def find_causes(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis
     if there.differing:
         found += [*factors(there), *offsets(there), *other_quantities(there), *shifts(there)]
         found += [*other_modes(there), *parameters(there, begin + SECONDS)]
+        found += numbers_of_model(there, max((c.score for c in found if c.free <= 1), default=0))
         shorter = [*finer(there, run, solver)]
         found += [cause for cause, _ in shorter if cause]
         remarks = [words for _, words in shorter if words]
@@ -377,6 +454,8 @@ def tried(there: Residuals) -> tuple[str, ...]:
         words.append("other assembly modes")
     if there.parameters:
         words.append("each parameter, and pairs of them")
+    if there.curves.seconds <= AGAIN:
+        words.append(f"numbers of the model in {MODEL_SECONDS:g} s")
     return tuple(words)
 
 
@@ -410,23 +489,24 @@ def ranked(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
 def factors(there: Residuals) -> Iterator[Explanation]:
     """Channels that are a multiple of the reference: by the sign, by a unit, or by any factor."""
     units = {name: there.case.channels[name].si_unit for name in there.differing}
+    moving = [name for name in there.differing if np.ptp(there.reference[name]) > 0]
     for words, (factor, of) in FACTORS.items():
         right = {
             name: left
-            for name in there.differing
+            for name in moving
             if (not of or units[name].partition("/")[0].partition(" ")[0] in of.split())
             and there.agrees(name, left := there.curve[name] / factor - there.reference[name])
         }
         if right:
             yield there.judged("factor", f"{listed(right)} {words}", right)
-    for name in there.differing:
+    for name in moving:
         square = float(there.reference[name] @ there.reference[name])
         factor = float(there.curve[name] @ there.reference[name]) / square if square else 0.0
         if not factor or any(abs(factor / known - 1) < 1e-3 for known, _ in FACTORS.values()):
             continue
         right = {
             other: left
-            for other in there.differing
+            for other in moving
             if there.agrees(other, left := there.curve[other] / factor - there.reference[other])
         }
         if next(iter(right), "") == name:  # else it was the factor of a channel before
@@ -463,7 +543,7 @@ def other_quantities(there: Residuals) -> Iterator[Explanation]:
     right, words = Known(), []
     for name in there.differing:
         channel, allowed = case.channels[name], there.allowed[name]
-        for quantity, values in known.items():
+        for quantity, values in known.items() if isinstance(channel.equals, str) else ():
             if quantity == channel.equals or not np.ptp(values) > 0:
                 continue
             expected = channel.scale * np.broadcast_to(values, curves.x.shape)
@@ -574,10 +654,14 @@ def again(
 
 
 def places(case: Case, cause: Explanation) -> list[str]:
-    """Lines of the model that have the value that a parameter is found to have."""
+    """Lines of the model that have the value of a cause.
+
+    A parameter has it as the curves ask for it, a number of the model as it is.
+    """
     found = []
     text = read_text(case.model_path).splitlines()
-    for _, value in cause.changes.values():
+    for before, after in cause.changes.values():
+        value = before if cause.kind == MODEL else after
         lines = [
             k
             for k, line in enumerate(text, 1)
@@ -589,14 +673,19 @@ def places(case: Case, cause: Explanation) -> list[str]:
     return found
 
 
-def parameters(there: Residuals, deadline: float) -> Iterator[Explanation]:
+def parameters(there: Residuals, deadline: float, pairs: bool = True) -> Iterator[Explanation]:
     """Other values of each parameter, and of pairs of them if no single one explains all.
 
     The changes that slopes promise come first; they are fitted, the best first, in the time that
     there is.
     """
-    slopes = {key: slope for key in there.parameters if (slope := slope_of(there, {}, key))}
-    for choices, most in (([(k,) for k in slopes], None), ([*combinations(slopes, 2)], PAIRS)):
+    slopes = {
+        key: slope
+        for key in there.parameters
+        if there.time_for_another(deadline) and (slope := slope_of(there, {}, key))
+    }
+    two = [*combinations(slopes, 2)] if pairs else []
+    for choices, most in (([(k,) for k in slopes], None), (two, PAIRS)):
         first = sorted((straight(there, keys, slopes) for keys in choices), key=lambda c: c.left)
         complete = False
         for cause in first[:most]:
@@ -607,6 +696,22 @@ def parameters(there: Residuals, deadline: float) -> Iterator[Explanation]:
             yield cause
         if complete:
             return
+
+
+def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
+    """Other numbers of the model, where no single change of the reference explains all.
+
+    The engine runs again for each, if it is quick.
+    """
+    if score >= len(there.differing) or there.curves.seconds > AGAIN:
+        return
+    model = ModelResiduals(there.case, there.run, there.solver, there.curves)
+    if not model.differing or not model.repeats():
+        return
+    deadline = time.perf_counter() + MODEL_SECONDS
+    for cause in parameters(model, deadline, pairs=False):
+        words = f"in {there.case.model}: {cause.words}"
+        yield replace(cause, kind=MODEL, words=words)
 
 
 def slope_of(there: Residuals, shares: Mapping[str, float], key: str) -> Known:
@@ -738,7 +843,7 @@ def cause_of(
     changes = {k: (there.parameters[k], there.value(k, s)) for k, s in shares.items()}
     words = []
     for key, (old, new) in changes.items():
-        unit = pretty(unit_of(there.case, key))
+        unit = pretty(there.unit(key))
         share = f" ({100 * (new / old - 1):+.4g} %)" if old else ""
         words.append(f"{key} = {new:.6g} {unit} instead of {old:.6g} {unit}".rstrip() + share)
     kind, free = ("parameter", 1) if len(changes) == 1 else ("pair of parameters", 3)

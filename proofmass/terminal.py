@@ -277,7 +277,8 @@ def failures(result: Result) -> Iterator[Text]:
         )
         yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
         if found := result.diagnoses.get((case, run, solver)):
-            yield from diagnosis(found, said)
+            elsewhere = [d for d in result.diagnoses.values() if d.case == case and d.found]
+            yield from diagnosis(found, said, elsewhere)
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
     for case in result.cases:
@@ -301,9 +302,17 @@ def failures(result: Result) -> Iterator[Text]:
     )
 
 
-def diagnosis(found: Diagnosis, said: set[tuple[str, str]]) -> Iterator[Text]:
-    """The lines of a diagnosis; of a cause that a run of the case had before, what it explains."""
+def diagnosis(
+    found: Diagnosis, said: set[tuple[str, str]], elsewhere: Sequence[Diagnosis] = ()
+) -> Iterator[Text]:
+    """The lines of a diagnosis; of a cause that a run of the case had before, what it explains.
+
+    Where no cause is found, the runs are named in which there is one.
+    """
     first, *more = found.lines
+    if elsewhere and not (found.found or found.lost or found.fault):
+        runs = ", ".join(f"{other.run} {other.solver}" for other in elsewhere)
+        first, more = f"not found in this run; see {runs}", []
     if found.causes and (found.case, first) in said:
         more = more[:1]
     said.add((found.case, first))
