@@ -843,7 +843,7 @@ def cause_of(
     changes = {k: (there.parameters[k], there.value(k, s)) for k, s in shares.items()}
     words = []
     for key, (old, new) in changes.items():
-        unit = pretty(there.unit(key))
+        unit = pretty(there.unit(key).removeprefix("1"))
         share = f" ({100 * (new / old - 1):+.4g} %)" if old else ""
         words.append(f"{key} = {new:.6g} {unit} instead of {old:.6g} {unit}".rstrip() + share)
     kind, free = ("parameter", 1) if len(changes) == 1 else ("pair of parameters", 3)
