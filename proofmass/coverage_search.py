@@ -12,8 +12,8 @@ change that is noticed.  This is repeated with twice the change that was told, u
 The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
 which what is noticed is noticed by the whole run as well.  At the end the whole sweeps are asked
-once more for all numbers that nothing noticed, and the runs of another kind for half of the changes
-that were told.
+once more for all numbers that nothing noticed, and the other runs for half of the changes that were
+told.
 """
 
 import math
@@ -357,23 +357,37 @@ class Search:
         for run in (one for one in self.runs() if self.strides[one.kind] > 1):
             found = self.asked(run, found, whole=True)
         for run in self.runs():
-            others = [
-                number
-                for number, one in found.items()
-                if one.noticed and not one.refused and one.run != run.kind
-            ]
-            for number in self.sooner(run, others, found):
-                one = found[number]
-                found[number] = self.smallest(run, number, one.change, None, whole=True) or one
+            for alike in (True, False):
+                others = [
+                    number
+                    for number, one in found.items()
+                    if one.noticed
+                    and not one.refused
+                    and (one.run, one.solver) != run.name
+                    and (one.run == run.kind) == alike
+                ]
+                for number in self.sooner(run, others, found, alike):
+                    one = found[number]
+                    found[number] = self.smallest(run, number, one.change, None, whole=True) or one
         return found
 
     def sooner(
-        self, run: Baseline, group: Sequence[Number], found: Mapping[Number, Finding]
+        self,
+        run: Baseline,
+        group: Sequence[Number],
+        found: Mapping[Number, Finding],
+        alike: bool,
     ) -> list[Number]:
-        """Those that a run notices at half of the change that is told so far."""
+        """Those that a run notices at half of the change that is told so far.
+
+        Of a run that is `alike`, of the same kind, rates have told what it notices; it may still
+        refuse a change of any size, so that in a group all of them are as small as to add up to
+        less than is noticed.
+        """
 
         def asks(some: Sequence[Number]) -> bool:
-            changes = [(number, 0.5 * found[number].change) for number in some]
+            share = 0.5 / len(some) if alike else 0.5
+            changes = [(number, share * found[number].change) for number in some]
             return self.trial(run, changes).ratio > 1
 
         alone = parted(group, asks, self.pool.map)

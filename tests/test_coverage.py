@@ -215,6 +215,12 @@ def test_the_fourbar_leaves_inertias_damping_and_armature_unchecked(covered):
     assert words[0].startswith("inertias of crank, coupler and rocker: nothing of it acts at rest")
 
 
+def test_what_one_engine_refuses_and_another_notices_is_refused(covered):
+    (friction,) = (one for one in covered["pendulum"].numbers if one.kind == "friction")
+    assert friction.solver == "pymunk"
+    assert "frictionloss" in friction.refused
+
+
 def test_a_length_is_noticed_in_the_model_as_in_the_reference(covered):
     """One number, by two ways: a changed engine here, a changed reference in `compare`."""
     found = covered["fourbar"]
