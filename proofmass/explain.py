@@ -8,7 +8,6 @@ from pathlib import Path
 from textwrap import wrap
 
 from rich.table import Table
-from rich.text import Text
 
 from proofmass.case import Case
 from proofmass.check import find, load
@@ -86,7 +85,7 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
     if noticing:
         yield ""
         yield "Noticed in the parameters of the reference, from this change on"
-        yield table_of(sorted(noticing, key=lambda one: one.measure))
+        yield from tables_of(sorted(noticing, key=lambda one: one.measure))
     for words, some in (
         ("not noticed", [one for one in found.parameters if not one.noticed]),
         ("not known", [one for one in found.parameters if one.refused]),
@@ -106,7 +105,7 @@ def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
     told = [one for one in found.noticed if not one.refused]
     if told:
         yield f"Noticed in {case.model}, from this change on"
-        yield table_of(told)
+        yield from tables_of(told)
         yield ""
     if lost := [one for one in found.noticed if one.refused]:
         yield "Refused, or lost: the run says so"
@@ -161,22 +160,22 @@ def told_of_reference(case: Case, found: Coverage) -> str:
     )
 
 
-def table_of(some: Sequence[Finding]) -> Table:
+def tables_of(some: Sequence[Finding]) -> Iterator[str | Table]:
     """Numbers with the smallest change that is noticed, by the runs that notice them."""
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(overflow="fold")
-    for _ in range(2):
-        table.add_column(justify="right", no_wrap=True)
-    table.add_column(overflow="fold")
-    runs = dict.fromkeys((one.run, one.solver) for one in some)
-    for run, solver in runs:
-        table.add_row(Text(f"  by {run}, {spoken(solver)}", style="bold"))
+    for run, solver in dict.fromkeys((one.run, one.solver) for one in some):
+        yield f"  by {run}, {spoken(solver)}"
+        table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 0, 0, 2))
+        table.add_column("", width=0)
+        table.add_column(overflow="fold")
+        for _ in range(2):
+            table.add_column(justify="right", no_wrap=True)
+        table.add_column(overflow="fold")
         for one in (one for one in some if (one.run, one.solver) == (run, solver)):
             name = one.of if one.kind == "parameter" else one.name
             change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
             share = f"{number(100 * one.share, 2)} %" if one.value else ""
-            table.add_row(f"  {name}", change, share, one.channel)
-    return table
+            table.add_row("", name, change, share, one.channel)
+        yield table
 
 
 def refusals(some: Sequence[Finding]) -> Iterator[str]:
