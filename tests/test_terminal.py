@@ -1,13 +1,14 @@
 """What the terminal shows of a check, cell by cell, and what goes into JSON."""
 
 import json
+from io import StringIO
 from math import inf, nan
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from proofmass import terminal
+from proofmass import cli, terminal
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED, Comparison, DetectableChange
 from proofmass.errors import InputError
@@ -183,6 +184,16 @@ def test_no_word_is_broken_on_80_columns():
         "balancer_progressive_contact sweep pymunk",
         "  right_coupler_acceleration.z  ✗ out of memory  1.80e-02        0.90",
     ]
+
+
+def test_lines_on_failures_break_between_words(monkeypatch):
+    screen = Console(width=80, file=StringIO(), force_terminal=True, color_system=None)
+    monkeypatch.setattr(terminal, "console", lambda: screen)
+    cli.show(RESULT)
+    lines = screen.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    said = " ".join(line.strip() for line in lines)
+    assert all(line.plain in said for line in failures(RESULT))
 
 
 def test_all_shipped_cases_are_listed_a_line_each_on_80_columns():

@@ -191,6 +191,8 @@ def test_a_phone_shows_a_case_as_lines(opened):
     )
     assert len(left) == 2
     assert len(set(left)) == 1
+    words = "document.querySelector('tr[data-name=fourbar] .case').getBoundingClientRect().width"
+    assert page.evaluate(words) > 200
 
 
 def test_without_a_script_the_rows_are_there(opened):
