@@ -140,14 +140,8 @@ def report_command(
     Says what changed since the last report.  Exit codes as for check.
     """
     from proofmass.report import write_report  # matplotlib is slow to load
-    from proofmass.report.record import (
-        changes,
-        read_last,
-        record_of,
-        require_record,
-        since,
-        started,
-    )
+    from proofmass.report.changes import changes, since
+    from proofmass.report.record import read_last, record_of, require_record, started
     from proofmass.studies.pages import write_study_pages
 
     with answering(f"{output} is not complete"), errors.status("drawing studies"):

@@ -3,8 +3,9 @@
 `write_report` is all that the rest of the project needs.  `words` holds
 the sentences and the numbers, `tables` the rows, `figures` the curves, `paths` and `mechanism` what
 moves in the plane; `drawing` draws them (SVG and PNG), `pages` puts them into `templates/`.
-`index_page` is the table of all cases, whose style and script are in `static/`; `record` keeps what
-the next report is compared with, and `curves_files` writes the curves as tables.
+`index_page` is the table of all cases, made of `cells`, with style and script in `static/`;
+`record` keeps what the next report is compared with, `changes` compares, and `curves_files` writes
+the curves as tables.
 """
 
 from proofmass.report.pages import write_report

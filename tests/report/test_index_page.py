@@ -13,10 +13,11 @@ from markupsafe import Markup
 from proofmass.check import Result
 from proofmass.outcome import Outcome
 from proofmass.report import curves_files, index_page
+from proofmass.report.cells import cell_of, place
 from proofmass.report.curves_files import files_of, note_on, table_of, write_curves
 from proofmass.report.data import Shown
 from proofmass.report.drawing import moving as moved
-from proofmass.report.index_page import cell_of, columns_of, place, row_of
+from proofmass.report.index_page import columns_of, row_of
 from proofmass.report.record import History, continued
 from proofmass.report.study import ShownStudy
 from proofmass.report.thumbnail import HIGH, POSES, WIDE, reduced

@@ -15,16 +15,14 @@ from proofmass.compare import Comparison, DetectableChange
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.report import record, write_report
+from proofmass.report.changes import Change, changes, since
 from proofmass.report.record import (
     KEPT,
-    Change,
     History,
     Last,
-    changes,
     continued,
     read_last,
     record_of,
-    since,
     started,
     write_record,
 )

@@ -1,0 +1,129 @@
+"""What changed between two reports: outcomes, errors, and cases that are new or gone."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from proofmass.outcome import GOOD, Outcome
+from proofmass.report.record import ChannelRecord, Record
+from proofmass.wording import number
+
+FACTOR = 2.0
+"""Between two errors, beyond which they are not the same: a run repeats its digits on a machine."""
+ROUNDING = 1e-12
+"""Share of the range up to which errors are rounding, of which another compiler changes the sum."""
+SAID = 5
+"""Changes that the terminal's line names."""
+FAILING = tuple(str(outcome) for outcome in Outcome if outcome not in GOOD)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is not as in the last report: a case, an outcome, or an error.
+
+    Attributes
+    ----------
+    case, run, solver, channel : str
+        The last three are empty of a case that is new or gone.
+    before, now : str
+        Outcomes, or errors as shares of the range; empty if there was or is none.
+    growth : float
+        The error over that of the last report; infinite of what fails now, zero of what no longer
+        does; 1 of what is neither better nor worse.
+    """
+
+    case: str
+    run: str
+    solver: str
+    channel: str
+    before: str
+    now: str
+    growth: float = 1.0
+
+    @property
+    def sentence(self) -> str:
+        """The change in words."""
+        if not self.run:
+            return f"{self.case} is {'new' if self.now else 'gone'}"
+        where = f"{self.case} {self.run} {self.solver} {self.channel}".strip()
+        if self.before and self.now:
+            return f"{where}: {self.before} before, {self.now} now"
+        return f"{where}: {'is new, ' + self.now if self.now else 'is gone, ' + self.before}"
+
+
+def changes(before: Record, now: Record) -> list[Change]:
+    """What is not as it was, worst first.
+
+    Cases that are new or gone, outcomes that are others, and errors that changed by more than a
+    factor of two, unless both are rounding.
+    """
+    names = [{c.case for c in r.comparisons} | {c.name for c in r.cases} for r in (before, now)]
+    found = [Change(name, "", "", "", "there", "") for name in sorted(names[0] - names[1])]
+    found += [Change(name, "", "", "", "", "there") for name in sorted(names[1] - names[0])]
+    rows = [{c.key: c for c in r.comparisons} for r in (before, now)]
+    for key in dict.fromkeys([*rows[0], *rows[1]]):
+        pair = (rows[0].get(key), rows[1].get(key))
+        there = pair[1] or pair[0]
+        if there and there.case in names[0] & names[1] and (change := changed(there, *pair)):
+            found.append(change)
+    return sorted(found, key=badness, reverse=True)
+
+
+def changed(
+    there: ChannelRecord, before: ChannelRecord | None, now: ChannelRecord | None
+) -> Change | None:
+    """The change of a channel; None if it is as it was."""
+    where = (there.case, there.run, there.solver, there.channel)
+    if before is None or now is None or before.outcome != now.outcome:
+        growth = 1.0
+        if now and now.outcome not in GOOD:
+            growth = math.inf
+        elif before and before.outcome not in GOOD:
+            growth = 0.0
+        was, is_now = (each.outcome if each else "" for each in (before, now))
+        return Change(*where, was, is_now, growth)
+    first, second = before.share_of_range, now.share_of_range
+    if first is None or second is None or max(first, second) <= ROUNDING:
+        return None
+    growth = second / first if first else math.inf
+    if 1 / FACTOR <= growth <= FACTOR:
+        return None
+    return Change(*where, error_of(first), error_of(second), growth)
+
+
+def error_of(share: float) -> str:
+    """An error in words."""
+    return f"error {number(share)} of the range"
+
+
+def badness(change: Change) -> tuple[bool, bool, float]:
+    """What changes are sorted by: failures and cases that are gone, then by how much is worse."""
+    gone = not change.run and not change.now
+    return change.now in FAILING, gone, change.growth
+
+
+def since(last: Record, found: Sequence[Change]) -> str:
+    """The line on what changed, what is worse in a run together, and what is not."""
+    start = f"since the last report ({last.made.day}): "
+    if not found:
+        return start + "nothing changed"
+    groups: dict[tuple[str, str, str, bool], list[Change]] = {}
+    for change in found:
+        alike = (change.case, change.run, change.solver, change.growth > 1)
+        groups.setdefault(alike, []).append(change)
+    words = [together(group) for group in groups.values()]
+    more = f"; and {len(words) - SAID} more" if len(words) > SAID else ""
+    count = f"{len(found)} change{'s' * (len(found) > 1)}"
+    return f"{start}{count}: {'; '.join(words[:SAID])}{more}"
+
+
+def together(group: Sequence[Change]) -> str:
+    """Changes of a run's channels by the worst of them."""
+    others = len(group) - 1
+    more = f" (and {others} more channel{'s' * (others > 1)})" if others else ""
+    return f"{group[0].sentence}{more}"
+
+
+def of_case(found: Iterable[Change], case: str) -> list[Change]:
+    """The changes of a case."""
+    return [change for change in found if change.case == case]
