@@ -412,6 +412,21 @@ def test_what_is_not_known_is_closed_in_to_a_tenth():
     assert failure == GONE
 
 
+def test_where_theory_has_a_boundary_what_is_not_known_hides_none():
+    """An engine leaves its reference behind at 9, and was lost 1 % before."""
+
+    def trial(x: float) -> Tried:
+        late = Failure("no reference", BoundaryKind.OURS)
+        return Tried(late if x >= 9.0 else GONE if x >= 8.9 else None)
+
+    plain = Sought("", "", "", "", "", 1.0, 16.0, trial)
+    assert plain.find().unknown  # 8.72 held and 9.51 is not known, within a tenth
+    found = replace(plain, theory=9.0).find()
+    assert found.limit == GONE.limit
+    assert found.holds < 8.9 <= found.breaks <= 1.01 * found.holds
+    assert replace(plain, theory=np.inf).find().unknown
+
+
 def test_what_is_sought_is_told_with_what_failed():
     sought = Sought(
         "what",

@@ -11,7 +11,7 @@ NAN = float("nan")
 WITHIN = 0.01
 """A boundary is known when what failed is so little beyond what held."""
 COARSE = 0.1
-"""The same where nothing is known beyond: that value is no property of an engine."""
+"""The same where nothing is known beyond, nor by theory: that value is no property of an engine."""
 STRIDE = 4.0
 """Factor from one value to the next on the way to the extreme."""
 
@@ -190,14 +190,20 @@ class Sought(Turned):
     law: str = ""
 
     def find(self, within: float = WITHIN) -> Boundary:
-        """Bisect the boundary to a share of its value."""
+        """Bisect the boundary to a share of its value.
+
+        Where theory has one, what is not known is closed in as far: a boundary may be just before
+        it, as of an engine that leaves its reference behind.
+        """
         steps = dict[float, float]()
 
         def test(value: float) -> Failure | None:
             failure, steps[value] = self.trial(value)
             return failure
 
-        holds, breaks, failure = bisect(test, self.start, self.reach, within)
+        expected = np.isfinite(self.theory) and self.theory > 0
+        coarse = within if expected else COARSE
+        holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
         known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
         message, limit, silent = failure or ("", BoundaryKind.HOLDS, False)
         return Boundary(
@@ -212,13 +218,17 @@ class Sought(Turned):
 
 
 def bisect(
-    test: Callable[[float], Failure | None], start: float, reach: float, within: float = WITHIN
+    test: Callable[[float], Failure | None],
+    start: float,
+    reach: float,
+    within: float = WITHIN,
+    coarse: float = COARSE,
 ) -> tuple[float, float, Failure | None]:
     """Turn a knob from `start` towards `reach`, and close in on where it stops to hold.
 
     Strides are geometric, so all values are positive.  A boundary is the first one that a stride
     meets; an island of failure between two strides is not seen.  Where nothing is known beyond,
-    the two are closed in to `COARSE` alone.
+    the two are closed in to `coarse` alone.
 
     Returns
     -------
@@ -248,7 +258,7 @@ def bisect(
             break
         holds = value
     while max(holds / breaks, breaks / holds) > 1.0 + (  # not with NaN
-        max(COARSE, within) if failure and failure.limit == BoundaryKind.OURS else within
+        max(coarse, within) if failure and failure.limit == BoundaryKind.OURS else within
     ):
         middle = float(np.sqrt(holds * breaks))
         if found := test(middle):
