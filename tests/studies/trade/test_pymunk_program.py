@@ -10,6 +10,7 @@ import doctest
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,6 +48,7 @@ QUICK = (
 )
 MODULES = {"csv", "math", "sys", "time", "numpy", "pymunk"}
 SAMPLES = 21
+NONE: dict[str, float] = {}
 EXACT = {"iterations": 1000, "error_bias": 0.0}  # of chains without loops: solved to rounding
 
 
@@ -83,12 +85,32 @@ def ran(folder: Path, text: str) -> Ran:
     return Ran(text, x, dict(zip(head[1:], columns, strict=True)), int(told[1]))
 
 
-def assert_alike(got: dict[str, Array], wanted: dict[str, Array], share: float) -> None:
-    """Curves of the same names in the same order, alike to a share of their range."""
+def assert_alike(
+    got: dict[str, Array], wanted: dict[str, Array], share: float, rounding: dict[str, float] = NONE
+) -> None:
+    """Curves of the same names in the same order, alike to a share of their range and `rounding`.
+
+    Rounding is in the unit of a channel, whatever its range in so few samples is.
+    """
     assert list(got) == list(wanted)
     for name, curve in wanted.items():
         size = float(np.ptp(curve)) or float(np.abs(curve).max()) or 1.0
-        np.testing.assert_allclose(got[name], curve, atol=share * size, rtol=0, err_msg=name)
+        atol = share * size + rounding.get(name, 0.0)
+        np.testing.assert_allclose(got[name], curve, atol=atol, rtol=0, err_msg=name)
+
+
+def roundings(case: Case, names: Iterable[str], dt: float) -> dict[str, float]:
+    """What rounding of points and of a table of a law leaves in rates and accelerations.
+
+    1e-14 m or rad is six roundings of a point 8 m away (2^-49 m); a rate divides it by dt, an
+    acceleration by dt^2.
+    """
+    orders = {"rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
+    return {
+        name: 1e-14 / dt ** orders[unit]
+        for name in names
+        if (unit := case.channels[name].si_unit) in orders
+    }
 
 
 def motion_of(run: Run) -> str:
@@ -130,9 +152,9 @@ def test_a_program_does_what_simulate_does(name, tmp_path):
     got, wanted = both(case, run_of(case), tmp_path)
     np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding of a shortened grid
     assert got.steps == wanted.steps
-    # Rounding of laws (numpy's cosine and that of math) and of points, 1e-15 m or rad, which an
-    # acceleration divides by dt^2 = 1e-6 s2.
-    assert_alike(got.curves, wanted.channels, 1e-9)
+    # 1e-9: rounding of laws, numpy's cosine and that of math.
+    dt = float(str(wanted.settings["timestep"]))
+    assert_alike(got.curves, wanted.channels, 1e-9, roundings(case, wanted.channels, dt))
 
 
 @pytest.mark.parametrize("name", ["fourbar", "inverted_slider_crank"])
