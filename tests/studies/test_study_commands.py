@@ -81,11 +81,11 @@ os.replace = replace
 """
 NO_RUNS = {
     "trade": "from proofmass.studies import run; run.measure = None",
-    "stress": "from proofmass.studies import specimens; specimens.isolated = None",
+    "stress": "from proofmass.studies.stress import problems; problems.isolated = None",
     "diet": """
-from proofmass.studies.diet.diet import Search
-ran = Search.ran
-Search.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
+from proofmass.studies.diet.diet import DietSearch
+ran = DietSearch.ran
+DietSearch.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
 """,
 }  # a diet tries the model that it has written, and keeps nothing of that
 FORGETS = "from proofmass.studies.store import Store; Store.load = lambda *_: None"
