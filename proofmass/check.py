@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -266,6 +267,7 @@ def check(
     jobs: int | None = None,
     progress: Callable[[str, int, int], None] = lambda *_: None,
     causes: bool = True,
+    detectable: bool = True,
 ) -> Result:
     """Run every case below `paths` and hold it against its reference.
 
@@ -279,6 +281,8 @@ def check(
         Called as ``progress(label, done, total)`` after each run.
     causes : bool
         Whether changes are looked for that would explain why a run differs.
+    detectable : bool
+        Whether `Comparison.detectable` is found as well, see `compare`.
 
     Returns
     -------
@@ -291,7 +295,7 @@ def check(
     with stopping(), ThreadPoolExecutor(jobs) as pool:
         try:
             tasks = planned(collect(given, result.errors), result, pool)
-            outcomes = done(tasks, result, pool, jobs, progress)
+            outcomes = done(tasks, result, pool, jobs, progress, detectable)
             judge(tasks, outcomes, result)
             if causes:
                 diagnose(result, pool, progress)
@@ -326,6 +330,7 @@ def done(
     pool: Executor,
     jobs: int,
     progress: Callable[[str, int, int], None],
+    detectable: bool,
 ) -> dict[int, Ran]:
     """What came of the tasks, by their numbers; those at fault are left out, and said in errors.
 
@@ -344,7 +349,7 @@ def done(
                 last.pop() if last else None,
                 {file_of(tasks[other]) for other in running.values()},
             )
-            running[pool.submit(one_task, tasks[k])] = k
+            running[pool.submit(one_task, tasks[k], detectable)] = k
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             k = running.pop(future)
             last.append(file_of(tasks[k]))
@@ -466,11 +471,12 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
     return list(found)
 
 
-def one_task(task: CheckTask) -> tuple[list[Comparison], Curves | None]:
+def one_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
     """A run of a case, or a look at a model without a sidecar."""
     if isinstance(task, Path):
         return step_unchecked(task), None
-    return run_one(*task[:3], hold=errors if isinstance(task, Finer) else compare)
+    hold = partial(compare, detectable=detectable)
+    return run_one(*task[:3], hold=errors if isinstance(task, Finer) else hold)
 
 
 def file_of(task: CheckTask) -> Path:
