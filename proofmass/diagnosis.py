@@ -27,7 +27,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import Memory, memory_in_use
@@ -573,6 +572,8 @@ def shifts(there: Residuals) -> Iterator[Explanation]:
                 yield there.judged("shift", f"{listed(right)} {words} {way}", right)
     if len(there.curves.x) < 8 or not moving:
         return
+    from scipy.interpolate import CubicSpline  # slow to load
+
     x, shift, after = there.curves.x, 0.0, dict(there.before)
     splines = {name: CubicSpline(x, there.reference[name]) for name in moving}
     for _ in range(ITERATIONS):

@@ -462,7 +462,9 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
 def test_a_run_of_a_refinement_is_held_by_its_errors_alone(short, monkeypatch):
     case = load(short)
     monkeypatch.setattr(CHECK, "run_one", lambda *task, hold: (task, hold))
-    assert one_task((case, "dynamics", "mujoco")) == ((case, "dynamics", "mujoco"), compare)
+    task, hold = one_task((case, "dynamics", "mujoco"), detectable=False)
+    assert task == (case, "dynamics", "mujoco")
+    assert (hold.func, hold.keywords) == (compare, {"detectable": False})
     assert one_task(finer(case, 2, None)) == ((case, "dynamics", "mujoco"), errors)
 
 
