@@ -340,7 +340,7 @@ class ModelResiduals(Residuals):
             laws = [n for n, c in case.channels.items() if not isinstance(c.equals, str)]
             self.allowed = {n: most for n, most in self.allowed.items() if n in laws}
             self.differing = tuple(n for n in self.differing if n in laws)
-        self.stride = max(curves.x.size // SAMPLES, 1) if run == "sweep" else 1
+        self.stride = stride_of(self)
         for known in (self.curve, self.reference, self.before):
             kept = {name: known[name][:: self.stride] for name in self.allowed}
             known.clear()
@@ -376,6 +376,11 @@ class ModelResiduals(Residuals):
     def unit(self, key: str) -> str:
         """The unit of a number."""
         return self.numbers[key].unit
+
+
+def stride_of(there: Residuals) -> int:
+    """Of how many samples of a sweep one is enough to fit a number; 1 of other runs."""
+    return max(there.curves.x.size // SAMPLES, 1) if there.run == "sweep" else 1
 
 
 def size(differences: Known, names: Sequence[str] | None = None, end: int | None = None) -> float:
@@ -453,7 +458,7 @@ def tried(there: Residuals) -> tuple[str, ...]:
         words.append("other assembly modes")
     if there.parameters:
         words.append("each parameter, and pairs of them")
-    if there.curves.seconds <= AGAIN:
+    if there.curves.seconds <= AGAIN * stride_of(there):
         words.append(f"numbers of the model in {MODEL_SECONDS:g} s")
     return tuple(words)
 
@@ -704,7 +709,7 @@ def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
 
     The engine runs again for each, if it is quick.
     """
-    if score >= len(there.differing) or there.curves.seconds > AGAIN:
+    if score >= len(there.differing) or there.curves.seconds > AGAIN * stride_of(there):
         return
     model = ModelResiduals(there.case, there.run, there.solver, there.curves)
     if not model.differing or not model.repeats():
