@@ -278,9 +278,12 @@ def test_a_cluster_gives_the_table_that_this_machine_gives(what, place, address)
 
 
 def errors(folder: Path) -> dict[str, dict]:
-    """Errors of the runs that a folder keeps, by the runs' keys."""
+    """Errors of the runs that a folder keeps, by the runs' keys; a busy machine gives some up."""
     files = (folder / "trade" / "runs").glob("*.0.json")
-    return {file.name: json.loads(file.read_text())["found"].get("errors") for file in files}
+    found = {file.name: json.loads(file.read_text())["found"] for file in files}
+    lost = [one for one in found.values() if one["outcome"] not in ("ran", "timed out")]
+    assert not lost
+    return {name: one["errors"] for name, one in found.items() if one["outcome"] == "ran"}
 
 
 @pytest.mark.slow
