@@ -423,12 +423,16 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
 def diagnose(
     result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
 ) -> None:
-    """Look for the causes of all runs that differ or were lost; they go into the result."""
+    """Look for the causes of all runs that differ or were lost; they go into the result.
+
+    The first run of a case is looked at most thoroughly: others will have the same cause.
+    """
     cases = {case.name: case for case in result.cases}
     differing = dict.fromkeys(
         (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
     )
     runs = {key: result.curves[key] for key in differing if key in result.curves} | result.lost
+    first = {name: (name, run, solver) for name, run, solver in reversed(runs)}
     futures = [
         pool.submit(
             one_diagnosis,
@@ -437,6 +441,7 @@ def diagnose(
             solver,
             curves,
             (name, run, solver) in result.lost,
+            first[name] == (name, run, solver),
         )
         for (name, run, solver), curves in runs.items()
     ]
@@ -446,10 +451,15 @@ def diagnose(
 
 
 def one_diagnosis(
-    case: Case, run: Kind, solver: str, curves: Curves, lost: bool = False
+    case: Case,
+    run: Kind,
+    solver: str,
+    curves: Curves,
+    lost: bool = False,
+    thorough: bool = True,
 ) -> Diagnosis:
     """What a search for causes finds, in a worker; nothing where they cannot be sought."""
-    search = describe_loss if lost else find_causes
+    search = describe_loss if lost else partial(find_causes, thorough=thorough)
     limits = {"timeout": CAUSES, "memory": case.run[run].memory}
     try:
         return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))

@@ -74,7 +74,7 @@ EXACT = 1e-6  # share of the differences that a cause may leave and be called ex
 SECONDS = 2.0  # after which no other fit begins
 MODEL = "number of the model"  # a kind of cause
 SAMPLES = 48  # of a sweep that are enough to fit a number
-MODEL_SECONDS = 8.0  # the same of numbers of the model, with which the engine runs again
+MODEL_SECONDS = 6.0  # the same of numbers of the model, with which the engine runs again
 LEFT_OUT = ("inertia", "softness of the loop", "softness of the stop")  # kinds of numbers
 FACTORS = {
     "turned in sign": (-1.0, ""),
@@ -395,7 +395,9 @@ def left(before: Known, after: Known, explains: Sequence[str]) -> float:
     return size({**before, **after}, names or None) / size(before, names or None)
 
 
-def find_causes(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
+def find_causes(
+    case: Case, run: Kind, solver: str, curves: Curves, thorough: bool = True
+) -> Diagnosis:
     """Look for changes of a case that would explain why a run differs from its reference.
 
     Parameters
@@ -405,6 +407,8 @@ def find_causes(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis
         Which run the curves are of.
     curves : Curves
         From `proofmass.solve.solve`.
+    thorough : bool
+        Whether runs of the engine with other numbers of the model are part of the search.
 
     Returns
     -------
@@ -431,7 +435,9 @@ def find_causes(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis
     if there.differing:
         found += [*factors(there), *offsets(there), *other_quantities(there), *shifts(there)]
         found += [*other_modes(there), *parameters(there, begin + SECONDS)]
-        found += numbers_of_model(there, max((c.score for c in found if c.free <= 1), default=0))
+        if thorough:
+            best = max((c.score for c in found if c.free <= 1), default=0)
+            found += numbers_of_model(there, best)
         shorter = [*finer(there, run, solver)]
         found += [cause for cause, _ in shorter if cause]
         remarks = [words for _, words in shorter if words]
@@ -444,13 +450,13 @@ def find_causes(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis
         there.differing,
         len(there.allowed),
         causes,
-        tried(there),
+        tried(there, thorough),
         tuple(remarks),
         time.perf_counter() - begin,
     )
 
 
-def tried(there: Residuals) -> tuple[str, ...]:
+def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
     """What is tried of a case, in words."""
     words = ["sign, unit, factor and offset of each channel", "shifts along x"]
     words += ["other quantities of the reference"]
@@ -458,7 +464,7 @@ def tried(there: Residuals) -> tuple[str, ...]:
         words.append("other assembly modes")
     if there.parameters:
         words.append("each parameter, and pairs of them")
-    if there.curves.seconds <= AGAIN * stride_of(there):
+    if thorough and there.curves.seconds <= AGAIN * stride_of(there):
         words.append(f"numbers of the model in {MODEL_SECONDS:g} s")
     return tuple(words)
 

@@ -72,7 +72,9 @@ class SolverItem(pytest.Item):
                 comparisons += found
                 lost = found[0].outcome in LOST
                 if curves and (lost or any(c.outcome == Outcome.DIFFERS for c in found)):
-                    causes.append(one_diagnosis(self.case, kind, self.name, curves, lost))
+                    causes.append(
+                        one_diagnosis(self.case, kind, self.name, curves, lost, not causes)
+                    )
         for task in refinements(self.case):
             if task.solver == self.name:
                 comparisons += task.study.add(task.segments, one_task(task))[1]

@@ -96,7 +96,7 @@ print([curve.tobytes().hex() for at in (state, near)
 """
 
 
-@pytest.mark.parametrize("name", ["pfr3", "rfr2_driven"])
+@pytest.mark.parametrize("name", [pytest.param("pfr3", marks=pytest.mark.slow), "rfr2_driven"])
 def test_a_reference_is_the_same_to_the_bit_whatever_was_evaluated_before(name):
     """A search goes on from the result of one that is near, but of one of the same run alone."""
     sidecar = str(shipped(f"{name}.toml"))

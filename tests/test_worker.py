@@ -167,10 +167,10 @@ def test_more_samples_than_memory_cost_themselves_only(models, edit, keep_solver
 def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
     module = importlib.import_module("proofmass.check")
 
-    def fail(task):
+    def fail(task, *options):
         if task[0].name == "pendulum":
             raise ZeroDivisionError("by zero")
-        return found(task)
+        return found(task, *options)
 
     found = module.one_task
     monkeypatch.setattr(module, "one_task", fail)

@@ -89,6 +89,7 @@ def test_what_was_allowed_too_much_shows_in_the_bare_engine(tmp_path, monkeypatc
     assert bare(file, slim, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
 
 
+@pytest.mark.slow
 def test_a_fat_four_bar_of_which_the_crank_is_watched(tmp_path):
     found, slim = slimmed(FAT, tmp_path, 1.0, watch=("crank",))
     left = mujoco.MjModel.from_xml_path(str(slim))
