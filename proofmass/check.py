@@ -464,7 +464,9 @@ def one_diagnosis(
     try:
         return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))
     except Exception as error:  # nothing may cost the verdicts
-        return Diagnosis(case.name, run, solver, fault=str(error) or type(error).__name__)
+        return Diagnosis(
+            case.name, run, solver, fault=str(error) or type(error).__name__, lost=lost
+        )
 
 
 def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:

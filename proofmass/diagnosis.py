@@ -202,7 +202,7 @@ class Diagnosis:
         if self.fault:
             return [f"causes were not sought: {self.fault}"]
         if self.lost:
-            return list(self.remarks)
+            return list(self.remarks) or ["nothing was found that tells why"]
         if not self.found:
             return [f"none of those tried: {', '.join(self.tried)}", *self.remarks]
         best, *others = self.causes

@@ -14,8 +14,8 @@ import pytest
 
 from benchmarks.diagnosis import FAULTS, case_of, search, solved
 from proofmass import load_case, solve
-from proofmass.check import check
-from proofmass.diagnosis import Explanation, describe_loss, find_causes, ranked
+from proofmass.check import check, one_diagnosis
+from proofmass.diagnosis import Diagnosis, Explanation, describe_loss, find_causes, ranked
 from proofmass.reference import compiled
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol import Diverged
@@ -214,6 +214,14 @@ def test_a_lost_run_says_what_happened_until_then(tmp_path):
         with nullcontext() if ends else pytest.raises(Diverged):
             solve(case.model_copy(update={"settings": settings}), "dynamics", "mujoco")
     assert any(line.plain.startswith("  lost: ") for line in failures(result))
+
+
+def test_a_lost_run_of_which_nothing_is_known_has_a_line(tmp_path):
+    found = Diagnosis("a", "dynamics", "mujoco", lost=True)
+    assert found.lines == ["nothing was found that tells why"]
+    fault = one_diagnosis(load_case(lost_case(tmp_path)), "dynamics", "mujoco", None, lost=True)
+    assert fault.fault
+    assert fault.lost
 
 
 def test_the_first_channel_to_leave_and_the_growth_of_the_violation_are_told():

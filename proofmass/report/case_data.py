@@ -166,6 +166,7 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
         one |= {
             "stopped": curves.stopped,
             "end": float(curves.x[-1]),
+            "early": len(curves.x) < len(x),
             "seconds": curves.seconds,
             "steps": curves.steps,
             "violation": curves.violation,

@@ -18,9 +18,10 @@ from proofmass.mobility import mobility
 from proofmass.outcome import LOST, OPEN, Outcome
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import case_data, embedded, recorded_data
+from proofmass.report.causes import causes
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
-from proofmass.report.first_screen import advice, badge, causes, looks_of, open_lines, texts
+from proofmass.report.first_screen import advice, badge, looks_of, open_lines, texts
 from proofmass.report.overview import marks, overview
 from proofmass.report.page import complaint, made_with, slug
 from proofmass.report.study import ShownStudy
@@ -74,7 +75,7 @@ def render_case(
         closeness=closeness(case, rows),
         overview=overview(data) if rows else [],
         marks=marks(),
-        causes=causes(case, getattr(result, "diagnoses", {})),
+        causes=causes(case, result.diagnoses),
         open_lines=open_lines(case, runs),
         advice=advice(case, rows, faults, short["state"]),
         command=f"proofmass check {case.file.name if case.file.is_absolute() else case.file}",
@@ -118,6 +119,8 @@ def gather(result: Result, case: Case) -> Gathered:
         errors=[],
         comparisons=[c for c in result.comparisons if c.case == case.name],
         curves={key: c for key, c in result.curves.items() if key[0] == case.name},
+        lost={key: c for key, c in result.lost.items() if key[0] == case.name},
+        diagnoses={},
         refined=[row for row in result.refined if row.case == case.name],
     )
     try:
@@ -131,7 +134,7 @@ def gather(result: Result, case: Case) -> Gathered:
             ),
         )
     except (InputError, Crashed, TimedOut, OutOfMemory):
-        return gathered_here(replace(own, curves={}))
+        return gathered_here(replace(own, curves={}, lost={}))
 
 
 def gathered_here(result: Result) -> Gathered:
@@ -246,7 +249,7 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
         "kind": view.kind,
         "papers": papers,
         "groups": tables.comparisons(view),
-        "extrema": tables.extrema(view) if view.curves else [],
+        "extrema": tables.extrema(view.without_lost) if view.without_lost.curves else [],
         "costs": tables.costs(view),
         "missing": tables.missing(view),
         "n": len(view.grid) if view.curves else 0,
@@ -259,11 +262,19 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
             if c.stopped
         ],
         "lost": [
-            f"{spoken(s)} is not drawn: {c.outcome}. {c.message}" for s, c in view.lost.items()
+            f"{spoken(s)} is {drawn_until(view, s)}: {c.outcome}. {c.message}"
+            for s, c in view.lost.items()
         ],
         "what": HEADINGS[view.kind],
         "refined": refined(view, drawings),
     }
+
+
+def drawn_until(view: Shown, solver: str) -> str:
+    """How far a lost run is drawn."""
+    if solver not in view.curves:
+        return "not drawn"
+    return f"drawn until {tables.place(view, view.curves[solver].x[-1])}"
 
 
 def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:

@@ -1,7 +1,8 @@
 """What one run of a case has to show: the curves of all its solvers beside their references."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,11 +12,13 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for
 from proofmass.outcome import LOST, Outcome
-from proofmass.reference import compiled, grid, laws
+from proofmass.reference import compiled, evaluate, grid, laws
 from proofmass.refined import RefinedRow
 from proofmass.report.words import KINDS
 from proofmass.sim.contents import joints
+from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.units import si_unit
 
@@ -31,7 +34,11 @@ class Shown:
     rows : list of Comparison
         All comparisons of the run, in the order of the sidecar's solvers.
     curves, truth : dict of str to Curves
-        By solver: what it found, and the reference at the state its drive really had.
+        By solver: what it found, and the reference at the state its drive really had.  Those of a
+        lost run end where it was lost.
+    whole : Curves, optional
+        The reference over the whole run by the laws of its drives, where a run was lost and no
+        other came to its end.
     refined, verdicts : list of Row, list of Comparison
         What a refinement of the run found.
     x_name, x_unit, x_scale : str, str, float
@@ -48,6 +55,7 @@ class Shown:
     x_scale: float = 1.0
     refined: list[RefinedRow] = field(default_factory=list)
     verdicts: list[Comparison] = field(default_factory=list)
+    whole: Curves | None = None
 
     @property
     def solvers(self) -> list[str]:
@@ -56,12 +64,22 @@ class Shown:
 
     @property
     def lost(self) -> dict[str, Comparison]:
-        """Solvers that have no curves, with one of the comparisons that says why."""
+        """Solvers that were lost or have no curves, with a comparison that says why."""
         return {
             c.solver: c
             for c in reversed(self.rows)
-            if c.solver not in self.curves and c.outcome in (*LOST, Outcome.UNSUPPORTED)
+            if c.outcome in LOST
+            or (c.solver not in self.curves and c.outcome == Outcome.UNSUPPORTED)
         }
+
+    @property
+    def without_lost(self) -> "Shown":
+        """The same without the curves of lost runs."""
+        lost = self.lost
+        curves, truth = (
+            {s: c for s, c in by.items() if s not in lost} for by in (self.curves, self.truth)
+        )
+        return replace(self, curves=curves, truth=truth, whole=None)
 
     @property
     def channels(self) -> list[str]:
@@ -71,7 +89,7 @@ class Shown:
     @property
     def longest(self) -> Curves:
         """The reference where a solver came farthest; a sweep may stop at a limit position."""
-        return max(self.truth.values(), key=lambda truth: len(truth.x))
+        return self.whole or max(self.truth.values(), key=lambda truth: len(truth.x))
 
     @property
     def grid(self) -> Array:
@@ -99,12 +117,40 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         if (case.name, kind, s) in result.curves
     }
     truth = {s: reference_for(case, c) for s, c in curves.items()}
+    lost, beside = until_loss(result, case, kind)
+    whole = None
+    if lost and max((c.x.size for c in curves.values()), default=0) < grid(case, kind).size:
+        whole = reference_by_laws(case, kind)
+    curves = {s: (curves | lost)[s] for s in case.run[kind].solvers if s in curves | lost}
+    truth = {s: (truth | beside)[s] for s in curves}
     finer, verdicts = list[RefinedRow](), list[Comparison]()
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
     named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
-    return Shown(case, kind, rows, curves, truth, *named, finer, verdicts)
+    return Shown(case, kind, rows, curves, truth, *named, finer, verdicts, whole)
+
+
+def until_loss(
+    result: Result, case: Case, kind: Kind
+) -> tuple[dict[str, Curves], dict[str, Curves]]:
+    """Curves of lost runs and their references, by solver, of which the latter can be evaluated."""
+    curves, truth = dict[str, Curves](), dict[str, Curves]()
+    for solver in case.run[kind].solvers:
+        found = result.lost.get((case.name, kind, solver))
+        if found is not None and found.x.size:
+            with suppress(Exception):  # a state before a loss may be one that no reference covers
+                truth[solver] = reference_for(case, found)
+                curves[solver] = found
+    return curves, truth
+
+
+def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
+    """The reference over a whole run whose drives move as their laws say; None without one."""
+    with suppress(Exception):
+        run = plan(case, kind, NATIVE)
+        return evaluate(case, run.x, run.motion(run.x) if run.drives else None)
+    return None
 
 
 def beyond_limits(runs: Iterable[Shown]) -> bool:

@@ -139,11 +139,12 @@ def measured(run: Shown) -> Measured:
     names = [n for n in run.channels if run.case.channels[n].si_unit in ("m", "rad")]
     found = {}
     for solver, curves in run.curves.items():
-        truth = run.truth[solver].channels
+        truth = (run.whole or run.truth[solver]).channels
+        own = run.truth[solver].channels
         there = [name for name in names if name in curves.channels]
         found[solver] = (
             {name: truth[name] for name in names},
-            {name: curves.channels[name] - truth[name] for name in there},
+            {name: curves.channels[name] - own[name] for name in there},
         )
     return found
 
@@ -159,7 +160,8 @@ def draw(
     papers: bool,
 ) -> dict[str, str]:
     """What `drawn` does in the other process."""
-    found, asked, runs = {}, runs, [r for r in runs if r.curves]
+    found, asked = {}, runs
+    runs = [run for run in (one.without_lost for one in runs) if run.curves]
     with rc_context(RC):
         if shape:
             along = tracks(runs, shape)

@@ -1,4 +1,4 @@
-"""The panels of a case's first screen: badge, causes, what is not checked, what to do."""
+"""The panels of a case's first screen: badge, what is not checked, what to do."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -9,13 +9,12 @@ from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.outcome import LOST, Outcome
 from proofmass.report import tables
+from proofmass.report.causes import IN_RUN
 from proofmass.report.data import Shown
-from proofmass.report.overview import place
 from proofmass.report.style import PAPERS, Look, legible
 from proofmass.report.words import kind_of
 from proofmass.wording import listed, number, spoken
 
-IN_RUN = {"sweep": "in the sweep", "equilibrium": "at rest", "dynamics": "in dynamics"}
 LONGEST = 200_000  # bytes of a text that a page shows
 
 
@@ -128,8 +127,9 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
         )
     if outcomes & {Outcome.DIVERGED, Outcome.CRASHED}:
         words.append(
-            "Of a run that is lost no curves are left. Begin with its start pose, then halve its "
-            "time step; what the engine said stands with the solver below."
+            "Begin with the start pose of a run that is lost, then halve its time step; its curves "
+            "are drawn until its loss where the engine had any, and what the engine said stands "
+            "with the solver below."
         )
     return words
 
@@ -166,67 +166,3 @@ def texts(case: Case) -> dict[str, str]:
         except (OSError, UnicodeDecodeError):  # the runs have said so
             continue
     return found
-
-
-@dataclass(frozen=True)
-class CauseRow:
-    """One thing that was changed to explain what differs."""
-
-    words: str
-    changes: str
-    explains: str
-    left: str
-    place: float
-
-
-@dataclass(frozen=True)
-class CausePanel:
-    """What explains the differences of a run, best first."""
-
-    title: str
-    text: str
-    where: str
-    rows: tuple[CauseRow, ...]
-    tried: str
-
-
-def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Any]) -> list[CausePanel]:
-    """A panel for each different best cause that was found of a case."""
-    panels: dict[str, list[Any]] = {}
-    for (name, *_), diagnosis in diagnoses.items():
-        if name == case.name and diagnosis.causes:
-            panels.setdefault(diagnosis.causes[0].words, []).append(diagnosis)
-    return [cause_panel(words, found) for words, found in panels.items()]
-
-
-def cause_panel(words: str, found: list[Any]) -> CausePanel:
-    """The panel of diagnoses with the same best cause; its rows are those of the first."""
-    first = found[0]
-    many = amount(first.differing)
-    rows = [
-        CauseRow(
-            cause.words,
-            ", ".join(
-                f"{name} {number(a, 6)} → {number(b, 6)}" for name, (a, b) in cause.changes.items()
-            )
-            or "—",
-            f"{amount(cause.explains)} of {many} curves",
-            number(cause.left, 2),
-            place(cause.left),
-        )
-        for cause in first.causes
-    ]
-    rows.append(CauseRow("nothing changed", "", "", number(first.as_is, 2), place(first.as_is)))
-    where = listed(f"{spoken(d.solver)} {IN_RUN.get(d.run, d.run)}" for d in found)
-    return CausePanel(
-        f"Cause: {words}",
-        f"It explains {rows[0].explains} that differ.",
-        f"Of {where}. Error left: root mean square over the range.",
-        tuple(rows),
-        listed(first.tried),
-    )
-
-
-def amount(found: int | Iterable[str]) -> int:
-    """How many: a number, or the number of names."""
-    return found if isinstance(found, int) else len(list(found))

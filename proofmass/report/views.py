@@ -103,7 +103,7 @@ def all_viewed(case: Case, shown: list[Shown]) -> list[Viewed]:
     return [
         viewed(s, view)
         for view in case.view
-        for s in shown
+        for s in (one.without_lost for one in shown)
         if s.curves and s.kind == case.run_of(view)
     ]
 

@@ -13,7 +13,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
-from tests.report.whole import whole_result
+from tests.report.whole import lost_result, whole_result
 from tests.shipped import shipped
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -154,6 +154,40 @@ def test_what_is_lost_is_told(folder: Path, browser: Any) -> None:
         text = visit.page.inner_text("main")
         assert "runs diverged" in text
         assert "the state is not finite" in text
+
+
+def test_a_lost_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> None:
+    case = load_case(shipped("fourbar.toml"))
+    write_report(lost_result(case, whole_result(case), "mujoco"), tmp_path)
+    with Visit(browser, tmp_path / "fourbar.html") as visit:
+        assert visit.run("[state.run, state.solver]") == ["dynamics", "mujoco"]
+        assert "pin.x left the tolerance first" in visit.page.inner_text(".cause").lower()
+        chip = visit.page.locator("#chips [data-solver='mujoco']")
+        assert chip.is_enabled()
+        drawn = "pair.plots[0].data[2].filter((value) => value !== null).length"
+        assert visit.run(drawn) == 100
+        said = visit.page.inner_text("#lost")
+        assert "MuJoCo is drawn until 1.7" in said
+        assert visit.run(INK_AT_THE_END)
+        chip.click()  # without the lost curve nothing is marked there
+        assert not visit.run(INK_AT_THE_END)
+        assert visit.run(SAID) is None
+        assert visit.said == []
+
+
+INK_AT_THE_END = """() => {
+  const plot = pair.plots[0];
+  const across = Math.round(plot.valToPos(current().xs[99], "x", true));
+  const { top, height } = plot.bbox;
+  const ink = plot.ctx.getImageData(across - 1, top + height - 60, 3, 50).data;
+  const wanted = variable("--s0");
+  const [r, g, b] = [1, 3, 5].map((at) => parseInt(wanted.slice(at, at + 2), 16));
+  for (let i = 0; i < ink.length; i += 4) {
+    const near = Math.abs(ink[i] - r) + Math.abs(ink[i + 1] - g) + Math.abs(ink[i + 2] - b);
+    if (near < 60 && ink[i + 3] > 60) return true;
+  }
+  return false;
+}"""
 
 
 def test_a_page_that_differs_opens_where_it_does(folder: Path, browser: Any) -> None:

@@ -4,7 +4,7 @@ import json
 import re
 from base64 import b64decode
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,15 @@ import pytest
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import compare
+from proofmass.diagnosis import Diagnosis, Explanation
+from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.report import case_data, write_report
 from proofmass.report.case_data import kept, motion_data, recorded_data, thinning
+from proofmass.report.causes import causes
 from proofmass.report.data import Shown, shown
 from proofmass.report.drawing import measured, moving
-from proofmass.report.first_screen import advice, badge, causes
+from proofmass.report.first_screen import advice, badge
 from proofmass.report.overview import FIRST, LAST, overview, place
 from proofmass.report.style import PAPERS, READABLE, contrast, legible, looks
 from proofmass.report.tables import smallest_changes
@@ -27,7 +30,7 @@ from proofmass.report.words import closeness
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Motion, motion
 from proofmass.solve import plan
-from tests.report.whole import whole_result
+from tests.report.whole import lost_result, whole_result
 from tests.shipped import shipped
 
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
@@ -311,46 +314,93 @@ def test_the_smallest_change_is_that_of_the_most_sensitive_channel(
     assert found["crank"].value == "1 m"
 
 
-@dataclass(frozen=True)
-class Cause:
-    kind: str
-    words: str
-    explains: tuple[str, ...]
-    left: float
-    changes: dict[str, tuple[float, float]]
+def cause_of(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
+    changes = {"rocker": (2.5, 2.525)}
+    return Explanation("parameter", words, explains, ("pin.y",), left, 3, 1, changes, ("a twin",))
 
 
-@dataclass(frozen=True)
-class Diagnosis:
-    case: str
-    run: str
-    solver: str
-    differing: tuple[str, ...]
-    as_is: float
-    causes: tuple[Cause, ...]
-    tried: tuple[str, ...]
+def diagnosis_of(run: str, solver: str, *found: Explanation, **more: Any) -> Diagnosis:
+    told = {"differing": ("a", "b", "c"), "tried": ("sign", "unit"), **more}
+    return Diagnosis("fourbar", run, solver, causes=found, **told)
 
 
-def test_causes_stand_first_on_the_page(fourbar: Case, tmp_path: Path) -> None:
-    cause = Cause("parameter", "rocker is longer", ("pin.x",), 1e-15, {"rocker": (2.5, 2.525)})
+def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path: Path) -> None:
+    best, other = cause_of("rocker is longer", ("a", "b")), cause_of("crank is", (), 0.5)
     found = {
-        ("fourbar", run, "mujoco"): Diagnosis(
-            "fourbar", run, "mujoco", ("pin.x", "pin.y"), 0.01, (cause,), ("sign", "unit")
-        )
+        ("fourbar", run, "mujoco"): diagnosis_of(run, "mujoco", best, other, remarks=("line 33",))
         for run in ("sweep", "dynamics")
     }
-    (panel,) = causes(fourbar, found)
+    found["fourbar", "sweep", "pymunk"] = diagnosis_of("sweep", "pymunk", remarks=("no less",))
+    panel, none = causes(fourbar, found)
     assert panel.title == "Cause: rocker is longer"
-    assert panel.rows[0].changes == "rocker 2.5 → 2.525"
-    assert panel.rows[0].explains == "1 of 2 curves"
-    assert panel.rows[0].place < panel.rows[1].place  # less is left than without a change
-    assert "MuJoCo in the sweep and MuJoCo in dynamics" in panel.where
+    assert panel.lines == (
+        "puts 2 of 3 channels right, 1e-15 of the error left; not c",
+        "line 33",
+        "as good: a twin",
+    )
+    assert [row.words for row in panel.rows] == ["rocker 2.5 → 2.525"] * 2 + ["nothing changed"]
+    assert panel.rows[0].explains == "2 of 3, 1 wrong"
+    places = [row.place for row in panel.rows]
+    assert places == sorted(places)  # less is left than without a change
+    assert panel.where == (
+        "The same in 2 runs: MuJoCo in the sweep (2 of 3 curves) and "
+        "MuJoCo in dynamics (2 of 3 curves)."
+    )
+    assert (none.title, none.lines) == ("Cause: none of those that were tried", ("no less",))
+    assert none.rows == ()
     assert causes(fourbar.model_copy(update={"file": Path("other.toml")}), found) == []
-    result = Result(cases=[fourbar])
-    object.__setattr__(result, "diagnoses", found)
-    page = write_report(result, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
-    assert page.index("Cause: rocker is longer") < page.index("Not checked")
-    assert "Also tried: sign and unit." in page
+    page = write_report(replace(result, diagnoses=found), tmp_path).with_name("fourbar.html")
+    text = page.read_text(encoding="utf-8")
+    assert text.index("Cause: rocker is longer") < text.index("Not checked")
+    assert "Tried: sign and unit." in text
+
+
+def test_a_search_for_causes_that_failed_is_told(fourbar: Case) -> None:
+    found = {("fourbar", "sweep", "mujoco"): diagnosis_of("sweep", "mujoco", fault="no answer")}
+    (panel,) = causes(fourbar, found)
+    assert (panel.title, panel.lines) == ("Why it differs was not found out", ("no answer",))
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_lost_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alone: bool) -> None:
+    solvers = fourbar.run["dynamics"].solvers if alone else ["mujoco"]
+    run = shown(lost_result(fourbar, result, *solvers), fourbar, "dynamics")
+    assert set(run.lost) == set(solvers)
+    assert (run.whole is not None) == alone  # else a solver that came to the end has it
+    data = recorded_data(fourbar, [run])["runs"]["dynamics"]
+    exact = result.curves[fourbar.name, "dynamics", "mujoco"]
+    assert np.array_equal(unpacked(data["x"], "<f8"), exact.x)
+    own = data["solvers"]["mujoco"]
+    assert len(unpacked(own["differences"]["pin.x"], "<f4")) == 100
+    assert (own["early"], own["end"]) == (True, exact.x[99])
+    truth = evaluate(fourbar, exact.x, exact.drive).channels["pin.x"]
+    assert np.array_equal(unpacked(data["channels"]["pin.x"]["curve"], "<f8"), truth)
+    assert set(run.without_lost.curves) == set(fourbar.run["dynamics"].solvers) - set(solvers)
+
+
+def test_a_lost_run_without_a_reference_is_not_drawn(
+    fourbar: Case, result: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise InputError(fourbar.file, "", "cannot be assembled there")
+
+    lost = lost_result(fourbar, result, *fourbar.run["dynamics"].solvers)
+    monkeypatch.setattr("proofmass.report.data.reference_for", fail)
+    run = shown(lost, fourbar, "dynamics")
+    assert (run.curves, run.truth, len(run.lost)) == ({}, {}, 4)
+
+
+def test_what_happened_is_told_once_for_all_runs(
+    fourbar: Case, result: Result, tmp_path: Path
+) -> None:
+    found = lost_result(fourbar, result, "mujoco", "pymunk")
+    (panel,) = causes(fourbar, found.diagnoses)
+    assert (panel.title, panel.rows) == ("What happened", ())
+    assert panel.where == "The same in 2 runs: MuJoCo in dynamics and pymunk in dynamics."
+    page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+    first = page[page.index("What happened") : page.index("Not checked")]
+    assert "Pin.x left the tolerance first." in first or "pin.x left the tolerance first." in first
+    assert re.search(r"MuJoCo is drawn until 1\.7\d* s: diverged", page)
 
 
 def test_colours_can_be_read_on_both_papers() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import compare
+from proofmass.compare import Comparison, compare
+from proofmass.diagnosis import Diagnosis
 from proofmass.reference import evaluate
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
@@ -37,3 +38,32 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
                 result.curves[case.name, kind, solver] = curves
                 result.comparisons.extend(replace(c, seconds=0.1) for c in rows)
     return result
+
+
+def lost_result(case: Case, result: Result, *solvers: str, samples: int = 100) -> Result:
+    """The same with dynamics of solvers lost after so many samples."""
+    keys = {(case.name, "dynamics", solver) for solver in solvers}
+    cut = {}
+    for key in keys:
+        whole = result.curves[key]
+        cut[key] = replace(
+            whole,
+            x=whole.x[:samples],
+            channels={name: curve[:samples] for name, curve in whole.channels.items()},
+            drive=tuple(part[:, :samples] for part in whole.drive or ()),
+        )
+    return replace(
+        result,
+        curves={key: c for key, c in result.curves.items() if key not in keys},
+        lost=cut,
+        comparisons=[
+            Comparison(c.case, c.solver, c.run, c.channel, c.unit, outcome="diverged", message="!")
+            if (c.case, c.run, c.solver) in keys
+            else c
+            for c in result.comparisons
+        ],
+        diagnoses={
+            key: Diagnosis(*key, remarks=("pin.x left the tolerance first",), lost=True)
+            for key in sorted(keys)
+        },
+    )

@@ -50,6 +50,8 @@ const current = () => data.runs[state.run];
 const comparison = (solver, channel = state.channel) =>
   current().solvers[solver]?.comparisons[channel];
 const judged = (c) => c && ["agrees", "differs"].includes(c.outcome);
+// Whether nothing of a lost run is there to be drawn.
+const gone = (run, name) => Boolean(run.lost[name]) && !run.solvers[name]?.differences;
 const solversOf = (run) => Object.keys(run.solvers).filter((name) => run.solvers[name].differences);
 
 // The channels of a run, largest error over allowance first, then those that are not judged.
@@ -70,6 +72,9 @@ function atSample(sample, digits = 4) {
   const unit = run.unit === "deg" ? "°" : ` ${run.unit}`;
   return `${worded(value, digits)}${unit}`;
 }
+
+// Where the curves of a solver end.
+const endOf = (run, name) => `${worded(run.solvers[name].end * run.scale, 4)} ${run.unit}`;
 
 const powerWords = (power) => `×${power > 3 ? `1e${power}` : 10 ** power}`;
 
@@ -321,6 +326,7 @@ function shownSolvers() {
       shift: run.solvers[name].shifts[state.channel],
       allowed: judged(comparison(name)) ? comparison(name).allowed : null,
       at: comparison(name)?.at ?? null,
+      end: run.solvers[name].early ? (run.lost[name] ? "lost" : "ends") : "",
     }));
 }
 
@@ -372,11 +378,12 @@ function reasons() {
     const { label, css } = data.solvers[name];
     const head = `<b class="${css} coloured">${escaped(label)}</b>`;
     if (run.lost[name]) {
-      return `<p>${head} <b class="bad">${escaped(run.lost[name].outcome)}</b>: ${escaped(run.lost[name].why)}</p>`;
+      const until = gone(run, name) ? "" : `, drawn until ${escaped(endOf(run, name))}`;
+      return `<p>${head} <b class="bad">${escaped(run.lost[name].outcome)}</b>${until}: ${escaped(run.lost[name].why)}</p>`;
     }
     const c = solver.comparisons[state.channel];
     const stopped = solver.stopped
-      ? ` <span class="bad">Ends at ${worded(solver.end * run.scale, 4)} ${escaped(run.unit)}: ${escaped(solver.stopped)}</span>`
+      ? ` <span class="bad">Ends at ${escaped(endOf(run, name))}: ${escaped(solver.stopped)}</span>`
       : "";
     if (!c) {
       const there = solver.differences?.[state.channel];
@@ -489,9 +496,9 @@ function drawChips() {
     .join("");
   const chips = Object.keys(run.solvers).map((name, number) => {
     const solver = data.solvers[name];
-    const lost = run.lost[name];
+    const lost = gone(run, name);
     const on = state.shown.has(name) && !lost;
-    const words = lost ? escaped(lost.outcome) : "";
+    const words = lost ? escaped(run.lost[name].outcome) : "";
     return (
       `<button type="button" class="chip ${solver.css}" data-solver="${escaped(name)}" aria-pressed="${on}"` +
       ` ${lost ? "disabled" : ""} title="show or hide (${number + 1})">${markerSign(solver)}` +
@@ -509,12 +516,13 @@ function drawChips() {
     .join("");
   find("#scrub").max = run.x.length - 1;
   const lost = Object.entries(run.lost).map(
-    ([name, why]) => `${data.solvers[name].label} is not drawn: ${why.outcome}. ${why.why}`,
+    ([name, why]) =>
+      `${data.solvers[name].label} is ${gone(run, name) ? "not drawn" : `drawn until ${endOf(run, name)}`}:` +
+      ` ${why.outcome}. ${why.why}`,
   );
   for (const [name, solver] of Object.entries(run.solvers)) {
     if (solver.stopped) {
-      const end = `${worded(solver.end * run.scale, 4)} ${run.unit}`;
-      lost.push(`${data.solvers[name].label} ends at ${end}: ${solver.stopped}.`);
+      lost.push(`${data.solvers[name].label} ends at ${endOf(run, name)}: ${solver.stopped}.`);
     }
   }
   find("#lost").textContent = lost.join(" ");
@@ -877,7 +885,9 @@ function start() {
   const named = load();
   if (!named) {
     const differs = all.find((run) => ordered(run)[0].ratio > 1);
-    choose((differs ?? all[all.length - 1]).kind);
+    const lost = all.find((run) => Object.keys(run.lost).some((name) => !gone(run, name)));
+    const first = differs ?? lost ?? all[all.length - 1];
+    choose(first.kind, Object.keys(first.lost).find((name) => !gone(first, name)));
     if (differs) {
       state.power = Math.max(0, mechanism()?.power(state.solver) ?? 0);
     }

@@ -92,7 +92,10 @@ class CurvePair {
       ready: [(plot) => this.line(plot)],
       setScale: [(plot, key) => key === "x" && this.pass(plot)],
       setCursor: [(plot) => this.point(plot)],
-      draw: [(plot) => this.plots.includes(plot) && this.markers(plot, series)],
+      draw: [
+        (plot) => this.plots.includes(plot) && this.markers(plot, series),
+        (plot) => this.plots.includes(plot) && this.ends(plot, series),
+      ],
     }); // a plot that was taken away may still draw once, when another view is there
     const top = new uPlot(
       this.options(narrow ? 190 : 238, [{}, reference, ...lines], {}, hooks(2)),
@@ -373,6 +376,48 @@ class CurvePair {
           });
         }
       }
+      ctx.restore();
+    });
+  }
+
+  // A cross and a word where the curve of a solver ends before the run does.
+  ends(plot, first) {
+    const { run, solvers } = this.view;
+    const { left, top, width, height } = plot.bbox;
+    const ctx = plot.ctx;
+    const ratio = devicePixelRatio;
+    const ending = solvers.map((solver, number) => ({ solver, number })).filter(({ solver }) => solver.end);
+    ending.forEach(({ solver, number }, place) => {
+      const values = plot.data[first + number];
+      const k = values.findLastIndex((value) => value !== null && value !== undefined);
+      if (k < 0) {
+        return;
+      }
+      const across = plot.valToPos(run.xs[k], "x", true);
+      if (across < left - 1 || across > left + width + 1) {
+        return;
+      }
+      ctx.save();
+      ctx.strokeStyle = variable(`--${solver.css}`);
+      ctx.fillStyle = ctx.strokeStyle;
+      ctx.lineWidth = ratio;
+      ctx.setLineDash([2 * ratio, 3 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(across, top);
+      ctx.lineTo(across, top + height);
+      ctx.stroke();
+      ctx.setLineDash([]);
+      ctx.lineWidth = 2 * ratio;
+      this.mark(plot, run.xs[k], values[k], (_, x, y) => {
+        SHAPES.cross(ctx, x, y, 5 * ratio);
+        ctx.stroke();
+      });
+      const onLeft = across < left + width / 2;
+      ctx.font = `${12 * ratio}px ${this.letters}`;
+      ctx.textAlign = onLeft ? "left" : "right";
+      ctx.textBaseline = "bottom";
+      const y = top + height - (4 + 15 * place) * ratio;
+      ctx.fillText(`${solver.label} ${solver.end}`, across + (onLeft ? 6 : -6) * ratio, y);
       ctx.restore();
     });
   }
