@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.compare import Comparison, compare
+from proofmass.compare import Comparison, compare, with_reference
 from proofmass.diagnosis import Diagnosis, describe_loss, find_causes
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
@@ -36,8 +36,9 @@ CAUSES = 60.0  # [s] until the search for the causes of one run's differences is
 class Result:
     """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
 
-    Curves and diagnoses are those of a case's run and solver, by their names.  `lost` has curves of
-    runs that were lost, until then.  Only runs that differ or were lost have a diagnosis.
+    Curves and diagnoses are those of a case's run and solver, by their names.  Curves that were
+    compared have their reference with them, see `proofmass.compare.ComparedCurves`.  `lost` has
+    curves of runs that were lost, until then.  Only runs that differ or were lost have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     """
 
@@ -225,7 +226,7 @@ def measured(
     try:
         mobility(case)
         curves = run_here(case, kind, solver)
-        return hold(case, kind, solver, curves), curves
+        return hold(case, kind, solver, curves), with_reference(case, kind, curves)
     except (InputError, MemoryError):
         raise
     except tuple(FAILURES):

@@ -116,6 +116,27 @@ class Comparison:
         return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 
 
+@dataclass(frozen=True)
+class ComparedCurves(Curves):
+    """Curves of a solver, with what their channels had to be where they were compared.
+
+    Attributes
+    ----------
+    reference : dict of str to ndarray (n,)
+        By channel, in SI units.
+    """
+
+    reference: dict[str, Array] = field(default_factory=dict)
+
+
+def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
+    """Curves with the reference that `compare` held them against in this process, if it did."""
+    found = last_used.get(key_of(case, run, curves))
+    if found is None or found.asked is None or found.asked[0] is not curves.drive:
+        return curves
+    return ComparedCurves(**vars(curves), reference=found.asked[1].channels)
+
+
 def reference_for(case: Case, curves: Curves) -> Curves:
     """The reference at the state the drive really had in that run."""
     return evaluate(case, curves.x, curves.drive)
@@ -360,6 +381,7 @@ class RunReference:
         self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
+        self.asked: tuple[State | None, Curves] | None = None
         self.unchanged = self.evaluated({}, more=True)
 
     def evaluated(self, changed: dict[str, float], more: bool = False) -> dict[str, Array]:
@@ -371,12 +393,15 @@ class RunReference:
             return {}
 
     def as_driven(self, state: State | None) -> Curves:
-        """The reference with the drives as a solver moved them."""
+        """The reference with the drives as a solver moved them, which stays in `asked`."""
         same = state is None or np.array_equal(state, cast(State, self.state))
         if self.unchanged and same:
-            return Curves(self.x, self.unchanged)
-        with memory_in_use(self.memory, more=False):
-            return evaluate(self.case, self.x, state)
+            found = Curves(self.x, self.unchanged)
+        else:
+            with memory_in_use(self.memory, more=False):
+                found = evaluate(self.case, self.x, state)
+        self.asked = state, found
+        return found
 
     def step(self, key: str, share: float) -> float:
         """A share of a parameter, or of the largest one if it is 0."""
@@ -394,9 +419,14 @@ class RunReference:
 last_used: dict[Any, RunReference] = {}
 
 
+def key_of(case: Case, run: Kind, curves: Curves) -> tuple[object, ...]:
+    """What tells the reference of a run from others."""
+    return identity(case), run, curves.x.tobytes(), curves.drive is None
+
+
 def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
     """The last reference again, if it is of the same run: workers judge its solvers one by one."""
-    key = identity(case), run, curves.x.tobytes(), curves.drive is None
+    key = key_of(case, run, curves)
     found = last_used.get(key)
     if found is None:
         found = RunReference(case, run, curves)

@@ -33,9 +33,11 @@ from proofmass.check import (
     stopped,
 )
 from proofmass.cli import app
-from proofmass.compare import Comparison, compare
+from proofmass.compare import Comparison, compare, with_reference
 from proofmass.errors import InputError
+from proofmass.reference import evaluate
 from proofmass.refined import Finer, errors
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
 from proofmass.worker import Crashed
 from tests.shipped import MODELS
@@ -497,3 +499,17 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
         ("refine.channels", "bad"),
         ("drive", "the"),
     ]
+
+
+def test_curves_have_the_reference_that_they_were_compared_with(models, keep_solver):
+    case = load_case(keep_solver("fourbar.toml", "mujoco"))
+    for kind in case.run:  # a sweep's drives have their law's values, and dynamics' have not
+        rows, curves = measured(case, kind, "mujoco", compare)
+        truth = evaluate(case, curves.x, curves.drive).channels
+        assert list(curves.reference) == list(case.channels)
+        for c in rows:
+            error = np.abs(curves.channels[c.channel] - curves.reference[c.channel])
+            assert float(error.max()) / case.channels[c.channel].factor == c.error_max  # same bits
+            assert curves.reference[c.channel] == pytest.approx(truth[c.channel], abs=1e-9)
+        other = Curves(curves.x, curves.channels, drive=tuple(part.copy() for part in curves.drive))
+        assert with_reference(case, kind, other) is other  # nobody compared these

@@ -10,7 +10,7 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import Comparison, reference_for
+from proofmass.compare import ComparedCurves, Comparison, reference_for
 from proofmass.outcome import LOST, Outcome
 from proofmass.reference import compiled, evaluate, grid, laws
 from proofmass.refined import RefinedRow
@@ -116,7 +116,7 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         for s in case.run[kind].solvers
         if (case.name, kind, s) in result.curves
     }
-    truth = {s: reference_for(case, c) for s, c in curves.items()}
+    truth = {s: compared_with(case, c) for s, c in curves.items()}
     lost, beside = until_loss(result, case, kind)
     whole = None
     if lost and max((c.x.size for c in curves.values()), default=0) < grid(case, kind).size:
@@ -129,6 +129,13 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
     named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
     return Shown(case, kind, rows, curves, truth, *named, finer, verdicts, whole)
+
+
+def compared_with(case: Case, curves: Curves) -> Curves:
+    """The reference that curves were compared with; evaluated where they do not have it."""
+    if isinstance(curves, ComparedCurves):
+        return Curves(curves.x, curves.reference)
+    return reference_for(case, curves)
 
 
 def until_loss(

@@ -70,7 +70,7 @@ def viewed(shown: Shown, view: View) -> Viewed:
     longest = max(shown.curves.values(), key=lambda c: len(c.x))
     curves, truth = {}, {}
     for solver, found in shown.curves.items():
-        there = seen(case, view, found).values[view.x]
+        there = x_of(shown, solver, view)
         truth[solver] = replace(shown.truth[solver], x=there)
         x = found.channels.get(view.x) if view.x in case.channels else there
         if x is not None:
@@ -90,6 +90,20 @@ def viewed(shown: Shown, view: View) -> Viewed:
             x_scale=scale,
         ),
     )
+
+
+def x_of(shown: Shown, solver: str, view: View) -> Array:
+    """The reference's x of a view, at the state that a solver's drives had.
+
+    The reference is asked again only for a quantity that is neither a channel nor a drive.
+    """
+    truth, curves = shown.truth[solver].channels, shown.curves[solver]
+    if view.x in truth:
+        return truth[view.x]
+    joints = [drive.joint for drive in shown.case.drive]
+    if view.x in joints and curves.drive:
+        return curves.drive[0][joints.index(view.x)]
+    return seen(shown.case, view, curves).values[view.x]
 
 
 def spoken(case: Case, name: str, unit: str) -> str:

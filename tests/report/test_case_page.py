@@ -13,7 +13,7 @@ import pytest
 
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import compare
+from proofmass.compare import ComparedCurves, compare
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
@@ -312,6 +312,24 @@ def test_the_smallest_change_is_that_of_the_most_sensitive_channel(
     assert found["crank"].by == f"{c.channel}, {c.run}, MuJoCo"
     assert float(found["crank"].size.removesuffix(" %")) == pytest.approx(100 * least, rel=0.05)
     assert found["crank"].value == "1 m"
+
+
+def test_a_reference_that_was_compared_is_not_evaluated_again(
+    fourbar: Case, result: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        pytest.fail("the reference was evaluated again")
+
+    known = {
+        key: ComparedCurves(
+            **vars(curves), reference=evaluate(fourbar, curves.x, curves.drive).channels
+        )
+        for key, curves in result.curves.items()
+    }
+    monkeypatch.setattr("proofmass.report.data.reference_for", fail)
+    run = shown(replace(result, curves=known), fourbar, "sweep")
+    for solver, truth in run.truth.items():
+        assert truth.channels is known[fourbar.name, "sweep", solver].reference
 
 
 def cause_of(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
