@@ -99,8 +99,7 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
 def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
     """What is noticed of the numbers of the model."""
     if found.left_out or not found.numbers:
-        why = found.left_out or "no run of the case checks anything"
-        yield from wrapped(f"No number of {case.model} was tried: {why}.")
+        yield from wrapped(not_tried(case, found))
         return
     told = [one for one in found.noticed if not one.refused]
     if told:
@@ -119,6 +118,12 @@ def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
         yield "  nothing of what was tried"
     yield ""
     yield from wrapped(TRIED)
+
+
+def not_tried(case: Case, found: Coverage) -> str:
+    """That no number of the model was tried, and why."""
+    why = found.left_out or "no run of the case checks anything"
+    return f"No number of {case.model} was tried: {why}."
 
 
 def wrapped(text: str, indent: str = "") -> Iterator[str]:
@@ -171,11 +176,15 @@ def tables_of(some: Sequence[Finding]) -> Iterator[str | Table]:
             table.add_column(justify="right", no_wrap=True)
         table.add_column(overflow="fold")
         for one in (one for one in some if (one.run, one.solver) == (run, solver)):
-            name = one.of if one.kind == "parameter" else one.name
-            change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
-            share = f"{number(100 * one.share, 2)} %" if one.value else ""
-            table.add_row("", name, change, share, one.channel)
+            table.add_row("", *cells_of(one), one.channel)
         yield table
+
+
+def cells_of(one: Finding) -> tuple[str, str, str]:
+    """A number in words, the smallest change that is noticed, and the same as a share."""
+    name = one.of if one.kind == "parameter" else one.name
+    change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
+    return name, change, f"{number(100 * one.share, 2)} %" if one.value else ""
 
 
 def refusals(some: Sequence[Finding]) -> Iterator[str]:

@@ -22,6 +22,7 @@ from proofmass.report.causes import causes
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
 from proofmass.report.first_screen import advice, badge, looks_of, open_lines, texts
+from proofmass.report.noticed import noticed
 from proofmass.report.overview import marks, overview
 from proofmass.report.page import complaint, made_with, slug
 from proofmass.report.study import ShownStudy
@@ -64,6 +65,7 @@ def render_case(
     tell = partial(told, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
     compared = any(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in rows)
+    file = case.file.name if case.file.is_absolute() else case.file
     data = case_data(case, gathered.recorded, drawings.motions, style)
     return short, env.get_template("case.html").render(
         case=case,
@@ -78,7 +80,9 @@ def render_case(
         causes=causes(case, result.diagnoses),
         open_lines=open_lines(case, runs),
         advice=advice(case, rows, faults, short["state"]),
-        command=f"proofmass check {case.file.name if case.file.is_absolute() else case.file}",
+        command=f"proofmass check {file}",
+        explain=f"proofmass explain {file}",
+        noticed=tell(noticed, None),
         compared=compared,
         detectable=tables.smallest_changes(case, rows) if compared else [],
         texts=texts(case),

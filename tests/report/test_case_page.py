@@ -5,6 +5,7 @@ import re
 from base64 import b64decode
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,11 @@ import pytest
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import ComparedCurves, compare
+from proofmass.coverage import FOLDER, Coverage, Kept, file_of, key_of
+from proofmass.coverage_search import CheckedRun, Finding
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
+from proofmass.explain import not_noticed
 from proofmass.reference import evaluate
 from proofmass.report import case_data, write_report
 from proofmass.report.case_data import kept, motion_data, recorded_data, thinning
@@ -23,6 +27,7 @@ from proofmass.report.causes import causes
 from proofmass.report.data import Shown, shown
 from proofmass.report.drawing import measured, moving
 from proofmass.report.first_screen import advice, badge
+from proofmass.report.noticed import NoticedPanel, noticed, panel_of
 from proofmass.report.overview import FIRST, LAST, overview, place
 from proofmass.report.style import PAPERS, READABLE, contrast, legible, looks
 from proofmass.report.tables import smallest_changes
@@ -330,6 +335,69 @@ def test_a_reference_that_was_compared_is_not_evaluated_again(
     run = shown(replace(result, curves=known), fourbar, "sweep")
     for solver, truth in run.truth.items():
         assert truth.channels is known[fourbar.name, "sweep", solver].reference
+
+
+def coverage_found(case: Case) -> Coverage:
+    """A coverage as it may be found, with numbers of every sort."""
+    noticed = {"run": "sweep", "solver": "mujoco", "channel": "pin.x"}
+    return Coverage(
+        case.name,
+        "key",
+        (CheckedRun("sweep", "mujoco", 1, 1, units=("m",)),),
+        (Finding("parameter", "crank", "m", 1.0, 0.1, True, 2e-13, **noticed),),
+        (
+            Finding("place", "body coupler x", "m", 1.0, 0.1, True, 3e-13, **noticed),
+            Finding("range", "rocker", "rad", 1.0, 0.1, True, refused="beyond it", **noticed),
+            *(Finding(kind, "crank", "1", 1.0, 0.1, False) for kind in UNSEEN),
+        ),
+    )
+
+
+UNSEEN = ("inertia", "damping", "friction", "armature", "site", "direction")
+
+
+def test_what_no_run_notices_is_told_in_the_words_of_explain(fourbar: Case) -> None:
+    found = coverage_found(fourbar)
+    panel = panel_of(fourbar, found)
+    lines = list(not_noticed(fourbar, found))
+    assert [*panel.unnoticed, *panel.more] == lines
+    assert lines[0].startswith("inertia of crank: all runs that are checked are at rest")
+    assert len(panel.more) == len(UNSEEN) - 4
+    (parameter,), (number,) = panel.parameters, panel.numbers
+    assert (parameter.name, parameter.change, parameter.share) == ("crank", "2e-13 m", "2e-11 %")
+    assert number.by == "pin.x, sweep, MuJoCo"
+    assert panel.refused == ("range of rocker: beyond it",)
+    assert (
+        "No number of fourbar.xml was tried: too slow."
+        in panel_of(fourbar, replace(found, left_out="too slow")).not_tried
+    )
+
+
+def test_a_page_shows_coverage_that_was_found_and_seeks_none(
+    fourbar: Case, result: Result, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "Which numbers of the model no run notices" in page
+    assert re.search(r"<code>proofmass explain \S*fourbar\.toml</code> finds out", page)
+    assert "Noticed from this change on" not in page
+    monkeypatch.setenv(FOLDER, str(tmp_path / "found"))
+    key = key_of(fourbar)
+    Kept(coverage=replace(coverage_found(fourbar), key=key)).write(file_of(fourbar, key, None))
+    told = noticed(fourbar)
+    assert told
+    monkeypatch.setattr("proofmass.report.case_page.noticed", partial(known, told))
+    index = write_report(result, tmp_path / "pages")
+    page = index.with_name("fourbar.html").read_text(encoding="utf-8")
+    panel = page[page.index('id="not-checked"') : page.index('id="to-do"')]
+    assert "inertia of crank: all runs that are checked are at rest" in panel
+    assert "finds out" not in panel
+    assert "Noticed from this change on" in page
+    file_of(fourbar, key, None).write_text("{", encoding="utf-8")
+    assert noticed(fourbar) is None  # the command says what is wrong with it
+
+
+def known(told: NoticedPanel, _: Case) -> NoticedPanel:
+    """What `noticed` finds, in another process: it may have another folder of what was found."""
+    return told
 
 
 def cause_of(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
