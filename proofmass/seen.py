@@ -21,7 +21,13 @@ class Seen:
     marks: dict[str, float]
 
 
-def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> Seen:
+def seen(
+    case: Case,
+    view: View,
+    curves: Curves,
+    beside: str | None = None,
+    truth: Curves | None = None,
+) -> Seen:
     """The reference in a view, at the state that the drives really had in a run.
 
     Parameters
@@ -32,6 +38,9 @@ def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> S
         Of a solver; only its x and its drives are used.
     beside : str, optional
         A parameter set of the case to take instead of its own.
+    truth : Curves, optional
+        The reference's channels at that state, for the case's own parameters.  It is not evaluated
+        again if the view names channels and drives alone.
 
     Returns
     -------
@@ -51,9 +60,12 @@ def seen(case: Case, view: View, curves: Curves, beside: str | None = None) -> S
             case.compare_with[beside].parameters,
             f"compare_with.{beside!r}.parameters",
         )
-    known = quantities(case, curves.x, state, parameters, key)
     moved = {d.joint: curves.drive[0][k] for k, d in enumerate(case.drive) if curves.drive}
-    there = {**known, **moved, **channels(case, curves.x, known)}
+    there = {**moved, **(truth.channels if truth else {})}
+    asked = {name for some in named(view).values() for name in some}
+    if truth is None or beside is not None or not asked <= there.keys():
+        known = quantities(case, curves.x, state, parameters, key)
+        there = {**known, **moved, **channels(case, curves.x, known)}
     values, units = {}, {}
     for key, names in named(view).items():
         for name in names:

@@ -67,15 +67,17 @@ class Viewed:
 def viewed(shown: Shown, view: View) -> Viewed:
     """Put a view's x in place of the run's: measured if it is a channel, else the reference's."""
     case = shown.case
-    longest = max(shown.curves.values(), key=lambda c: len(c.x))
+    of_longest = max(shown.curves, key=lambda solver: len(shown.curves[solver].x))
+    longest, own_truth = shown.curves[of_longest], shown.truth[of_longest]
+    bare = view.model_copy(update={"y": (), "stack": (), "dashed": None, "marks": {}})
     curves, truth = {}, {}
     for solver, found in shown.curves.items():
-        there = x_of(shown, solver, view)
+        there = seen(case, bare, found, truth=shown.truth[solver]).values[view.x]
         truth[solver] = replace(shown.truth[solver], x=there)
         x = found.channels.get(view.x) if view.x in case.channels else there
         if x is not None:
             curves[solver] = replace(found, x=x)
-    own = seen(case, view, longest)
+    own = seen(case, view, longest, truth=own_truth)
     unit, scale = readable(own.units[view.x])
     return Viewed(
         view,
@@ -90,20 +92,6 @@ def viewed(shown: Shown, view: View) -> Viewed:
             x_scale=scale,
         ),
     )
-
-
-def x_of(shown: Shown, solver: str, view: View) -> Array:
-    """The reference's x of a view, at the state that a solver's drives had.
-
-    The reference is asked again only for a quantity that is neither a channel nor a drive.
-    """
-    truth, curves = shown.truth[solver].channels, shown.curves[solver]
-    if view.x in truth:
-        return truth[view.x]
-    joints = [drive.joint for drive in shown.case.drive]
-    if view.x in joints and curves.drive:
-        return curves.drive[0][joints.index(view.x)]
-    return seen(shown.case, view, curves).values[view.x]
 
 
 def spoken(case: Case, name: str, unit: str) -> str:

@@ -16,9 +16,10 @@ from proofmass.report.data import shown, ways
 from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
 from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_sheet, viewed
-from proofmass.seen import Seen
+from proofmass.seen import Seen, seen
 from proofmass.sidecar import load_case
 from tests.report.test_report import case_of, curves_of, result_of
+from tests.report.whole import whole_result
 from tests.shipped import shipped
 
 OTHER = {"crank": 0.8, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
@@ -306,3 +307,24 @@ def test_springs_are_drawn_as_spirals(models, edit, tmp_path, stiffness) -> None
     write_report(result_of(case), tmp_path)
     drawing = (tmp_path / "figures" / "fourbar-mechanism.svg").read_text(encoding="utf-8")
     assert "spiral: torsion spring" in drawing
+
+
+def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
+    case = load_case(shipped("rod_snap.toml"))
+    run = shown(whole_result(case), case, "sweep")
+    before = all_viewed(case, [run])
+    assert before
+
+    def fail(*_):
+        pytest.fail("the reference was evaluated again")
+
+    monkeypatch.setattr("proofmass.seen.quantities", fail)
+    for view, known in zip(all_viewed(case, [run]), before, strict=True):
+        assert view.own.values.keys() == known.own.values.keys()
+        for name, values in view.own.values.items():
+            assert np.array_equal(values, known.own.values[name])
+        for solver, truth in view.over.truth.items():
+            assert np.array_equal(truth.x, known.over.truth[solver].x)
+    curves = next(iter(run.curves.values()))
+    with pytest.raises(pytest.fail.Exception):
+        seen(case, case.view[0], curves)  # it would be, if nobody knew the channels
