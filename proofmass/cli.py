@@ -5,7 +5,9 @@ once.
 """
 
 import sys
+from collections.abc import Callable
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -19,6 +21,7 @@ from proofmass.studies import BUDGET, LONGEST
 if TYPE_CHECKING:
     from proofmass.case import Case
     from proofmass.check import Result
+    from proofmass.compare import Comparison
     from proofmass.strict import Kind
 
 app = typer.Typer(
@@ -55,14 +58,18 @@ def complain(found: list[InputError]) -> None:
         errors.print(Text.assemble(("error: ", "bold red"), str(error)))
 
 
-def show(result: "Result", every_channel: bool = False) -> None:
-    """Print the table, the failures, and the count."""
+def show(
+    result: "Result",
+    every_channel: bool = False,
+    link: "Callable[[Comparison], str] | None" = None,
+) -> None:
+    """Print the table, the failures with links if there are any, and the count."""
     from proofmass.terminal import console, failures, summary
 
     out = console()
     for table in summary(result, every_channel, out.width):
         out.print(table)
-    for line in failures(result):
+    for line in failures(result, link):
         out.print(line, soft_wrap=not out.is_terminal)  # a screen breaks lines between words
 
 
@@ -141,6 +148,7 @@ def report_command(
     """
     from proofmass.report import write_report  # matplotlib is slow to load
     from proofmass.report.changes import changes, since
+    from proofmass.report.overview import link
     from proofmass.report.record import read_last, record_of, require_record, started
     from proofmass.studies.pages import write_study_pages
 
@@ -152,7 +160,9 @@ def report_command(
     last = read_last(output if baseline is None else baseline)
     made = started(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
     result = examine(paths, jobs)
-    show(result)  # before anything is written: what was found out is not lost with a full disk
+    show(
+        result, link=partial(link, output)
+    )  # before anything is written: what was found out is not lost with a full disk
     record = record_of(result, made)
     if last.wrong:
         errors.print(last.wrong)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
@@ -252,12 +252,12 @@ def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
     return text if alone or len(group) == 1 else text.append(f" {same}/{len(group)}")
 
 
-def failures(result: Result) -> Iterator[Text]:
-    """A line for each run that failed, by its worst channel, and for each case in which nothing was
-    checked; sensors that no quantity is found for; references that read the model themselves; and
-    the counts of all outcomes.
+def failures(result: Result, link: Callable[[Comparison], str] | None = None) -> Iterator[Text]:
+    """A line for each run that failed, by its worst channel, with its `link` if there are any, and
+    for each case in which nothing was checked; sensors that no quantity is found for; references
+    that read the model themselves; and the counts of all outcomes.
     """
-    said = set[tuple[str, str]]()
+    said, pages = set[tuple[str, str]](), {case.name for case in result.cases}
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
@@ -279,6 +279,8 @@ def failures(result: Result) -> Iterator[Text]:
         if found := result.diagnoses.get((case, run, solver)):
             elsewhere = [d for d in result.diagnoses.values() if d.case == case and d.found]
             yield from diagnosis(found, said, elsewhere)
+        if link and case in pages:
+            yield Text(f"  {link(c)}", style="dim")
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
     for case in result.cases:

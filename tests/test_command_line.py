@@ -95,6 +95,21 @@ def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
     assert pages == {"index.html", "pendulum.html"}
 
 
+def test_report_prints_a_link_to_each_row_that_differs(models, edit, tmp_path):
+    edit("pendulum.toml", r"(?m)^relative_to_range = .*", "relative_to_range = 1e-30")
+    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    lines = [line.strip() for line in answer.output.splitlines()]
+    failing = [k for k, line in enumerate(lines) if line.startswith("✗ pendulum")]
+    assert failing
+    for k, line in enumerate(lines[j] for j in failing):
+        end = [*failing, len(lines)][k + 1]
+        _, _, kind, solver, *_ = line.split(" ")
+        channel = line.partition("channels, ")[2].partition(" by")[0]
+        at = line.partition(" at ")[2].partition(",")[0]
+        wanted = f"{(tmp_path / 'pages').as_posix()}/pendulum.html#{kind}/{solver}/{channel}@{at}"
+        assert wanted in lines[failing[k] : end]
+
+
 @pytest.mark.parametrize(("options", "there"), [((), False), (("--figures",), True)])
 def test_report_writes_figures_for_papers_on_demand(models, tmp_path, options, there):
     answer = run("report", models / "pendulum.toml", "-o", tmp_path, *options)

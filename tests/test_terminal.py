@@ -11,6 +11,7 @@ from rich.console import Console
 from proofmass import cli, terminal
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED, Comparison, DetectableChange
+from proofmass.diagnosis import Diagnosis
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.terminal import as_json, case_table, console, failures, mark, number, summary, worst
@@ -230,6 +231,21 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
     )
     assert (good.plain, good.style) == ("2 agrees", "bold")
     assert [line.plain for line in failures(Result())] == ["nothing to check"]
+
+
+def test_what_failed_has_a_link_after_its_lines():
+    pendulum, key = load_case(shipped("pendulum.toml")), ("pendulum", "sweep", "mujoco")
+    rows = [
+        of("pendulum", "mujoco", "angle", "differs", error_max=1.0),
+        of("pendulum", "pymunk", "angle"),
+        of("loose", "mujoco", "angle", "diverged"),  # without a page
+    ]
+    told = Diagnosis(*key, remarks=("it went too far",), lost=True)
+    result = Result([pendulum], rows, diagnoses={key: told})
+    lines = [line.plain for line in failures(result, lambda c: f"there/{c.channel}")]
+    assert lines[1:3] == ["  lost: it went too far", "  there/angle"]
+    assert sum("there/" in line for line in lines) == 1
+    assert not any("there/" in line.plain for line in failures(result))
 
 
 def test_a_case_without_a_check_has_a_line():

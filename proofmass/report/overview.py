@@ -8,9 +8,12 @@ its reference.  The same is drawn on a logarithmic axis that is the same on all 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from proofmass.compare import Comparison
+from proofmass.report.page import slug
 from proofmass.wording import number
 
 FIRST, LAST = -16.4, 0.6  # decades at the ends of the axis
@@ -163,4 +166,15 @@ def address(run: str, solver: str, channel: str, x: float) -> str:
     >>> address("sweep", "mujoco:default", "pin.x", 0.5)
     '#sweep/mujoco:default/pin.x@0.5'
     """
-    return f"#{run}/{quote(solver, safe=':')}/{quote(channel)}@{x:.6g}"
+    at = f"@{x:.6g}" if math.isfinite(x) else ""
+    return f"#{run}/{quote(solver, safe=':')}/{quote(channel)}{at}"
+
+
+def link(folder: Path, c: Comparison) -> str:
+    """Where a comparison stands in a report: on the page of its case, its curve at the worst.
+
+    >>> link(Path("reports"), Comparison("fourbar", "mujoco", "sweep", "pin.x", "m", at=6.17847))
+    'reports/fourbar.html#sweep/mujoco/pin.x@6.17847'
+    """
+    page = (folder / f"{slug(c.case)}.html").as_posix()
+    return page + (address(c.run, c.solver, c.channel, c.at) if c.run in TITLES else "")
