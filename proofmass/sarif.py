@@ -27,7 +27,7 @@ KEY = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)
 def as_sarif(result: Result) -> str:
     """The SARIF file of a result: its failures, inputs at fault, and cases without a check."""
     cases = {case.name: case for case in result.cases}
-    lines = Lines()
+    lines = LineIndex()
     found = [
         of_channel(c, cases.get(c.case), lines) for c in result.comparisons if c.outcome not in GOOD
     ]
@@ -91,7 +91,7 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
     ]
 
 
-def of_channel(c: Comparison, case: Case | None, lines: "Lines") -> dict[str, Any]:
+def of_channel(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str, Any]:
     """A channel that differs or was lost, at its line in the sidecar, or in the model."""
     places = []
     if case is not None:
@@ -103,12 +103,12 @@ def of_channel(c: Comparison, case: Case | None, lines: "Lines") -> dict[str, An
     return entry(rule_id(c.outcome), f"{where} {failure(c)}", places, where)
 
 
-def of_case(case: Case, lines: "Lines") -> dict[str, Any]:
+def of_case(case: Case, lines: "LineIndex") -> dict[str, Any]:
     """A case of which nothing was checked."""
     return entry(NOTHING_CHECKED, f"{case.name}: {UNCHECKED}", [location(case.file)], case.name)
 
 
-def of_error(error: InputError, lines: "Lines") -> dict[str, Any]:
+def of_error(error: InputError, lines: "LineIndex") -> dict[str, Any]:
     """An input at fault, at the line of its key."""
     sidecar = error.file.suffix == ".toml"
     line = lines.of_key(error.file, key_parts(error.key)) if sidecar else None
@@ -151,7 +151,7 @@ def quoted(relative: Path) -> str:
     return (Path(root) / relative).as_uri().removeprefix(Path(root).as_uri())
 
 
-class Lines:
+class LineIndex:
     """Where keys and names stand in files; each file is read once."""
 
     def __init__(self) -> None:

@@ -21,7 +21,7 @@ TREND = 3
 
 
 @dataclass(frozen=True)
-class Lane:
+class ErrorMark:
     """A solver of a cell: its worst error on the axis, and what it is allowed there.
 
     `at` and `allowed` are places in per cent of the axis; None where there is none.
@@ -36,10 +36,10 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class Cell:
+class IndexCell:
     """What a row says of the runs of one group in one engine; `sort` is the worst share."""
 
-    lanes: list[Lane]
+    lanes: list[ErrorMark]
     error: str
     kind: str
     bad: bool
@@ -58,7 +58,7 @@ def ratio(c: Comparison) -> float:
     return 0.0 if c.outcome in GOOD else math.inf
 
 
-def cell_of(rows: Sequence[Comparison]) -> Cell | None:
+def cell_of(rows: Sequence[Comparison]) -> IndexCell | None:
     """The cell of these comparisons, a lane a solver, the engine itself first."""
     solvers = sorted(dict.fromkeys(c.solver for c in rows), key=lambda s: ":" in s)
     groups = [[c for c in rows if c.solver == solver] for solver in solvers]
@@ -69,7 +69,7 @@ def cell_of(rows: Sequence[Comparison]) -> Cell | None:
     lanes = [lane_of(c) for c in speakers]
     share = first.relative_to_range
     known = math.isfinite(share)
-    return Cell(
+    return IndexCell(
         lanes=lanes,
         error=number(share, 2) if known else str(first.outcome),
         kind=kind_of(first.unit) if known else "",
@@ -90,18 +90,18 @@ def speaker(group: Sequence[Comparison]) -> Comparison:
     return max(group, key=rank)
 
 
-def lane_of(c: Comparison) -> Lane:
+def lane_of(c: Comparison) -> ErrorMark:
     """A solver's lane, by the comparison that stands for it."""
     share, judged = c.relative_to_range, math.isfinite(c.allowed)
     name = spoken(c.solver)
     if not math.isfinite(share):
-        return Lane(
+        return ErrorMark(
             c.solver, ":" in c.solver, c.outcome not in GOOD, None, None, f"{name}: {c.outcome}"
         )
     allowed = share * c.allowed / c.error_max if judged and c.error_max else None
     words = f"{name}: {c.channel} {number(share, 2)} of the range"
     words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
-    return Lane(
+    return ErrorMark(
         c.solver,
         ":" in c.solver,
         c.outcome not in GOOD,

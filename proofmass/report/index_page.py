@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
 from proofmass.outcome import GOOD, LOST, OPEN, Outcome
-from proofmass.report.cells import NOTHING, Cell, cell_of, place, ratio, trend
+from proofmass.report.cells import NOTHING, IndexCell, cell_of, place, ratio, trend
 from proofmass.report.changes import Change, changes, of_case
 from proofmass.report.families import families, reference_of
 from proofmass.report.page import about, complaint, slug
@@ -97,7 +97,7 @@ class CaseRow:
     symbol: str
     word: str
     remarks: list[str]
-    cells: dict[str, Cell]
+    cells: dict[str, IndexCell]
     engines: list[str]
     bad_engines: list[str]
     margin: float

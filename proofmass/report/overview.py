@@ -27,7 +27,7 @@ TITLES = {
 
 
 @dataclass(frozen=True)
-class Cell:
+class ErrorCell:
     """One kind of quantity of one solver in one run.
 
     Attributes
@@ -57,10 +57,10 @@ class OverviewRow:
     """A kind of quantity, and a cell for each solver; None where a solver has no such run."""
 
     kind: str
-    cells: tuple[Cell | None, ...]
+    cells: tuple[ErrorCell | None, ...]
 
     @property
-    def lanes(self) -> list[Cell]:
+    def lanes(self) -> list[ErrorCell]:
         """The cells that are drawn."""
         return [cell for cell in self.cells if cell and cell.dot is not None]
 
@@ -118,7 +118,7 @@ def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
     return found
 
 
-def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) -> Cell | None:
+def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) -> ErrorCell | None:
     """The cell of a solver of some channels of a run."""
     run = data["runs"][kind]
     if solver not in run["solvers"]:
@@ -127,13 +127,13 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
     there = {name: own[name] for name in names if name in own}
     known = {name: c for name, c in there.items() if c["share"] is not None}
     if solver in run["lost"]:
-        return Cell(solver, "", run["lost"][solver]["outcome"], bad=True)
+        return ErrorCell(solver, "", run["lost"][solver]["outcome"], bad=True)
     broken = [n for n, c in there.items() if c["share"] is None and c["outcome"] == "differs"]
     if broken:
         link = address(kind, solver, broken[0], there[broken[0]]["at"] or 0.0)
-        return Cell(solver, "no number", f"in {broken[0]}", True, link, f"{broken[0]}: show")
+        return ErrorCell(solver, "no number", f"in {broken[0]}", True, link, f"{broken[0]}: show")
     if not known:
-        return Cell(solver, "", "not available")
+        return ErrorCell(solver, "", "not available")
     bad = {name: c for name, c in known.items() if c["outcome"] == "differs"}
     judged = {name: c for name, c in known.items() if c["outcome"] in ("agrees", "differs")}
     if bad:
@@ -148,7 +148,7 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
         note = "at the start"
     else:
         note = "not judged"
-    return Cell(
+    return ErrorCell(
         solver,
         number(c["share"], 2),
         note,

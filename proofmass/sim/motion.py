@@ -70,7 +70,7 @@ Gauges = Mapping[str, Gauge]
 
 
 @dataclass(frozen=True)
-class Body:
+class MovedBody:
     """A rigid body; `outlines` (points, 2) stand about its origin, as it is at the first pose."""
 
     name: str
@@ -115,7 +115,7 @@ class Motion:
         The same poses as outlines in the world.
     index : ndarray (poses,) of int
         Samples of the run that the poses belong to.
-    bodies, spots : tuple of Body, tuple of Spot
+    bodies, spots : tuple of MovedBody, tuple of Spot
     places : ndarray (poses, bodies, 3)
         Position and turn of each body [m, m, rad]: as the reference has it, if curves tell that,
         otherwise as the model has it.
@@ -135,7 +135,7 @@ class Motion:
 
     picture: Picture
     index: Array
-    bodies: tuple[Body, ...]
+    bodies: tuple[MovedBody, ...]
     spots: tuple[Spot, ...]
     places: Array
     away: dict[str, Array]
@@ -210,14 +210,14 @@ class MovingScene(PictureScene):
             if rod:
                 self.rods[rod] = (*self.rods.get(rod, ()), k)
 
-    def bodies(self, poses: dict[str, Array]) -> tuple[Body, ...]:
+    def bodies(self, poses: dict[str, Array]) -> tuple[MovedBody, ...]:
         """All rigid bodies, with their outlines about their origins."""
         first = {name: rows[:1] for name, rows in poses.items()}
         found = []
         for root in self.roots:
             name, origin = self.model.body(root).name, self.flat(poses["xpos"][0, root])
             outlines = tuple(outline[0] - origin for outline in self.outlines(root, first))
-            found.append(Body(self.name_of_rod.get(name, name), outlines))
+            found.append(MovedBody(self.name_of_rod.get(name, name), outlines))
         return tuple(found)
 
     def spots(self, poses: dict[str, Array], drawn: Picture) -> tuple[Spot, ...]:
