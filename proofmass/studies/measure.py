@@ -112,6 +112,14 @@ def machine() -> str:
     return f"{name} x {os.cpu_count()}"
 
 
+def load_average() -> float:
+    """Load average of the last minute [processes]; NaN where the system has none."""
+    try:
+        return os.getloadavg()[0]
+    except (AttributeError, OSError):  # Windows has none
+        return NAN
+
+
 KEPT = 8  # references; the motions of driven runs differ, and nobody asks for them again
 Key = tuple[str | int | bytes, ...]
 known: dict[Key, dict[str, Array]] = {}
@@ -211,6 +219,7 @@ class Measurement:
     asked: dict[str, float] = field(default_factory=dict)
     curves: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
     step: float = NAN
+    load: float = NAN
 
     @property
     def complete(self) -> bool:
@@ -274,6 +283,7 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
         case, run = task.setting.applied(task.case, task.run)
         if task.reference and not again:
             read_truth(case, task.run, task.reference)
+        before = load_average()
         curves, shared = clocked(task.setting.engine, case.model_path, run)
         if again and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
@@ -286,6 +296,7 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
             shared,
             machine(),
             step=taken(task.run, curves),
+            load=max(before, load_average()),
         )
         return cost if again else held(case, run, curves, cost)
 

@@ -114,6 +114,9 @@ class StudyRow:
     step : float
         Time step that the engine took [s], which need not be the one that was asked for: whole
         steps lead from sample to sample.  NaN where nothing was stepped, or the run gave no curves.
+    load : float
+        Largest load average of the last minute [processes] when a timed run began or ended; NaN
+        where the system has none, and in tables of earlier versions.
     """
 
     study: str
@@ -137,6 +140,7 @@ class StudyRow:
     key: str = ""
     asked: dict[str, float] = field(default_factory=dict)
     step: float = NAN
+    load: float = NAN
 
     def reached(self, kind: str) -> float:
         """Error of a kind that somebody gets who asks for the motion; NaN if there is none."""
@@ -174,6 +178,8 @@ COLUMNS = {
     "after one to warm up",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
     "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
+    "load": "largest load average of the last minute when a timed run began or ended, over all "
+    "processors of the machine; empty where the system has none [processes]",
     "machine": "its processor, and how many it has",
     "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
     "pose that the run came to), crashed, timed out, out of memory, unsupported",

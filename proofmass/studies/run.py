@@ -15,10 +15,11 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from math import isnan
 from pathlib import Path
 
 from proofmass.studies.measure import Measurement, StudyRun, measure
-from proofmass.studies.record import Setting, StudyRow
+from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store, key_of
 from proofmass.worker import stopping
 
@@ -216,4 +217,5 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
         key,
         first.asked,
         first.step,
+        max((one.load for one in ran if not isnan(one.load)), default=NAN),
     )

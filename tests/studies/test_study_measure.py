@@ -149,6 +149,25 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     assert np.isnan(swept.step)
 
 
+def test_the_load_is_that_of_the_worse_end_of_a_timed_run(monkeypatch):
+    told = iter([3.0, 1.0, 0.5, 7.0])
+    monkeypatch.setattr(measure, "load_average", lambda: next(told))
+    task = StudyRun(PENDULUM, "dynamics", EULER.but(timestep=0.01))
+    found = [observe(task, again, None) for again in (False, True)]
+    assert [one.load for one in found] == [3.0, 7.0]
+    assert row(task, found, timed=True).load == 7.0  # of the repeats
+    assert row(task, found[:1], timed=True).load == 3.0
+    assert np.isnan(row(task, [measure.Measurement()], timed=True).load)
+
+
+def test_a_system_without_a_load_average_has_none(monkeypatch):
+    def none() -> tuple[float, float, float]:
+        raise OSError
+
+    monkeypatch.setattr(os, "getloadavg", none)
+    assert np.isnan(measure.load_average())
+
+
 @pytest.mark.parametrize(
     ("error", "outcome"),
     [

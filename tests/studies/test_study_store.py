@@ -1,5 +1,7 @@
 """The store of studies and their tables: whole files, keys that tell apart what differs."""
 
+import csv
+import io
 import json
 import os
 from dataclasses import replace
@@ -190,6 +192,25 @@ def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
     for column in table(ROWS).splitlines()[0].split(","):
         assert f"| `{column.partition('.')[0]}" in described
         assert column.partition(".")[0] in COLUMNS
+
+
+def test_what_an_earlier_version_wrote_without_a_load_is_read(tmp_path):
+    store, file = Store(tmp_path), tmp_path / "trade.csv"
+    store.save("key", 0, TASK, replace(FOUND, load=2.5), 5.0)
+    record = json.loads((tmp_path / "key.0.json").read_text())
+    assert record["found"].pop("load") == 2.5
+    (tmp_path / "key.0.json").write_text(json.dumps(record))
+    assert repr(store.load("key", 0)) == repr(replace(store.load("key", 0), load=NAN))
+    write_table([replace(row, load=2.5) for row in ROWS], file)
+    cells = list(csv.DictReader(io.StringIO(file.read_text())))
+    assert [row["load"] for row in cells] == ["2.5"] * len(ROWS)
+    names = [name for name in cells[0] if name != "load"]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(cells)
+    file.write_text(text.getvalue())
+    assert repr(read_table(file)) == repr([replace(row, load=NAN) for row in ROWS])
 
 
 def test_what_is_no_table_is_bad_input(tmp_path):
