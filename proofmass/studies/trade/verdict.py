@@ -63,10 +63,15 @@ def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
     >>> [row.value for row in front(rows, "rate")]
     [1, 3]
     """
-    able = [
+    found = able(rows, kind)
+    aims = np.array([(row.seconds, row.errors[kind]) for row in found]).reshape(-1, 2)
+    return [found[k] for k in nondominated(aims)]
+
+
+def able(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
+    """Settings that may be on a front: they ran, and have an error of that kind and a time."""
+    return [
         row
         for row in rows
         if row.outcome == Outcome.RAN and row.errors.get(kind, NAN) >= 0 and row.seconds > 0
     ]
-    aims = np.array([(row.seconds, row.errors[kind]) for row in able]).reshape(-1, 2)
-    return [able[k] for k in nondominated(aims)]

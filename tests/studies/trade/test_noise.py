@@ -1,0 +1,86 @@
+"""What the clock can tell apart: intervals, ties, fronts, and machines that were busy."""
+
+from dataclasses import replace
+
+import pytest
+
+from proofmass.studies.record import StudyRow
+from proofmass.studies.trade.noise import (
+    Interval,
+    band,
+    busy,
+    interval,
+    perhaps,
+    ties,
+    usual_spread,
+)
+from proofmass.studies.trade.verdict import front
+
+MACHINE = "Processor x 2"
+
+
+def timed(error: float, *seconds: float, **more: object) -> StudyRow:
+    """A setting with an error and repeated wall times."""
+    row = StudyRow("trade", "", "", "mujoco", "", "timestep", 1.0, machine=MACHINE)
+    return replace(row, errors={"position": error}, seconds=min(seconds), repeats=seconds, **more)
+
+
+def test_an_interval_goes_from_the_least_to_the_greatest_wall_time() -> None:
+    assert interval(timed(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
+    # a single run may be too long by what is usual, and not too short
+    assert interval(timed(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
+
+
+def test_the_usual_spread_is_that_of_the_middle_setting() -> None:
+    rows = [timed(1.0, 1.0, 1.1), timed(1.0, 1.0, 1.3), timed(1.0, 1.0, 9.0), timed(1.0, 4.0)]
+    assert usual_spread(rows) == pytest.approx(1.3)
+    assert usual_spread([timed(1.0, 4.0)]) == 1.0
+
+
+def test_settings_whose_intervals_overlap_are_tied() -> None:
+    best, near, far = timed(1.0, 1.0, 2.0), timed(1.0, 1.9, 3.0), timed(1.0, 2.1, 3.0)
+    assert ties([best, near, far], best, 1.0) == [near]
+    assert ties([best, near, far], near, 1.0) == [best, far]
+
+
+def test_a_setting_that_noise_may_have_put_behind_is_not_off_the_front() -> None:
+    cheap, tied = timed(1e-3, 1.0, 1.5), timed(2e-3, 1.2, 1.6)
+    worse, close = timed(2e-3, 1.6, 1.7), timed(1e-4, 9.0, 9.5)
+    rows = [cheap, tied, worse, close]
+    assert front(rows, "position") == [cheap, close]
+    assert perhaps(rows, "position", 1.0) == [cheap, tied, close]
+    assert set(map(id, front(rows, "position"))) <= set(map(id, perhaps(rows, "position", 1.0)))
+
+
+def test_the_front_lies_in_its_band() -> None:
+    rows = [timed(1e-3, 1.0, 3.0), timed(2e-3, 1.2, 1.6), timed(1e-4, 9.0, 9.5)]
+    assert band(rows, "position", 1.0) == [
+        (1e-4, 9.0, 9.5),
+        (1e-3, 1.0, 3.0),
+        (2e-3, 1.0, 1.6),
+    ]
+
+
+QUIET = [timed(1.0, 1.0, 1.1, load=2.2, shared=0.01) for _ in range(10)]
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"load": 5.0}, "The load average was up to 5 on 2 processors while 10 of 10"),
+        ({"shared": 0.3}, "the processor gave more than 5 % of the time to others, at most 30 %"),
+        ({"repeats": (1.0, 2.0)}, "differ by a factor of 2 (median of all settings)"),
+    ],
+)
+def test_a_busy_machine_is_said(changed: dict[str, object], words: str) -> None:
+    assert busy(QUIET) == []
+    (said,) = busy([replace(row, **changed) for row in QUIET])
+    assert words in said
+
+
+def test_a_single_disturbed_setting_does_not_make_a_machine_busy() -> None:
+    assert busy([*QUIET, replace(QUIET[0], load=9.0, shared=0.5)]) == []
+
+
+def test_tables_without_a_load_say_nothing_of_it() -> None:
+    assert busy([replace(row, load=float("nan")) for row in QUIET]) == []
