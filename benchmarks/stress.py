@@ -22,7 +22,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.page import NEAR, stress_sheet
+from proofmass.studies.stress.figure import NEAR, stress_sheet
 from proofmass.studies.stress.problems import probes
 from proofmass.studies.stress.stress import kept, stress, write_boundaries
 from proofmass.wording import number

@@ -1,139 +1,40 @@
-"""The page of a diet: what each model does not need, in a figure, in words, and as a table.
+"""The page of a diet: what each model does not need, what that saves, and each feature as a row."""
 
-The figure shows what each feature changes, and what its removal saves.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import isnan
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from markupsafe import Markup
 from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from proofmass.errors import InputError
-from proofmass.files import write_whole
 from proofmass.report.figures import save
-from proofmass.report.page import about, environment, slug
-from proofmass.report.study import Written, prepared
+from proofmass.report.marks import MARKS, tones
+from proofmass.report.page import slug
+from proofmass.report.strip import Strip, place
+from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import FIRST, RC
-from proofmass.report.svg import inline
+from proofmass.studies.diet.figure import LARGE, LOOKS, SMALL, diet_sheet
 from proofmass.studies.diet.table import (
     NO_GAIN,
+    SAID,
     WHOLE,
     Entry,
     ranked,
     read_entries,
     saving,
     sentences,
+    spent,
 )
 from proofmass.wording import number
 
-ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands above and below
-LEAST = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
-LETTERS = 42  # of a feature's name
-SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are told apart
-LOOKS = {
-    "harmless": ("o", FIRST.colour),
-    "drawn": ("o", "white"),
-    NO_GAIN: ("o", "white"),
-    "matters": ("X", "#333333"),
-}
-"""Marker and filling by outcome: what goes, what could, what stays."""
-
-
-def diet_sheet(entries: Sequence[Entry]) -> Figure:
-    """Three columns over the features that the model can be run without: change, time, memory."""
-    height = ROW * max(len(entries), 2) + 2 * HEAD
-    figure = Figure(figsize=(WIDE, height))
-    axes = figure.subplots(1, 3, sharey=True, width_ratios=[1.2, 1, 1])
-    places = np.arange(len(entries), 0, -1.0).tolist()
-    for y, entry in zip(places, entries, strict=True):
-        label(axes[0], entry, y)
-        change(axes[0], entry, y)
-    axes[0].axvline(1.0, color="#333333", linewidth=0.8)
-    axes[0].set_xscale("log")
-    axes[0].set_xlim(SMALL / 3, LARGE * 3)
-    axes[0].set_xticks([SMALL, 1e-5, 1, 1e5, LARGE])
-    axes[0].set_xticklabels(["0", "10⁻⁵", "allowed", "10⁵", "more"], fontsize=6.5)
-    axes[0].set_xlabel("largest change of a channel")
-    axes[0].set_ylim(0.2, len(entries) + 0.8)
-    axes[0].set_yticks([])
-    bars(axes[1], entries, places, lambda entry: 100 * entry.saved_time)
-    for y, entry in zip(places, entries, strict=True):
-        if entry.saved:
-            low, _, high = entry.saved
-            axes[1].plot([100 * low, 100 * high], [y, y], color="#333333", linewidth=0.9)
-    axes[1].set_xlim(left=max(axes[1].get_xlim()[0], LEAST))
-    axes[1].set_xlabel("time of a step saved [%]")
-    bars(axes[2], entries, places, lambda entry: entry.saved_memory)
-    axes[2].set_xlabel("memory saved [KB]")
-    figure.subplots_adjust(
-        left=0.36, right=0.97, bottom=0.42 / height, top=1 - 0.12 / height, wspace=0.2
-    )
-    return figure
-
-
-def label(ax: Axes, entry: Entry, y: float) -> None:
-    """What was taken out, left of the columns."""
-    words = entry.title
-    cut = words if len(words) <= LETTERS else f"{words[: LETTERS - 1]}…"
-    ax.annotate(
-        cut,
-        (0, y),
-        xycoords=("axes fraction", "data"),
-        xytext=(-5, 0),
-        fontsize=6.8,
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        fontweight="bold" if entry.kind == WHOLE else "normal",
-    )
-
-
-def change(ax: Axes, entry: Entry, y: float) -> None:
-    """How far the channels move."""
-    marker, filling = LOOKS[entry.outcome]
-    share = entry.worst[2] if entry.moved else 0.0
-    place = min(max(share, SMALL), LARGE) if share == share else LARGE
-    ax.plot([SMALL / 3, place], [y, y], color="#c4c4c4", linewidth=0.8, zorder=1)
-    ax.plot(
-        place,
-        y,
-        marker=marker,
-        markersize=5,
-        markerfacecolor=filling,
-        zorder=3,
-        markeredgecolor=FIRST.colour if marker == "o" else "#333333",
-    )
-
-
-def bars(
-    ax: Axes, entries: Sequence[Entry], places: Sequence[float], value: Callable[[Entry], float]
-) -> None:
-    """What is saved: filled where it goes, only an outline where it stays."""
-    for y, entry in zip(places, entries, strict=True):
-        if entry.costs:
-            goes = entry.outcome == "harmless"
-            ax.barh(
-                y,
-                value(entry),
-                height=0.62,
-                linewidth=0.6,
-                color=FIRST.colour if goes else "white",
-                edgecolor=FIRST.colour if entry.outcome != "matters" else "#999999",
-            )
-    ax.axvline(0.0, color="#333333", linewidth=0.6)
-    ax.set_axisbelow(True)
-
-
-CAPTION = (
-    "What the model can be run without. Left: the channel that moves most, over what it may "
-    "move; filled: goes, ring: drawn, kept for the eye, cross: matters. Right: what a step "
-    "would save, with the interval of the median with 99 %; outlines stay."
-)
+MUTED = "#333333"
+"""Of what stays."""
+CHANGES = ((SMALL, "0"), (1.0, "allowed"), (LARGE, "more"))
+"""On the axis of changes over what is allowed."""
+ZERO = 20.0
+"""Place of what saves nothing on an axis of what is saved [%]: timings may be a little worse."""
 
 
 def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -149,46 +50,133 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
     if not files:
         raise InputError(folder, "", "no MODEL.csv there; proofmass diet MODEL.xml writes it")
     prepared(output, (*files, *(f.with_suffix(".xml") for f in files), folder / "diet.columns.md"))
-    parts = [part(file, output / "figures") for file in files]
-    page = output / "index.html"
-    write_whole(
-        page,
-        environment()
-        .get_template("diet.html")
-        .render(parts=parts, about=about(), style={}, home=home),
+    colours = tones([FIRST.colour, MUTED])
+    css = {colour: tone.css for colour, tone in colours.items()}
+    parts = [part(file, output / "figures", css) for file in files]
+    page = Pages(output, home).write(
+        "index.html",
+        "diet.html",
+        parts=parts,
+        outcomes=list(dict.fromkeys(row["outcome"] for one in parts for row in one["rows"])),
+        tones=colours.values(),
     )
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
-def part(file: Path, folder: Path) -> dict[str, Any]:
+def part(file: Path, folder: Path, css: Mapping[str, str]) -> dict[str, Any]:
     """All that the page shows of one model."""
     entries = read_entries(file)
     stem = f"{slug(file.stem)}-diet"
     shown = ranked(entries)
+    watched = [e.message for e in entries if e.kind == SAID]
     with rc_context(RC):
-        svg = save(diet_sheet([e for e in shown if e.outcome in LOOKS]), folder / stem)
+        save(diet_sheet([e for e in shown if e.outcome in LOOKS]), folder / stem)
+    most = {
+        "time": max((abs(e.saved_time) for e in shown if e.saved), default=0.0) or 1.0,
+        "memory": max((abs(e.saved_memory) for e in shown if e.costs), default=0.0) or 1.0,
+    }
     return {
         "name": file.stem,
         "stem": stem,
         "table": file.name,
         "model": f"{file.stem}.xml",
-        "caption": CAPTION,
-        "svg": Markup(inline(svg, stem, f"{file.stem}: {CAPTION}")),
-        "words": list(sentences(entries)),
-        "rows": [cells(e) for e in shown],
+        "words": [text for text in sentences(entries) if text not in watched],
+        "watched": watched,
+        "goes": any(e.outcome == "harmless" for e in entries if e.kind != WHOLE),
+        "zero": ZERO,
+        "short": in_short(entries[-1]),
+        "changes": [(change_at(share), text) for share, text in CHANGES],
+        "most_time": f"{number(100 * most['time'], 2)} %",
+        "most_memory": f"{number(most['memory'], 2)} KB",
+        "rows": [cells(e, css, most) for e in shown],
     }
 
 
-def cells(entry: Entry) -> dict[str, str]:
+def in_short(whole: Entry) -> list[tuple[str, str, str]]:
+    """Names, values and remarks of what a diet saves as a whole; nothing if nothing goes."""
+    if whole.kind != WHOLE or not whole.costs or not whole.moved:
+        return []
+    before, after = whole.costs
+    run, channel, share = whole.worst
+    return [
+        (
+            "time of a step",
+            f"{number(1e6 * before.seconds, 3)} → {number(1e6 * after.seconds, 3)} µs",
+            spent(whole),
+        ),
+        ("memory", f"{number(before.size / 1024)} → {number(after.size / 1024)} KB", ""),
+        (
+            "largest change",
+            f"{number(share, 2)} of what is allowed",
+            f"{channel} in {run}" if share else "no channel changes at all",
+        ),
+    ]
+
+
+def change_at(share: float) -> float:
+    """Place of a change over what is allowed on its axis [%]."""
+    return place(min(max(share, SMALL), LARGE), SMALL, LARGE)
+
+
+def change_strip(entry: Entry, css: Mapping[str, str]) -> Strip | None:
+    """How far the channels move; None of what the model cannot be run without."""
+    if entry.outcome not in LOOKS:
+        return None
+    marker, filling = LOOKS[entry.outcome]
+    share = entry.worst[2] if entry.moved else 0.0
+    at = 100.0 if isnan(share) else change_at(share)
+    return Strip(
+        f"largest change {number(share, 2)} of what is allowed",
+        css[MUTED if marker == "X" else FIRST.colour],
+        [change_at(one) for one, _ in CHANGES],
+        mark=MARKS[marker],
+        hollow=filling == "white",
+        dot=at,
+        bar=(0.0, at),
+        band=(0.0, change_at(1.0)),
+    )
+
+
+def saved_strip(
+    entry: Entry, css: Mapping[str, str], share: float, interval: Sequence[float] = ()
+) -> Strip | None:
+    """What a removal saves, as a share of the most that one saves, from `ZERO`."""
+    if not entry.costs or isnan(share):
+        return None
+    ends = [min(max(ZERO + (100 - ZERO) * one, 0.0), 100.0) for one in (share, *interval)]
+    strip = Strip(
+        f"saves {number(share, 2)} of the most that one feature saves",
+        css[FIRST.colour if entry.outcome == "harmless" else MUTED],
+        [ZERO, 100.0],
+        bar=(ZERO, ends[0]),
+    )
+    return replace(strip, spread=(ends[1], ends[-1])) if interval else strip
+
+
+def cells(entry: Entry, css: Mapping[str, str], most: Mapping[str, float]) -> dict[str, Any]:
     """A row of the table, every number already a word."""
     run, channel, share = entry.worst
     where = f"{channel} in {run}" if channel and share else ""
+    low_high = (entry.saved[0], entry.saved[-1]) if entry.saved else ()
+    memory = entry.saved_memory if entry.costs else float("nan")
     return {
         "kind": entry.kind,
         "name": entry.name,
         "outcome": entry.outcome,
+        "good": entry.outcome in ("harmless", "drawn", NO_GAIN),
         "share": number(share),
+        "share_value": "" if isnan(share) else share,
         "where": where or entry.message,
         "time": saving(entry),
-        "memory": f"{number(entry.saved_memory)} KB" if entry.costs else "—",
+        "time_value": "" if isnan(entry.saved_time) else entry.saved_time,
+        "memory": f"{number(memory)} KB" if entry.costs else "—",
+        "memory_value": "" if isnan(memory) else memory,
+        "change_strip": change_strip(entry, css),
+        "time_strip": saved_strip(
+            entry,
+            css,
+            entry.saved_time / most["time"],
+            [one / most["time"] for one in low_high],
+        ),
+        "memory_strip": saved_strip(entry, css, memory / most["memory"]),
     }

@@ -1,232 +1,29 @@
-"""The page of a stress study: the figure of its limits, what it means in words, and the table.
+"""The page of a stress study: what breaks first, and every boundary as a row on one axis.
 
-The figure shows how far each parameter goes, where theory ends it, and the ratio of the two.
+The axis tells how many times each parameter was turned, up or down, from what the case has.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from math import isfinite, log10
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from markupsafe import Markup
 from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from proofmass.errors import InputError
-from proofmass.files import write_whole
 from proofmass.report.figures import save
-from proofmass.report.page import about, environment, slug
-from proofmass.report.study import Written, prepared
-from proofmass.report.style import RC, Look, hatches, looks
-from proofmass.report.svg import inline
+from proofmass.report.marks import MARKS, Tone, tones
+from proofmass.report.page import slug
+from proofmass.report.strip import Strip, place
+from proofmass.report.study import Pages, Written, prepared
+from proofmass.report.style import RC, looks
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
+from proofmass.studies.stress.figure import NEAR, stress_sheet, turned
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, pretty, spoken
 
-INK = "#333333"
-ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
-PALE = 0.35  # of an engine's colour, the rest is white
-Style = tuple[Look, str]
-"""Look and hatch of an engine."""
-NEAR = 0.02
-"""How close to theory a measured boundary must be."""
-
-
-def stress_sheet(found: Sequence[Boundary]) -> Figure:
-    """Bars by knob; where theory is known of all on an axis of values, with the ratios beside."""
-    known = all(one.theory == one.theory for one in found)
-    groups = [
-        (knob, [one for one in found if one.knob == knob])
-        for knob in dict.fromkeys(one.knob for one in found)
-    ]
-    rows = len(found) + len(groups)
-    height = ROW * rows + 2 * HEAD
-    figure = Figure(figsize=(WIDE, height))
-    axes = figure.subplots(
-        1, 2 if known else 1, sharey=True, squeeze=False, width_ratios=[3, 1] if known else None
-    )[0]
-    y, styles = float(rows), styled(found)
-    for knob, ours in groups:
-        unit = "" if ours[0].unit in ("1", "times") or not known else f" [{ours[0].unit}]"
-        axes[0].annotate(
-            knob + unit,
-            (0, y - 0.15),
-            xycoords=("axes fraction", "data"),
-            xytext=(-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontweight="bold",
-        )
-        for one in ours:
-            y -= 1
-            bar(axes[0], one, y, known, styles[one.engine])
-            if known and one.ratio == one.ratio:
-                axes[1].plot(
-                    one.ratio,
-                    y,
-                    color=styles[one.engine][0].colour,
-                    markersize=4,
-                    marker=styles[one.engine][0].marker,
-                )
-        y -= 1
-    dress(axes, found, rows, known)
-    figure.subplots_adjust(
-        left=0.41, right=0.98, bottom=0.55 / height, top=1 - 0.5 / height, wspace=0.06
-    )
-    legend(figure, found, height)
-    return figure
-
-
-def styled(found: Sequence[Boundary]) -> dict[str, Style]:
-    """A look and a hatch for every engine."""
-    engines = list(dict.fromkeys(one.engine for one in found))
-    chosen, lines = looks(engines), hatches(engines)
-    return {name: (chosen[name], lines[name]) for name in engines}
-
-
-def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
-    """One boundary: a bar from where it was turned from, and how it ends."""
-    label = f"{one.what}, {one.setting}" if known else f"{spoken(one.engine)}, {one.setting}"
-    ax.annotate(
-        label,
-        (0, y),
-        xycoords=("axes fraction", "data"),
-        xytext=(-4, 0),
-        fontsize=6.5,
-        textcoords="offset points",
-        ha="right",
-        va="center",
-    )
-    low, high = span(one, known)
-    colour = style[0].colour
-    if one.holds != one.holds:
-        ax.annotate(
-            "not known" if one.unknown else "lost from the start",
-            (0.01, y),
-            xycoords=("axes fraction", "data"),
-            fontsize=6.5,
-            va="center",
-        )
-        return
-    ax.barh(y, high - low, left=low, height=0.6, **filled(style))
-    marker = "o" if one.found else "X" if one.unknown else ">"
-    ax.plot(
-        high,
-        y,
-        marker=marker,
-        color=colour,
-        markersize=4.5,
-        clip_on=False,
-        markerfacecolor="white" if one.silent else colour,
-    )
-    if np.isfinite(one.theory) and one.theory:
-        place = one.theory if known else turned(one, one.theory)
-        ax.plot([place] * 2, [y - 0.42, y + 0.42], color="black", linewidth=1.3, zorder=4)
-    if not known and one.found:
-        unit = {"times": "×", "1": ""}.get(one.unit, one.unit)
-        ax.annotate(
-            f"{number(one.measured)} {unit}",
-            (high, y),
-            xytext=(6, 0),
-            fontsize=6.5,
-            textcoords="offset points",
-            va="center",
-        )
-
-
-def filled(style: Style) -> dict[str, Any]:
-    """The look of an engine's bars.
-
-    Pale by its colour alone: an SVG has a hatch's ground opaque, where a translucent one would be
-    of one colour with its lines.
-    """
-    colour = style[0].colour
-    return {
-        "facecolor": 1 - PALE * (1 - np.array(to_rgb(colour))),
-        "edgecolor": colour,
-        "hatch": style[1],
-        "linewidth": 0.4,
-    }
-
-
-def span(one: Boundary, known: bool) -> tuple[float, float]:
-    """Where a bar begins and ends: values where theory is, otherwise times of the start."""
-    end = one.measured if one.found else one.holds if one.unknown else one.reach
-    if known:
-        return one.start, end
-    return 1.0, turned(one, end)
-
-
-def turned(one: Boundary, value: float) -> float:
-    """How many times a knob was turned to a value, up or down."""
-    return max(value / one.start, one.start / value)
-
-
-def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: bool) -> None:
-    """Scales, names and the band of what is near enough to theory."""
-    axes[0].set_xscale("log")
-    axes[0].set_ylim(-0.2, rows + 0.3)
-    axes[0].set_yticks([])
-    axes[0].set_xlabel(
-        "value of the knob" if known else "turned so many times, up or down, from what the case has"
-    )
-    right = max(span(one, known)[1] for one in found if one.holds == one.holds)
-    room = 1.3 if known else 60.0  # for words at the ends of bars
-    axes[0].set_xlim(min(span(one, known)[0] for one in found) * 0.9, right * room)
-    if known:
-        axes[1].axvspan(1 - NEAR, 1 + NEAR, color="#eeeeee", zorder=0)
-        axes[1].axvline(1.0, color=INK, linewidth=0.8)
-        axes[1].set_xlim(1 - 1.6 * NEAR, 1 + 1.6 * NEAR)
-        axes[1].set_xlabel("measured / theory")
-
-
-def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
-    """Engines, and what the ends of bars mean."""
-    handles: list[Patch | Line2D] = [
-        Patch(label=spoken(e), **filled(style)) for e, style in styled(found).items()
-    ]
-    plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
-    handles += [
-        Line2D([], [], marker="o", label="lost, and said so", **plain),
-        Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence", **plain),
-        Line2D([], [], marker=">", label="holds to the end", **plain),
-    ]
-    if any(one.unknown for one in found):
-        handles.append(Line2D([], [], marker="X", label="not known beyond", **plain))
-    if any(np.isfinite(one.theory) and one.theory for one in found):
-        handles.append(
-            Line2D(
-                [],
-                [],
-                marker="|",
-                markeredgewidth=1.3,
-                label="theory",
-                **{**plain, "color": "black", "markersize": 8},
-            )
-        )
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=len(handles),
-        fontsize=7,
-        bbox_to_anchor=(0.0, 1 - 0.02 / height),
-        handletextpad=0.4,
-        columnspacing=1.2,
-    )
-
-
 THEORY = "Small models whose limits theory knows"
-CAPTION = (
-    "Bars: as far as each knob was turned until the run was lost; black ticks: where theory "
-    "says that it must be. Each boundary is bisected to 1 %. Where nothing is known beyond "
-    "a bar, for a reason of our own, it ends in a cross."
-)
 
 
 def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -242,16 +39,22 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
     prepared(output, (file, file.with_name("stress.columns.md")))
+    engines = list(dict.fromkeys(one.engine for one in found))
+    chosen = looks(engines)
+    colours = tones(look.colour for look in chosen.values())
+    dressed = {name: colours[look.colour] for name, look in chosen.items()}
     parts = [
-        part(name, list(own), output / "figures")
+        part(name, list(own), output / "figures", dressed)
         for name, own in groupby(found, lambda one: subject(one))
     ]
-    page = output / "index.html"
-    write_whole(
-        page,
-        environment()
-        .get_template("stress.html")
-        .render(parts=parts, limits=list(BoundaryKind), about=about(), style={}, home=home),
+    page = Pages(output, home).write(
+        "index.html",
+        "stress.html",
+        parts=parts,
+        limits=list(BoundaryKind),
+        there=list(dict.fromkeys(one.limit for one in found)),
+        engines=[(name, spoken(name), dressed[name].css) for name in engines],
+        tones=colours.values(),
     )
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
@@ -261,19 +64,94 @@ def subject(one: Boundary) -> str:
     return THEORY if one.law and " " in one.what else one.what  # words, not a sidecar's name
 
 
-def part(name: str, found: Sequence[Boundary], folder: Path) -> dict[str, Any]:
+def part(
+    name: str, found: Sequence[Boundary], folder: Path, dressed: Mapping[str, Tone]
+) -> dict[str, Any]:
     """All that a page shows of one case."""
     stem = f"{slug(name)}-stress"
     with rc_context(RC):
-        svg = save(stress_sheet(found), folder / stem)
+        save(stress_sheet(found), folder / stem)
+    known = all(one.theory == one.theory for one in found)
+    reach = max((far(one) for one in found), default=1.0)
     return {
         "name": name,
         "stem": stem,
-        "caption": CAPTION,
         "words": list(words(found)),
-        "svg": Markup(inline(svg, stem, f"{name}: {CAPTION}")),
-        "rows": [cells(one) for one in found],
+        "first": list(breaks_first(found)),
+        "engines": list(dict.fromkeys(spoken(one.engine) for one in found)),
+        "several": len({one.what for one in found}) > 1,
+        "known": known,
+        "theory": any(one.theory == one.theory for one in found),
+        "labels": labels(reach),
+        "ratios": [(place_ratio(ratio), number(ratio)) for ratio in (1 - NEAR, 1.0, 1 + NEAR)],
+        "rows": [cells(one, dressed[one.engine], reach) for one in by_knob(found)],
     }
+
+
+def by_knob(found: Sequence[Boundary]) -> list[Boundary]:
+    """Boundaries of a parameter side by side, parameters in the order in which they come first."""
+    knobs = list(dict.fromkeys(one.knob for one in found))
+    return sorted(found, key=lambda one: knobs.index(one.knob))
+
+
+def far(one: Boundary) -> float:
+    """The furthest place of a boundary on its axis: what was measured, or where theory has it."""
+    there = [end(one), one.theory]
+    return max((turned(one, x) for x in there if isfinite(x) and x > 0), default=1.0)
+
+
+def end(one: Boundary) -> float:
+    """Where a bar ends: the boundary, or the furthest value that held; NaN without any."""
+    return one.measured if one.found else one.holds
+
+
+def labels(reach: float) -> list[tuple[float, str]]:
+    """Places on the axis of a part [%], and what stands there."""
+    decades = int(log10(max(reach, 10.0)) + 1e-9)
+    step = max(1, -(-decades // 4))
+    return [
+        (place(10.0**k, 1.0, reach), f"×1e{k}" if k > 3 else f"×{10**k}")
+        for k in range(0, decades + 1, step)
+    ]
+
+
+def place_ratio(ratio: float) -> float:
+    """Place of measured over theory on its axis [%], on which `NEAR` is half of the way."""
+    return min(max(50 + 25 * (ratio - 1) / NEAR, 0.0), 100.0)
+
+
+def breaks_first(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
+    """For each parameter and engine the boundary that is met first, of all settings."""
+    engines = list(dict.fromkeys(one.engine for one in found))
+    for knob in dict.fromkeys(one.knob for one in found):
+        own = [one for one in found if one.knob == knob]
+        yield {
+            "knob": knob,
+            "cells": [first([one for one in own if one.engine == name]) for name in engines],
+        }
+
+
+def first(found: Sequence[Boundary]) -> dict[str, str]:
+    """The boundary that is met first, in words."""
+    lost = [one for one in found if one.found or (one.holds != one.holds and not one.unknown)]
+    if not found:
+        return {"value": "—", "more": ""}
+    if not lost:
+        return {"value": measured(min(found, key=lambda one: turned(one, one.reach))), "more": ""}
+    one = min(lost, key=lambda one: turned(one, end(one)) if one.found else 1.0)
+    silence = ", in silence" if one.silent else ""
+    return {"value": measured(one), "more": f"{one.setting}: {one.limit}{silence}"}
+
+
+def measured(one: Boundary) -> str:
+    """A boundary in words, with its unit."""
+    unit = "" if one.unit == "1" else f" {pretty(one.unit)}"
+    if one.found:
+        return f"{number(one.measured, 4)}{unit}"
+    if one.unknown:
+        known = one.holds == one.holds
+        return f"not known beyond {number(one.holds)}{unit}" if known else "not known"
+    return f"none to {number(one.reach)}{unit}" if one.holds == one.holds else "nowhere"
 
 
 def words(found: Sequence[Boundary]) -> Iterator[str]:
@@ -298,25 +176,67 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
             )
 
 
-def cells(one: Boundary) -> dict[str, str]:
+def solver_of(one: Boundary) -> str:
+    """Engine and setting in words, once where they are the same."""
+    engine = spoken(one.engine)
+    return engine if one.setting == engine else f"{engine}, {one.setting}"
+
+
+def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:
+    """How far a parameter was turned, and where theory ends it."""
+    at = end(one)
+    dot = place(turned(one, at), 1.0, reach) if isfinite(at) and at > 0 else None
+    tick = None
+    if isfinite(one.theory) and one.theory > 0:
+        tick = place(turned(one, one.theory), 1.0, reach)
+    said = f"{one.knob}, {solver_of(one)}: {measured(one)}"
+    if one.theory == one.theory:
+        said += f"; theory {number(one.theory, 4)}"
+    mark = "o" if one.found else "X" if one.unknown else ">"
+    return Strip(
+        said,
+        tone.css,
+        [x for x, _ in labels(reach)],
+        mark=MARKS[mark],
+        hollow=one.silent,
+        dot=dot,
+        bar=None if dot is None else (0.0, dot),
+        tick=tick,
+    )
+
+
+def ratio_of(one: Boundary, tone: Tone) -> Strip:
+    """How near to theory a boundary is that theory knows."""
+    return Strip(
+        f"measured over theory: {number(one.ratio, 4)}",
+        tone.css,
+        [place_ratio(1.0)],
+        mark=MARKS["o"],
+        dot=place_ratio(one.ratio),
+        band=(place_ratio(1 - NEAR), place_ratio(1 + NEAR) - place_ratio(1 - NEAR)),
+    )
+
+
+def cells(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
     """A row of the table, every number already a word."""
-    unit = "" if one.unit == "1" else pretty(one.unit)
-    none = f"none to {number(one.reach)}"
-    if one.unknown:
-        none = f"not known beyond {number(one.holds)}" if one.holds == one.holds else "not known"
-    elif one.holds != one.holds:
-        none = "nowhere"
+    at = end(one)
     return {
         "what": one.what,
-        "solver": f"{spoken(one.engine)}, {one.setting}",
+        "engine": one.engine,
+        "solver": solver_of(one),
+        "css": tone.css,
         "knob": one.knob,
-        "unit": unit,
         "start": number(one.start),
-        "measured": number(one.measured, 4) if one.found else none,
+        "measured": measured(one),
+        "value": turned(one, at) if isfinite(at) and at > 0 else "",
         "theory": number(one.theory, 4),
         "ratio": number(one.ratio, 4),
+        "ratio_value": one.ratio if one.ratio == one.ratio else "",
         "law": one.law,
         "failure": one.why,
         "silent": "in silence" if one.silent else "",
         "limit": "" if one.limit == BoundaryKind.HOLDS else str(one.limit),
+        "groups": f"{one.engine}|{one.limit}",
+        "strip": strip_of(one, tone, reach),
+        "near": ratio_of(one, tone) if one.ratio == one.ratio else None,
     }

@@ -19,7 +19,8 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress import near_singular
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, Sought, Tried, bisect
 from proofmass.studies.stress.extremes import extremes, resized, sizes
-from proofmass.studies.stress.page import stress_sheet, write_stress
+from proofmass.studies.stress.figure import stress_sheet
+from proofmass.studies.stress.page import write_stress
 from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
 from proofmass.studies.stress.ways import longer
 from proofmass.worker import TimedOut

@@ -1,0 +1,510 @@
+"""The work-precision diagram of a trade study as a figure for papers.
+
+Errors over wall time and over steps on logarithmic axes.  Letters, failures, orders and error
+floors stand beside its lines.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from string import ascii_lowercase
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import NDArray
+
+from proofmass.engines import NoEngine, engine_of
+from proofmass.outcome import Outcome
+from proofmass.report.figures import decades
+from proofmass.report.style import KNOWN, SOLID, Dash, Look
+from proofmass.studies.record import KINDS, StudyRow
+from proofmass.studies.trade.axes import size
+from proofmass.studies.trade.verdict import Verdict, front
+from proofmass.wording import number
+
+INK, PALE = "#333333", "#888888"
+NEAR = 9.0  # [pt] ends of lines that are no further apart have their letters in one place
+LEVEL = 3.0  # error floors of one cause that differ by no more are one
+NARROW = 26  # letters of the margin in a row
+ROW = 0.06  # of a panel's height: one row of the margin
+SHOWN = 0.5  # off the expected order: what has no part that is nearer gets no triangle
+TRIANGLE_AT = 0.4  # of the errors: where a triangle stands
+Name = tuple[str, str]
+"""Engine and line, which together name a line."""
+Ends = Mapping[Name, tuple[float, float]]
+
+
+def name_of(of: StudyRow | Verdict) -> Name:
+    """The line that a run or a verdict belongs to."""
+    return of.engine, of.line
+
+
+def letter(look: Look) -> str:
+    """Of a line, as in the legend.
+
+    >>> letter(Look("", (0, ()), "", 1)), letter(Look("", (0, ()), "", 27))
+    ('b', 'b1')
+    """
+    turn, place = divmod(look.number, 26)
+    return ascii_lowercase[place] + (str(turn) if turn else "")
+
+
+def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
+    """The letter of each line at its finest setting; of lines that end together side by side."""
+    groups: list[tuple[float, float, list[Name]]] = []
+    points = 72 / ax.figure.dpi
+    for line, end in ends.items():
+        x, y = ax.transData.transform(end) * points
+        near = next((g for g in groups if max(abs(x - g[0]), abs(y - g[1])) < NEAR), None)
+        if near:
+            near[2].append(line)
+        else:
+            groups.append((x, y, [line]))
+    for _, _, lines in groups:
+        ax.annotate(
+            " ".join(letter(looks[line]) for line in lines),
+            ends[lines[0]],
+            xytext=(0, 7),
+            textcoords="offset points",
+            fontsize=7,
+            weight="bold",
+            ha="center",
+            va="center",
+            color=looks[lines[0]].colour,
+            zorder=9,
+            annotation_clip=False,
+        )
+
+
+def work(row: StudyRow) -> float:
+    """Steps in time, or segments of rods where nothing is stepped."""
+    return row.value if row.axis == "segments" else float(row.steps)
+
+
+def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Name, Look]) -> None:
+    """Crosses at the upper edge, where their cost is known."""
+    for row in rows:
+        x = row.seconds if timed else work(row) or planned(row, rows)
+        if row.outcome != Outcome.RAN and x > 0:
+            ax.plot(
+                x,
+                0.97,
+                transform=ax.get_xaxis_transform(),
+                marker="x",
+                markersize=5,
+                markeredgewidth=1.2,
+                color=looks[name_of(row)].colour,
+                clip_on=False,
+                zorder=8,
+            )
+
+
+def planned(row: StudyRow, rows: Iterable[StudyRow]) -> float:
+    """Steps that a run without any would have made, by one that ran; 0 where nothing tells."""
+    spans = (r.steps * step(r) for r in rows if r.steps)
+    steps = next((s for s in spans if s > 0), np.nan) / step(row)
+    return steps if steps > 0 else 0.0
+
+
+def step(row: StudyRow) -> float:
+    """Time step that was asked for [s]; NaN if none was."""
+    return float(str(row.knobs.get("timestep", np.nan)))
+
+
+def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
+    """One for each expected order, below the part of a line that is nearest to it."""
+    orders: dict[float, list[Name]] = {}
+    for verdict in verdicts:
+        if verdict.expected > 0:
+            orders.setdefault(verdict.expected, []).append(name_of(verdict))
+    taken: list[float] = []
+    for order, lines in sorted(orders.items(), reverse=True):  # steep parts are few
+        pairs = [
+            pair
+            for line in lines
+            for pair in pairwise(r for r in rows if name_of(r) == line)
+            if 0 < work(pair[0]) < work(pair[1])
+            and work(pair[0]) not in taken
+            and abs(slope(kind, *pair) - order) < SHOWN
+        ]
+        if pairs:
+            a, b = min(pairs, key=lambda pair: abs(slope(kind, *pair) - order))
+            taken.append(work(a))
+            triangle(ax, (work(a), work(b)), TRIANGLE_AT * a.errors[kind], order)
+
+
+def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
+    """Order from one number of steps to the next."""
+    return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(work(b) / work(a)))
+
+
+def triangle(ax: Axes, steps: tuple[float, float], top: float, order: float) -> None:
+    """Falls from `top` as errors of that order."""
+    foot = top * (steps[0] / steps[1]) ** order
+    ax.fill(
+        [steps[0], steps[0], steps[1]],
+        [top, foot, foot],
+        facecolor="#eeeeee",
+        edgecolor=INK,
+        linewidth=0.8,
+        zorder=2,
+    )
+    ax.annotate(
+        number(order),
+        (steps[0], np.sqrt(top * foot)),
+        xytext=(-3, 0),
+        fontsize=7,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=INK,
+    )
+
+
+def draw_floors(
+    ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
+) -> None:
+    """A short level tick where a line stays; `named`: what keeps it there, in the margin."""
+    groups: list[list[Verdict]] = []
+    for verdict in sorted(
+        (v for v in verdicts if v.floor > 0 and name_of(v) in ends), key=lambda v: v.floor
+    ):
+        ax.plot(
+            ends[name_of(verdict)][0],
+            verdict.floor,
+            marker="_",
+            markersize=18,
+            zorder=2.5,
+            markeredgewidth=1.8,
+            color=looks[name_of(verdict)].colour,
+        )
+        alike = next(
+            (
+                g
+                for g in groups
+                if g[0].cause == verdict.cause and verdict.floor < LEVEL * g[0].floor
+            ),
+            None,
+        )
+        if alike:
+            alike.append(verdict)
+        else:
+            groups.append([verdict])
+    if named:
+        margin(ax, groups, looks)
+
+
+def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, Look]) -> None:
+    """Level, lines and cause of each error floor at the right of a panel, apart from each other."""
+    low, high = np.log(ax.get_ylim())
+    texts = [
+        fill(
+            f"{number(group[0].floor, 2)} {group[0].cause} ("
+            f"{' '.join(sorted(letter(looks[name_of(v)]) for v in group))})",
+            NARROW,
+        )
+        for group in groups
+    ]
+    places = [float((np.log(group[0].floor) - low) / (high - low)) for group in groups]
+    heights = [ROW * (text.count("\n") + 1) for text in texts]
+    for at, y, text in zip(places, spread(places, heights), texts, strict=True):
+        ax.annotate(
+            text,
+            (1.0, at),
+            xytext=(1.06, y),
+            xycoords="axes fraction",
+            fontsize=6.5,
+            textcoords="axes fraction",
+            va="center",
+            color=INK,
+            arrowprops={"arrowstyle": "-", "linewidth": 0.6, "color": PALE, "relpos": (0.0, 0.5)},
+        )
+
+
+def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
+    """Rising places of texts moved up so far that texts of such heights do not touch.
+
+    >>> spread([0.1, 0.15, 0.9], [0.1, 0.1, 0.1])
+    [0.1, 0.2, 0.9]
+    """
+    moved: list[float] = []
+    for k, place in enumerate(places):
+        least = moved[-1] + 0.5 * (heights[k - 1] + heights[k]) if moved else place
+        moved.append(max(place, least))
+    return moved
+
+
+HIGH, LEFT, GAP, RIGHT, BELOW, ABOVE = 2.4, 0.62, 0.25, 1.75, 0.42, 0.26  # [inch]
+LINE, ENTRY = 0.155, 2.9  # [inch] of the legend
+SHARE = "error, share of the range"
+MARKERS = "os^Dv<>pPX*h"
+DASHES: tuple[Dash, ...] = (
+    SOLID,
+    (0, (5, 1.5)),
+    (0, (1.2, 1.2)),
+    (0, (5, 1.5, 1, 1.5)),
+    (0, (8, 2)),
+    (0, (3, 1, 1, 1, 1, 1)),
+)
+FRONT: dict[str, Any] = {
+    "color": "#d0d0d0",
+    "linewidth": 6.0,
+    "solid_capstyle": "round",
+    "zorder": 1,
+}
+LOST = 10.0  # ranges: a run that is off by more is drawn at the upper edge
+
+
+def trade_sheet(
+    rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
+) -> Figure:
+    """The diagram of one run of a case: a row of panels for each kind of error.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Of all settings, those that failed among them.
+    verdicts : iterable of Verdict
+        Error floors and expected orders of the lines.
+    looks : mapping
+        From `dressed`.
+    """
+    kinds, verdicts = shown_kinds(rows), list(verdicts)
+    looks = {name: looks[name] for name in map(name_of, rows)}
+    figure, axes = grid(kinds, 2, len(looks), 3.5, RIGHT)
+    for pair, kind in zip(axes, kinds, strict=True):
+        panels(pair, rows, kind, looks, [v for v in verdicts if v.kind == kind])
+    legend(figure, looks, marks=True)
+    axes[-1][0].set_xlabel("wall time of the run [s]")
+    axes[-1][1].set_xlabel("segments" if axis_of(rows) == "segments" else "time steps")
+    return figure
+
+
+def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
+    """Errors over knobs other than the step: a column for each knob, coarse at the left."""
+    kinds, knobs = shown_kinds(rows), list(dict.fromkeys(row.axis for row in rows))
+    looks = {name: looks[name] for name in map(name_of, rows)}
+    figure, axes = grid(kinds, len(knobs), len(looks), 2.4, 0.15)
+    legend(figure, looks, marks=False)
+    for panels, kind in zip(axes, kinds, strict=True):
+        shown = [row for row in rows if good(row, kind)]
+        for ax, knob in zip(panels, knobs, strict=True):
+            ends = {}
+            for line in dict.fromkeys(name_of(row) for row in shown if row.axis == knob):
+                own = [row for row in shown if name_of(row) == line]
+                x = [turned(row) for row in own]
+                curve(ax, x, own, kind, looks[line])
+                ends[line] = x[-1], min(own[-1].errors[kind], LOST)
+            scale(ax, [min(row.errors[kind], LOST) for row in shown])
+            label = label_of(next(row for row in rows if row.axis == knob))
+            if label:
+                ax.invert_xaxis()
+            ax.set_xlabel(label or knob)
+            letters(ax, ends, looks)
+        panels[0].set_title(kind)
+        panels[0].set_ylabel(SHARE)
+    return figure
+
+
+def grid(
+    kinds: Sequence[str], across: int, lines: int, wide: float, right: float
+) -> tuple[Figure, NDArray[Any]]:
+    """Empty panels, a row for each kind of error, below the room for a legend of so many lines."""
+    width = LEFT + across * (wide + GAP) - GAP + right
+    head = 0.1 + LINE * -(-(lines + 2) // entries(width))
+    down = len(kinds) * (HIGH + ABOVE + BELOW)
+    figure = Figure(figsize=(width, head + down))
+    axes = figure.subplots(len(kinds), across, squeeze=False, sharex="col", sharey="row")
+    figure.subplots_adjust(
+        left=LEFT / width,
+        right=1 - right / width,
+        bottom=BELOW / (head + down),
+        top=1 - (head + ABOVE) / (head + down),
+        wspace=GAP / wide,
+        hspace=(ABOVE + BELOW) / HIGH,
+    )
+    return figure, axes
+
+
+def axis_of(rows: Iterable[StudyRow]) -> str:
+    """What is turned on the lines of the diagram: the step, or else what the first line has."""
+    there = dict.fromkeys(row.axis for row in rows)
+    return "timestep" if "timestep" in there else next(iter(there))
+
+
+def turned(row: StudyRow) -> float:
+    """Where a knob stands: its size, if that has a name of its own."""
+    return size(row.engine, row.axis, row.value) if label_of(row) else row.value
+
+
+def label_of(row: StudyRow) -> str:
+    """What the sizes along a line are called; empty where they are the knob's own values."""
+    try:
+        return engine_of(row.engine).labels.get(row.axis, "")
+    except NoEngine:  # a table may have another machine's
+        return ""
+
+
+def shown_kinds(rows: Iterable[StudyRow]) -> list[str]:
+    """Kinds of errors of which something can be drawn; one at least."""
+    rows = list(rows)
+    return [kind for kind in KINDS if any(good(row, kind) for row in rows)] or ["position"]
+
+
+def good(row: StudyRow, kind: str) -> bool:
+    """Whether a run has an error of that kind that can be drawn."""
+    return row.outcome == Outcome.RAN and 0 < row.errors.get(kind, np.nan) < np.inf
+
+
+def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
+    """A look for each line: colour by engine, marker by integrator, dash among those alike."""
+    looks: dict[Name, Look] = {}
+    markers: dict[Name, int] = {}
+    alike: dict[Name, int] = {}
+    for row in rows:
+        if name_of(row) in looks:
+            continue
+        key = row.engine, str(row.knobs.get("integrator", "")).lower()
+        markers.setdefault(key, len(markers))
+        alike[key] = alike.get(key, -1) + 1
+        known = KNOWN.get(row.engine + ":default" * bool(row.knobs.get("defaults")))
+        looks[name_of(row)] = Look(
+            known.colour if known else "#444444",
+            DASHES[alike[key] % len(DASHES)],
+            MARKERS[markers[key] % len(MARKERS)],
+            len(looks),
+        )
+    return looks
+
+
+def panels(
+    pair: Sequence[Axes],
+    rows: Sequence[StudyRow],
+    kind: str,
+    looks: Mapping[Name, Look],
+    verdicts: Sequence[Verdict],
+) -> None:
+    """One kind of error, over wall time and over steps or segments."""
+    left, right = pair
+    shown = [row for row in rows if good(row, kind)]
+    best = front(rows, kind)
+    left.set_title(kind)
+    left.set_ylabel(SHARE)
+    stairs(left, best, kind)
+    for ax, cost in ((left, seconds), (right, work)):
+        ends = {}
+        for line in dict.fromkeys(map(name_of, shown)):
+            own = [row for row in shown if name_of(row) == line and cost(row) > 0]
+            if own:
+                x = [cost(row) for row in own]
+                curve(ax, x, own, kind, looks[line], best)
+                ends[line] = x[-1], min(own[-1].errors[kind], LOST)
+        scale(ax, [min(row.errors[kind], LOST) for row in shown])
+        failures(ax, rows, ax is left, looks)
+        letters(ax, ends, looks)
+        draw_floors(ax, ends, looks, verdicts, named=ax is right)
+    triangles(right, shown, kind, verdicts)
+
+
+def seconds(row: StudyRow) -> float:
+    """Wall time [s]."""
+    return row.seconds
+
+
+def scale(ax: Axes, errors: Sequence[float]) -> None:
+    """Both axes logarithmic, with room for letters and crosses."""
+    ax.set_xscale("log")
+    decades(ax, min(errors, default=1e-3) / 8, max(errors, default=1.0) * 8)
+    ax.xaxis.set_major_locator(LogLocator(numticks=8))
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.tick_params(labelbottom=True)
+
+
+def curve(
+    ax: Axes,
+    x: Sequence[float],
+    rows: Sequence[StudyRow],
+    kind: str,
+    look: Look,
+    best: Sequence[StudyRow] = (),
+) -> None:
+    """One line, from coarse to fine; settings on the front are filled."""
+    y = [min(row.errors[kind], LOST) for row in rows]
+    layer = 3 + look.number / 20
+    ax.plot(
+        x,
+        y,
+        color=look.colour,
+        linestyle=look.dash,
+        marker=look.marker,
+        markerfacecolor="white",
+        markersize=4,
+        markeredgewidth=0.8,
+        zorder=layer,
+    )
+    ahead = [k for k, row in enumerate(rows) if row in best]
+    ax.plot(
+        [x[k] for k in ahead],
+        [y[k] for k in ahead],
+        linestyle="",
+        marker=look.marker,
+        color=look.colour,
+        markersize=5,
+        zorder=layer + 1,
+    )
+
+
+def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
+    """The front: no setting measured is below and at the left of it."""
+    if best:
+        ax.step(
+            [row.seconds for row in best],
+            [min(row.errors[kind], LOST) for row in best],
+            where="post",
+            **FRONT,
+        )
+
+
+def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
+    """The lines by their letters; with marks the front, and what a cross is."""
+    handles = [
+        Line2D(
+            [],
+            [],
+            label=f"{letter(look)}  {line}",
+            color=look.colour,
+            linestyle=look.dash,
+            marker=look.marker,
+            markerfacecolor="white",
+            markersize=4,
+        )
+        for (_, line), look in looks.items()
+    ]
+    if marks:
+        handles += [
+            Line2D(
+                [], [], label="front: nothing cheaper is as good", linewidth=5, color=FRONT["color"]
+            ),
+            Line2D(
+                [], [], label="failed: see the table", color="#333333", marker="x", linestyle=""
+            ),
+        ]
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=entries(figure.get_figwidth()),
+        handlelength=3.4,
+        fontsize=7.5,
+        labelspacing=0.3,
+        columnspacing=1.2,
+        bbox_to_anchor=(0.0, 1 - 0.02 / figure.get_figheight()),
+    )
+
+
+def entries(width: float) -> int:
+    """Columns of the legend of a figure of that width [inch]."""
+    return max(1, int(width / ENTRY))

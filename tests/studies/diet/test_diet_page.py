@@ -1,0 +1,46 @@
+"""The page of a diet: what it saves in short, and places of changes and savings on their axes."""
+
+from dataclasses import replace
+
+import pytest
+
+from proofmass.report.style import FIRST
+from proofmass.studies.diet.page import MUTED, ZERO, change_strip, in_short, saved_strip
+from proofmass.studies.diet.table import WHOLE, Entry
+from proofmass.studies.diet.trial import Cost
+
+COSTS = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
+GOES = Entry("light", "sun", "harmless", {"run": {"angle": 1e-3}}, "", COSTS, (0.2, 0.25, 0.3))
+CSS = {FIRST.colour: "blue", MUTED: "grey"}
+
+
+def test_what_a_diet_saves_as_a_whole_is_told_first() -> None:
+    told = in_short(replace(GOES, kind=WHOLE))
+    assert told[0][:2] == ("time of a step", "20 → 15 µs")
+    assert told[1][1] == "30 → 20 KB"
+    assert told[2] == ("largest change", "1e-3 of what is allowed", "angle in run")
+    assert in_short(GOES) == []  # not all of it
+    assert in_short(replace(GOES, kind=WHOLE, costs=(), saved=())) == []
+
+
+def test_changes_stand_over_what_is_allowed() -> None:
+    goes = change_strip(GOES, CSS)
+    assert goes
+    assert goes.dot == pytest.approx(100 * 6 / 18, abs=0.01)  # 1e-3 between 1e-9 and 1e9
+    assert goes.band == (0.0, 50.0)
+    assert (goes.css, goes.hollow) == ("blue", False)
+    stays = change_strip(replace(GOES, outcome="matters", moved={"run": {"angle": 1e12}}), CSS)
+    assert stays
+    assert (stays.dot, stays.css) == (100.0, "grey")
+    assert change_strip(replace(GOES, outcome="needed"), CSS) is None
+
+
+def test_savings_start_at_zero_and_show_their_interval() -> None:
+    strip = saved_strip(GOES, CSS, 1.0, (0.5, 1.5))
+    assert strip
+    assert strip.bar == (ZERO, 100.0)
+    assert strip.spread == (0.5 * (ZERO + 100.0), 100.0)
+    worse = saved_strip(GOES, CSS, -0.1)
+    assert worse
+    assert worse.bar == (ZERO, pytest.approx(ZERO - 0.1 * (100 - ZERO)))
+    assert saved_strip(replace(GOES, costs=()), CSS, 1.0) is None
