@@ -35,7 +35,7 @@ from proofmass.studies.trade.words import brief
 from proofmass.wording import number, spoken
 
 FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
-SCRIPTS = ("trade.js",)
+SCRIPTS = ("diagram.js", "trade.js")
 FIRST = "position"
 
 
