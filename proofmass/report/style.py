@@ -23,11 +23,6 @@ class Look:
     marker: str
     number: int = 0
 
-    @property
-    def css_dash(self) -> str:
-        """The dash pattern as SVG says it, for the legend swatches of the pages."""
-        return " ".join(f"{2 * d:g}" for d in self.dash[1]) or "none"
-
 
 SOLID: Dash = (0, ())
 FIRST = Look("#0072B2", SOLID, "o", 0)
