@@ -1,7 +1,5 @@
 """The pages of cases in a browser: what they show, and that they fetch nothing."""
 
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
@@ -16,11 +14,6 @@ from proofmass.sidecar import load_case
 from tests.report.whole import lost_result, whole_result
 from tests.shipped import shipped
 
-api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
-pytestmark = pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium on this system")
 NAMES = [
     "fourbar",
     "rod_cantilever",
@@ -57,16 +50,6 @@ LOST: dict[str, Any] = {
     "message": "the state is not finite",
 }
 assert set(LOST) <= set(Comparison.__dataclass_fields__)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with api.sync_playwright() as play:
-        found = play.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
-        )
-        yield found
-        found.close()
 
 
 class Visit:

@@ -1,6 +1,5 @@
 """The index in a browser: it filters, sorts and moves, fetches nothing, and is readable by all."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,10 +7,6 @@ import pytest
 
 from tests.report.index_rows import last_record, whole_result, write_index
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs a Chromium of the system")
 ORDER = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
 
 
@@ -19,14 +14,6 @@ ORDER = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recor
 def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
     result = whole_result()
     return write_index(tmp_path_factory.mktemp("index"), result, last_record(result))
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[object]:
-    with playwright.sync_playwright() as play:
-        chromium = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture

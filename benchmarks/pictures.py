@@ -1,0 +1,140 @@
+"""The pictures of a report in docs/: its index, a page of a case that differs, a mechanism playing.
+
+    python -m benchmarks.pictures [--quick]
+
+Checks the linkages, of whose four-bar the rocker is made 1 % longer in the model, and takes the
+pictures with the Chromium of the system.  Writes docs/report_index.png, docs/report_case.png and
+docs/fourbar.webp; with --quick it takes pictures of one case and writes nothing.
+"""
+
+import io
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from benchmarks import ROOT, command
+from proofmass.check import check
+from proofmass.report import write_report
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
+)
+"""The browser of the system; empty if there is none."""
+SCREEN = {"width": 1440, "height": 900}
+LONGER = ('name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
+ACROSS = 1100  # pixels of a picture in docs/
+COLOURS = 256  # of a picture's palette
+SECONDS, FRAMES = 4.0, 60  # of the recording
+PLAYING = 440  # pixels across the recording
+QUALITY = 55  # of its frames, as WebP counts it
+ADDRESS = "#sweep/mujoco/pin.x@0;m=1"  # differences ten times as large
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """The browser, which stays open for as long as it is asked."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(
+            executable_path=CHROMIUM,
+            args=["--no-sandbox", "--disable-gpu", "--font-render-hinting=none"],
+        )
+        yield browser
+        browser.close()
+
+
+def opened(browser: Any, page: Path, address: str = "") -> Any:
+    """A page on light paper whose mechanism does not play by itself."""
+    context = browser.new_context(
+        viewport=SCREEN, reduced_motion="reduce", color_scheme="light", device_scale_factor=1
+    )
+    tab = context.new_page()
+    tab.goto(page.as_uri() + address)
+    tab.wait_for_load_state()
+    return tab
+
+
+def picture(tab: Any) -> Image.Image:
+    """What the screen shows of a page."""
+    return Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
+
+
+def few_colours(image: Image.Image) -> Image.Image:
+    """The same with a palette."""
+    return image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+
+
+def recording(tab: Any, frames: int) -> list[Image.Image]:
+    """The mechanism of a page at places of its run, from the first sample to the last."""
+    panel = tab.locator("#mechanism")
+    last = tab.evaluate("current().x.length - 1")
+    found = []
+    for k in range(frames):
+        tab.evaluate(f"goTo({round(k * last / frames)})")
+        frame = Image.open(io.BytesIO(panel.screenshot())).convert("RGB")
+        found.append(frame.resize((PLAYING, round(PLAYING * frame.height / frame.width))))
+    return found
+
+
+def reported(folder: Path, quick: bool) -> Path:
+    """A report of the linkages, or of the four-bar alone, whose model is wrong; its folder."""
+    models = folder / "linkages"
+    shutil.copytree(ROOT / "models" / "linkages", models)
+    model = models / "fourbar.xml"
+    text = model.read_text(encoding="utf-8")
+    if LONGER[0] not in text:
+        raise ValueError(f"{model.name} has no {LONGER[0]}")
+    for sidecar in models.glob("*.toml"):  # other cases of the model keep the right one
+        told = sidecar.read_text(encoding="utf-8")
+        sidecar.write_text(told.replace('"fourbar.xml"', '"fourbar_right.xml"'), encoding="utf-8")
+    shutil.copy(model, models / "fourbar_right.xml")
+    model.write_text(text.replace(*LONGER), encoding="utf-8")
+    result = check([models / "fourbar.toml" if quick else models])
+    write_report(result, folder / "report")
+    return folder / "report"
+
+
+def save(image: Image.Image, name: str) -> None:
+    """Write a picture into docs/."""
+    smaller = image.resize((ACROSS, round(ACROSS * image.height / image.width)))
+    few_colours(smaller).save(ROOT / "docs" / name, optimize=True)
+
+
+def main() -> None:
+    quick = command(__doc__).parse_args().quick
+    if not CHROMIUM:
+        print("there is no Chromium on this system: no pictures")
+        return
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        report = reported(Path(folder), quick)
+        index = picture(opened(browser, report / "index.html"))
+        case = picture(opened(browser, report / "fourbar.html"))
+        frames = recording(
+            opened(browser, report / "fourbar.html", ADDRESS), 2 if quick else FRAMES
+        )
+    if quick:
+        print(f"pictures of {index.size} and {case.size}, {len(frames)} frames")
+        return
+    save(index, "report_index.png")
+    save(case, "report_case.png")
+    frames[0].save(
+        ROOT / "docs" / "fourbar.webp",
+        save_all=True,
+        append_images=frames[1:],
+        duration=round(1000 * SECONDS / FRAMES),
+        loop=0,
+        quality=QUALITY,
+        method=6,
+    )
+    for name in ("report_index.png", "report_case.png", "fourbar.webp"):
+        print(f"docs/{name}: {(ROOT / 'docs' / name).stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
