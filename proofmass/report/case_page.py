@@ -1,6 +1,5 @@
 """The page of a case, and its card on the index."""
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,9 +12,10 @@ from markupsafe import Markup
 from proofmass import reference
 from proofmass.case import Case
 from proofmass.check import Result
+from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
-from proofmass.outcome import LOST, OPEN, Outcome
+from proofmass.outcome import LOST, Outcome
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import case_data, embedded, recorded_data
 from proofmass.report.causes import causes
@@ -29,7 +29,7 @@ from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
-from proofmass.report.words import SYMBOLS, closeness, from_model, headline
+from proofmass.report.words import closeness, from_model, headline, state_of
 from proofmass.wording import spoken
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
@@ -57,29 +57,31 @@ def render_case(
     drawings: Drawings,
     style: Mapping[str, Look],
     studies: Sequence[ShownStudy] = (),
-) -> tuple[dict[str, Any], str]:
-    """The card of a case for the index, and the text of its page."""
+) -> str:
+    """The text of a case's page."""
     runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
-    short = card(case, runs, drawings, faults)
     tell = partial(told, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
+    all_rows = [c for run in runs for c in (*run.rows, *run.verdicts)]
+    state = state_of(case, all_rows, faults)
     compared = any(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in rows)
     file = case.file.name if case.file.is_absolute() else case.file
     data = case_data(case, gathered.recorded, drawings.motions, style)
-    return short, env.get_template("case.html").render(
+    return env.get_template("case.html").render(
         case=case,
-        card=short,
+        state=state,
+        headline=headline_of(case, runs, all_rows),
         data=data,
         embedded=embedded(data),
         curves=any(run.curves for run in runs),
-        badge=badge(case, rows, short["state"], faults),
+        badge=badge(case, rows, state, faults),
         closeness=closeness(case, rows),
         overview=overview(data) if rows else [],
         marks=marks(),
         causes=causes(case, result.diagnoses),
         open_lines=open_lines(case, runs),
-        advice=advice(case, rows, faults, short["state"]),
+        advice=advice(case, rows, faults, state),
         command=f"proofmass check {file}",
         explain=f"proofmass explain {file}",
         noticed=tell(noticed, None),
@@ -174,32 +176,16 @@ def faults_of(case: Case, result: Result) -> list[str]:
     return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
 
 
-def card(case: Case, views: list[Shown], drawings: Drawings, faults: list[str]) -> dict[str, Any]:
-    """A case in short: verdict, counts, thumbnail."""
-    rows = [c for v in views for c in (*v.rows, *v.verdicts)]
-    counts = Counter(c.outcome for c in rows)
-    picture = drawings.figures.get("thumbnail")
+def headline_of(case: Case, runs: list[Shown], rows: list[Comparison]) -> str:
+    """The verdict on a case in one line, with the time steps of its dynamics."""
     steps = {
         s: float(str(c.settings["timestep"]))
-        for v in views
-        if v.kind == "dynamics"
-        for s, c in v.curves.items()
+        for run in runs
+        if run.kind == "dynamics"
+        for s, c in run.curves.items()
         if "timestep" in c.settings
     }
-    checked = case.unchecked or set(counts) - set(OPEN)
-    bad = faults or not checked or any(counts[o] for o in (Outcome.DIFFERS, *LOST))
-    return {
-        "name": case.name,
-        "title": case.title,
-        "page": f"{slug(case.name)}.html",
-        "headline": headline(case, rows, steps),
-        "state": "bad" if bad else "good" if counts[Outcome.AGREES] else "open",
-        "counts": [(o, counts[o]) for o in SYMBOLS if counts[o]],
-        "faults": len(faults),
-        "picture": Markup(inline(picture, f"{slug(case.name)}-thumbnail", case.name))
-        if picture
-        else "",
-    }
+    return headline(case, rows, steps)
 
 
 def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:

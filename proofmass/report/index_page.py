@@ -20,7 +20,7 @@ from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.thumbnail import Thumbnail
-from proofmass.report.words import SYMBOLS, by_solver
+from proofmass.report.words import SYMBOLS, by_solver, state_of
 from proofmass.wording import spoken
 
 STATIC = ("index.css", "index.js")
@@ -269,15 +269,6 @@ def row_of(
         files=files.get(case.name, []),
         trend=trend(history, rows),
     )
-
-
-def state_of(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:
-    """Whether a case agrees (good), was not checked and says so (open), or is wrong (bad)."""
-    outcomes = {c.outcome for c in rows}
-    checked = case.unchecked or outcomes - set(OPEN)
-    if faults or not checked or outcomes - set(GOOD):
-        return "bad"
-    return "good" if Outcome.AGREES in outcomes else "open"
 
 
 def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:

@@ -91,7 +91,7 @@ def write_report(
             drawings = futures[k].result()
             if data:
                 write_curves(folder, case, gathered[k].runs)
-            _, page = render_case(env, case, result, gathered[k], drawings, style, studies)
+            page = render_case(env, case, result, gathered[k], drawings, style, studies)
             write_whole(folder / f"{slug(case.name)}.html", page)
             pictures[case.name] = drawings.moving or still(case.name, drawings)
             progress(case.name, k + 1, len(result.cases))

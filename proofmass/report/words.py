@@ -2,12 +2,12 @@
 
 import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.outcome import LOST, OPEN, Outcome
+from proofmass.outcome import GOOD, LOST, OPEN, Outcome
 from proofmass.recorded import Recorded
 from proofmass.reference import module_of
 from proofmass.units import KINDS, si_unit
@@ -264,3 +264,12 @@ def portion(value: float) -> str:
     if value >= 2:
         return f"{number(value, 2)} times"
     return f"{number(100 * value, 1)}%" if value >= 1e-3 else number(value, 1)
+
+
+def state_of(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:
+    """Whether a case agrees (good), was not checked and says so (open), or is wrong (bad)."""
+    outcomes = {c.outcome for c in rows}
+    checked = case.unchecked or outcomes - set(OPEN)
+    if faults or not checked or outcomes - set(GOOD):
+        return "bad"
+    return "good" if Outcome.AGREES in outcomes else "open"
