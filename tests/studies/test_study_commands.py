@@ -85,15 +85,30 @@ def replace(half, file):
 os.replace = replace
 """
 NO_RUNS = {
-    "trade": "from proofmass.studies import run; run.measure = None",
-    "stress": "from proofmass.studies.stress import problems; problems.isolated = None",
+    "trade": "from proofmass.studies import run; assert run.measure; run.measure = None",
+    "stress": """
+from proofmass.studies.stress import problems
+assert problems.isolated
+problems.isolated = None
+""",
     "diet": """
 from proofmass.studies.diet.diet import DietSearch
 ran = DietSearch.ran
 DietSearch.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
 """,
 }  # a diet tries the model that it has written, and keeps nothing of that
-FORGETS = "from proofmass.studies.store import Store; Store.load = lambda *_: None"
+UNHURRIED = {
+    "trade": """
+from importlib import import_module
+options = import_module("proofmass.studies.trade.trade").trade.__kwdefaults__
+assert options["budget"]
+options["budget"] = 60.0
+""",
+}
+"""Lines of settings end at a run of more than 2 s, which depends on the load: not in tests."""
+FORGETS = (
+    "from proofmass.studies.store import Store; assert Store.load; Store.load = lambda *_: None"
+)
 
 
 @pytest.fixture
@@ -114,7 +129,7 @@ def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]
 
 def begin(what: str, folder: Path, before: str = "", more: str = "") -> subprocess.Popen:
     """A command, as the shell starts it: in a process group of its own."""
-    code = f"{before}\nfrom proofmass.__main__ import main; main()"
+    code = f"{UNHURRIED.get(what, '')}{before}\nfrom proofmass.__main__ import main; main()"
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, "-c", code, *ASKED[what].split(), *more.split()],
@@ -275,6 +290,11 @@ def test_a_cluster_gives_the_table_that_this_machine_gives(what, place, address)
     finish(what, near)
     finish(what, far, more=f"--dask {address}")
     assert told(what, far) == told(what, near)
+
+
+@pytest.mark.parametrize("code", [*NO_RUNS.values(), *UNHURRIED.values(), FORGETS])
+def test_what_code_before_a_command_replaces_is_there(code):
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
 
 
 def errors(folder: Path) -> dict[str, dict]:
