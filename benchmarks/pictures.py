@@ -67,7 +67,9 @@ def picture(tab: Any) -> Image.Image:
 
 def few_colours(image: Image.Image) -> Image.Image:
     """The same with a palette."""
-    return image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    return image.quantize(
+        COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE
+    )
 
 
 def recording(tab: Any, frames: int) -> list[Image.Image]:
