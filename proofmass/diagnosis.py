@@ -93,9 +93,7 @@ TURNS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter turn": np.p
 LATE = {"one sample": 1, "two samples": 2}
 """What a curve may be late or early by."""
 AGAIN = 0.3  # [s] that a run took which is made again with half the step
-FALLS = (
-    0.6  # share of a difference that half a step may leave where the step is the cause: order 3/4
-)
+FALLS = 0.6  # share of a difference that half a step leaves if its order is 3/4
 HIGHEST = 6  # order of an integrator
 WORSE = 1.1  # times the difference, from which on it is said to be larger
 PLACE = 1e-5  # relative difference of a number in the model, as the fit has it
