@@ -54,6 +54,19 @@ def edited(folder: Path, name: str, *edits: tuple[str, str]) -> Path:
     return folder / f"{name}.toml"
 
 
+@pytest.fixture
+def unhurried(monkeypatch):
+    """``unhurried(sidecar, run)``: the diagnosis in MuJoCo, with time enough."""
+    for limit in ("SECONDS", "AGAIN"):
+        monkeypatch.setattr(f"proofmass.diagnosis.{limit}", 60.0)
+
+    def diagnosed(sidecar, run):
+        case = load_case(sidecar)
+        return find_causes(case, run, "mujoco", solve(case, run, "mujoco"))
+
+    return diagnosed
+
+
 LONGER = ('name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
 
 
@@ -128,24 +141,22 @@ def test_a_number_of_the_model_is_named_where_the_reference_has_none(
         ("fourbar", 'gravity="0 -9.81 0"', 'gravity="0 -9.8 0"', "gravity = 9.8 m/s²"),
     ],
 )  # fmt: skip
-def test_a_number_of_the_model_is_named(tmp_path, name, old, new, words):
-    result = check([edited(tmp_path, name, (old, new))], jobs=2)
-    found = result.diagnoses[name, "sweep", "mujoco"]
+def test_a_number_of_the_model_is_named(tmp_path, unhurried, name, old, new, words):
+    found = unhurried(edited(tmp_path, name, (old, new)), "sweep")
     assert found.causes[0].words.startswith(words)
     assert len(found.causes[0].explains) == len(found.differing)
 
 
-def test_a_time_step_that_is_too_long_is_the_cause(tmp_path):
+def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried):
     sidecar = edited(tmp_path, "pendulum", ('timestep="1e-3"', 'timestep="1e-2"'))
-    found = check([sidecar], jobs=2).diagnoses["pendulum", "dynamics", "mujoco"]
+    found = unhurried(sidecar, "dynamics")
     best = found.causes[0]
     assert best.kind == "finer"
     assert best.words.startswith("a time step of 5e-3 s instead of 0.01 s (error of order 3.9")
 
 
-def test_what_a_shorter_step_does_not_change_is_said(tmp_path):
-    sidecar = edited(tmp_path, "fourbar", LONGER)
-    found = check([sidecar], jobs=2).diagnoses["fourbar", "dynamics", "mujoco"]
+def test_what_a_shorter_step_does_not_change_is_said(tmp_path, unhurried):
+    found = unhurried(edited(tmp_path, "fourbar", LONGER), "dynamics")
     assert any("leaves the error as it is" in words for words in found.remarks)
     assert found.causes[0].changes["rocker"][1] == pytest.approx(2.525, rel=1e-4)
 
