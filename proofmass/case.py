@@ -418,6 +418,11 @@ class Case(Strict):
         return tuple(table.built(name) for name, table in self.rod.items())
 
     @property
+    def laws(self) -> tuple[str, ...]:
+        """The channels that must equal a number, whatever the reference is."""
+        return tuple(n for n, c in self.channels.items() if not isinstance(c.equals, str))
+
+    @property
     def leader(self) -> DriveTable | None:
         """The first drive; None for a free motion."""
         return self.drive[0] if self.drive else None

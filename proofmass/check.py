@@ -412,10 +412,8 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
                 continue
             result.refined.extend(rows)
         elif curves is not None and not isinstance(task, Path):
-            there = comparisons[0].outcome not in LOST
-            kept = result.curves if there else result.lost
+            kept = result.lost if comparisons[0].outcome in LOST else result.curves
             kept[task[0].name, task[1], task[2]] = curves
-            curves = curves if there else None
         result.comparisons.extend(comparisons)
         if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
             result.errors.append(early)

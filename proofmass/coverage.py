@@ -143,7 +143,7 @@ def coverage_of(
         tuple(sorted(found, key=lambda one: list(KINDS).index(one.kind))),
         tuple(search.differing()),
         reads_model(case),
-        tuple(n for n, c in case.channels.items() if not isinstance(c.equals, str)),
+        case.laws,
         search.left_out,
         monotonic() - begin,
     )

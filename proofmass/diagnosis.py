@@ -335,9 +335,8 @@ class ModelResiduals(Residuals):
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         super().__init__(case, run, solver, curves)
         if reads_model(case):
-            laws = [n for n, c in case.channels.items() if not isinstance(c.equals, str)]
-            self.allowed = {n: most for n, most in self.allowed.items() if n in laws}
-            self.differing = tuple(n for n in self.differing if n in laws)
+            self.allowed = {n: most for n, most in self.allowed.items() if n in case.laws}
+            self.differing = tuple(n for n in self.differing if n in case.laws)
         self.stride = stride_of(self)
         for known in (self.curve, self.reference, self.before):
             kept = {name: known[name][:: self.stride] for name in self.allowed}
@@ -616,16 +615,21 @@ def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanatio
 
     The run is made again, if it was short.
     """
-    case, used = there.case, there.curves.settings
+    case = there.case
     if there.curves.seconds > AGAIN:
         return
-    if run == "dynamics" and isinstance(used.get("timestep"), float):
-        step = cast(float, used["timestep"])
+    if step := step_of(run, there.curves):
         words = f"a time step of {number(step / 2)} s instead of {number(step)} s"
         yield again(there, run, solver, words, halved(case, run, solver, step))
     if case.rod:
         rods = {n: r.model_copy(update={"segments": 2 * r.segments}) for n, r in case.rod.items()}
         yield again(there, run, solver, "twice as many segments", {"rod": rods})
+
+
+def step_of(run: Kind, curves: Curves) -> float:
+    """The time step of a run [s]; 0 of one without."""
+    step = curves.settings.get("timestep")
+    return step if run == "dynamics" and isinstance(step, float) else 0.0
 
 
 def halved(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
@@ -923,8 +927,7 @@ def violation_growth(curves: Curves) -> Iterator[str]:
 
 def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
     """Whether the time step is too long for the stiffest spring, by theory."""
-    step = curves.settings.get("timestep")
-    if run != "dynamics" or not isinstance(step, float):
+    if not (step := step_of(run, curves)):
         return
     model = compiled(case)
     engine = engine_of(solver.partition(":")[0])
@@ -942,8 +945,7 @@ def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iter
 
 def shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
     """The longest of the steps dt/2, dt/4, .. with which a run comes to its end, if it is short."""
-    step = curves.settings.get("timestep")
-    if run != "dynamics" or not isinstance(step, float):
+    if not (step := step_of(run, curves)):
         return
     least, seconds = step, curves.seconds
     for _ in range(HALVINGS):

@@ -43,6 +43,8 @@ class Outcome(StrEnum):
     NO_START = "no start", "the model cannot be put into its start pose"
 
 
+CHECKED = (Outcome.AGREES, Outcome.DIFFERS)
+"""Outcomes of channels that were held against a tolerance."""
 OPEN = (Outcome.UNCHECKED, Outcome.UNSUPPORTED)
 """Outcomes of channels that were not checked."""
 GOOD = (Outcome.AGREES, *OPEN)

@@ -4,10 +4,10 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import proofmass
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED, Comparison
@@ -44,7 +44,11 @@ def as_sarif(result: Result) -> str:
             "runs": [
                 {
                     "tool": {
-                        "driver": {"name": "proofmass", "version": own_version(), "rules": rules}
+                        "driver": {
+                            "name": "proofmass",
+                            "version": proofmass.__version__,
+                            "rules": rules,
+                        }
                     },
                     "invocations": [
                         {
@@ -60,14 +64,6 @@ def as_sarif(result: Result) -> str:
         indent=1,
         ensure_ascii=False,
     )
-
-
-def own_version() -> str:
-    """The version of this distribution."""
-    try:
-        return version("proofmass")
-    except PackageNotFoundError:  # a source tree on the path, not installed
-        return "0+unknown"
 
 
 def rule_id(outcome: str) -> str:

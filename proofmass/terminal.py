@@ -18,7 +18,7 @@ from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
 from proofmass.diagnosis import Diagnosis
-from proofmass.outcome import Outcome
+from proofmass.outcome import CHECKED, Outcome
 from proofmass.reference import reads_model
 
 KEYS = (
@@ -288,7 +288,7 @@ def failures(result: Result, link: Callable[[Comparison], str] | None = None) ->
             yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
         if reads_model(case):
             yield Text(f"· {case.name}: {own_numbers(case)}", style="dim")
-    judged = [c for c in result.comparisons if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    judged = [c for c in result.comparisons if c.outcome in CHECKED]
     if judged:
         yield Text(nearest(judged))
     counts = {
@@ -353,8 +353,8 @@ def not_checked(case: Case) -> str:
 
 def own_numbers(case: Case) -> str:
     """What is said of a case whose reference reads the model itself."""
-    laws = [name for name, channel in case.channels.items() if not isinstance(channel.equals, str)]
-    but = f"; only {', '.join(laws)}, held to a number, can show it" if laws else ""
+    laws = ", ".join(case.laws)
+    but = f"; only {laws}, held to a number, can show it" if laws else ""
     return (
         f"the reference {case.reference} reads the numbers of {case.model}: a wrong one is wrong "
         f"in the engines and in the reference{but}"

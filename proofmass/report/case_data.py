@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from proofmass import terminal
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, scale_of
@@ -82,17 +83,8 @@ def recorded_data(case: Case, runs: Iterable[Shown]) -> dict[str, Any]:
 
 def embedded(data: Mapping[str, Any]) -> Markup:
     """The dict as text that can stand in an element ``script``."""
-    text = json.dumps(numbered(data), separators=(",", ":"), allow_nan=False, default=str)
+    text = json.dumps(terminal.finite(data), separators=(",", ":"), allow_nan=False, default=str)
     return Markup(text.replace("<", "\\u003c"))
-
-
-def numbered(value: Any) -> Any:
-    """The same with None for all that is not a number, which JSON does not have."""
-    if isinstance(value, dict):
-        return {key: numbered(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [numbered(part) for part in value]
-    return finite(value) if isinstance(value, float) else value
 
 
 def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:

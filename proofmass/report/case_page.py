@@ -1,4 +1,4 @@
-"""The page of a case, and its card on the index."""
+"""The page of a case."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
-from proofmass.outcome import LOST, Outcome
+from proofmass.outcome import CHECKED, LOST
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import case_data, embedded, recorded_data
 from proofmass.report.causes import causes
@@ -24,7 +24,7 @@ from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
 from proofmass.report.first_screen import advice, badge, looks_of, open_lines, texts
 from proofmass.report.noticed import noticed
 from proofmass.report.overview import marks, overview
-from proofmass.report.page import complaint, made_with, slug
+from proofmass.report.page import complaint, faults_of, made_with, slug
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.svg import inline
@@ -65,7 +65,7 @@ def render_case(
     rows = [c for run in runs for c in run.rows]
     all_rows = [c for run in runs for c in (*run.rows, *run.verdicts)]
     state = state_of(case, all_rows, faults)
-    compared = any(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in rows)
+    compared = any(c.outcome in CHECKED for c in rows)
     file = case.file.name if case.file.is_absolute() else case.file
     data = case_data(case, gathered.recorded, drawings.motions, style)
     return env.get_template("case.html").render(
@@ -169,11 +169,6 @@ def parameters_of(case: Case) -> dict[str, str]:
         return tables.parameters(case, case.parameters)
     except InputError:
         return {}
-
-
-def faults_of(case: Case, result: Result) -> list[str]:
-    """What is wrong with a case's own files, a sweep that ended early among it."""
-    return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
 
 
 def headline_of(case: Case, runs: list[Shown], rows: list[Comparison]) -> str:

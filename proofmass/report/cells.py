@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from proofmass.compare import Comparison
-from proofmass.outcome import GOOD, Outcome
+from proofmass.outcome import CHECKED, GOOD
 from proofmass.report.changes import FACTOR
+from proofmass.report.overview import place
 from proofmass.report.record import History
-from proofmass.units import KINDS, si_unit
+from proofmass.report.words import kind_of
 from proofmass.wording import number, spoken
 
-LEFT, RIGHT = -16.4, 0.6
-"""Powers of ten at the edges of the axis; what is beyond stands on the edge."""
 NOTHING = Markup()
 TREND = 3
 """Reports from which on a row has a trend."""
@@ -69,10 +68,11 @@ def cell_of(rows: Sequence[Comparison]) -> IndexCell | None:
     lanes = [lane_of(c) for c in speakers]
     share = first.relative_to_range
     known = math.isfinite(share)
+    kind = kind_of(first.unit) if known else "other"
     return IndexCell(
         lanes=lanes,
         error=number(share, 2) if known else str(first.outcome),
-        kind=kind_of(first.unit) if known else "",
+        kind="" if kind == "other" else kind,
         bad=first.outcome not in GOOD,
         sort=share if known else math.inf if first.outcome not in GOOD else -1.0,
     )
@@ -111,30 +111,9 @@ def lane_of(c: Comparison) -> ErrorMark:
     )
 
 
-def place(share: float) -> float:
-    """Where a share of the range stands on the axis, in per cent of its width.
-
-    >>> place(0.0), place(1e3) == 100.0, place(1e-6) < place(1e-3)
-    (0.0, True, True)
-    """
-    power = math.log10(share) if share > 0 else LEFT
-    return round(100 * (min(max(power, LEFT), RIGHT) - LEFT) / (RIGHT - LEFT), 2)
-
-
-def kind_of(unit: str) -> str:
-    """What kind of quantity a unit is of: position, velocity, acceleration, or another's name.
-
-    >>> kind_of("deg/s"), kind_of("N m"), kind_of("J")
-    ('velocity', 'moment', 'energy')
-    """
-    si = si_unit(unit)[0] if unit else ""
-    other = {"N m": "moment", "N": "force", "J": "energy"}
-    return next((kind for kind, units in KINDS.items() if si in units), other.get(si, ""))
-
-
 def trend(history: History, rows: Sequence[Comparison]) -> Markup:
     """The error of the channel nearest to its allowance over the last reports, as a line."""
-    judged = [c for c in rows if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    judged = [c for c in rows if c.outcome in CHECKED]
     if len(history.reports) < TREND or not judged:
         return NOTHING
     c = max(judged, key=ratio)

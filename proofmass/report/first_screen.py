@@ -7,7 +7,7 @@ from typing import Any
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
-from proofmass.outcome import LOST, Outcome
+from proofmass.outcome import CHECKED, LOST, Outcome
 from proofmass.report import tables
 from proofmass.report.causes import IN_RUN
 from proofmass.report.data import Shown
@@ -56,7 +56,7 @@ def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, Pa
 
 def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> str:
     """The verdict in few words."""
-    judged = [c for c in rows if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    judged = [c for c in rows if c.outcome in CHECKED]
     differs = sum(c.outcome == Outcome.DIFFERS for c in rows)
     lost = dict.fromkeys(c.outcome for c in rows if c.outcome in LOST)
     words = []

@@ -11,11 +11,12 @@ from markupsafe import Markup
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
-from proofmass.outcome import GOOD, LOST, OPEN, Outcome
-from proofmass.report.cells import NOTHING, IndexCell, cell_of, place, ratio, trend
+from proofmass.outcome import CHECKED, GOOD, LOST, OPEN, Outcome
+from proofmass.report.cells import NOTHING, IndexCell, cell_of, ratio, trend
 from proofmass.report.changes import Change, changes, of_case
 from proofmass.report.families import families, reference_of
-from proofmass.report.page import about, complaint, slug
+from proofmass.report.overview import place
+from proofmass.report.page import about, complaint, faults_of, slug
 from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
@@ -238,7 +239,7 @@ def row_of(
 ) -> CaseRow:
     """What the index says of a case."""
     rows = [c for c in result.comparisons if c.case == case.name]
-    faults = [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
+    faults = faults_of(case, result)
     state = state_of(case, rows, faults)
     own = of_case(found, case.name)
     curves = [c for c in rows if c.run in case.run and not only_shown(c, rows)]
@@ -259,7 +260,7 @@ def row_of(
         engines=list(dict.fromkeys(map(engine, rows))),
         bad_engines=list(dict.fromkeys(engine(c) for c in rows if c.outcome not in GOOD)),
         margin=max((ratio(c) for c in rows if c.outcome not in OPEN), default=0.0),
-        checked=sum(c.outcome in (Outcome.AGREES, Outcome.DIFFERS) for c in curves),
+        checked=sum(c.outcome in CHECKED for c in curves),
         channels=len(curves),
         seconds=seconds_of(rows),
         search=" ".join([case.name, case.title, family, reference, *case.channels]).lower(),

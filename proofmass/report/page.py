@@ -15,6 +15,8 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from proofmass.case import Case
+from proofmass.check import Result
 from proofmass.engines import NoEngine, brought_by, engine_names, engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
@@ -50,6 +52,11 @@ def complaint(error: InputError) -> str:
     return str(error).replace(str(error.file), error.file.name)
 
 
+def faults_of(case: Case, result: Result) -> list[str]:
+    """What is wrong with a case's own files, a sweep that ended early among it."""
+    return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
+
+
 def packages_of(engine: str) -> list[str]:
     """The distributions that an engine's results come from; none of one that cannot be loaded."""
     with suppress(NoEngine):
@@ -82,24 +89,31 @@ def made_with(folder: Path) -> list[tuple[str, str]]:
     """The same as `about`, with the command and the commit of the folder of a model."""
     given = [word if not Path(word).is_absolute() else Path(word).name for word in sys.argv[1:]]
     command = ("command", " ".join([Path(sys.argv[0]).stem, *given]))
-    return [
-        *about(),
-        *([("commit of the model", commit)] if (commit := commit_of(folder)) else []),
-        command,
-    ]
+    commit, edited = known_commit(folder)
+    of_model = ("commit of the model", commit[:7] + "+" * edited)
+    return [*about(), *[of_model] * bool(commit), command]
 
 
-@cache
-def commit_of(folder: Path) -> str:
-    """The commit of a folder, with a plus where files have changed since; empty without git."""
-    asked = ["git", "-C", str(folder), "describe", "--always", "--dirty=+", "--exclude=*"]
+def commit_of(place: Path) -> tuple[str, bool]:
+    """The commit of the working tree that a path lies in, and whether files differ from it."""
+    folder = place if place.is_dir() else place.parent
     try:
-        told = subprocess.run(asked, capture_output=True, text=True, timeout=5, check=False)
-    except (OSError, subprocess.TimeoutExpired):
-        return ""
-    return told.stdout.strip()
+        commit = git(folder, "rev-parse", "--verify", "HEAD")
+        return commit, bool(git(folder, "status", "--porcelain", "--untracked-files=no"))
+    except (OSError, subprocess.SubprocessError):
+        return "", False
 
 
+def git(folder: Path, *words: str) -> str:
+    """What git answers in a folder."""
+    found = subprocess.run(
+        ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
+    )
+    return found.stdout.strip()
+
+
+known_commit = cache(commit_of)
+"""The same, asked once of each place: many cases lie in one folder."""
 CURVES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
 """Files of the package ``uplot-python``, which draws the curves of a page, by their new names."""
 

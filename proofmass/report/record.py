@@ -7,7 +7,6 @@ the last reports, so that a report says what changed since the last one.
 import json
 import os
 import platform
-import subprocess
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -21,7 +20,7 @@ from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_whole
 from proofmass.report.families import reference_of
-from proofmass.report.page import versions
+from proofmass.report.page import commit_of, versions
 from proofmass.terminal import KEYS, finite
 
 FORMAT = 1
@@ -186,24 +185,6 @@ def started(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
         processors=os.cpu_count() or 0,
         load_start=load_average(),
     )
-
-
-def commit_of(place: Path) -> tuple[str, bool]:
-    """The commit of the working tree that a path lies in, and whether files differ from it."""
-    folder = place if place.is_dir() else place.parent
-    try:
-        commit = git(folder, "rev-parse", "--verify", "HEAD")
-        return commit, bool(git(folder, "status", "--porcelain", "--untracked-files=no"))
-    except (OSError, subprocess.SubprocessError):
-        return "", False
-
-
-def git(folder: Path, *words: str) -> str:
-    """What git answers in a folder."""
-    found = subprocess.run(
-        ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
-    )
-    return found.stdout.strip()
 
 
 def record_of(result: Result, made: Made | None = None) -> Record:

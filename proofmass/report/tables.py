@@ -10,7 +10,7 @@ import numpy as np
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
 from proofmass.errors import InputError
-from proofmass.outcome import LOST, Outcome
+from proofmass.outcome import CHECKED, LOST, Outcome
 from proofmass.reference import facts, unit_of
 from proofmass.report.data import Shown
 from proofmass.report.words import SYMBOLS
@@ -156,7 +156,7 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
             (c.detectable[name].size, c)
             for c in rows
             if name in c.detectable
-            and c.outcome in (Outcome.AGREES, Outcome.DIFFERS)
+            and c.outcome in CHECKED
             and not math.isnan(c.detectable[name].size)
         ]
         if not known:
@@ -175,7 +175,7 @@ def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
     """By parameter, the detectable changes of the checked channels."""
     found: dict[str, list[DetectableChange]] = {}
     for c in rows:
-        checked = c.outcome in (Outcome.AGREES, Outcome.DIFFERS)
+        checked = c.outcome in CHECKED
         for p, change in c.detectable.items() if checked else ():
             found.setdefault(p, []).append(change)
     return found

@@ -1,15 +1,13 @@
 """The sentences of the report."""
 
-import inspect
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.outcome import GOOD, LOST, OPEN, Outcome
-from proofmass.recorded import Recorded
-from proofmass.reference import module_of
+from proofmass.outcome import CHECKED, GOOD, LOST, OPEN, Outcome
+from proofmass.reference import reads_model
 from proofmass.units import KINDS, si_unit
 from proofmass.wording import listed, number, spoken
 
@@ -32,12 +30,11 @@ def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[C
 
 
 def from_model(case: Case) -> bool:
-    """Whether the reference moves the model's own numbers: a wrong length is wrong in both."""
+    """Whether the reference moves the model's own numbers; not of one that is at fault."""
     try:
-        truth = module_of(case)
+        return reads_model(case)
     except InputError:
         return False
-    return not isinstance(truth, Recorded) and "model" in inspect.signature(truth.solve).parameters
 
 
 def headline(
@@ -232,7 +229,7 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     are told only where no other is there.
     """
     rows = [c for c in comparisons if math.isfinite(c.relative_to_range) and c.run in case.run]
-    judged = [c for c in rows if c.outcome in (Outcome.AGREES, Outcome.DIFFERS)]
+    judged = [c for c in rows if c.outcome in CHECKED]
     told: dict[str, list[str]] = {}
     for run in WHERE:
         own = [c for c in judged or rows if c.run == run]

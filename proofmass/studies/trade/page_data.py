@@ -12,6 +12,7 @@ import numpy as np
 
 from proofmass.front import nondominated
 from proofmass.outcome import Outcome
+from proofmass.report.case_data import finite
 from proofmass.report.marks import MARKS, Tone
 from proofmass.report.style import Look
 from proofmass.studies.record import KINDS, NAN, StudyRow
@@ -114,11 +115,6 @@ def setting_data(
         "load": finite(row.load),
         "text": pasted(row),
     }
-
-
-def finite(value: float) -> float | None:
-    """The number, or None where it is none."""
-    return float(value) if isfinite(value) else None
 
 
 def kind_data(
