@@ -73,6 +73,16 @@ def show(
         out.print(line, soft_wrap=not out.is_terminal)  # a screen breaks lines between words
 
 
+def export(file: Path, form: str, result: "Result") -> None:
+    """Write a result in the form of another tool: junit or sarif."""
+    from proofmass.files import write_whole
+    from proofmass.junit import as_junit
+    from proofmass.sarif import as_sarif
+
+    with answering(f"{file} is not written"):
+        write_whole(file, as_junit(result) if form == "junit" else as_sarif(result))
+
+
 @app.command("check")
 def check_command(
     paths: Paths = None,
@@ -95,9 +105,6 @@ def check_command(
     Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
     checked; 2: bad input, or a file that cannot be written.
     """
-    from proofmass.files import write_whole
-    from proofmass.junit import as_junit
-    from proofmass.sarif import as_sarif
     from proofmass.terminal import as_json
 
     result = examine(paths, jobs, detectable=json)
@@ -105,10 +112,9 @@ def check_command(
         print(as_json(result))
     else:
         show(result, verbose)
-    for file, written in ((junit, as_junit), (sarif, as_sarif)):
+    for file, form in ((junit, "junit"), (sarif, "sarif")):
         if file is not None:  # after the verdicts, which a full disk must not cost
-            with answering(f"{file} is not written"):
-                write_whole(file, written(result))
+            export(file, form, result)
     raise typer.Exit(result.exit_code)
 
 

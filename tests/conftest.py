@@ -1,4 +1,4 @@
-"""Shared fixtures: a writable copy of the models, a way to change one, a stand, a cluster."""
+"""Shared fixtures: copies of models that may be changed, a stand, a cluster, a browser."""
 
 import os
 import re
@@ -6,6 +6,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -114,6 +115,18 @@ def address() -> Iterator[str]:
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as cluster:  # any port that is free
         yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """The Chromium of the system; tests are skipped where there is none."""
+    from benchmarks.pictures import CHROMIUM, chromium  # loads the report, which is slow
+
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM:
+        pytest.skip("there is no Chromium on this system")
+    with chromium() as found:
+        yield found
 
 
 collect_ignore = ["data"]

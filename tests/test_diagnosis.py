@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis import FAULTS, case_of, search, solved
+from benchmarks.pictures import LONGER
 from proofmass import load_case, solve
 from proofmass.check import check, one_diagnosis
 from proofmass.diagnosis import Diagnosis, Explanation, describe_loss, find_causes, ranked
@@ -65,9 +66,6 @@ def unhurried(monkeypatch):
         return find_causes(case, run, "mujoco", solve(case, run, "mujoco"))
 
     return diagnosed
-
-
-LONGER = ('name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
 
 
 def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path):

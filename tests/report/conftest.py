@@ -1,13 +1,11 @@
-"""A reference of a test's own in a copy of the four-bar's case; a browser for tests of pages."""
+"""A reference of a test's own in a copy of the four-bar's case."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from benchmarks.pictures import CHROMIUM, chromium
 from proofmass.analytic import REFERENCES
 from proofmass.report import case_page, drawing
 
@@ -45,13 +43,3 @@ def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str
         return file
 
     return make
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """The Chromium of the system; tests are skipped where there is none."""
-    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM:
-        pytest.skip("there is no Chromium on this system")
-    with chromium() as found:
-        yield found

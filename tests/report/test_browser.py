@@ -13,6 +13,7 @@ from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from tests.report.whole import lost_result, whole_result
 from tests.shipped import shipped
+from tests.visit import PHONE, Visit
 
 NAMES = [
     "fourbar",
@@ -22,7 +23,6 @@ NAMES = [
     "hacksaw_recorded",
     "pendulum",
 ]
-DESKTOP, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 SLOW = 2000  # [ms] until a page may be used, on a busy machine; 0.3 s are usual
 
 
@@ -52,30 +52,11 @@ LOST: dict[str, Any] = {
 assert set(LOST) <= set(Comparison.__dataclass_fields__)
 
 
-class Visit:
-    """A page that was opened, and what went wrong on it."""
+class CaseVisit(Visit):
+    """The page of a case, whose mechanism stands still."""
 
     def __init__(self, browser: Any, file: Path, address: str = "", **options: Any) -> None:
-        self.context = browser.new_context(
-            **{"viewport": DESKTOP, "reduced_motion": "reduce", **options}
-        )
-        self.page = self.context.new_page()
-        self.said: list[str] = []
-        self.asked: list[str] = []
-        self.page.on("console", lambda message: self.said.append(message.text))
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.goto(file.as_uri() + address)
-        self.page.wait_for_load_state()
-
-    def __enter__(self) -> "Visit":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.context.close()
-
-    def run(self, script: str) -> Any:
-        return self.page.evaluate(script)
+        super().__init__(browser, file, address, **{"reduced_motion": "reduce", **options})
 
     def plot(self, place: str) -> dict[str, float]:
         """Where a plot is on the screen, after it was brought there."""
@@ -83,14 +64,10 @@ class Visit:
         found.scroll_into_view_if_needed()
         return dict(found.bounding_box())
 
-    @property
-    def address(self) -> str:
-        return str(self.run("decodeURIComponent(location.hash)"))
-
 
 @pytest.mark.parametrize("name", NAMES)
 def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / f"{name}.html") as visit:
+    with CaseVisit(browser, folder / f"{name}.html") as visit:
         assert visit.said == []
         assert all(url.startswith(folder.as_uri()) for url in visit.asked)
         timing = "performance.getEntriesByType('navigation')[0].loadEventEnd"
@@ -104,7 +81,7 @@ def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: An
 
 @pytest.mark.parametrize("name", NAMES[:-1])
 def test_every_channel_of_every_run_can_be_shown(name: str, folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / f"{name}.html") as visit:
+    with CaseVisit(browser, folder / f"{name}.html") as visit:
         count = visit.run(EVERY)
         assert count >= 4
         assert visit.run(SAID) is None
@@ -133,7 +110,7 @@ SAID = "find('main').innerText.match(/NaN|undefined|null|Infinity|object Object/
 
 
 def test_what_is_lost_is_told(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "pendulum.html") as visit:
+    with CaseVisit(browser, folder / "pendulum.html") as visit:
         text = visit.page.inner_text("main")
         assert "runs diverged" in text
         assert "the state is not finite" in text
@@ -142,7 +119,7 @@ def test_what_is_lost_is_told(folder: Path, browser: Any) -> None:
 def test_a_lost_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> None:
     case = load_case(shipped("fourbar.toml"))
     write_report(lost_result(case, whole_result(case), "mujoco"), tmp_path)
-    with Visit(browser, tmp_path / "fourbar.html") as visit:
+    with CaseVisit(browser, tmp_path / "fourbar.html") as visit:
         assert visit.run("[state.run, state.solver]") == ["dynamics", "mujoco"]
         assert "pin.x left the tolerance first" in visit.page.inner_text(".cause").lower()
         chip = visit.page.locator("#chips [data-solver='mujoco']")
@@ -174,7 +151,7 @@ INK_AT_THE_END = """() => {
 
 
 def test_a_page_that_differs_opens_where_it_does(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "slider_crank.html") as visit:
+    with CaseVisit(browser, folder / "slider_crank.html") as visit:
         assert "Differs" in visit.page.inner_text(".badge")
         assert visit.run("state.run") == "sweep"
         first = visit.page.locator("#list [role=option]").first
@@ -183,7 +160,7 @@ def test_a_page_that_differs_opens_where_it_does(folder: Path, browser: Any) -> 
 
 
 def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@0") as visit:
+    with CaseVisit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@0") as visit:
         line = "find('.scrub-line').style.transform"
         crank = "findAll('.m-drawn > g')[0].getAttribute('transform')"
         before = visit.run(line), visit.run(crank)
@@ -202,7 +179,7 @@ def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> 
 
 
 def test_a_plot_that_is_pointed_at_moves_the_mechanism(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@0") as visit:
+    with CaseVisit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@0") as visit:
         box = visit.plot("#above")
         visit.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
         assert visit.run("state.sample") == pytest.approx(180, abs=2)
@@ -213,7 +190,7 @@ def test_a_plot_that_is_pointed_at_moves_the_mechanism(folder: Path, browser: An
 
 def test_dragging_zooms_both_plots_and_the_address_keeps_it(folder: Path, browser: Any) -> None:
     file = folder / "fourbar.html"
-    with Visit(browser, file, "#dynamics/pymunk/pin.x@1") as visit:
+    with CaseVisit(browser, file, "#dynamics/pymunk/pin.x@1") as visit:
         box = visit.plot("#below")
         visit.page.mouse.move(box["x"] + 100, box["y"] + 60)
         visit.page.mouse.down()
@@ -225,7 +202,7 @@ def test_dragging_zooms_both_plots_and_the_address_keeps_it(folder: Path, browse
         assert 0 < low < high < 6
         address = visit.address
         assert ";z=" in address
-    with Visit(browser, file, address) as visit:
+    with CaseVisit(browser, file, address) as visit:
         again = visit.run("pair.plots.map((plot) => [plot.scales.x.min, plot.scales.x.max])")
         assert again[0] == pytest.approx([low, high], rel=1e-5)
         visit.page.keyboard.press("0")
@@ -233,7 +210,7 @@ def test_dragging_zooms_both_plots_and_the_address_keeps_it(folder: Path, browse
 
 
 def test_solvers_can_be_switched_off_and_axes_changed(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@1") as visit:
+    with CaseVisit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@1") as visit:
         count = "pair.plots[0].series.length"
         before = visit.run(count)
         visit.page.click("#chips [data-solver='pymunk']")
@@ -248,7 +225,7 @@ def test_solvers_can_be_switched_off_and_axes_changed(folder: Path, browser: Any
 
 def test_an_address_opens_its_channel(folder: Path, browser: Any) -> None:
     address = "#dynamics/pymunk/pin.x@3.25;log;m=6"
-    with Visit(browser, folder / "fourbar.html", address) as visit:
+    with CaseVisit(browser, folder / "fourbar.html", address) as visit:
         assert visit.page.inner_text("#channel") == "pin.x"
         assert visit.run("[state.run, state.solver, state.mode, state.power]") == [
             "dynamics",
@@ -262,7 +239,7 @@ def test_an_address_opens_its_channel(folder: Path, browser: Any) -> None:
 
 
 def test_keys_choose_channel_run_and_sample(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@1.5707963") as visit:
+    with CaseVisit(browser, folder / "fourbar.html", "#sweep/mujoco/pin.x@1.5707963") as visit:
         assert visit.page.inner_text("#reference-value").endswith("m at 90°")
         visit.page.focus("#list")
         names = visit.run("ordered(current()).map((one) => one.name)")
@@ -279,7 +256,7 @@ def test_keys_choose_channel_run_and_sample(folder: Path, browser: Any) -> None:
 
 
 def test_differences_are_magnified(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "slider_crank.html", "#sweep/mujoco/slider.x@1") as visit:
+    with CaseVisit(browser, folder / "slider_crank.html", "#sweep/mujoco/slider.x@1") as visit:
         slide = "findAll('.m-drawn > g')[2].getAttribute('transform')"
         plain = visit.run(slide)
         visit.page.evaluate(
@@ -296,7 +273,7 @@ def test_differences_are_magnified(folder: Path, browser: Any) -> None:
 
 
 def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "rod_cantilever.html") as visit:
+    with CaseVisit(browser, folder / "rod_cantilever.html") as visit:
         assert visit.run("mechanism().curves.rods.length") == 1
         assert visit.page.locator(".m-dot").count() == 1
         assert "rods of the reference" in visit.page.inner_text("#ghost")
@@ -304,7 +281,7 @@ def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
 
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw_recorded", "pendulum"])
 def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / f"{name}.html", viewport=PHONE) as visit:
+    with CaseVisit(browser, folder / f"{name}.html", viewport=PHONE) as visit:
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
         small = visit.run(
             "findAll('main *').filter((one) => one.childNodes.length && one.offsetParent"
@@ -326,7 +303,7 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
 )
 def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
     axe = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
-    with Visit(browser, folder / f"{name}.html", color_scheme=scheme) as visit:
+    with CaseVisit(browser, folder / f"{name}.html", color_scheme=scheme) as visit:
         visit.run("findAll('.more > details').forEach((one) => one.setAttribute('open', ''))")
         visit.run(Path(str(axe)).read_text(encoding="utf-8"))
         found = visit.run("axe.run()")
@@ -337,21 +314,21 @@ def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -
 
 def test_dark_pages_are_dark_and_their_curves_light(folder: Path, browser: Any) -> None:
     for scheme, dark in (("light", False), ("dark", True)):
-        with Visit(browser, folder / "fourbar.html", color_scheme=scheme) as visit:
+        with CaseVisit(browser, folder / "fourbar.html", color_scheme=scheme) as visit:
             paper = visit.run("getComputedStyle(document.body).backgroundColor")
             levels = [int(part) for part in paper[4:-1].split(",")]
             assert (max(levels) < 60) == dark
 
 
 def test_it_prints_with_its_tables(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "fourbar.html") as visit:
+    with CaseVisit(browser, folder / "fourbar.html") as visit:
         printed = visit.page.pdf(format="A4", print_background=True)
         assert printed.startswith(b"%PDF")
         assert printed.count(b"/Type /Page\n") + printed.count(b"/Type /Page ") >= 3
 
 
 def test_without_script_there_are_the_tables(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / "fourbar.html", java_script_enabled=False) as visit:
+    with CaseVisit(browser, folder / "fourbar.html", java_script_enabled=False) as visit:
         assert visit.page.locator(".sum td a").count() > 5
         visit.page.locator("details.numbers > summary").first.click()
         assert "worst error" in visit.page.locator("details.numbers").first.inner_text()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.pictures import LONGER
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import ComparedCurves, compare
@@ -216,10 +217,7 @@ def test_without_positions_there_is_no_reference_to_draw(fourbar: Case) -> None:
 
 def test_a_wrong_length_does_not_fit_the_reference(models: Path) -> None:
     file = models / "fourbar.xml"
-    text = file.read_text().replace(
-        'name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"'
-    )
-    file.write_text(text)
+    file.write_text(file.read_text().replace(*LONGER))
     case = load_case(models / "fourbar.toml")
     names = ["rocker", "coupler.angle", "pin.x", "pin.y"]
     found = moved_by(case, lambda x: dict.fromkeys(names, 0 * x))

@@ -1,7 +1,5 @@
 """The pages of studies in a browser: what they tell, and that they fetch nothing."""
 
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
@@ -23,15 +21,10 @@ from proofmass.studies.trade import page as trade_page
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
 from tests.studies.trade.trade_rows import study
+from tests.visit import PHONE, Visit
 
-api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
-pytestmark = pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium on this system")
 TRADE, STRESS, DIET = "trade/fourbar-dynamics-trade.html", "stress/index.html", "diet/index.html"
 PAGES = [TRADE, "trade/index.html", STRESS, DIET]
-DESKTOP, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 ALL, DARK = ["wcag2a", "wcag2aa", "wcag21aa", "wcag22aa", "best-practice"], ["color-contrast"]
 LARGEST = 700_000  # bytes of a page with its data
 
@@ -84,38 +77,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with api.sync_playwright() as play:
-        found = play.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
-        )
-        yield found
-        found.close()
-
-
-class Visit:
-    """A page that was opened, and what went wrong on it."""
-
-    def __init__(self, browser: Any, file: Path, address: str = "", **options: Any) -> None:
-        self.context = browser.new_context(**{"viewport": DESKTOP, **options})
-        self.page = self.context.new_page()
-        self.said: list[str] = []
-        self.asked: list[str] = []
-        self.page.on("console", lambda message: self.said.append(message.text))
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.goto(file.as_uri() + address)
-        self.page.wait_for_load_state()
-
-    def __enter__(self) -> "Visit":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.context.close()
-
-    def run(self, script: str) -> Any:
-        return self.page.evaluate(script)
+class StudyVisit(Visit):
+    """The page of a study."""
 
     def point_to(self, number: int, click: bool = False) -> None:
         """Bring the pointer to the marker of a setting."""
@@ -127,15 +90,11 @@ class Visit:
             self.page.mouse.down()
             self.page.mouse.up()
 
-    @property
-    def address(self) -> str:
-        return str(self.run("decodeURIComponent(location.hash)"))
-
 
 @pytest.mark.parametrize("name", PAGES)
 def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: Any) -> None:
     assert (folder / name).stat().st_size < LARGEST
-    with Visit(browser, folder / name) as visit:
+    with StudyVisit(browser, folder / name) as visit:
         assert visit.said == []
         assert all(url.startswith(folder.as_uri()) for url in visit.asked)
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
@@ -143,7 +102,7 @@ def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: An
 
 @pytest.mark.parametrize("name", PAGES)
 def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / name, viewport=PHONE) as visit:
+    with StudyVisit(browser, folder / name, viewport=PHONE) as visit:
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
         small = visit.run(
             "findAll('main *').filter((one) => one.getClientRects().length"
@@ -160,7 +119,7 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
 )
 def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
     axe = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
-    with Visit(browser, folder / name, color_scheme=scheme) as visit:
+    with StudyVisit(browser, folder / name, color_scheme=scheme) as visit:
         visit.run(Path(str(axe)).read_text(encoding="utf-8"))
         dark = scheme == "dark"  # only colours differ
         if not dark:
@@ -172,7 +131,7 @@ def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -
 
 
 def test_a_setting_that_is_pointed_at_is_told(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / TRADE) as visit:
+    with StudyVisit(browser, folder / TRADE) as visit:
         assert visit.page.locator("#tip").is_hidden()
         number = visit.run("kind().front[1]")
         visit.point_to(number)
@@ -186,7 +145,7 @@ def test_a_setting_that_is_pointed_at_is_told(folder: Path, browser: Any) -> Non
 
 
 def test_the_keyboard_goes_from_setting_to_setting(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / TRADE) as visit:
+    with StudyVisit(browser, folder / TRADE) as visit:
         visit.page.focus("#points")
         first = visit.run("state.at")
         assert first == visit.run("kind().front[0]")
@@ -206,7 +165,7 @@ def test_the_keyboard_goes_from_setting_to_setting(folder: Path, browser: Any) -
 
 def test_a_click_copies_what_to_paste(folder: Path, browser: Any) -> None:
     allowed = {"permissions": ["clipboard-read", "clipboard-write"]}
-    with Visit(browser, folder / TRADE, **allowed) as visit:
+    with StudyVisit(browser, folder / TRADE, **allowed) as visit:
         copied = "navigator.clipboard.readText()"
         visit.page.locator(".ask [data-copy]").first.click()
         assert visit.run(copied) == visit.page.locator(".ask pre").first.text_content()
@@ -217,7 +176,7 @@ def test_a_click_copies_what_to_paste(folder: Path, browser: Any) -> None:
 
 
 def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / TRADE) as visit:
+    with StudyVisit(browser, folder / TRADE) as visit:
         every = visit.page.locator("#points [role=option]").count()
         visit.page.click("#chips [data-series='0']")
         assert visit.page.locator("#points [role=option]").count() == every - 9
@@ -235,7 +194,7 @@ def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
         zoom, address = visit.run("state.zoom"), visit.address
         assert zoom[0] < zoom[1]
         assert zoom[2] < zoom[3]
-    with Visit(browser, folder / TRADE, address) as visit:
+    with StudyVisit(browser, folder / TRADE, address) as visit:
         assert visit.run("[state.kind, state.cost, [...state.off]]") == ["rate", "work", [0]]
         assert visit.run("state.zoom") == pytest.approx(zoom, rel=1e-3)
         visit.page.keyboard.press("0")
@@ -243,7 +202,7 @@ def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
 
 
 def test_a_busy_machine_is_said_and_ties_are_shown(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / TRADE) as visit:
+    with StudyVisit(browser, folder / TRADE) as visit:
         assert "load average was up to 5.5 on 2 processors" in visit.page.inner_text(".warned")
         assert "does not tell the two engines apart" in visit.page.inner_text(".ask >> nth=0")
         tied = visit.run("kind().tied.length")
@@ -254,7 +213,7 @@ def test_a_busy_machine_is_said_and_ties_are_shown(folder: Path, browser: Any) -
 
 
 def test_tables_sort_and_rows_are_filtered(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / STRESS) as visit:
+    with StudyVisit(browser, folder / STRESS) as visit:
         solvers = "findAll('.chart-table tbody tr').map((row) => row.cells[4].textContent)"
         visit.page.locator(".chart-table th[data-sort] button", has_text="boundary").click()
         assert [text.split()[0] for text in visit.run(solvers)] == ["5.025e-3", "0.0201", "0.5025"]
@@ -265,12 +224,12 @@ def test_tables_sort_and_rows_are_filtered(folder: Path, browser: Any) -> None:
         visit.page.fill("#filters input", "gravity")
         assert "1 of 3 rows" in visit.page.inner_text("#filters")
         address = visit.address
-    with Visit(browser, folder / STRESS, address) as visit:
+    with StudyVisit(browser, folder / STRESS, address) as visit:
         assert "1 of 3 rows" in visit.page.inner_text("#filters")
 
 
 def test_without_script_there_are_advice_and_tables(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / TRADE, java_script_enabled=False) as visit:
+    with StudyVisit(browser, folder / TRADE, java_script_enabled=False) as visit:
         assert visit.page.locator(".ask pre").count() > 10  # of all kinds of errors
         assert "needs JavaScript" in visit.page.inner_text("main")
         visit.page.click("#tables summary >> nth=0")
@@ -280,7 +239,7 @@ def test_without_script_there_are_advice_and_tables(folder: Path, browser: Any) 
 
 
 def test_closed_tables_are_printed(folder: Path, browser: Any) -> None:
-    with Visit(browser, folder / TRADE) as visit:
+    with StudyVisit(browser, folder / TRADE) as visit:
         closed = visit.page.locator("details:not([open])").count()
         assert closed > 1
         pages = visit.page.pdf(format="A4").count(b"/Type /Page\n")

@@ -738,7 +738,7 @@ function clicked(event) {
     save();
     find(`[data-engine="${CSS.escape(engine)}"]`).focus();
   } else if (copy !== undefined) {
-    copied(target);
+    copyText(find("code", target.parentElement).innerText, target);
   }
 }
 
@@ -752,20 +752,6 @@ function toggle(solver) {
   drawCurves();
   save();
   find(`[data-solver="${CSS.escape(solver)}"]`).focus();
-}
-
-function copied(button) {
-  const text = find("code", button.parentElement).innerText;
-  const told = (words) => {
-    button.textContent = words;
-    setTimeout(() => {
-      button.textContent = "Copy";
-    }, 1500);
-  };
-  navigator.clipboard?.writeText(text).then(
-    () => told("Copied"),
-    () => told("Not allowed"),
-  );
 }
 
 function pressed(event) {

@@ -1,4 +1,4 @@
-// What the pages share: finding elements, numbers as words, arrays out of base64.
+// What the pages share: finding elements, numbers as words, arrays out of base64, copying.
 "use strict";
 
 const find = (selector, inside = document) => inside.querySelector(selector);
@@ -55,4 +55,32 @@ function nearest(values, wanted) {
     }
   }
   return Math.abs(values[low] - wanted) <= Math.abs(values[high] - wanted) ? low : high;
+}
+
+// Copy a text; the button says so for a moment.  Pages from disk may lack the clipboard's interface.
+async function copyText(text, button) {
+  const before = button?.textContent;
+  let done = true;
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    done = copySelected(text);
+  }
+  if (button) {
+    button.textContent = done ? "Copied" : "Not copied";
+    setTimeout(() => {
+      button.textContent = before;
+    }, 1500);
+  }
+  return done;
+}
+
+function copySelected(text) {
+  const area = document.createElement("textarea");
+  area.value = text;
+  document.body.append(area);
+  area.select();
+  const done = document.execCommand("copy");
+  area.remove();
+  return done;
 }

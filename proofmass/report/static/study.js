@@ -1,34 +1,6 @@
 // What the pages of studies share: buttons that copy, tables that sort, rows that can be filtered.
 "use strict";
 
-// Copy a text; the button says so for a moment.  Pages from disk may lack the clipboard's interface.
-async function copyText(text, button) {
-  const before = button?.textContent;
-  let done = true;
-  try {
-    await navigator.clipboard.writeText(text);
-  } catch {
-    done = copySelected(text);
-  }
-  if (button) {
-    button.textContent = done ? "Copied" : "Not copied";
-    setTimeout(() => {
-      button.textContent = before;
-    }, 1500);
-  }
-  return done;
-}
-
-function copySelected(text) {
-  const area = document.createElement("textarea");
-  area.value = text;
-  document.body.append(area);
-  area.select();
-  const done = document.execCommand("copy");
-  area.remove();
-  return done;
-}
-
 function wireCopies(inside = document) {
   for (const button of findAll("[data-copy]", inside)) {
     button.hidden = false;
