@@ -24,7 +24,7 @@ from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.words import SYMBOLS, by_solver, state_of
 from proofmass.wording import spoken
 
-STATIC = ("index.css", "index.js")
+STATIC = ("common.css", "common.js", "index.css", "index.js")
 RUNS = {"quasi-static": ("sweep", "equilibrium"), "dynamics": ("dynamics",)}
 """The groups of the table's columns.  No case has a sweep and an equilibrium."""
 DECADES = (-15, -12, -9, -6, -3, 0)

@@ -31,7 +31,7 @@ from proofmass.report.svg import inline
 from proofmass.report.thumbnail import Thumbnail
 
 STATIC = (
-    *("uPlot.js", "uPlot.css", "common.css", "common.js"),
+    *("uPlot.js", "uPlot.css"),
     *("case.css", "case.js", "curves.js", "mechanism.js"),
     *INDEX_STATIC,
 )

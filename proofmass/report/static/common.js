@@ -29,7 +29,7 @@ function worded(value, digits = 2) {
   return `${short}e${Number(exponent)}`.replaceAll("-", MINUS);
 }
 
-const ARRAYS = { f8: Float64Array, f4: Float32Array, i2: Int16Array };
+const ARRAYS = { f8: Float64Array, f4: Float32Array, i2: Int16Array, u1: Uint8Array };
 
 // An array from base64; its numbers are little-endian, as on all machines that browsers run on.
 function unpacked(text, kind) {

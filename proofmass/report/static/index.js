@@ -9,14 +9,6 @@ const state = { ...EMPTY };
 const STEP = 60; // ms a pose
 const RISING = ["name", "checked"]; // columns that begin with the least; the others, with the most
 
-function one(selector, within = document) {
-  return within.querySelector(selector);
-}
-
-function all(selector, within = document) {
-  return [...within.querySelectorAll(selector)];
-}
-
 // ---- Filters
 
 const OUTCOMES = {
@@ -51,7 +43,7 @@ function isFolder(family, chosen) {
 
 // What rows are sorted by: the least comes first, unless the state is "down".
 function cellValue(row, key) {
-  const cell = one(`td[data-column="${CSS.escape(key)}"]`, row);
+  const cell = find(`td[data-column="${CSS.escape(key)}"]`, row);
   if (!cell) {
     return -Infinity;
   }
@@ -93,20 +85,20 @@ function ordered(rows) {
 
 function draw() {
   const words = state.q.toLowerCase().split(/\s+/).filter(Boolean);
-  const rows = all("tbody tr[data-name]", table);
-  const body = one("tbody", table);
+  const rows = findAll("tbody tr[data-name]", table);
+  const body = find("tbody", table);
   let count = 0;
   for (const row of ordered(rows)) {
     row.hidden = !fits(row, words);
     count += row.hidden ? 0 : 1;
     body.append(row);
   }
-  body.append(one("#none"));
-  one("#none").hidden = count > 0;
+  body.append(find("#none"));
+  find("#none").hidden = count > 0;
   const cases = rows.length === 1 ? "case" : "cases";
-  one("#count").textContent =
+  find("#count").textContent =
     count === rows.length ? `${count} ${cases}` : `${count} of ${rows.length} ${cases}`;
-  for (const cell of all("[data-of]", table)) {
+  for (const cell of findAll("[data-of]", table)) {
     cell.hidden = Boolean(state.engine) && cell.dataset.of !== state.engine;
   }
   drawControls();
@@ -114,14 +106,14 @@ function draw() {
 }
 
 function drawControls() {
-  for (const button of all(".number")) {
+  for (const button of findAll(".number")) {
     button.setAttribute("aria-pressed", String(state.outcome === button.dataset.outcome));
   }
-  for (const button of all("[data-engine]")) {
+  for (const button of findAll("[data-engine]")) {
     button.setAttribute("aria-pressed", String(state.engine === button.dataset.engine));
   }
-  for (const head of all("th", table)) {
-    const button = one("button", head);
+  for (const head of findAll("th", table)) {
+    const button = find("button", head);
     if (button && state.sort && button.dataset.sort === state.sort) {
       const rising = RISING.includes(state.sort) === !state.down;
       head.setAttribute("aria-sort", rising ? "ascending" : "descending");
@@ -129,12 +121,12 @@ function drawControls() {
       head.removeAttribute("aria-sort");
     }
   }
-  if (one("#search").value !== state.q) {
-    one("#search").value = state.q;
+  if (find("#search").value !== state.q) {
+    find("#search").value = state.q;
   }
-  one("#family").value = state.family;
-  const chosen = one("#family").selectedOptions[0];
-  const about = one("#about-family");
+  find("#family").value = state.family;
+  const chosen = find("#family").selectedOptions[0];
+  const about = find("#about-family");
   about.textContent = chosen ? chosen.title : "";
   about.hidden = !about.textContent;
 }
@@ -160,11 +152,11 @@ function readAddress() {
   if (!(state.outcome in OUTCOMES)) {
     state.outcome = "";
   }
-  const engines = all("[data-engine]").map((button) => button.dataset.engine);
+  const engines = findAll("[data-engine]").map((button) => button.dataset.engine);
   if (!engines.includes(state.engine)) {
     state.engine = "";
   }
-  const families = all("#family option").map((option) => option.value);
+  const families = findAll("#family option").map((option) => option.value);
   if (!families.includes(state.family)) {
     state.family = "";
   }
@@ -192,7 +184,7 @@ const still = matchMedia("(prefers-reduced-motion: reduce)");
 
 function bytes(shape) {
   if (!shape.bytes) {
-    shape.bytes = Uint8Array.from(atob(shape.points), (letter) => letter.charCodeAt(0));
+    shape.bytes = unpacked(shape.points, "u1");
   }
   return shape.bytes;
 }
@@ -201,13 +193,13 @@ function show(svg, shape, pose) {
   const length = bytes(shape).length / shape.poses;
   const here = bytes(shape).subarray(pose * length, (pose + 1) * length);
   let next = 0;
-  all(".link", svg).forEach((path, k) => {
+  findAll(".link", svg).forEach((path, k) => {
     const size = shape.sizes[k];
     const points = here.subarray(next, next + 2 * size);
     next += 2 * size;
     path.setAttribute("d", `M${points.join(" ")}${size > 2 ? "Z" : ""}`);
   });
-  for (const joint of all(".joint", svg)) {
+  for (const joint of findAll(".joint", svg)) {
     joint.setAttribute("transform", `translate(${here[next]} ${here[next + 1]})`);
     next += 2;
   }
@@ -223,7 +215,7 @@ function stop() {
 }
 
 function play(row) {
-  const svg = row && one(".thumbnail", row);
+  const svg = row && find(".thumbnail", row);
   if (svg === playing.svg) {
     return;
   }
@@ -247,27 +239,27 @@ function rowOf(event) {
 }
 
 function listen() {
-  one(".bar").addEventListener("submit", (event) => event.preventDefault());
-  one("#search").addEventListener("input", (event) => change({ q: event.target.value }));
-  one("#family").addEventListener("change", (event) => change({ family: event.target.value }));
-  one("#clear").addEventListener("click", () => change({ ...EMPTY, sort: state.sort, down: state.down }));
-  for (const button of all(".number")) {
+  find(".bar").addEventListener("submit", (event) => event.preventDefault());
+  find("#search").addEventListener("input", (event) => change({ q: event.target.value }));
+  find("#family").addEventListener("change", (event) => change({ family: event.target.value }));
+  find("#clear").addEventListener("click", () => change({ ...EMPTY, sort: state.sort, down: state.down }));
+  for (const button of findAll(".number")) {
     const { outcome } = button.dataset;
     button.addEventListener("click", () => {
       change({ outcome: state.outcome === outcome ? "" : outcome });
     });
   }
-  for (const button of all("[data-engine]")) {
+  for (const button of findAll("[data-engine]")) {
     button.addEventListener("click", () => change({ engine: button.dataset.engine }));
   }
-  for (const button of all("th button", table)) {
+  for (const button of findAll("th button", table)) {
     button.addEventListener("click", () => sortBy(button.dataset.sort));
   }
-  for (const link of all("#families a")) {
+  for (const link of findAll("#families a")) {
     link.addEventListener("click", (event) => {
       event.preventDefault();
       change({ ...EMPTY, family: link.dataset.family });
-      one("#family").focus();
+      find("#family").focus();
     });
   }
   document.addEventListener("pointerover", (event) => play(rowOf(event)));
@@ -276,7 +268,7 @@ function listen() {
     const typing = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName);
     if (event.key === "/" && !typing && !event.ctrlKey && !event.metaKey && !event.altKey) {
       event.preventDefault();
-      one("#search").focus();
+      find("#search").focus();
     } else if (event.key === "Escape" && state.q) {
       change({ q: "" });
     }
@@ -289,8 +281,8 @@ function listen() {
 
 function start() {
   document.documentElement.classList.add("script");
-  const compared = Boolean(one("th button[data-sort=change]", table));
-  for (const button of all(".number, th button")) {
+  const compared = Boolean(find("th button[data-sort=change]", table));
+  for (const button of findAll(".number, th button")) {
     button.disabled = button.dataset.outcome === "changed" && !compared;
   }
   listen();
