@@ -59,7 +59,7 @@ AGREES = 2.0  # of the tolerance: the engine has its error, and the fit has anot
 NEARLY = 1e-3  # of its difference that a channel may keep beyond the tolerance, as by slopes alone
 SHARE = 0.5  # of its difference that a channel may keep: of one near the tolerance anything is
 COST = {0: 0.0, 1: 0.01, 2: 0.1, 3: 0.25}
-"""Share of the channels that a cause must explain more than another, by its fitted numbers."""
+"""Share of the channels that a cause must explain more than another, by how free its choice is."""
 EARLY = (0.1, 0.4)  # shares of a run that are fitted first
 ALIKE = 0.1  # share of a difference that a slope may leave, if its channel asks for the change
 ITERATIONS = 12  # of a fit; each but the first doubles the right digits
@@ -121,8 +121,8 @@ class Explanation:
     differing : int
         How many channels differ.
     free : int
-        How many numbers were fitted: 0 where the change has none, such as a sign; a number of a
-        channel counts as two, since any channel has one.
+        How freely the change was chosen, see `COST`: 0 without a fitted number, such as a sign; 1 a
+        parameter; 2 a number of a channel, which any channel has; 3 two parameters.
     changes : mapping of str to tuple of float
         Of a parameter: its value in the sidecar, and the one that the curves ask for, in SI units.
     same : tuple of str
@@ -138,6 +138,11 @@ class Explanation:
     free: int = 0
     changes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     same: tuple[str, ...] = ()
+
+    @property
+    def fitted(self) -> int:
+        """How many numbers were fitted."""
+        return len(self.changes) or int(self.free > 0)
 
     @property
     def score(self) -> int:

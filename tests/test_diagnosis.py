@@ -271,3 +271,11 @@ def test_a_failed_item_of_pytest_tells_the_cause(pytester):
             "*puts all 17 channels right*",
         ]
     )
+
+
+def test_the_numbers_that_were_fitted_are_counted():
+    def cause(free: int, *changes: str) -> Explanation:
+        return Explanation("", "", (), (), 1.0, 1, free, dict.fromkeys(changes, (1.0, 2.0)))
+
+    counts = [cause(0), cause(1, "a"), cause(2), cause(3, "a", "b")]
+    assert [one.fitted for one in counts] == [0, 1, 1, 2]

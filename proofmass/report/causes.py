@@ -102,7 +102,7 @@ def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
     changes = (f"{n} {number(a, 6)} → {number(b, 6)}" for n, (a, b) in cause.changes.items())
     return CauseRow(
         ", ".join(changes) or cause.words,
-        str(cause.free),
+        str(cause.fitted),
         f"{len(cause.explains)} of {len(diagnosis.differing)}{wrong}",
         number(cause.left, 2),
         place(cause.left),
