@@ -164,7 +164,7 @@ def test_nothing_is_wider_than_the_screen(opened, width):
     small = page.evaluate(
         "[...document.querySelectorAll('body *')].filter(e => e.childNodes.length && "
         "[...e.childNodes].some(n => n.nodeType === 3 && n.data.trim()) && "
-        "e.checkVisibility() && !e.closest('.hidden, script') && "
+        "e.checkVisibility() && !e.closest('.unseen, script') && "
         "parseFloat(getComputedStyle(e).fontSize) < 12).map(e => e.outerHTML)"
     )
     assert small == []

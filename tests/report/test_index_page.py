@@ -113,7 +113,7 @@ def test_a_lost_run_has_a_word_and_no_dot(page):
     row = rows_of(page)["slider_crank"]
     assert "pymunk, dynamics: diverged: why not." in row
     assert '<b class="bad">diverged</b>' in row
-    assert '<span class="hidden">diverged</span>' in row
+    assert '<span class="unseen">diverged</span>' in row
 
 
 def test_the_axis_is_the_same_for_all_cells():
