@@ -151,7 +151,10 @@ def source(case: Case) -> Source:
 
 
 def stride_of(case: Case, kind: Kind) -> int:
-    """Of how many samples of a sweep one is enough to tell a rate; 1 of another run."""
+    """Of how many samples of a sweep one is enough to tell a rate; 1 of another run.
+
+    Both ends stay, since a case is thinned by its number of samples.
+    """
     n = case.run[kind].n
     if kind != "sweep" or n is None:
         return 1

@@ -73,7 +73,7 @@ KEPT = 5  # causes
 EXACT = 1e-6  # share of the differences that a cause may leave and be called exact
 SECONDS = 2.0  # after which no other fit begins
 MODEL = "number of the model"  # a kind of cause
-SAMPLES = 48  # of a sweep that are enough to fit a number
+SAMPLES = 48  # of a sweep that are enough to fit a number; its ends need not be among them
 MODEL_SECONDS = 6.0  # the same of numbers of the model, with which the engine runs again
 LEFT_OUT = ("inertia", "softness of the loop", "softness of the stop")  # kinds of numbers
 FACTORS = {
@@ -245,6 +245,7 @@ class Residuals:
         self.case, self.curves, self.parameters = case, curves, changeable(case)
         self.memory: Memory = {}
         self.run, self.solver = run, solver
+        self.stride = max(curves.x.size // SAMPLES, 1) if run == "sweep" else 1
         largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         begin = time.perf_counter()
@@ -342,7 +343,6 @@ class ModelResiduals(Residuals):
         if reads_model(case):
             self.allowed = {n: most for n, most in self.allowed.items() if n in case.laws}
             self.differing = tuple(n for n in self.differing if n in case.laws)
-        self.stride = stride_of(self)
         for known in (self.curve, self.reference, self.before):
             kept = {name: known[name][:: self.stride] for name in self.allowed}
             known.clear()
@@ -378,11 +378,6 @@ class ModelResiduals(Residuals):
     def unit(self, key: str) -> str:
         """The unit of a number."""
         return self.numbers[key].unit
-
-
-def stride_of(there: Residuals) -> int:
-    """Of how many samples of a sweep one is enough to fit a number; 1 of other runs."""
-    return max(there.curves.x.size // SAMPLES, 1) if there.run == "sweep" else 1
 
 
 def size(differences: Known, names: Sequence[str] | None = None, end: int | None = None) -> float:
@@ -466,7 +461,7 @@ def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
         words.append("other assembly modes")
     if there.parameters:
         words.append("each parameter, and pairs of them")
-    if thorough and there.curves.seconds <= AGAIN * stride_of(there):
+    if thorough and there.curves.seconds <= AGAIN * there.stride:
         words.append(f"numbers of the model in {MODEL_SECONDS:g} s")
     return tuple(words)
 
@@ -722,7 +717,7 @@ def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
 
     The engine runs again for each, if it is quick.
     """
-    if score >= len(there.differing) or there.curves.seconds > AGAIN * stride_of(there):
+    if score >= len(there.differing) or there.curves.seconds > AGAIN * there.stride:
         return
     model = ModelResiduals(there.case, there.run, there.solver, there.curves)
     if not model.differing or not model.repeats():
