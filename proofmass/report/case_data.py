@@ -22,13 +22,12 @@ from proofmass.outcome import LOST, Outcome
 from proofmass.report.data import Shown, drive_units, inputs, readable
 from proofmass.report.style import Look
 from proofmass.report.tables import plain
-from proofmass.report.words import kind_of
+from proofmass.report.words import RUNS, kind_of
 from proofmass.sim.motion import Motion
 from proofmass.wording import pretty, spoken
 
 ROOM = 340_000  # characters of a page for curves: with the rest of it at most 700 kB
 WHOLE = 2**15 - 1
-RUNS = {"sweep": "Sweep", "equilibrium": "Equilibrium", "dynamics": "Dynamics"}
 SEEN = 1e-3  # of the range: a reference that is so far from the drawn one is told apart
 CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d": "diamond"}
 
@@ -117,7 +116,7 @@ def characters(run: Shown) -> int:
 def run_data(run: Shown, every: int) -> dict[str, Any]:
     """A run: its samples, the reference's curves, and what each solver has of them."""
     found: dict[str, Any] = {
-        "label": RUNS[run.kind],
+        "label": RUNS[run.kind].label,
         "solvers": {},
         "lost": {s: {"outcome": str(c.outcome), "why": c.message} for s, c in run.lost.items()},
         "channels": {},

@@ -29,15 +29,9 @@ from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.svg import inline
 from proofmass.report.views import Viewed, all_viewed, caption
-from proofmass.report.words import closeness, from_model, headline, state_of
+from proofmass.report.words import RUNS, closeness, from_model, headline, state_of
 from proofmass.wording import spoken
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
-
-HEADINGS = {
-    "sweep": "Sweep: the mechanism pose by pose, no time stepping",
-    "equilibrium": "Equilibrium: the shapes of the rods, along their length",
-    "dynamics": "Dynamics: the motion over time, as each engine steps it",
-}
 
 
 @dataclass(frozen=True)
@@ -146,7 +140,7 @@ def gather(result: Result, case: Case) -> Gathered:
 def gathered_here(result: Result) -> Gathered:
     """What `gather` does, in this process and of the only case of a result."""
     (case,) = result.cases
-    runs = [shown(result, case, kind) for kind in HEADINGS if kind in case.run]
+    runs = [shown(result, case, kind) for kind in RUNS if kind in case.run]
     return Gathered(runs, all_viewed(case, runs), recorded_data(case, runs))
 
 
@@ -250,7 +244,7 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
             f"{spoken(s)} is {drawn_until(view, s)}: {c.outcome}. {c.message}"
             for s, c in view.lost.items()
         ],
-        "what": HEADINGS[view.kind],
+        "what": RUNS[view.kind].heading,
         "refined": refined(view, drawings),
     }
 

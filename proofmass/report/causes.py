@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from proofmass.case import Case
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.report.overview import place
+from proofmass.report.words import RUNS
 from proofmass.wording import listed, number, spoken
 
 ROWS = 3  # causes that are shown
-IN_RUN = {"sweep": "in the sweep", "equilibrium": "at rest", "dynamics": "in dynamics"}
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def together(found: list[Diagnosis]) -> str:
 
 def run_words(found: Diagnosis) -> str:
     """A run, and how many of its channels its first cause explains."""
-    words = f"{spoken(found.solver)} {IN_RUN.get(found.run, found.run)}"
+    words = f"{spoken(found.solver)} {RUNS[found.run].where}"
     if not found.causes or found.causes[0].score <= 0:
         return words
     explained, there = len(found.causes[0].explains), len(found.differing)

@@ -9,10 +9,9 @@ from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.outcome import CHECKED, LOST, Outcome
 from proofmass.report import tables
-from proofmass.report.causes import IN_RUN
 from proofmass.report.data import Shown
 from proofmass.report.style import PAPERS, Look, legible
-from proofmass.report.words import kind_of
+from proofmass.report.words import RUNS, kind_of
 from proofmass.wording import listed, number, spoken
 
 LONGEST = 200_000  # bytes of a text that a page shows
@@ -78,7 +77,7 @@ def open_lines(case: Case, runs: Iterable[Shown]) -> list[str]:
     """What no tolerance covers and what solvers do not deliver, a line each."""
     lines = []
     for run in runs:
-        where = IN_RUN[run.kind]
+        where = RUNS[run.kind].where
         lines += [f"{spoken_line(line)} ({where})" for line in tables.missing(run)]
         for solver in run.solvers:
             own = [c for c in run.rows if c.solver == solver]

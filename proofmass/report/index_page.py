@@ -15,26 +15,20 @@ from proofmass.outcome import CHECKED, GOOD, LOST, OPEN, Outcome
 from proofmass.report.cells import NOTHING, IndexCell, cell_of, ratio, trend
 from proofmass.report.changes import Change, changes, of_case
 from proofmass.report.families import families, reference_of
+from proofmass.report.marks import MARKS
 from proofmass.report.overview import place
 from proofmass.report.page import about, complaint, faults_of, slug
 from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.thumbnail import Thumbnail
-from proofmass.report.words import SYMBOLS, by_solver, state_of
+from proofmass.report.words import RUNS, SYMBOLS, by_solver, state_of
 from proofmass.wording import spoken
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
-RUNS = {"quasi-static": ("sweep", "equilibrium"), "dynamics": ("dynamics",)}
-"""The groups of the table's columns.  No case has a sweep and an equilibrium."""
 DECADES = (-15, -12, -9, -6, -3, 0)
-MARKERS = {
-    "circle": "M-4 0a4 4 0 1 0 8 0a4 4 0 1 0-8 0z",
-    "square": "M-3.5-3.5h7v7h-7z",
-    "diamond": "M0-5l5 5-5 5-5-5z",
-    "triangle": "M0-4.6l4.6 8.4h-9.2z",
-}
-"""Shapes of dots, engine by engine; engines beyond them share the last one."""
+LETTERS = "osD^"
+"""Markers, engine by engine; engines beyond them share the last one."""
 SAID = 2
 """Sentences that a row says at most of runs that failed."""
 
@@ -204,12 +198,13 @@ def columns_of(result: Result) -> list[Column]:
     """The columns that any case has something in; engines in the order in which they come."""
     there = {(group_of(c.run), engine(c)) for c in result.comparisons if c.channel}
     engines = dict.fromkeys(engine(c) for c in result.comparisons)
-    return [Column(run, name) for run in RUNS for name in engines if (run, name) in there]
+    groups = dict.fromkeys(words.group for words in RUNS.values())
+    return [Column(run, name) for run in groups for name in engines if (run, name) in there]
 
 
 def group_of(run: str) -> str:
     """The group of columns that a run stands in; empty for a refinement."""
-    return next((group for group, runs in RUNS.items() if run in runs), "")
+    return RUNS[run].group if run in RUNS else ""
 
 
 def engine(c: Comparison) -> str:
@@ -219,11 +214,11 @@ def engine(c: Comparison) -> str:
 
 def engine_looks(columns: Iterable[Column], style: Mapping[str, Look]) -> dict[str, EngineLook]:
     """A colour and a marker for each engine, its own colour if a solver of that name has one."""
-    paths, found = list(MARKERS.values()), dict[str, EngineLook]()
+    found = dict[str, EngineLook]()
     for name in dict.fromkeys(column.engine for column in columns):
         mine = next((look for solver, look in style.items() if solver == name), None)
         first = next(look for solver, look in style.items() if solver.partition(":")[0] == name)
-        path = paths[min(len(found), len(paths) - 1)]
+        path = MARKS[LETTERS[min(len(found), len(LETTERS) - 1)]]
         found[name] = EngineLook(name, (mine or first).colour, path)
     return found
 
@@ -322,8 +317,7 @@ def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
 
 def select(rows: Iterable[Comparison], column: Column) -> list[Comparison]:
     """The comparisons of a column."""
-    runs = RUNS[column.run]
-    return [c for c in rows if c.run in runs and engine(c) == column.engine]
+    return [c for c in rows if group_of(c.run) == column.run and engine(c) == column.engine]
 
 
 def seconds_of(rows: Iterable[Comparison]) -> float:

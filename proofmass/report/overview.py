@@ -14,16 +14,12 @@ from urllib.parse import quote
 
 from proofmass.compare import Comparison
 from proofmass.report.page import slug
+from proofmass.report.words import RUNS
 from proofmass.wording import number
 
 FIRST, LAST = -16.4, 0.6  # decades at the ends of the axis
 DECADES = (-15, -10, -5, 0)
 ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
-TITLES = {
-    "sweep": "Sweep, quasi-static",
-    "equilibrium": "Equilibrium, along the rods",
-    "dynamics": "Dynamics, stepped in time",
-}
 
 
 @dataclass(frozen=True)
@@ -114,7 +110,7 @@ def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
         if not rows and run["lost"]:
             rows.append(OverviewRow("curves", tuple(cell(data, kind, s, ()) for s in solvers)))
         if rows:
-            found.append(OverviewRun(kind, TITLES[kind], tuple(rows)))
+            found.append(OverviewRun(kind, RUNS[kind].title, tuple(rows)))
     return found
 
 
@@ -177,4 +173,4 @@ def link(folder: Path, c: Comparison) -> str:
     'reports/fourbar.html#sweep/mujoco/pin.x@6.17847'
     """
     page = (folder / f"{slug(c.case)}.html").as_posix()
-    return page + (address(c.run, c.solver, c.channel, c.at) if c.run in TITLES else "")
+    return page + (address(c.run, c.solver, c.channel, c.at) if c.run in RUNS else "")

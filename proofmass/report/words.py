@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
@@ -11,6 +12,55 @@ from proofmass.reference import reads_model
 from proofmass.units import KINDS, si_unit
 from proofmass.wording import listed, number, spoken
 
+
+class RunWords(NamedTuple):
+    """How a kind of run is called on pages.
+
+    Attributes
+    ----------
+    label : str
+        In a list of runs.
+    title : str
+        Above a table.
+    heading : str
+        Above its curves.
+    where : str
+        In a sentence.
+    group : str
+        The columns of the index that it stands in.
+    """
+
+    label: str
+    title: str
+    heading: str
+    where: str
+    group: str
+
+
+RUNS = {
+    "sweep": RunWords(
+        "Sweep",
+        "Sweep, quasi-static",
+        "Sweep: the mechanism pose by pose, no time stepping",
+        "in the sweep",
+        "quasi-static",
+    ),
+    "equilibrium": RunWords(
+        "Equilibrium",
+        "Equilibrium, along the rods",
+        "Equilibrium: the shapes of the rods, along their length",
+        "at rest",
+        "quasi-static",
+    ),
+    "dynamics": RunWords(
+        "Dynamics",
+        "Dynamics, stepped in time",
+        "Dynamics: the motion over time, as each engine steps it",
+        "in dynamics",
+        "dynamics",
+    ),
+}
+"""By kind, in the order of a page.  No case has a sweep and an equilibrium."""
 SYMBOLS: dict[str, str] = {
     Outcome.AGREES: "✓",
     Outcome.DIFFERS: "✗",
@@ -208,7 +258,6 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
 
 
 EFFORTS = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
-WHERE = {"sweep": "in a sweep", "equilibrium": "at rest", "dynamics": "in time"}
 
 
 def kind_of(unit: str) -> str:
@@ -231,11 +280,11 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     rows = [c for c in comparisons if math.isfinite(c.relative_to_range) and c.run in case.run]
     judged = [c for c in rows if c.outcome in CHECKED]
     told: dict[str, list[str]] = {}
-    for run in WHERE:
+    for run, words_of in RUNS.items():
         own = [c for c in judged or rows if c.run == run]
         for kind in (*KINDS, *EFFORTS, "other"):
             if here := [c.relative_to_range for c in own if kind_of(c.unit) == kind]:
-                told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{WHERE[run]}")
+                told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
                 break
     words = []
     to = "differ by up to" if any(c.outcome == Outcome.DIFFERS for c in rows) else "to"
