@@ -31,6 +31,7 @@ class Steady:
     x_is_time: bool
 
     def __call__(self, x: Array) -> State:
+        """Value, rate and acceleration of the joint at samples x of a run."""
         value = self.start + self.rate * x if self.x_is_time else np.asarray(x, float)
         return value, np.full(x.shape, self.rate), np.zeros(x.shape)
 
@@ -44,6 +45,7 @@ class Swing:
     period: float
 
     def __call__(self, x: Array) -> State:
+        """Value, rate and acceleration of the joint at samples x of a run."""
         half, w = 0.5 * (self.to - self.start), 2 * np.pi / self.period
         cosine = np.cos(w * x)
         return (self.start + half * (1 - cosine), half * w * np.sin(w * x), half * w**2 * cosine)
@@ -59,6 +61,7 @@ class InProportion:
     start: float
 
     def __call__(self, x: Array) -> State:
+        """Value, rate and acceleration of the joint at samples x of a run."""
         value, rate, acceleration = self.leader(x)
         return (
             self.start + self.ratio * (value - self.origin),
@@ -79,6 +82,7 @@ class FunctionLaw:
     row: int | None = None
 
     def __call__(self, x: Array) -> State:
+        """Value, rate and acceleration of the joint at samples x of a run."""
         value, rate, acceleration = self.function(x, **self.parameters)
         if self.row is None:
             return value, rate, acceleration
@@ -98,6 +102,7 @@ class Samples:
     acceleration: Array
 
     def __call__(self, x: Array) -> State:
+        """Value, rate and acceleration of the joint at samples x of a run."""
         if np.array_equal(x, self.x):
             return self.value, self.rate, self.acceleration
         from scipy.interpolate import CubicHermiteSpline  # slow to load

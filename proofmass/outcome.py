@@ -18,6 +18,7 @@ class Outcome(StrEnum):
     sentence: str
 
     def __new__(cls, word: str, sentence: str) -> Outcome:
+        """A member that is its word and carries its sentence."""
         member = str.__new__(cls, word)
         member._value_ = word
         member.sentence = sentence

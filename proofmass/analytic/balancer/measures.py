@@ -35,6 +35,7 @@ class Target:
     height_energy: Curve
 
     def __call__(self, angle: ArrayLike) -> Array:
+        """The moment [1] over m g r at pendulum angles [rad]."""
         return self.moment(np.asarray(angle, float))
 
 

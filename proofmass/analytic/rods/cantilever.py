@@ -109,6 +109,7 @@ class Load:
 
     @property
     def psi(self) -> float:
+        """The direction of the force [rad], in [0, 2 pi)."""
         return float(np.angle(self.force) % TURN)
 
     @property

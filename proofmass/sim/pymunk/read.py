@@ -47,6 +47,7 @@ class Level:
     value: float = 0.0
 
     def __call__(self, pose: Array) -> Array:
+        """The value in poses (..., links + 1, 3)."""
         return np.full(pose.shape[:-2], self.value)
 
 
@@ -59,6 +60,7 @@ class Turn:
     share: float = 1.0
 
     def __call__(self, pose: Array) -> Array:
+        """The angle [rad] in poses (..., links + 1, 3)."""
         return self.start + self.share * pose[..., self.link, 2]
 
 
@@ -76,6 +78,7 @@ class PointPlace:
     part: int
 
     def __call__(self, pose: Array) -> Array:
+        """The component [m] in poses (..., links + 1, 3)."""
         body = pose[..., self.link, :]
         flat = body[..., :2] + turned(body[..., 2], self.local)
         return self.plane.world(flat, self.height)[..., self.part]
@@ -92,6 +95,7 @@ class Direction:
     part: int
 
     def __call__(self, pose: Array) -> Array:
+        """The component [1] in poses (..., links + 1, 3)."""
         flat = turned(pose[..., self.link, 2], self.local)
         return self.plane.world(flat, self.height)[..., self.part]
 
@@ -103,6 +107,7 @@ class Value:
     joint: LinkJoint
 
     def __call__(self, pose: Array) -> Array:
+        """The value [rad or m] in poses (..., links + 1, 3)."""
         return joint_value(self.joint, pose)
 
 
@@ -113,6 +118,7 @@ class Potential:
     links: Links
 
     def __call__(self, pose: Array) -> Array:
+        """The energy [J] in poses (..., links + 1, 3)."""
         energy = np.zeros(pose.shape[:-2])
         for mass, place in weights(self.links):
             at = np.stack([replace(place, part=k)(pose) for k in range(3)], axis=-1)
