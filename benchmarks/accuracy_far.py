@@ -1,4 +1,4 @@
-"""How far: the boundaries of `benchmarks.stress` in short, knob by knob."""
+"""How far: the boundaries of `benchmarks.stress` in short, parameter by parameter."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,14 +12,14 @@ from proofmass.wording import number, spoken
 FAR = """
 ## How far
 
-From [Where it breaks](stress.md), which `python -m benchmarks.stress` made: each knob is turned
-until a run is lost. Of {known} boundaries that theory knows, {near} are within {within:.0%} of it.
-In {cases}:
+From [Where it breaks](stress.md), which `python -m benchmarks.stress` made: each parameter is
+increased or decreased until the run fails. Of {known} boundaries that theory knows, {near} are
+within {within:.0%} of it. In {cases}:
 """
 
 
 def far(file: Path) -> Iterator[str]:
-    """A row for each knob and engine; nothing if the study was not made."""
+    """A row for each parameter and engine; nothing if the study was not made."""
     if not file.is_file():
         return
     found = read_boundaries(file)
@@ -32,29 +32,31 @@ def far(file: Path) -> Iterator[str]:
         cases=", ".join(dict.fromkeys(one.what for one in turned)),
     )
     yield (
-        "| knob | engine | settings | least | greatest | hold to the end | lost in silence "
+        "| parameter | engine | settings | least | greatest | hold to the end | lost in silence "
         "| not known beyond |"
     )
     yield "|---|---|---|---|---|---|---|---|"
-    for knob, engine in dict.fromkeys((knob_of(one), one.engine) for one in turned):
+    for parameter, engine in dict.fromkeys((parameter_of(one), one.engine) for one in turned):
         yield row(
-            knob, engine, [one for one in turned if (knob_of(one), one.engine) == (knob, engine)]
+            parameter,
+            engine,
+            [one for one in turned if (parameter_of(one), one.engine) == (parameter, engine)],
         )
 
 
-def knob_of(one: Boundary) -> str:
-    """The knob, without the name of a joint."""
-    return "spring in a joint" if one.knob.startswith("spring in ") else one.knob
+def parameter_of(one: Boundary) -> str:
+    """The parameter, without the name of a joint."""
+    return "spring in a joint" if one.parameter.startswith("spring in ") else one.parameter
 
 
-def row(knob: str, engine: str, own: Sequence[Boundary]) -> str:
-    """Where the boundaries of a knob are."""
+def row(parameter: str, engine: str, own: Sequence[Boundary]) -> str:
+    """Where the boundaries of a parameter are."""
     ends = sorted(one.measured for one in own if one.found)
     unit = {"times": " ×", "1": "", "share": ""}.get(own[0].unit, f" {own[0].unit}")
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
     silent = sum(one.found and one.silent for one in own)
     return (
-        f"| {knob} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
+        f"| {parameter} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
         f"| {sum(one.limit == BoundaryKind.HOLDS for one in own)} "
         f"| {silent or ''} | {sum(one.unknown for one in own) or ''} |"
     )

@@ -15,7 +15,7 @@ from proofmass.wording import number
 ORDERS = """
 ## Orders
 
-A line turns one knob, usually the step, from coarse to fine; its order is how its error falls
+A line turns one parameter, usually the step, from coarse to fine; its order is how its error falls
 before an error floor, where two refinements in turn show the same. Of {lines} lines that show an
 order, {near} are within {within} of the one that theory expects
 (`proofmass/studies/trade/orders.py`). {mute} more show none: they come to a floor, or to an end, in

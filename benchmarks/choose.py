@@ -51,10 +51,10 @@ BESIDE = """
 
 Beside the chosen setting {count} random ones of the same engine and drive: half of them drawn from
 all integrators, steps, `solref`, `solimp`, solvers, iterations and tolerances of MuJoCo, or steps,
-iterations and `error_bias` of pymunk; half with one to three of these knobs other than the chosen
-ones. *As good* are those whose program is no more off than the chosen one's. They are timed in turn
-with it, and the least of {rounds} counts; *cheapest* is the least of these times over that of the
-chosen setting.
+iterations and `error_bias` of pymunk; half with one to three of these parameters different from
+the chosen ones. *As good* are those whose program is no more off than the chosen one's. They are
+timed in turn with it, and the least of {rounds} counts; *cheapest* is the least of these times
+over that of the chosen setting.
 
 | case | engine | drive | error | settings | ran in time | as good | cheapest | its setting |
 |---|---|---|---|---|---|---|---|---|"""
@@ -201,20 +201,20 @@ def moved(case: Case, drive: Imposed) -> str:
 def rival_line(case: Case, asked: Asked, drive: Imposed, found: Duel) -> str:
     """The random settings beside one, in the table."""
     best = found.best
-    ratio, setting = (number(best.ratio, 2), knobs(best.setting)) if best else ("none", "")
+    ratio, setting = (number(best.ratio, 2), parameters(best.setting)) if best else ("none", "")
     return (
         f"| {case.name} | {asked.engine} | {moved(case, drive)} | {number(found.error, 2)} | "
         f"{found.tried} | {found.ran} | {found.good} | {ratio} | {setting} |"
     )
 
 
-def knobs(setting: Setting) -> str:
+def parameters(setting: Setting) -> str:
     """A setting in words."""
-    return ", ".join(f"{name} {shown(value)}" for name, value in setting.knobs.items())
+    return ", ".join(f"{name} {shown(value)}" for name, value in setting.parameters.items())
 
 
 def shown(value: object) -> str:
-    """A knob in words."""
+    """A parameter in words."""
     if isinstance(value, tuple):
         return " ".join(map(shown, value))
     return number(value, 4) if isinstance(value, float) else str(value)

@@ -22,7 +22,7 @@ from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.sim.mujoco.scans import INTEGRATORS
 from proofmass.sim.protocol import Imposed
-from proofmass.studies.record import Knob, Setting
+from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import PRINTED, imposed, written
 
 MORE_STEPS = 8.0  # than the chosen setting has, at most: none of them is cheaper
@@ -79,7 +79,7 @@ def duel(
 ) -> Duel:
     """Run random settings of the chosen one's engine beside it.
 
-    Half of them are drawn from everything, half have one to three knobs other than the chosen.
+    Half of them are drawn from everything, half have one to three parameters that differ.
     """
     dice = random.Random(seed)
     times = grid(case, "dynamics")
@@ -113,12 +113,12 @@ def duel(
 def randomly(
     engine: str, sample: float, chosen: Setting, dice: random.Random, turn: int | None
 ) -> Setting:
-    """A random setting; or the chosen one with so many knobs turned."""
+    """A random setting; or the chosen one with so many parameters changed."""
 
     def logarithmic(low: float, high: float) -> float:
         return float(low * (high / low) ** dice.random())
 
-    base = dict(chosen.knobs)
+    base = dict(chosen.parameters)
     step = float(base["timestep"])  # type: ignore[arg-type]
     count = max(1, round(sample / step))
     most = MORE_STEPS * count if turn is None else 2 * count
@@ -131,7 +131,7 @@ def randomly(
         iterations = round(logarithmic(1, 300))
         if turn is not None:
             iterations = max(1, round(int(str(base["iterations"])) * logarithmic(0.3, 1.5)))
-        drawn: dict[str, Knob] = {
+        drawn: dict[str, ParameterValue] = {
             "iterations": iterations,
             "error_bias": 0.0 if dice.random() < 0.5 else logarithmic(1e-12, 0.9),
         }

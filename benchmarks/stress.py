@@ -42,10 +42,11 @@ CASES = (
 HEAD = """# Where it breaks
 
 `python -m benchmarks.stress` made this; `proofmass stress` and `proofmass stress CASE` do the same
-for the first table and for any case. Each knob is turned until a run is lost, and each boundary is
-bisected to 1 %. A run is lost when the engine says so, when it is not finite, when a loop comes
-open by a tenth of the mechanism, or when a position or a holding moment is off by a tenth of its
-range. *In silence* means that the engine itself says nothing of it. The kinds of limits are:
+for the first table and for any case. It increases or decreases one parameter at a time until the
+run fails, and locates each boundary to 1 % by bisection. A run fails when the engine says so, when
+it is not finite, when a loop comes open by a tenth of the mechanism, or when a position or a
+holding moment is off by a tenth of its range. *In silence* means that the engine itself says
+nothing of it. The kinds of limits are:
 
 {limits}
 
@@ -56,9 +57,9 @@ The time step that is asked for is the one that is taken. Whole steps lead from 
 many as fit between two samples of the case, and the end of the run is moved to the nearest sample;
 a drive at constant speed that makes no whole turns, or one by a law, ends at the last sample before
 its end. Faster drives and longer runs are stepped in the same way, down to four steps for the whole
-run. The other knobs leave the samples as the sidecar has them, where the step is the longest whole
-part of a sample up to the one that the model asks for. The step that the engine took is a column of
-`stress.csv`.
+run. Where another parameter is varied, the samples are those of the sidecar, and the step is the
+longest whole part of a sample up to the step that the model asks for. The step that the engine took
+is a column of `stress.csv`.
 
 `tests/studies/stress/test_stress_bare.py` confirms 39 of these boundaries within 2 %, by scripts in
 `tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass: time steps of
@@ -69,7 +70,7 @@ iterations as the poses need, up to 3000; a link on the ground that is nearly a 
 of twice its mass at half its distance, which swings in the same way. So the pendulum takes steps of
 up to 0.0547 s; built as a point mass, of up to 0.0475 s.
 
-The knobs of cases:
+The parameters of cases:
 
 - *Length to spare where bars come in line*: the last link of the last loop is shortened until the
   mechanism only just makes its way, by its reference. There bars come in line and two assembly
@@ -151,11 +152,11 @@ def beside(known: Sequence[Boundary]) -> Iterator[str]:
         within=NEAR,
         furthest=number(furthest.ratio, 4),
     )
-    yield "| model | solver | knob | measured | kind | theory | ratio | law |"
+    yield "| model | solver | parameter | measured | kind | theory | ratio | law |"
     yield "|---|---|---|---|---|---|---|---|"
     for one in known:
         yield (
-            f"| {one.what} | {one.setting} | {one.knob} | {reached(one)} | {one.limit} | "
+            f"| {one.what} | {one.setting} | {one.parameter} | {reached(one)} | {one.limit} | "
             f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |"
         )
 
@@ -163,12 +164,12 @@ def beside(known: Sequence[Boundary]) -> Iterator[str]:
 def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Iterator[str]:
     """The table of a case."""
     yield f"\n## {name}\n"
-    yield "| knob | from | solver | boundary | theory | how it breaks |"
+    yield "| parameter | from | solver | boundary | theory | how it breaks |"
     yield "|---|---|---|---|---|---|"
     for one in found:
         theory = number(one.theory) if one.theory == one.theory else ""
         yield (
-            f"| {one.knob} | {number(one.start)} | {one.engine}, {one.setting} | "
+            f"| {one.parameter} | {number(one.start)} | {one.engine}, {one.setting} | "
             f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |"
         )
     yield f"\nNot turned: {'; '.join(skipped)}."

@@ -488,7 +488,7 @@ def stress_command(
     ] = Path("stress"),
     jobs: Jobs = None,
     dask: Dask = None,
-    only: Annotated[str, typer.Option(help="Only knobs whose names have this in them.")] = "",
+    only: Annotated[str, typer.Option(help="Only parameters whose names have this in them.")] = "",
 ) -> None:
     """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
 

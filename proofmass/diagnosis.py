@@ -48,7 +48,7 @@ from proofmass.reference import (
     unit_of,
 )
 from proofmass.sim.contents import highest_frequency
-from proofmass.sim.protocol import BadModel, Curves, Knobs
+from proofmass.sim.protocol import BadModel, Curves, ParameterValues
 from proofmass.sim.stability import limit
 from proofmass.solve import plan, run_here, settings_of, simulate
 from proofmass.strict import Kind
@@ -635,8 +635,8 @@ def step_of(run: Kind, curves: Curves) -> float:
 def halved(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
     """The settings of a case with half the time step for a solver."""
     engine = engine_of(solver.partition(":")[0])
-    knobs = engine.at_step(cast(Knobs, settings_of(case, run, solver)), step / 2)
-    own = {**case.settings.get(solver, {}), **knobs}
+    parameters = engine.at_step(cast(ParameterValues, settings_of(case, run, solver)), step / 2)
+    own = {**case.settings.get(solver, {}), **parameters}
     return {"settings": {**case.settings, solver: own}}
 
 
@@ -931,7 +931,7 @@ def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iter
         return
     model = compiled(case)
     engine = engine_of(solver.partition(":")[0])
-    scheme = engine.scheme_of(cast(Knobs, settings_of(case, run, solver)), model)
+    scheme = engine.scheme_of(cast(ParameterValues, settings_of(case, run, solver)), model)
     fastest = highest_frequency(model, case.start)
     if scheme is None or not fastest:
         return

@@ -66,13 +66,15 @@ def models(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def stand(tmp_path: Path, models: Path) -> Callable[..., Stand]:
-    """``stand(name, engine, kind, **knobs)``: a case in one engine and run, with a store."""
+    """``stand(name, engine, kind, **parameters)``: a case in one engine and run, with a store."""
 
-    def of(name: str, engine: str = "mujoco", kind: str = "dynamics", **knobs: object) -> Stand:
+    def of(
+        name: str, engine: str = "mujoco", kind: str = "dynamics", **parameters: object
+    ) -> Stand:
         return Stand(
             load_case(models / f"{name}.toml"),
             kind,
-            Setting(engine, knobs),
+            Setting(engine, parameters),
             Store(tmp_path / "runs"),
         )
 

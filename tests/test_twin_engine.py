@@ -246,7 +246,7 @@ def test_stress_finds_where_the_twin_breaks(site: Path, tmp_path: Path) -> None:
         1,
     )
     (found,) = read_boundaries(tmp_path / "stress" / "stress.csv")
-    assert (found.engine, found.knob) == ("twin", "gravity")
+    assert (found.engine, found.parameter) == ("twin", "gravity")
     assert found.holds > found.start == 1.0  # it ran, and no error of ours ended it at once
     assert "Twin" in (tmp_path / "stress" / "index.html").read_text(encoding="utf-8")
 
@@ -258,7 +258,7 @@ def test_stress_has_the_test_problems_of_the_twin(
         monkeypatch.setattr(problems, "engine_names", lambda: [engine])
         found = list(problems.probes())
         assert {one.engine for one in found} == {engine}
-        return [(one.what, one.setting, one.knob, one.theory) for one in found]
+        return [(one.what, one.setting, one.parameter, one.theory) for one in found]
 
     assert asked("twin") == asked("pymunk")
     assert len(asked("twin")) > len(asked("bare")) > 0  # of which no scheme is known

@@ -321,21 +321,21 @@ class Curves:
         )
 
 
-Knob = str | float | int | bool | tuple[float, ...]
+ParameterValue = str | float | int | bool | tuple[float, ...]
 """A value of a setting."""
-Knobs = Mapping[str, Knob]
+ParameterValues = Mapping[str, ParameterValue]
 StepMap = Callable[[float, float], Array]
 """``map(z, zeta)``: the matrix (2, 2) that a step applies to (q, dt q') of a spring and a damper,
 with z = dt omega."""
-Stepping = Callable[[float], tuple[str, float, dict[str, Knob], str]]
+Stepping = Callable[[float], tuple[str, float, dict[str, ParameterValue], str]]
 """Of a value the text of an MJCF, the time step [s], settings, and the channel that is watched."""
 STEP = "time step"
 """The cause of an error that a shorter step makes smaller."""
 
 
-def leading(knob: Knob) -> float:
+def leading(parameter: ParameterValue) -> float:
     """A value as a number, the first of several."""
-    return float(knob[0] if isinstance(knob, tuple) else knob)
+    return float(parameter[0] if isinstance(parameter, tuple) else parameter)
 
 
 @dataclass(frozen=True)
@@ -395,10 +395,12 @@ class Scan:
 
     name: str
     axis: str
-    settings: tuple[dict[str, Knob], ...]
+    settings: tuple[dict[str, ParameterValue], ...]
 
 
-def scan_over(base: Knobs, name: str, axis: str, values: Sequence[Knob]) -> Scan:
+def scan_over(
+    base: ParameterValues, name: str, axis: str, values: Sequence[ParameterValue]
+) -> Scan:
     """A scan over one of the settings."""
     return Scan(name, axis, tuple({**base, axis: value} for value in values))
 
@@ -410,14 +412,14 @@ class Recipe:
     Attributes
     ----------
     name : str
-    knobs : callable
-        ``knobs(step)``: all settings but the step [s].
+    parameters : callable
+        ``parameters(step)``: all settings but the step [s].
     plain : bool
         Whether these are the engine's own defaults.
     """
 
     name: str
-    knobs: Callable[[float], dict[str, Knob]]
+    parameters: Callable[[float], dict[str, ParameterValue]]
     plain: bool = False
 
 
@@ -429,7 +431,7 @@ class Cause:
     ----------
     cause, move : str
         What is suspected, and what is done to it, in words.
-    knobs : dict of str to Knob
+    parameters : dict of str to ParameterValue
     better : bool
         Whether it was moved to where less error is expected, or away from there because it can go
         no further.
@@ -439,7 +441,7 @@ class Cause:
 
     cause: str
     move: str
-    knobs: dict[str, Knob]
+    parameters: dict[str, ParameterValue]
     better: bool = True
     whole: bool = False
 
@@ -455,7 +457,7 @@ class Scheme:
         Its `StepMap`.
     law : str
         What the largest stable dt omega follows from, in words.
-    settings : dict of str to Knob
+    settings : dict of str to ParameterValue
         That select it.
     conserves : bool
         Whether the energy of a free motion stays, but for errors.
@@ -470,7 +472,7 @@ class Scheme:
     name: str
     step: StepMap
     law: str
-    settings: dict[str, Knob] = field(default_factory=dict)
+    settings: dict[str, ParameterValue] = field(default_factory=dict)
     conserves: bool = True
     half_kick: bool = False
     tried: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -482,7 +484,7 @@ class Specimen:
 
     Attributes
     ----------
-    what, setting, knob, law : str
+    what, setting, parameter, law : str
         The model, the scheme, what is increased, and what theory says, in words.
     stepped : callable
         Its `Stepping`.
@@ -495,7 +497,7 @@ class Specimen:
 
     what: str
     setting: str
-    knob: str
+    parameter: str
     law: str
     stepped: Stepping
     step: StepMap | None = None
@@ -505,17 +507,17 @@ class Specimen:
     reach: float = 1e3
 
 
-def left_to_sidecar(knobs: Knobs, but: Sequence[str] = ()) -> Iterator[str]:
+def left_to_sidecar(parameters: ParameterValues, but: Sequence[str] = ()) -> Iterator[str]:
     """What an engine has no words for, as what the sidecar must say."""
-    for key in sorted(set(knobs) - {*but, "defaults"}):
+    for key in sorted(set(parameters) - {*but, "defaults"}):
         place = "every rod" if key == "segments" else "settings"
-        yield f"{place} of the sidecar: {key} = {knobs[key]!r}"
+        yield f"{place} of the sidecar: {key} = {parameters[key]!r}"
 
 
 class Engine:
     """All that the core asks of an engine; what a subclass leaves out has a default.
 
-    Settings are given as `Knobs`, by their names in `settings`.
+    Settings are given as `ParameterValues`, by their names in `settings`.
 
     Attributes
     ----------
@@ -549,7 +551,7 @@ class Engine:
     native = False
     imposed: Sequence[Imposed] = (Imposed("ideal drive"),)
     schemes: tuple[Scheme, ...] = ()
-    sizes: Mapping[str, Callable[[Knob], float]] = {"timestep": leading}
+    sizes: Mapping[str, Callable[[ParameterValue], float]] = {"timestep": leading}
     labels: Mapping[str, str] = {}
     accuracy: Mapping[str, AccuracyLimit] = {}
 
@@ -571,22 +573,22 @@ class Engine:
         """Raise `BadSetting` if the engine cannot be set so."""
         self.settings.read(settings)
 
-    def is_default(self, knobs: Knobs) -> bool:
+    def is_default(self, parameters: ParameterValues) -> bool:
         """Whether nothing but the time step differs from what the engine has by itself."""
         fields = self.settings.model_fields
-        return bool(knobs.get("defaults")) and all(
+        return bool(parameters.get("defaults")) and all(
             value == fields[name].default
-            for name, value in knobs.items()
+            for name, value in parameters.items()
             if name in fields and name not in ("timestep", "defaults")
         )
 
-    def size(self, axis: str, value: Knob) -> float:
+    def size(self, axis: str, value: ParameterValue) -> float:
         """What errors should fall with along a scan: as in `sizes`, or one over the value."""
         return self.sizes[axis](value) if axis in self.sizes else 1.0 / leading(value)
 
-    def at_step(self, knobs: Knobs, step: float) -> dict[str, Knob]:
+    def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
         """Settings with another time step [s], and with what is to go with it."""
-        return {**knobs, "timestep": step}
+        return {**parameters, "timestep": step}
 
     def scans(self, about: Studied) -> Iterator[Scan]:
         """The settings worth scanning in dynamics; the time step, if it can be set."""
@@ -601,34 +603,36 @@ class Engine:
         """
         return ()
 
-    def causes(self, knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+    def causes(self, parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
         """Settings with one possible cause of an error moved, for each cause.
 
         `scaled` tells whether loops get harder with the step along the scan they are of.
         """
         if "timestep" in self.settings.model_fields:
-            step = leading(knobs.get("timestep", about.own_step))
-            yield Cause(STEP, "halving the step", {**knobs, "timestep": step / 2})
+            step = leading(parameters.get("timestep", about.own_step))
+            yield Cause(STEP, "halving the step", {**parameters, "timestep": step / 2})
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """What is searched for the cheapest setting that is good enough."""
         if "timestep" in self.settings.model_fields:
-            plain: dict[str, Knob] = (
+            plain: dict[str, ParameterValue] = (
                 {"defaults": True} if ("defaults" in self.settings.model_fields) else {}
             )
             yield Recipe(
                 f"{self.title}, defaults" if plain else self.title, lambda step: plain, bool(plain)
             )
 
-    def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
+    def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """What to paste so that the engine runs with settings, for so many steps."""
-        return "\n".join(f"# {line}" for line in left_to_sidecar(knobs))
+        return "\n".join(f"# {line}" for line in left_to_sidecar(parameters))
 
     def comment(self, text: str) -> str:
         """Text as a comment before a snippet."""
         return indent(text, "# ")
 
-    def pasted(self, model: Path, knobs: Knobs, steps: int) -> tuple[str, set[str]] | None:
+    def pasted(
+        self, model: Path, parameters: ParameterValues, steps: int
+    ) -> tuple[str, set[str]] | None:
         """The text of an MJCF with a snippet in it, and the settings that it says.
 
         None where a snippet is no part of an MJCF.
@@ -645,7 +649,7 @@ class Engine:
         """
         raise Unsupported(f"{self.title} has no programs")
 
-    def scheme_of(self, knobs: Knobs, model: "MjModel") -> Scheme | None:
+    def scheme_of(self, parameters: ParameterValues, model: "MjModel") -> Scheme | None:
         """The scheme that a single coordinate is stepped with; None where none is known."""
         return None
 

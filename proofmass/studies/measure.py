@@ -180,7 +180,7 @@ class StudyRun:
     run : {"sweep", "dynamics", "equilibrium"}
         Which of its runs.
     setting : Setting
-        The engine and its knobs.
+        The engine and its parameters.
     study, line, axis, value
         See `Row`.
     reference : path, optional
@@ -199,8 +199,8 @@ class StudyRun:
     @property
     def label(self) -> str:
         """What a progress line calls it."""
-        knobs = ", ".join(f"{name} {value}" for name, value in self.setting.knobs.items())
-        return f"{self.case.name} {self.run} {self.setting.engine} {knobs}"
+        parameters = ", ".join(f"{name} {value}" for name, value in self.setting.parameters.items())
+        return f"{self.case.name} {self.run} {self.setting.engine} {parameters}"
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ def measure(task: StudyRun, again: bool, timeout: float) -> Measurement:
     Raises
     ------
     InputError
-        The model cannot be used, or a knob is unknown to the engine.
+        The model cannot be used, or a parameter is unknown to the engine.
     """
     with own_core() as core:
         if task.reference and not again:
@@ -253,7 +253,7 @@ def measure(task: StudyRun, again: bool, timeout: float) -> Measurement:
         except tuple(FAILURES) as error:
             return Measurement(outcome=FAILURES[type(error)], message=str(error))
         except BadModel as error:
-            if "segments" in task.setting.knobs:  # such as a sensor on the tenth link
+            if "segments" in task.setting.parameters:  # such as a sensor on the tenth link
                 return Measurement(outcome=Outcome.UNSUPPORTED, message=str(error))
             raise InputError(task.case.model_path, "", str(error)) from None
 

@@ -18,7 +18,7 @@ from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.outcome import Outcome
-from proofmass.sim.protocol import Knob, Run
+from proofmass.sim.protocol import ParameterValue, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
 
@@ -31,21 +31,21 @@ class Setting:
     ----------
     engine : str
         Its name.
-    knobs : dict of str to Knob
+    parameters : dict of str to ParameterValue
         Settings of the engine: timestep [s], and others; and `segments`, of all rods of the case.
     """
 
     engine: str
-    knobs: dict[str, Knob] = field(default_factory=dict)
+    parameters: dict[str, ParameterValue] = field(default_factory=dict)
 
-    def but(self, **knobs: Knob) -> "Setting":
-        """The same with other knobs."""
-        return Setting(self.engine, {**self.knobs, **knobs})
+    def but(self, **parameters: ParameterValue) -> "Setting":
+        """The same with other parameters."""
+        return Setting(self.engine, {**self.parameters, **parameters})
 
     def applied(self, case: Case, kind: Kind) -> tuple[Case, Run]:
         """The case, with its rods cut as the setting says, and what to ask of its engine."""
-        knobs: dict[str, Any] = dict(self.knobs)
-        if segments := knobs.pop("segments", None):
+        parameters: dict[str, Any] = dict(self.parameters)
+        if segments := parameters.pop("segments", None):
             case = case.model_copy(
                 update={
                     "rod": {
@@ -54,7 +54,7 @@ class Setting:
                     }
                 }
             )
-        case = case.model_copy(update={"settings": {self.engine: knobs}})
+        case = case.model_copy(update={"settings": {self.engine: parameters}})
         return case, plan(case, kind, self.engine)
 
 
@@ -80,11 +80,11 @@ class StudyRow:
     case, run, engine : str
         What was run.
     line, axis : str
-        Which line of the study's figure the run belongs to (all knobs but one, in words), and the
-        knob that changes along it.
+        Which line of the study's figure the run belongs to (all parameters but one, in
+        words), and the parameter that changes along it.
     value : float
-        Of that knob.
-    knobs : dict of str to Knob
+        Of that parameter.
+    parameters : dict of str to ParameterValue
         All of them.
     errors : dict of str to float
         Largest error of each kind of channel, as a share of the reference's range, at the state
@@ -126,7 +126,7 @@ class StudyRow:
     line: str
     axis: str
     value: float
-    knobs: dict[str, Knob] = field(default_factory=dict)
+    parameters: dict[str, ParameterValue] = field(default_factory=dict)
     errors: dict[str, float] = field(default_factory=dict)
     invariants: dict[str, float] = field(default_factory=dict)
     seconds: float = NAN
@@ -148,7 +148,7 @@ class StudyRow:
 
 
 SPREAD = {  # a column for each key
-    "knobs": "knob",
+    "parameters": "parameter",
     "errors": "error",
     "asked": "asked",
     "invariants": "invariant",
@@ -158,10 +158,11 @@ COLUMNS = {
     "case": "name of the sidecar",
     "run": "sweep, dynamics or equilibrium",
     "engine": "name of the engine",
-    "line": "the knobs that stay, in words: which line of a figure the run belongs to",
-    "axis": "the knob that changes along the line",
-    "value": "of that knob",
-    "knob": "a setting of the engine, timestep [s]; segments of all rods; a tuple is a JSON array",
+    "line": "the parameters that stay, in words: which line of a figure the run belongs to",
+    "axis": "the parameter that changes along the line",
+    "value": "of that parameter",
+    "parameter": "its value in the engine, timestep [s]; segments of all rods; a tuple is a JSON "
+    "array",
     "error": "largest error of the channels of a kind, at the state the drives really had, as a "
     "share of the range of the reference [1]",
     "asked": "the same at the state that the drives were asked to have; empty where there are none "
@@ -172,8 +173,8 @@ COLUMNS = {
     "seconds": "least wall time of the repeats without loading the model, of the first run where "
     "there are none [s]",
     "steps": "time steps of dynamics, solved poses otherwise",
-    "step": "time step that the engine took in dynamics [s]: the one of `knob.timestep`, or the "
-    "next shorter one of which whole ones lead from sample to sample",
+    "step": "time step that the engine took in dynamics [s]: the one of `parameter.timestep`, or "
+    "the next shorter one of which whole ones lead from sample to sample",
     "repeats": "all wall times [s], as a JSON array, made in rounds over all settings; a short run "
     "after one to warm up",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
@@ -231,7 +232,7 @@ def table(rows: Sequence[StudyRow]) -> str:
 
     >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4", "timestep", 0.01,
     ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
-    study,case,run,engine,line,axis,value,knob.timestep,error.position
+    study,case,run,engine,line,axis,value,parameter.timestep,error.position
     """
     cells = [flat(row) for row in rows]
     there = dict.fromkeys(name for row in cells for name in row)
@@ -267,7 +268,7 @@ def shown(value: Any) -> str:
 
 
 def read(cell: str) -> Any:
-    """What a cell of a knob shows."""
+    """What a cell of a parameter shows."""
     try:
         value = json.loads(cell)
     except ValueError:

@@ -96,7 +96,7 @@ def run(
     Raises
     ------
     InputError
-        A model or a knob cannot be used at all.
+        A model or a parameter cannot be used at all.
     """
     if workers is None:
         with pool() as local:
@@ -203,7 +203,7 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
         task.line,
         task.axis,
         task.value,
-        dict(setting.knobs),
+        dict(setting.parameters),
         first.errors,
         first.invariants,
         least.seconds,

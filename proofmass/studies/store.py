@@ -122,7 +122,7 @@ class Store:
             "case": task.case.name,
             "run": task.run,
             "engine": task.setting.engine,
-            "knobs": task.setting.knobs,
+            "parameters": task.setting.parameters,
             "repeat": repeat,
             "timeout": timeout,
             "versions": versions(task.setting.engine),
@@ -171,7 +171,7 @@ def once(file: Path, make: Callable[[], Any]) -> Any:
 
 
 def key_of(task: StudyRun) -> str:
-    """SHA-256 of all that a run's result depends on: model, sidecar, knobs, versions, sources.
+    """SHA-256 of all that a run's result depends on: model, sidecar, parameters, versions, sources.
 
     Neither the study that asks for the run nor titles, views and tolerances are part of it.
     """
@@ -184,7 +184,7 @@ def key_of(task: StudyRun) -> str:
         "channels": {n: c.model_dump() for n, c in case.channels_of(task.run).items()},
         "run": (task.run, table.n, table.until),
         "engine": task.setting.engine,
-        "knobs": settings,
+        "parameters": settings,
         "versions": versions(task.setting.engine),
         "sources": sources(),
     }

@@ -180,7 +180,7 @@ def test_nothing_but_failures_can_be_drawn() -> None:
     assert len(drawn(rows, []).axes) == 2
 
 
-def test_other_knobs_run_from_coarse_to_fine() -> None:
+def test_other_parameters_run_from_coarse_to_fine() -> None:
     rows = [
         StudyRow(
             "", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9, seconds=1.0

@@ -148,12 +148,13 @@ def test_a_study_turns_what_acts(models, edit, change, axes):
 def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
     found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "dynamics")}
     off = next(line for name, line in found.items() if "refsafe off" in name)
-    step = off.settings[0].knobs["timestep"]
+    step = off.settings[0].parameters["timestep"]
     assert all(
-        s.knobs["refsafe"] is False and s.knobs["solref"][0] < 2 * step for s in off.settings
+        s.parameters["refsafe"] is False and s.parameters["solref"][0] < 2 * step
+        for s in off.settings
     )
     cold = next(line for name, line in found.items() if "without warm start" in name)
-    assert all(s.knobs["warmstart"] is False for s in cold.settings)
+    assert all(s.parameters["warmstart"] is False for s in cold.settings)
 
 
 def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):

@@ -28,13 +28,13 @@ def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
         StudyRun(
             case,
             "dynamics",
-            Setting(engine, {**knobs, "timestep": step}),
+            Setting(engine, {**parameters, "timestep": step}),
             "trade",
-            f"{engine} {' '.join(map(str, knobs.values()))}",
+            f"{engine} {' '.join(map(str, parameters.values()))}",
             "timestep",
             step,
         )
-        for engine, knobs in LINES
+        for engine, parameters in LINES
         for step in STEPS
     ]
 

@@ -186,7 +186,7 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
     assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
 
 
-def test_what_the_model_or_a_knob_is_to_blame_for_is_bad_input(monkeypatch):
+def test_what_the_model_or_a_parameter_is_to_blame_for_is_bad_input(monkeypatch):
     wrong = StudyRun(PENDULUM, "dynamics", Setting("mujoco", {"speed": 3}))
     monkeypatch.setattr(measure, "isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):

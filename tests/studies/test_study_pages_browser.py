@@ -37,9 +37,9 @@ def noisy(row: StudyRow) -> StudyRow:
     return replace(row, repeats=times, machine="Processor x 2", load=5.5)
 
 
-def boundary(knob: str, engine: str, holds: float, **more: Any) -> Boundary:
+def boundary(parameter: str, engine: str, holds: float, **more: Any) -> Boundary:
     """A boundary of the four-bar's case, 1 % wide, turned from 1 ms."""
-    found = Boundary("fourbar", engine, "as it is", knob, "s", 1e-3, 1.0, holds, 1.01 * holds)
+    found = Boundary("fourbar", engine, "as it is", parameter, "s", 1e-3, 1.0, holds, 1.01 * holds)
     return replace(found, limit=BoundaryKind.INACCURATE, failure="off by 0.1", **more)
 
 

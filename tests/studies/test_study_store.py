@@ -234,5 +234,5 @@ def test_records_tell_what_they_are_of(tmp_path):
     Store(tmp_path).save("key", 2, TASK, FOUND, 5.0)
     record = json.loads((tmp_path / "key.2.json").read_text())
     assert record["case"] == "pendulum"
-    assert record["knobs"] == TASK.setting.knobs
+    assert record["parameters"] == TASK.setting.parameters
     assert {"mujoco", "numpy", "proofmass"} <= set(record["versions"])

@@ -58,7 +58,7 @@ GONE = Failure("gone", BoundaryKind.UNSTABLE, True)
 
 
 def moves(name: str, setting: Setting, folder: Path, run: str = "dynamics"):
-    """What is moved of the engine: causes with what is done, the knobs, and which way."""
+    """What is moved of the engine: causes with what is done, the parameters, and which way."""
     case = case_of(name)
     found = [
         p
@@ -66,11 +66,11 @@ def moves(name: str, setting: Setting, folder: Path, run: str = "dynamics"):
         if p.cause not in ("the reference", "sampling")
     ]
     assert all(p.case == case and p.setting.engine == setting.engine for p in found)
-    return [(p.cause, p.move, p.setting.knobs, p.better, p.whole) for p in found]
+    return [(p.cause, p.move, p.setting.parameters, p.better, p.whole) for p in found]
 
 
 @pytest.mark.parametrize(
-    ("knobs", "step", "bias", "iterations"),
+    ("parameters", "step", "bias", "iterations"),
     [
         ({}, 1e-3, 0.0, SECOND),
         ({"defaults": True}, 1e-3, BIAS, 10),
@@ -78,17 +78,17 @@ def moves(name: str, setting: Setting, folder: Path, run: str = "dynamics"):
         ({"error_bias": 0.5, "iterations": 7}, 1e-3, 0.5, 7),
     ],
 )
-def test_what_is_moved_in_pymunk(knobs, step, bias, iterations, tmp_path):
-    kept = {k: v for k, v in knobs.items() if k == "timestep"}
+def test_what_is_moved_in_pymunk(parameters, step, bias, iterations, tmp_path):
+    kept = {k: v for k, v in parameters.items() if k == "timestep"}
     more = 4 * iterations if iterations < SECOND else SECOND
-    assert moves("fourbar", Setting("pymunk", knobs), tmp_path) == [
-        ("time step", "halving the step", {**knobs, "timestep": step / 2}, True, False),
+    assert moves("fourbar", Setting("pymunk", parameters), tmp_path) == [
+        ("time step", "halving the step", {**parameters, "timestep": step / 2}, True, False),
         *(
             [
                 (
                     "bias of the loops",
                     "halving its time constant",
-                    {**knobs, "error_bias": bias**2},
+                    {**parameters, "error_bias": bias**2},
                     True,
                     False,
                 ),
@@ -106,7 +106,7 @@ def test_what_is_moved_in_pymunk(knobs, step, bias, iterations, tmp_path):
         (
             "the solver's iterations",
             f"{more} iterations",
-            {**knobs, "iterations": more},
+            {**parameters, "iterations": more},
             True,
             False,
         ),
@@ -114,7 +114,7 @@ def test_what_is_moved_in_pymunk(knobs, step, bias, iterations, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("knobs", "step", "solref", "closer", "solimp", "harder"),
+    ("parameters", "step", "solref", "closer", "solimp", "harder"),
     [
         (
             {},
@@ -145,17 +145,17 @@ def test_what_is_moved_in_pymunk(knobs, step, bias, iterations, tmp_path):
         ({"solimp": (0.8, 0.9999, 0.1)}, 1e-3, 0.0025, True, (0.6, 0.9998), False),
     ],
 )
-def test_what_is_moved_in_mujoco(knobs, step, solref, closer, solimp, harder, tmp_path):
-    found = moves("fourbar", Setting("mujoco", knobs), tmp_path)
+def test_what_is_moved_in_mujoco(parameters, step, solref, closer, solimp, harder, tmp_path):
+    found = moves("fourbar", Setting("mujoco", parameters), tmp_path)
     assert [cause for cause, *_ in found] == [
         "time step",
         "softness of the loops",
         "softness of the loops, solimp",
         "the solver's iterations",
     ]
-    ratio = knobs.get("solref", (0.0, 1.0))[1]
-    rest = knobs.get("solimp", (0.9, 0.95, 0.001, 0.5, 2.0))[2:]
-    iterations = 4 * knobs.get("iterations", 100)
+    ratio = parameters.get("solref", (0.0, 1.0))[1]
+    rest = parameters.get("solimp", (0.9, 0.95, 0.001, 0.5, 2.0))[2:]
+    iterations = 4 * parameters.get("iterations", 100)
     for (_, words, setting, better, whole), (move, more, way) in zip(
         found,
         [
@@ -171,8 +171,8 @@ def test_what_is_moved_in_mujoco(knobs, step, solref, closer, solimp, harder, tm
         strict=True,
     ):
         assert (words, better, whole) == (move, way, False)
-        assert setting.keys() == {**knobs, **more}.keys()
-        for name, value in {**knobs, **more}.items():
+        assert setting.keys() == {**parameters, **more}.keys()
+        for name, value in {**parameters, **more}.items():
             assert setting[name] == pytest.approx(value, rel=1e-12)  # 1 - (1 - d), rounded
 
 
@@ -287,7 +287,7 @@ def test_a_gain_is_how_much_better_the_error_is():
 
 
 def line(
-    engine: str, axis: str, scaled: bool = False, count: int = 2, **knobs
+    engine: str, axis: str, scaled: bool = False, count: int = 2, **parameters
 ) -> ConvergenceSeries:
     """A line of settings; loops get harder with the step of one that is scaled."""
     return ConvergenceSeries(
@@ -297,7 +297,11 @@ def line(
         tuple(
             Setting(
                 engine,
-                {axis: 0.1 / 2**k, **({"solref": (1.0 / 2**k, 1.0)} if scaled else {}), **knobs},
+                {
+                    axis: 0.1 / 2**k,
+                    **({"solref": (1.0 / 2**k, 1.0)} if scaled else {}),
+                    **parameters,
+                },
             )
             for k in range(count)
         ),
@@ -432,7 +436,7 @@ def test_what_is_sought_is_told_with_what_failed():
         "what",
         "mujoco",
         "RK4",
-        "knob",
+        "parameter",
         "m",
         1.0,
         16.0,
@@ -445,13 +449,13 @@ def test_what_is_sought_is_told_with_what_failed():
         found.what,
         found.engine,
         found.setting,
-        found.knob,
+        found.parameter,
         found.unit,
         found.start,
         found.reach,
         found.theory,
         found.law,
-    ) == ("what", "mujoco", "RK4", "knob", "m", 1.0, 16.0, 9.0, "law")
+    ) == ("what", "mujoco", "RK4", "parameter", "m", 1.0, 16.0, 9.0, "law")
     assert (found.holds, found.breaks) == pytest.approx((8.0, 128**0.5))
     assert (found.failure, found.limit, found.silent) == GONE
     assert found.step == found.holds / 2
@@ -732,7 +736,7 @@ def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, m
     assert stand.simulated(task) == ("pymunk", FOURBAR.model_path, "sweep", {"iterations": 7})
 
 
-def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
+def test_a_stand_turns_a_parameter_of_its_case(tmp_path, monkeypatch):
     asked = []
 
     def found(task, store, patience):
@@ -763,15 +767,15 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
         planar = replace(own, setting=Setting("pymunk"))
         assert planar.lost(FOURBAR) == Failure("no start: why", OURS)
 
-    def trial(knobs, x):
-        return Tried(Failure(f"{knobs} {x}", LOST))
+    def trial(parameters, x):
+        return Tried(Failure(f"{parameters} {x}", LOST))
 
     assert [
         (
             s.what,
             s.engine,
             s.setting,
-            s.knob,
+            s.parameter,
             s.unit,
             s.start,
             s.reach,
@@ -794,7 +798,7 @@ def test_a_stand_turns_a_knob_of_its_case(tmp_path, monkeypatch):
     assert (
         one.engine,
         one.setting,
-        one.knob,
+        one.parameter,
         one.unit,
         one.start,
         one.reach,

@@ -23,8 +23,8 @@ from proofmass.sim.protocol import (
     Curves,
     Engine,
     Imposed,
-    Knob,
-    Knobs,
+    ParameterValue,
+    ParameterValues,
     Recipe,
     Run,
     Scan,
@@ -117,9 +117,9 @@ class Mujoco(Engine):
         """See `simulate`."""
         return simulate(model, run)
 
-    def at_step(self, knobs: Knobs, step: float) -> dict[str, Knob]:
+    def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
         """See `proofmass.sim.mujoco.scans.at_step`."""
-        return scans.at_step(knobs, step)
+        return scans.at_step(parameters, step)
 
     def scans(self, about: Studied) -> Iterator[Scan]:
         """See `proofmass.sim.mujoco.scans.scans`."""
@@ -129,33 +129,33 @@ class Mujoco(Engine):
         """See `proofmass.sim.mujoco.scans`."""
         return scans.orders(scan, derivative, about)
 
-    def causes(self, knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+    def causes(self, parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
         """See `proofmass.sim.mujoco.scans.causes`."""
-        return scans.causes(knobs, about, scaled)
+        return scans.causes(parameters, about, scaled)
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """See `proofmass.sim.mujoco.scans.recipes`."""
         return scans.recipes(self.title, about)
 
-    def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
+    def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """MJCF; see `proofmass.sim.mujoco.snippet.snippet`."""
-        return snippet(knobs, model)
+        return snippet(parameters, model)
 
     def comment(self, text: str) -> str:
         """A comment of MJCF."""
         return f"<!--\n{indent(text, '  ')}\n-->"
 
-    def pasted(self, model: Path, knobs: Knobs, steps: int) -> tuple[str, set[str]]:
+    def pasted(self, model: Path, parameters: ParameterValues, steps: int) -> tuple[str, set[str]]:
         """The model with the snippet in it; it says all but how poses are found."""
-        return pasted(model, snippet(knobs, model)), {*PLACES, "defaults"}
+        return pasted(model, snippet(parameters, model)), {*PLACES, "defaults"}
 
     def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
         """See `proofmass.sim.mujoco.program`."""
         return write_program(model, run, motion, head, drive)
 
-    def scheme_of(self, knobs: Knobs, model: mujoco.MjModel) -> Scheme:
+    def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
         """The scheme of the integrator."""
-        return stability.scheme_of(knobs, model)
+        return stability.scheme_of(parameters, model)
 
     def specimens(self) -> Iterator[Specimen]:
         """See `proofmass.sim.mujoco.stability.specimens`."""

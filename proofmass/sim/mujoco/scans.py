@@ -27,8 +27,8 @@ from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
 from proofmass.sim.protocol import (
     STEP,
     Cause,
-    Knob,
-    Knobs,
+    ParameterValue,
+    ParameterValues,
     Recipe,
     Scan,
     Studied,
@@ -43,7 +43,7 @@ STEPS_OF_SOLREF = 8  # fewer cost RK4 accuracy, more are softer
 STAGES = {"RK4": 4}  # evaluations in a step, 1 for the others
 IN_SOLREF = "too few steps in solref"
 """What the step alone moves on a scan whose loops get harder with it."""
-SIZES: dict[str, Callable[[Knob], float]] = {
+SIZES: dict[str, Callable[[ParameterValue], float]] = {
     "timestep": leading,
     "solref": leading,
     "solimp": lambda d: 1.0 - leading(d),
@@ -51,20 +51,20 @@ SIZES: dict[str, Callable[[Knob], float]] = {
 LABELS = {"solref": "time constant of loops, solref [s]", "solimp": "1 − solimp"}
 
 
-def hard(solref: float) -> dict[str, Knob]:
+def hard(solref: float) -> dict[str, ParameterValue]:
     """Loops with a time constant [s], and as hard as can be otherwise."""
     return {"solref": (solref, 1.0), "solimp": HARD}
 
 
-def at_step(knobs: Knobs, step: float) -> dict[str, Knob]:
+def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
     """Settings with another time step [s], and a `solref` that goes with it.
 
     >>> at_step({"timestep": 1e-3, "solref": (8e-3, 1.0)}, 5e-4)
     {'timestep': 0.0005, 'solref': (0.004, 1.0)}
     """
-    scaled = dict(knobs, timestep=step)
-    if isinstance(solref := knobs.get("solref"), tuple):
-        scaled["solref"] = (leading(solref) * step / leading(knobs["timestep"]), *solref[1:])
+    scaled = dict(parameters, timestep=step)
+    if isinstance(solref := parameters.get("solref"), tuple):
+        scaled["solref"] = (leading(solref) * step / leading(parameters["timestep"]), *solref[1:])
     return scaled
 
 
@@ -74,7 +74,7 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     loops = model.neq > 0
 
     def over(integrator: str, soft: int | None) -> Scan:
-        knobs = tuple(
+        parameters = tuple(
             {
                 "timestep": h,
                 "integrator": integrator,
@@ -83,11 +83,11 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
             for h in about.timesteps(STAGES.get(integrator, 1))
         )
         held = f", solref {soft} steps" if soft else ", default softness"
-        return Scan(f"{title} {integrator}{held * loops}", "timestep", knobs)
+        return Scan(f"{title} {integrator}{held * loops}", "timestep", parameters)
 
     yield from (over(integrator, None) for integrator in INTEGRATORS)
     at = f"{title} RK4 at {1e3 * own:g} ms"
-    plain: dict[str, Knob] = {"timestep": own, "integrator": "RK4"}
+    plain: dict[str, ParameterValue] = {"timestep": own, "integrator": "RK4"}
     if may_touch(model):
         for cone in ("pyramidal", "elliptic"):
             yield scan_over(
@@ -162,13 +162,16 @@ def softness(about: Studied, j: int) -> tuple[float, ...]:
     return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
 
 
-def causes(knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+def causes(parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
     """Step, softness of loops, solver."""
     model = about.model
-    known: dict[str, Any] = {**(ENGINE_DEFAULTS if knobs.get("defaults") else {}), **knobs}
+    known: dict[str, Any] = {
+        **(ENGINE_DEFAULTS if parameters.get("defaults") else {}),
+        **parameters,
+    }
 
-    def but(**changed: Knob) -> dict[str, Knob]:
-        return {**knobs, **changed}
+    def but(**changed: ParameterValue) -> dict[str, ParameterValue]:
+        return {**parameters, **changed}
 
     step = known.get("timestep", model.opt.timestep)
     yield Cause(
@@ -207,10 +210,10 @@ def recipes(title: str, about: Studied) -> Iterator[Recipe]:
     """Integrators, and time constants of loops in steps."""
     loops = about.model.neq > 0
 
-    def held(integrator: str, soft: int) -> Callable[[float], dict[str, Knob]]:
+    def held(integrator: str, soft: int) -> Callable[[float], dict[str, ParameterValue]]:
         return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0), "solimp": HARD}
 
-    def by_itself(integrator: str) -> Callable[[float], dict[str, Knob]]:
+    def by_itself(integrator: str) -> Callable[[float], dict[str, ParameterValue]]:
         return lambda step: {"integrator": integrator, "defaults": True}
 
     for integrator in INTEGRATORS:

@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, PLACES, SOFTNESS, spelled, write_options
-from proofmass.sim.protocol import Knobs, left_to_sidecar
+from proofmass.sim.protocol import ParameterValues, left_to_sidecar
 
 
-def snippet(knobs: Knobs, model: Path | None = None) -> str:
+def snippet(parameters: ParameterValues, model: Path | None = None) -> str:
     """What to paste so that MuJoCo runs with settings.
 
     Equalities of the model whose own attributes, or whose class, would win are named, with what to
@@ -28,13 +28,13 @@ def snippet(knobs: Knobs, model: Path | None = None) -> str:
       <equality solref="0.008 1"/>
     </default>
     """
-    left = (f"<!-- {line} -->" for line in left_to_sidecar(knobs, tuple(PLACES)))
-    return "\n".join([*mjcf(knobs, model), *left])
+    left = (f"<!-- {line} -->" for line in left_to_sidecar(parameters, tuple(PLACES)))
+    return "\n".join([*mjcf(parameters, model), *left])
 
 
-def mjcf(knobs: Knobs, model: Path | None) -> Iterator[str]:
+def mjcf(parameters: ParameterValues, model: Path | None) -> Iterator[str]:
     """Elements that MuJoCo merges with those before them."""
-    every = {**(ENGINE_DEFAULTS if knobs.get("defaults") else {}), **knobs}
+    every = {**(ENGINE_DEFAULTS if parameters.get("defaults") else {}), **parameters}
     root = ElementTree.Element("mujoco")
     write_options(root, {key: every[key] for key in PLACES if key in every})
     for option in root:

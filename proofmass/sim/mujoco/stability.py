@@ -19,7 +19,14 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.protocol import Knob, Knobs, Scheme, Specimen, StepMap, Stepping
+from proofmass.sim.protocol import (
+    ParameterValue,
+    ParameterValues,
+    Scheme,
+    Specimen,
+    StepMap,
+    Stepping,
+)
 from proofmass.sim.specimens import key, wheel
 
 
@@ -93,10 +100,10 @@ SCHEMES = (
 )
 
 
-def scheme_of(knobs: Knobs, model: mujoco.MjModel) -> Scheme:
+def scheme_of(parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
     """The scheme of a run: that of its integrator."""
     own = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
-    name = str(knobs.get("integrator", own))
+    name = str(parameters.get("integrator", own))
     return next(one for one in SCHEMES if one.name.lower() == name.lower())
 
 
@@ -176,7 +183,7 @@ def loop(flags: str, name: str) -> Stepping:
         rest='<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>',
     )
 
-    def stepped(ratio: float) -> tuple[str, float, dict[str, Knob], str]:
+    def stepped(ratio: float) -> tuple[str, float, dict[str, ParameterValue], str]:
         return text, 1.0, {"integrator": name, "solref": (1.0 / ratio, 1.0)}, "place"
 
     return stepped

@@ -8,7 +8,7 @@ from proofmass.sim.protocol import (
     Curves,
     Engine,
     Imposed,
-    Knobs,
+    ParameterValues,
     Recipe,
     Run,
     Scan,
@@ -105,17 +105,17 @@ class Pymunk(Engine):
         """See `proofmass.sim.pymunk.scans`."""
         return scans.orders(scan, derivative, about)
 
-    def causes(self, knobs: Knobs, about: Studied, scaled: bool) -> Iterator[Cause]:
+    def causes(self, parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
         """See `proofmass.sim.pymunk.scans.causes`."""
-        return scans.causes(knobs, about)
+        return scans.causes(parameters, about)
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """See `proofmass.sim.pymunk.scans.recipes`."""
         return scans.recipes(self.title)
 
-    def snippet(self, knobs: Knobs, steps: int, model: Path | None = None) -> str:
+    def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """Python; see `proofmass.sim.pymunk.snippet`."""
-        return snippet(knobs, steps)
+        return snippet(parameters, steps)
 
     def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
         """See `proofmass.sim.pymunk.program`."""

@@ -17,8 +17,8 @@ import numpy as np
 from proofmass.sim.protocol import (
     STEP,
     Cause,
-    Knob,
-    Knobs,
+    ParameterValue,
+    ParameterValues,
     Recipe,
     Scan,
     Studied,
@@ -30,7 +30,7 @@ from proofmass.sim.pymunk.settings import CHIPMUNK_BIAS
 
 CLOSED = (0.003, 0.01, 0.03)
 """Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""
-SIZES: dict[str, Callable[[Knob], float]] = {
+SIZES: dict[str, Callable[[ParameterValue], float]] = {
     "timestep": leading,
     "error_bias": lambda share: -1.0 / log(leading(share)),
 }
@@ -41,7 +41,7 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     """Over the step, tuned and as Chipmunk comes; and over what closes loops."""
     own, steps = about.own_step, about.timesteps()
     at = f"{title} at {1e3 * own:g} ms"
-    free: dict[str, Knob] = {"timestep": own, "error_bias": 0.0}
+    free: dict[str, ParameterValue] = {"timestep": own, "error_bias": 0.0}
     yield scan_over(free, f"{title}, no bias", "timestep", steps)
     yield scan_over(
         {**free, "iterations": 30}, f"{title}, no bias, 30 iterations", "timestep", steps
@@ -68,15 +68,15 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     return (1.0,) if j < 2 else (1.0, 0.0)
 
 
-def causes(knobs: Knobs, about: Studied) -> Iterator[Cause]:
+def causes(parameters: ParameterValues, about: Studied) -> Iterator[Cause]:
     """Step, bias, iterations."""
-    known: dict[str, Any] = dict(knobs)
+    known: dict[str, Any] = dict(parameters)
     step = known.get("timestep", about.model.opt.timestep)
-    yield Cause(STEP, "halving the step", {**knobs, "timestep": step / 2})
+    yield Cause(STEP, "halving the step", {**parameters, "timestep": step / 2})
     own = known.get("defaults")
     if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
         yield Cause(
-            "bias of the loops", "halving its time constant", {**knobs, "error_bias": bias**2}
+            "bias of the loops", "halving its time constant", {**parameters, "error_bias": bias**2}
         )
         kept = {k: v for k, v in known.items() if k not in ("defaults", "iterations")}
         yield Cause(
@@ -86,7 +86,7 @@ def causes(knobs: Knobs, about: Studied) -> Iterator[Cause]:
             whole=True,
         )
     more = 4 * known.get("iterations", 10 if own else MOST // 4)
-    yield Cause("the solver's iterations", f"{more} iterations", {**knobs, "iterations": more})
+    yield Cause("the solver's iterations", f"{more} iterations", {**parameters, "iterations": more})
 
 
 def recipes(title: str) -> Iterator[Recipe]:
@@ -100,16 +100,16 @@ def recipes(title: str) -> Iterator[Recipe]:
     yield Recipe(f"{title}, no bias", lambda step: {"error_bias": 0.0})
     for iterations in (1, 3, 10, 30, 100, 300):
 
-        def knobs(step: float, iterations: int = iterations) -> dict[str, Knob]:
+        def parameters(step: float, iterations: int = iterations) -> dict[str, ParameterValue]:
             return {"error_bias": 0.0, "iterations": iterations}
 
-        yield Recipe(f"{title}, no bias, {iterations} iterations", knobs)
+        yield Recipe(f"{title}, no bias, {iterations} iterations", parameters)
     for iterations in (3, 10):
         for share in CLOSED:
 
             def biased(
                 step: float, iterations: int = iterations, share: float = share
-            ) -> dict[str, Knob]:
+            ) -> dict[str, ParameterValue]:
                 return {"error_bias": left_after(share, step), "iterations": iterations}
 
             yield Recipe(f"{title}, bias {share:g} a step, {iterations} iterations", biased)

@@ -17,7 +17,7 @@ STRIDE = 4.0
 
 
 class BoundaryKind(StrEnum):
-    """What ends the way of a knob; `sentence` says it in words."""
+    """What limits a parameter; `sentence` says it in words."""
 
     UNSTABLE = "unstable"
     INACCURATE = "inaccurate"
@@ -39,7 +39,7 @@ SENTENCES = {
     BoundaryKind.REFUSED: "the engine does not compile or accept it",
     BoundaryKind.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for "
     "lack of time, of a reference or of iterations, or did not accept it itself",
-    BoundaryKind.HOLDS: "no boundary: all held as far as the knob was turned",
+    BoundaryKind.HOLDS: "no boundary: all values held as far as the parameter was varied",
 }
 """Of all kinds of limits, for tables and pages."""
 
@@ -78,7 +78,7 @@ Trial = Callable[[float], Tried]
 
 @dataclass(frozen=True)
 class Turned:
-    """One knob, and between what it is turned.
+    """A parameter that is varied, and its range.
 
     Attributes
     ----------
@@ -86,16 +86,16 @@ class Turned:
         The case, or the specimen in words.
     engine, setting : str
         The engine, and its integrator or what else is set, in words.
-    knob, unit : str
-        What was turned.
+    parameter, unit : str
+        What was varied.
     start, reach : float
-        From where, and how far.
+        First and last value.
     """
 
     what: str
     engine: str
     setting: str
-    knob: str
+    parameter: str
     unit: str
     start: float
     reach: float
@@ -103,7 +103,7 @@ class Turned:
 
 @dataclass(frozen=True)
 class Boundary(Turned):
-    """How far one knob can be turned.
+    """How far one parameter can be varied.
 
     Attributes
     ----------
@@ -224,7 +224,7 @@ def bisect(
     within: float = WITHIN,
     coarse: float = COARSE,
 ) -> tuple[float, float, Failure | None]:
-    """Turn a knob from `start` towards `reach`, and close in on where it stops to hold.
+    """Turn a parameter from `start` towards `reach`, and close in on where it stops to hold.
 
     Strides are geometric, so all values are positive.  A boundary is the first one that a stride
     meets; an island of failure between two strides is not seen.  Where nothing is known beyond,

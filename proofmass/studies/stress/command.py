@@ -39,10 +39,10 @@ def measured(
         ours, skipped = extremes(case, store)
         sought += ours
         for why in skipped:
-            errors.print(f"{case.name}: not turned: {why}")
-    sought = [one for one in sought if only in one.knob]
+            errors.print(f"{case.name}: not varied: {why}")
+    sought = [one for one in sought if only in one.parameter]
     if not sought:
-        raise ValueError(f"--only {only}: no such knob")
+        raise ValueError(f"--only {only}: no such parameter")
     with pool(jobs, dask) as workers, counting(len(sought), letters=40) as advance:
         return stress(sought, workers, advance)
 
@@ -64,7 +64,7 @@ def shown(found: list[Boundary]) -> Table:
         "what",
         "engine",
         "setting",
-        "knob",
+        "parameter",
         "boundary",
         "theory",
         "ratio",
@@ -78,7 +78,7 @@ def shown(found: list[Boundary]) -> Table:
             one.what,
             one.engine,
             one.setting,
-            one.knob,
+            one.parameter,
             reached(one),
             number(one.theory) if known else "",
             number(one.ratio) if known else "",

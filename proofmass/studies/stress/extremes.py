@@ -26,7 +26,7 @@ from proofmass.studies import variants
 from proofmass.studies.bounded import bounded
 from proofmass.studies.invariants import conserved, invariants
 from proofmass.studies.measure import Measurement, StudyRun, taken
-from proofmass.studies.record import Knob, Setting
+from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import NAN, BoundaryKind, Failure, Sought, Tried, told
@@ -91,7 +91,7 @@ def weighed(case: Case, folder: Path) -> Case:
     )
 
 
-def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> Tried:
+def drifted(stand: Stand, case: Case, parameters: dict[str, ParameterValue], steps: float) -> Tried:
     """Run for so many steps, and look at the energy."""
     per = int(np.ceil(steps / MOST))
     count = round(steps / per)
@@ -99,7 +99,7 @@ def drifted(stand: Stand, case: Case, knobs: dict[str, Knob], steps: float) -> T
         update={"n": count + 1, "until": count * per * stand.step}
     )
     own = case.model_copy(update={"run": {"dynamics": run}})
-    task = StudyRun(own, "dynamics", stand.setting.but(**knobs), "stress")
+    task = StudyRun(own, "dynamics", stand.setting.but(**parameters), "stress")
     found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
     if found.outcome != Outcome.RAN:
         limit = limit_of(found)
@@ -237,7 +237,7 @@ def stiffnesses(stand: Stand) -> Iterator[Sought]:
     case = brief(reread(stand.case), seconds, stand.step) if free else stand.case
     softest = inertia * (2.0 * np.pi / seconds) ** 2
     limit = NAN
-    scheme = stand.engine.scheme_of(stand.setting.knobs, compiled(stand.case))
+    scheme = stand.engine.scheme_of(stand.setting.parameters, compiled(stand.case))
     if free and compiled(case).nv == 1 and scheme:
         z = theory.stiffest(scheme, seconds / stand.step)
         limit = inertia * (z / stand.step) ** 2
@@ -302,8 +302,8 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
     for solver in case.run[kind].solvers:
         first.setdefault(solver.partition(":")[0], solver)
     for engine, solver in first.items():
-        knobs = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
-        stand = Stand(case, kind, Setting(engine, knobs), store)
+        parameters = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
+        stand = Stand(case, kind, Setting(engine, parameters), store)
         for axis in AXES:
             try:
                 found += axis(stand)
@@ -326,9 +326,9 @@ def steps(stand: Stand) -> Iterator[Sought]:
     )
 
 
-def stepped(stand: Stand, knobs: dict[str, Knob], step: float) -> Tried:
+def stepped(stand: Stand, parameters: dict[str, ParameterValue], step: float) -> Tried:
     """Run with a step, looked at no more often than that."""
-    return stand.stepped(stand.case, stand.seconds, timestep=step, **knobs)
+    return stand.stepped(stand.case, stand.seconds, timestep=step, **parameters)
 
 
 def speeds(stand: Stand) -> Iterator[Sought]:

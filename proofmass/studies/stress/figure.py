@@ -24,11 +24,11 @@ NEAR = 0.02
 
 
 def stress_sheet(found: Sequence[Boundary]) -> Figure:
-    """Bars by knob; where theory is known of all on an axis of values, with the ratios beside."""
+    """Bars by parameter; with theory for all, over values and with the ratios beside."""
     known = all(one.theory == one.theory for one in found)
     groups = [
-        (knob, [one for one in found if one.knob == knob])
-        for knob in dict.fromkeys(one.knob for one in found)
+        (parameter, [one for one in found if one.parameter == parameter])
+        for parameter in dict.fromkeys(one.parameter for one in found)
     ]
     rows = len(found) + len(groups)
     height = ROW * rows + 2 * HEAD
@@ -37,10 +37,10 @@ def stress_sheet(found: Sequence[Boundary]) -> Figure:
         1, 2 if known else 1, sharey=True, squeeze=False, width_ratios=[3, 1] if known else None
     )[0]
     y, styles = float(rows), styled(found)
-    for knob, ours in groups:
+    for parameter, ours in groups:
         unit = "" if ours[0].unit in ("1", "times") or not known else f" [{ours[0].unit}]"
         axes[0].annotate(
-            knob + unit,
+            parameter + unit,
             (0, y - 0.15),
             xycoords=("axes fraction", "data"),
             xytext=(-4, 0),
@@ -77,7 +77,7 @@ def styled(found: Sequence[Boundary]) -> dict[str, Style]:
 
 
 def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
-    """One boundary: a bar from where it was turned from, and how it ends."""
+    """One boundary: a bar from its first value, and how it ends."""
     label = f"{one.what}, {one.setting}" if known else f"{spoken(one.engine)}, {one.setting}"
     ax.annotate(
         label,
@@ -112,7 +112,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
         markerfacecolor="white" if one.silent else colour,
     )
     if np.isfinite(one.theory) and one.theory:
-        place = one.theory if known else turned(one, one.theory)
+        place = one.theory if known else factor_to(one, one.theory)
         ax.plot([place] * 2, [y - 0.42, y + 0.42], color="black", linewidth=1.3, zorder=4)
     if not known and one.found:
         unit = {"times": "×", "1": ""}.get(one.unit, one.unit)
@@ -146,11 +146,11 @@ def span(one: Boundary, known: bool) -> tuple[float, float]:
     end = one.measured if one.found else one.holds if one.unknown else one.reach
     if known:
         return one.start, end
-    return 1.0, turned(one, end)
+    return 1.0, factor_to(one, end)
 
 
-def turned(one: Boundary, value: float) -> float:
-    """How many times a knob was turned to a value, up or down."""
+def factor_to(one: Boundary, value: float) -> float:
+    """The factor by which a parameter was increased or decreased to a value."""
     return max(value / one.start, one.start / value)
 
 
@@ -160,7 +160,7 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
     axes[0].set_ylim(-0.2, rows + 0.3)
     axes[0].set_yticks([])
     axes[0].set_xlabel(
-        "value of the knob" if known else "turned so many times, up or down, from what the case has"
+        "value of the parameter" if known else "factor, up or down, on the case's own value"
     )
     right = max(span(one, known)[1] for one in found if one.holds == one.holds)
     room = 1.3 if known else 60.0  # for words at the ends of bars

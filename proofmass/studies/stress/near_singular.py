@@ -216,7 +216,7 @@ def stretchings(stand: Stand) -> Iterator[Sought]:
     )
 
 
-def spared(stand: Stand, pose: str, knob: str, links: BodyNames) -> Iterator[Sought]:
+def spared(stand: Stand, pose: str, parameter: str, links: BodyNames) -> Iterator[Sought]:
     """Links with less and less to spare, in each run."""
     needs(
         stand.case.drive and movable(stand.case) and known(stand.case) and links,
@@ -229,7 +229,7 @@ def spared(stand: Stand, pose: str, knob: str, links: BodyNames) -> Iterator[Sou
     for kind in (kind for kind in ("dynamics", "sweep") if kind in case.run):
         own = replace(stand, case=case, kind=kind)
         yield own.sought(
-            knob,
+            parameter,
             "share",
             SPARE,
             LEAST,
@@ -261,12 +261,12 @@ def snaps(stand: Stand) -> Iterator[Sought]:
     fold = between(*bisect(partial(unreturned, case), way / 16, way, LIMIT_WITHIN)[:2])
     unit = "rad" if hinged(case) else "m"
     # an equilibrium that is followed ends at its fold, and need not fall
-    knobs = {k: v for k, v in stand.setting.knobs.items() if k != "settled"}
+    parameters = {k: v for k, v in stand.setting.parameters.items() if k != "settled"}
     for pieces in PIECES:
         own = replace(
             stand,
             kind="sweep",
-            setting=Setting(stand.setting.engine, {**knobs, "segments": pieces}),
+            setting=Setting(stand.setting.engine, {**parameters, "segments": pieces}),
             patience=max(stand.patience, case.run["sweep"].timeout),
         )
         yield own.sought(

@@ -1,6 +1,6 @@
 """The page of a stress study: what breaks first, and every boundary as a row on one axis.
 
-The axis tells how many times each parameter was turned, up or down, from what the case has.
+The axis tells by which factor each parameter was increased or decreased from the case's own value.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from proofmass.report.strip import Strip, place
 from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import RC, looks
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
-from proofmass.studies.stress.figure import NEAR, stress_sheet, turned
+from proofmass.studies.stress.figure import NEAR, factor_to, stress_sheet
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.wording import number, pretty, spoken
 
@@ -84,20 +84,20 @@ def part(
         "theory": any(one.theory == one.theory for one in found),
         "labels": labels(reach),
         "ratios": [(place_ratio(ratio), number(ratio)) for ratio in (1 - NEAR, 1.0, 1 + NEAR)],
-        "rows": [cells(one, dressed[one.engine], reach) for one in by_knob(found)],
+        "rows": [cells(one, dressed[one.engine], reach) for one in by_parameter(found)],
     }
 
 
-def by_knob(found: Sequence[Boundary]) -> list[Boundary]:
+def by_parameter(found: Sequence[Boundary]) -> list[Boundary]:
     """Boundaries of a parameter side by side, parameters in the order in which they come first."""
-    knobs = list(dict.fromkeys(one.knob for one in found))
-    return sorted(found, key=lambda one: knobs.index(one.knob))
+    parameters = list(dict.fromkeys(one.parameter for one in found))
+    return sorted(found, key=lambda one: parameters.index(one.parameter))
 
 
 def far(one: Boundary) -> float:
     """The furthest place of a boundary on its axis: what was measured, or where theory has it."""
     there = [end(one), one.theory]
-    return max((turned(one, x) for x in there if isfinite(x) and x > 0), default=1.0)
+    return max((factor_to(one, x) for x in there if isfinite(x) and x > 0), default=1.0)
 
 
 def end(one: Boundary) -> float:
@@ -123,10 +123,10 @@ def place_ratio(ratio: float) -> float:
 def breaks_first(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
     """For each parameter and engine the boundary that is met first, of all settings."""
     engines = list(dict.fromkeys(one.engine for one in found))
-    for knob in dict.fromkeys(one.knob for one in found):
-        own = [one for one in found if one.knob == knob]
+    for parameter in dict.fromkeys(one.parameter for one in found):
+        own = [one for one in found if one.parameter == parameter]
         yield {
-            "knob": knob,
+            "parameter": parameter,
             "cells": [first([one for one in own if one.engine == name]) for name in engines],
         }
 
@@ -137,8 +137,11 @@ def first(found: Sequence[Boundary]) -> dict[str, str]:
     if not found:
         return {"value": "—", "more": ""}
     if not lost:
-        return {"value": measured(min(found, key=lambda one: turned(one, one.reach))), "more": ""}
-    one = min(lost, key=lambda one: turned(one, end(one)) if one.found else 1.0)
+        return {
+            "value": measured(min(found, key=lambda one: factor_to(one, one.reach))),
+            "more": "",
+        }
+    one = min(lost, key=lambda one: factor_to(one, end(one)) if one.found else 1.0)
     silence = ", in silence" if one.silent else ""
     return {"value": measured(one), "more": f"{one.setting}: {one.limit}{silence}"}
 
@@ -172,7 +175,8 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
     for one in found:
         if one.holds != one.holds:
             yield (
-                f"{spoken(one.engine)}, {one.setting}: nothing to turn at {one.knob}, {one.failure}"
+                f"{spoken(one.engine)}, {one.setting}: {one.parameter} cannot be varied, "
+                f"{one.failure}"
             )
 
 
@@ -183,13 +187,13 @@ def solver_of(one: Boundary) -> str:
 
 
 def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:
-    """How far a parameter was turned, and where theory ends it."""
+    """How far a parameter was varied, and where theory ends it."""
     at = end(one)
-    dot = place(turned(one, at), 1.0, reach) if isfinite(at) and at > 0 else None
+    dot = place(factor_to(one, at), 1.0, reach) if isfinite(at) and at > 0 else None
     tick = None
     if isfinite(one.theory) and one.theory > 0:
-        tick = place(turned(one, one.theory), 1.0, reach)
-    said = f"{one.knob}, {solver_of(one)}: {measured(one)}"
+        tick = place(factor_to(one, one.theory), 1.0, reach)
+    said = f"{one.parameter}, {solver_of(one)}: {measured(one)}"
     if one.theory == one.theory:
         said += f"; theory {number(one.theory, 4)}"
     mark = "o" if one.found else "X" if one.unknown else ">"
@@ -225,10 +229,10 @@ def cells(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
         "engine": one.engine,
         "solver": solver_of(one),
         "css": tone.css,
-        "knob": one.knob,
+        "parameter": one.parameter,
         "start": number(one.start),
         "measured": measured(one),
-        "value": turned(one, at) if isfinite(at) and at > 0 else "",
+        "value": factor_to(one, at) if isfinite(at) and at > 0 else "",
         "theory": number(one.theory, 4),
         "ratio": number(one.ratio, 4),
         "ratio_value": one.ratio if one.ratio == one.ratio else "",

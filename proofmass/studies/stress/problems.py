@@ -238,7 +238,7 @@ def own_ones() -> Iterator[Sought]:
                 one.what,
                 engine,
                 one.setting,
-                one.knob,
+                one.parameter,
                 "1",
                 one.start,
                 one.reach,

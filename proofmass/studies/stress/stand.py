@@ -24,7 +24,7 @@ from proofmass.sim.protocol import BadModel, Curves, Engine, NotSolved, Scheme
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, observe
-from proofmass.studies.record import Knob, Setting
+from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Trial, Tried, told
 from proofmass.studies.stress.ways import in_steps
@@ -69,12 +69,12 @@ class Stand:
     @property
     def words(self) -> str:
         """Engine settings in short."""
-        return str(self.setting.knobs.get("integrator", "as in the model"))
+        return str(self.setting.parameters.get("integrator", "as in the model"))
 
     @property
     def step(self) -> float:
         """Time step [s] that the case asks for."""
-        return float(str(self.setting.knobs.get("timestep", compiled(self.case).opt.timestep)))
+        return float(str(self.setting.parameters.get("timestep", compiled(self.case).opt.timestep)))
 
     @property
     def seconds(self) -> float:
@@ -82,25 +82,25 @@ class Stand:
         x = grid(self.case, self.kind)
         return float(x[-1] - x[0])
 
-    def run(self, case: Case, **knobs: Knob) -> Measurement:
+    def run(self, case: Case, **parameters: ParameterValue) -> Measurement:
         """Run a changed case."""
-        task = StudyRun(case, self.kind, self.setting.but(**knobs), "stress")
+        task = StudyRun(case, self.kind, self.setting.but(**parameters), "stress")
         try:
             return tried(task, self.store, self.patience)
         except InputError as error:
             refused = self.engine.native and not is_compiled(case)
             return Measurement(outcome="refused" if refused else "no start", message=error.wrong)
 
-    def lost(self, case: Case, **knobs: Knob) -> Failure | None:
+    def lost(self, case: Case, **parameters: ParameterValue) -> Failure | None:
         """Run a changed case; why it is lost, or None."""
-        return judged(self.run(case, **knobs))
+        return judged(self.run(case, **parameters))
 
-    def tried(self, case: Case, **knobs: Knob) -> Tried:
+    def tried(self, case: Case, **parameters: ParameterValue) -> Tried:
         """Run a changed case; why it is lost, and the step that was taken."""
-        found = self.run(case, **knobs)
+        found = self.run(case, **parameters)
         return Tried(judged(found), found.step)
 
-    def stepped(self, case: Case, seconds: float, **knobs: Knob) -> Tried:
+    def stepped(self, case: Case, seconds: float, **parameters: ParameterValue) -> Tried:
         """Run a changed case for so long [s], in steps of just what is asked.
 
         Raises
@@ -108,8 +108,8 @@ class Stand:
         RuntimeError
             The engine took another step.
         """
-        step = float(str(knobs.get("timestep", self.step)))
-        found = self.tried(in_steps(case, seconds, step), **knobs)
+        step = float(str(parameters.get("timestep", self.step)))
+        found = self.tried(in_steps(case, seconds, step), **parameters)
         if not (isnan(found.step) or isclose(found.step, step, rel_tol=SAME)):
             raise RuntimeError(
                 f"{self.case.name}, {self.setting.engine}: took steps of "
@@ -119,23 +119,23 @@ class Stand:
 
     def integrated(
         self,
-        knob: str,
+        parameter: str,
         unit: str,
         start: float,
         reach: float,
-        trial: Callable[[dict[str, Knob], float], Tried],
+        trial: Callable[[dict[str, ParameterValue], float], Tried],
         schemes: Iterable[Scheme],
     ) -> Iterator[Sought]:
         """A boundary of this case for each scheme of the engine, where it has several."""
         if len(self.engine.schemes) < 2:
-            yield self.sought(knob, unit, start, reach, partial(trial, {}))
+            yield self.sought(parameter, unit, start, reach, partial(trial, {}))
             return
         for one in schemes:
-            yield self.sought(knob, unit, start, reach, partial(trial, one.settings), one.name)
+            yield self.sought(parameter, unit, start, reach, partial(trial, one.settings), one.name)
 
     def sought(
         self,
-        knob: str,
+        parameter: str,
         unit: str,
         start: float,
         reach: float,
@@ -148,7 +148,7 @@ class Stand:
             self.case.name,
             self.setting.engine,
             words or self.words,
-            knob,
+            parameter,
             unit,
             start,
             reach,

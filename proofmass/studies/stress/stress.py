@@ -1,4 +1,4 @@
-"""The study of extremes: how far everything can be turned, and what theory says to that.
+"""The study of extremes: how far each parameter can be varied, beside the theory's limits.
 
     store = Store(folder / "runs")
     with pool() as workers:
@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.studies.record import write_columns
 from proofmass.studies.run import Progress
@@ -28,10 +29,10 @@ COLUMNS = {
     "what": "name of the sidecar, or a small model whose limit theory knows, in words",
     "engine": "name of the engine",
     "setting": "integrator, or what else is set, in words",
-    "knob": "what was turned",
+    "parameter": "what was varied",
     "unit": "of all values in the row; times: of what the case has",
-    "start": "where it was turned from",
-    "reach": "how far it was turned at most",
+    "start": "its first value",
+    "reach": "its last value, if no run fails before",
     "holds": "the furthest value that held; empty if even `start` did not",
     "breaks": "the next that did not, at most 1 % further, 10 % if `limit` is ours; empty if all "
     "held",
@@ -71,7 +72,7 @@ def kept(sought: Sought, store: Store) -> Sought:
             sought.what,
             sought.engine,
             sought.setting,
-            sought.knob,
+            sought.parameter,
             versions(sought.engine),
             sources(),
             code,
@@ -107,7 +108,9 @@ def stress(
         for future in as_completed(futures):
             k = futures[future]
             found[k] = future.result()
-            progress(f"{asked[k].what} {asked[k].engine} {asked[k].knob}", len(found), len(asked))
+            progress(
+                f"{asked[k].what} {asked[k].engine} {asked[k].parameter}", len(found), len(asked)
+            )
     finally:
         for future in futures:
             future.cancel()
@@ -127,12 +130,27 @@ def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
 
 
 def read_boundaries(file: Path) -> list[Boundary]:
-    """The boundaries that `write_boundaries` wrote."""
+    """The boundaries that `write_boundaries` wrote.
+
+    Raises
+    ------
+    InputError
+        A column is missing, as in the table of an earlier version.
+    """
     kinds = get_type_hints(Boundary)
     with file.open(encoding="utf-8", newline="") as stream:
+        reader = csv.DictReader(stream)
+        for one in fields(Boundary):
+            if one.name not in (reader.fieldnames or ()):
+                raise InputError(
+                    file,
+                    "",
+                    f"no column {one.name!r}: not the table that this version writes; run "
+                    "proofmass stress with that folder again, which keeps its runs",
+                )
         return [
             Boundary(**{f.name: parsed(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
-            for cells in csv.DictReader(stream)
+            for cells in reader
         ]
 
 

@@ -7,7 +7,7 @@ from math import inf, isfinite
 
 from proofmass.engines import NoEngine, engine_of
 from proofmass.outcome import Outcome
-from proofmass.sim.protocol import Knob
+from proofmass.sim.protocol import ParameterValue
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.trade.choose import beside, enough, floor_at, would_need
 from proofmass.studies.trade.noise import interval, ties
@@ -187,28 +187,28 @@ def pasted(row: StudyRow) -> str:
     [settings.pymunk]
     timestep = 0.01
     """
-    knobs = dict(row.knobs)
-    if row.step > 0 and "timestep" in knobs:
-        knobs["timestep"] = row.step  # as it was taken: whole steps from sample to sample
+    parameters = dict(row.parameters)
+    if row.step > 0 and "timestep" in parameters:
+        parameters["timestep"] = row.step  # as it was taken: whole steps from sample to sample
     try:
         engine = engine_of(row.engine)
     except NoEngine:  # a table may have another machine's
-        return in_sidecar(row.engine, knobs)
+        return in_sidecar(row.engine, parameters)
     own = {}
-    if knobs.get("defaults"):
+    if parameters.get("defaults"):
         fields = engine.settings.model_fields
         own = {name: fields[name].default for name in engine.chooses if name in fields}
-    text = snippet(Setting(row.engine, {**own, **knobs}), row.steps)
-    return text or in_sidecar(row.engine, knobs)
+    text = snippet(Setting(row.engine, {**own, **parameters}), row.steps)
+    return text or in_sidecar(row.engine, parameters)
 
 
-def in_sidecar(engine: str, knobs: dict[str, Knob]) -> str:
+def in_sidecar(engine: str, parameters: dict[str, ParameterValue]) -> str:
     """Settings as TOML."""
-    lines = [f"{name} = {toml(value)}" for name, value in knobs.items() if name != "segments"]
+    lines = [f"{name} = {toml(value)}" for name, value in parameters.items() if name != "segments"]
     return "\n".join(["# in the sidecar", f"[settings.{engine}]", *lines])
 
 
-def toml(value: Knob) -> str:
+def toml(value: ParameterValue) -> str:
     """A value as TOML has it.
 
     >>> toml(True), toml((0.02, 1.0)), toml("RK4")

@@ -11,7 +11,7 @@ from itertools import takewhile
 from proofmass.case import Case
 from proofmass.engines import NoEngine, engine_of
 from proofmass.reference import compiled, grid, laws
-from proofmass.sim.protocol import Engine, Knob, Scan, Studied, scan_over
+from proofmass.sim.protocol import Engine, ParameterValue, Scan, Studied, scan_over
 from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import spoken
@@ -19,7 +19,7 @@ from proofmass.wording import spoken
 WORK = 6e4  # evaluations of forces in the longest run, so that lines end in the same place anywhere
 
 
-def size(engine: str, axis: str, value: Knob) -> float:
+def size(engine: str, axis: str, value: ParameterValue) -> float:
     """What errors fall with along an axis: a step or time constant [s], a share, a length."""
     try:
         return engine_of(engine).size(axis, value)
@@ -29,14 +29,14 @@ def size(engine: str, axis: str, value: Knob) -> float:
 
 @dataclass(frozen=True)
 class ConvergenceSeries:
-    """Settings of one engine that differ in one knob, from coarse to fine.
+    """Settings of one engine that differ in one parameter, from coarse to fine.
 
     Attributes
     ----------
     engine, name : str
         The name is unlike that of any other line of the run.
     axis : str
-        The knob.
+        The parameter.
     settings : tuple of Setting
     """
 
@@ -48,20 +48,20 @@ class ConvergenceSeries:
     @property
     def sizes(self) -> list[float]:
         """What its errors should fall with, setting by setting."""
-        return [size(self.engine, self.axis, one.knobs[self.axis]) for one in self.settings]
+        return [size(self.engine, self.axis, one.parameters[self.axis]) for one in self.settings]
 
     @property
     def scaled(self) -> bool:
         """Whether something else goes with the step: loops get harder with it."""
         first, *others = (
-            {k: v for k, v in one.knobs.items() if k != self.axis} for one in self.settings
+            {k: v for k, v in one.parameters.items() if k != self.axis} for one in self.settings
         )
         return self.axis == "timestep" and any(other != first for other in others)
 
     @property
     def scan(self) -> Scan:
         """The same as its engine has it."""
-        return Scan(self.name, self.axis, tuple(one.knobs for one in self.settings))
+        return Scan(self.name, self.axis, tuple(one.parameters for one in self.settings))
 
 
 def line_of(engine: str, scan: Scan) -> ConvergenceSeries:
@@ -132,7 +132,7 @@ def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
 
 def at_step(setting: Setting, step: float) -> Setting:
     """A setting with another time step [s], and what goes with it."""
-    return replace(setting, knobs=engine_of(setting.engine).at_step(setting.knobs, step))
+    return replace(setting, parameters=engine_of(setting.engine).at_step(setting.parameters, step))
 
 
 def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:

@@ -133,7 +133,7 @@ def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
         good,
         key=lambda row: (
             least[apart_from_iterations(row)],
-            float(str(row.knobs.get("iterations", 0))),
+            float(str(row.parameters.get("iterations", 0))),
             row.seconds,
         ),
     )
@@ -141,8 +141,8 @@ def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
 
 def apart_from_iterations(row: StudyRow) -> str:
     """What rows have in common that differ in a number of iterations only."""
-    said = {name: value for name, value in row.knobs.items() if name != "iterations"}
-    return repr((row.engine, "iterations" in row.knobs, sorted(said.items())))
+    said = {name: value for name, value in row.parameters.items() if name != "iterations"}
+    return repr((row.engine, "iterations" in row.parameters, sorted(said.items())))
 
 
 def best(
@@ -260,7 +260,7 @@ def beside(
 
 def default(row: StudyRow) -> bool:
     """Whether nothing but the time step differs from what the engine has by itself."""
-    return engine_of(row.engine).is_default(row.knobs)
+    return engine_of(row.engine).is_default(row.parameters)
 
 
 def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:

@@ -112,7 +112,7 @@ def planned(row: StudyRow, rows: Iterable[StudyRow]) -> float:
 
 def step(row: StudyRow) -> float:
     """Time step that was asked for [s]; NaN if none was."""
-    return float(str(row.knobs.get("timestep", np.nan)))
+    return float(str(row.parameters.get("timestep", np.nan)))
 
 
 def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
@@ -285,25 +285,25 @@ def trade_sheet(
 
 
 def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
-    """Errors over knobs other than the step: a column for each knob, coarse at the left."""
-    kinds, knobs = shown_kinds(rows), list(dict.fromkeys(row.axis for row in rows))
+    """Errors over parameters other than the step, a column each, coarse at the left."""
+    kinds, parameters = shown_kinds(rows), list(dict.fromkeys(row.axis for row in rows))
     looks = {name: looks[name] for name in map(name_of, rows)}
-    figure, axes = grid(kinds, len(knobs), len(looks), 2.4, 0.15)
+    figure, axes = grid(kinds, len(parameters), len(looks), 2.4, 0.15)
     legend(figure, looks, marks=False)
     for panels, kind in zip(axes, kinds, strict=True):
         shown = [row for row in rows if good(row, kind)]
-        for ax, knob in zip(panels, knobs, strict=True):
+        for ax, parameter in zip(panels, parameters, strict=True):
             ends = {}
-            for line in dict.fromkeys(name_of(row) for row in shown if row.axis == knob):
+            for line in dict.fromkeys(name_of(row) for row in shown if row.axis == parameter):
                 own = [row for row in shown if name_of(row) == line]
                 x = [turned(row) for row in own]
                 curve(ax, x, own, kind, looks[line])
                 ends[line] = x[-1], min(own[-1].errors[kind], LOST)
             scale(ax, [min(row.errors[kind], LOST) for row in shown])
-            label = label_of(next(row for row in rows if row.axis == knob))
+            label = label_of(next(row for row in rows if row.axis == parameter))
             if label:
                 ax.invert_xaxis()
-            ax.set_xlabel(label or knob)
+            ax.set_xlabel(label or parameter)
             letters(ax, ends, looks)
         panels[0].set_title(kind)
         panels[0].set_ylabel(SHARE)
@@ -337,12 +337,12 @@ def axis_of(rows: Iterable[StudyRow]) -> str:
 
 
 def turned(row: StudyRow) -> float:
-    """Where a knob stands: its size, if that has a name of its own."""
+    """Where a parameter stands: its size, if that has a name of its own."""
     return size(row.engine, row.axis, row.value) if label_of(row) else row.value
 
 
 def label_of(row: StudyRow) -> str:
-    """What the sizes along a line are called; empty where they are the knob's own values."""
+    """What the sizes along a line are called; empty where they are the parameter's own values."""
     try:
         return engine_of(row.engine).labels.get(row.axis, "")
     except NoEngine:  # a table may have another machine's
@@ -368,10 +368,10 @@ def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
     for row in rows:
         if name_of(row) in looks:
             continue
-        key = row.engine, str(row.knobs.get("integrator", "")).lower()
+        key = row.engine, str(row.parameters.get("integrator", "")).lower()
         markers.setdefault(key, len(markers))
         alike[key] = alike.get(key, -1) + 1
-        known = KNOWN.get(row.engine + ":default" * bool(row.knobs.get("defaults")))
+        known = KNOWN.get(row.engine + ":default" * bool(row.parameters.get("defaults")))
         looks[name_of(row)] = Look(
             known.colour if known else "#444444",
             DASHES[alike[key] % len(DASHES)],

@@ -61,9 +61,9 @@ def halvings(run: Kind, line: ConvergenceSeries, setting: Setting, own: float) -
         The model's time step [s], for a setting that has none.
     """
     if run != "dynamics":
-        n = int(str(setting.knobs["segments"]))
+        n = int(str(setting.parameters["segments"]))
         return [setting.but(segments=2 * n), setting.but(segments=4 * n)]
-    step = float(str(setting.knobs.get("timestep", own)))
+    step = float(str(setting.parameters.get("timestep", own)))
     return [
         at_step(setting, step / by) if line.scaled else setting.but(timestep=step / by)
         for by in (2, 4)
@@ -94,15 +94,20 @@ def probes(
                     "segments",
                     "twice as many segments",
                     case,
-                    setting.but(segments=2 * int(str(setting.knobs["segments"]))),
+                    setting.but(segments=2 * int(str(setting.parameters["segments"]))),
                 )
             ]
         )
     else:
-        causes = engine_of(setting.engine).causes(setting.knobs, studied(case), scaled)
+        causes = engine_of(setting.engine).causes(setting.parameters, studied(case), scaled)
         own = [
             Probe(
-                one.cause, one.move, case, Setting(setting.engine, one.knobs), one.better, one.whole
+                one.cause,
+                one.move,
+                case,
+                Setting(setting.engine, one.parameters),
+                one.better,
+                one.whole,
             )
             for one in causes
         ]
@@ -129,7 +134,9 @@ def of_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Probe]:
     table = case.run[run]
     if table.n is None:
         return
-    if run == "equilibrium" and table.n - 1 != (segments := int(str(setting.knobs["segments"]))):
+    if run == "equilibrium" and table.n - 1 != (
+        segments := int(str(setting.parameters["segments"]))
+    ):
         yield Probe(
             "sampling", "samples at the ends of links", sampled(case, run, segments + 1), setting
         )

@@ -35,7 +35,7 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     Parameters
     ----------
     setting : Setting
-        With the knobs as used: all that its engine chooses by itself.
+        With the parameters as used: all that its engine chooses by itself.
     steps : int
         Time steps of the run.
     model : path, optional
@@ -47,7 +47,7 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     str
         In the engine's own words, such as MJCF or Python.
     """
-    return engine_of(setting.engine).snippet(setting.knobs, steps, model)
+    return engine_of(setting.engine).snippet(setting.parameters, steps, model)
 
 
 PRINTED = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)

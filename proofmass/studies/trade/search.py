@@ -154,7 +154,7 @@ def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
                 line.name,
                 setter(own),
                 sample,
-                first=min(leading(own.knobs["timestep"]), sample),
+                first=min(leading(own.parameters["timestep"]), sample),
             )
     for name in there:
         if name in (engine or name):
@@ -171,7 +171,7 @@ def setter(own: Setting) -> Callable[[float], Setting]:
 
 def setting_of(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
     """Settings of an engine by their step."""
-    return lambda step: Setting(engine, {"timestep": step, **recipe.knobs(step)})
+    return lambda step: Setting(engine, {"timestep": step, **recipe.parameters(step)})
 
 
 def search(
@@ -247,7 +247,7 @@ def search(
         StudyRun(
             case,
             "dynamics",
-            Setting(row.engine, row.knobs),
+            Setting(row.engine, row.parameters),
             row.study,
             row.line,
             row.axis,

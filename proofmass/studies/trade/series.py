@@ -19,7 +19,7 @@ from proofmass.sim.protocol import leading
 from proofmass.strict import Kind
 from proofmass.studies import BUDGET, LONGEST
 from proofmass.studies.measure import StudyRun
-from proofmass.studies.record import NAN, Knob, Setting, StudyRow
+from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
 from proofmass.studies.run import row as row_of
 from proofmass.studies.store import Store, key_of, versions
 from proofmass.studies.trade.axes import ConvergenceSeries, at_step, lines
@@ -364,7 +364,7 @@ def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
 
 def scaled(row: StudyRow, step: float) -> Setting:
     """A setting with another step; what holds loops goes with the step, as it does on its line."""
-    return at_step(Setting(row.engine, dict(row.knobs, timestep=row.value)), step)
+    return at_step(Setting(row.engine, dict(row.parameters, timestep=row.value)), step)
 
 
 def known(
@@ -378,18 +378,18 @@ def known(
     there = {row.key for row in rows}
     own = [line for line in lines(case, kind) if line.engine == (only or line.engine)]
     for key, record in store.records(case.name, kind):
-        engine, knobs = str(record.get("engine")), record.get("knobs")
+        engine, parameters = str(record.get("engine")), record.get("parameters")
         if (
             key in there
             or engine not in {line.engine for line in own}
-            or (not isinstance(knobs, dict) or record.get("versions") != versions(engine))
+            or (not isinstance(parameters, dict) or record.get("versions") != versions(engine))
         ):
             continue
         setting = Setting(
             engine,
             {
                 name: tuple(value) if isinstance(value, list) else value
-                for name, value in knobs.items()
+                for name, value in parameters.items()
             },
         )
         task = StudyRun(case, kind, setting, "choose", *placed(setting, own))
@@ -402,20 +402,20 @@ def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str
     """The line that a setting is on, its axis and its value there; else a line of its own."""
     for line in own:
         first = line.settings[0]
-        value = setting.knobs.get(line.axis)
+        value = setting.parameters.get(line.axis)
         if line.engine != setting.engine or value is None or len(line.settings) < 2:
             continue
         there = at_step(first, leading(value)) if line.scaled else first.but(**{line.axis: value})
-        if same(there.knobs, setting.knobs):
+        if same(there.parameters, setting.parameters):
             return line.name, line.axis, leading(value)
-    step = setting.knobs.get("timestep", NAN)
+    step = setting.parameters.get("timestep", NAN)
     words = ", ".join(
-        f"{name} {value}" for name, value in setting.knobs.items() if name != "timestep"
+        f"{name} {value}" for name, value in setting.parameters.items() if name != "timestep"
     )
     return f"{spoken(setting.engine)}, {words or 'as in the model'}", "timestep", leading(step)
 
 
-def same(one: dict[str, Knob], other: dict[str, Knob]) -> bool:
+def same(one: dict[str, ParameterValue], other: dict[str, ParameterValue]) -> bool:
     """Whether two settings differ by no more than rounding."""
     if one.keys() != other.keys():
         return False

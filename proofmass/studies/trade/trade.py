@@ -118,7 +118,7 @@ class Lane:
             "trade",
             self.line.name,
             self.line.axis,
-            leading(setting.knobs[self.line.axis]),
+            leading(setting.parameters[self.line.axis]),
         )
 
     def row(self, size: float) -> StudyRow:
@@ -247,7 +247,7 @@ def halve(
             "floor",
             lane.line.name,
             "halved",
-            leading(setting.knobs["timestep" if lane.run == "dynamics" else "segments"]),
+            leading(setting.parameters["timestep" if lane.run == "dynamics" else "segments"]),
         )
         for (n, _), setting in asked
         for lane in (lanes[n],)

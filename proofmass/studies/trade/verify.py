@@ -21,7 +21,7 @@ from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.bounded import limited
 from proofmass.studies.measure import REFERENCE, StudyRun, shares
-from proofmass.studies.record import NAN, Knob, Setting, StudyRow
+from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.program import ProgramRun, drive_words, imposed, tried
 from proofmass.wording import number
@@ -139,7 +139,7 @@ def verify(
     compare : bool
         Whether the other ways are tried as well, if the first is good enough.
     """
-    setting = Setting(row.engine, row.knobs)
+    setting = Setting(row.engine, row.parameters)
     check = Check(NAN, NAN, "", setting)
     try:
         if kind == "dynamics":
@@ -263,7 +263,7 @@ def used_here(case: Case, setting: Setting) -> Setting:
     """The same, in this process."""
     changed, run = setting.applied(case, "dynamics")
     if engine_of(setting.engine).chooses == ("timestep",):  # it is known without a run
-        step = float(str(setting.knobs.get("timestep", compiled(changed).opt.timestep)))
+        step = float(str(setting.parameters.get("timestep", compiled(changed).opt.timestep)))
         return setting.but(timestep=run.steps(step)[1])
     return setting.but(**used(simulate(setting.engine, changed.model_path, run), setting))
 
@@ -283,7 +283,7 @@ def elsewhere(case: Case, kind: Kind, setting: Setting, of: str) -> float:
 def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
     """A run anew, with the snippet pasted where it is MJCF; and the setting as it was used."""
     case, run = setting.applied(case, kind)
-    there = engine_of(setting.engine).pasted(case.model_path, setting.knobs, steps)
+    there = engine_of(setting.engine).pasted(case.model_path, setting.parameters, steps)
     if there:
         text, said = there
         run = replace(run, settings={k: v for k, v in run.settings.items() if k not in said})
@@ -340,8 +340,8 @@ def from_start(case: Case, curves: Curves) -> Curves:
     )
 
 
-def used(curves: Curves, setting: Setting) -> dict[str, Knob]:
-    """What an engine stepped with, as knobs: chosen by itself, or fitted to the samples."""
+def used(curves: Curves, setting: Setting) -> dict[str, ParameterValue]:
+    """What an engine stepped with, as parameters: chosen by itself, or fitted to the samples."""
     return {
         name: value
         for name in engine_of(setting.engine).chooses

@@ -15,7 +15,7 @@ from proofmass.sim.mujoco.settings import PLACES, MujocoSettings, configure, nam
 from proofmass.sim.mujoco.snippet import pasted
 from proofmass.sim.protocol import Run
 from proofmass.solve import simulate
-from proofmass.studies.record import Knob, Setting
+from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import snippet
 from tests.shipped import shipped
 from tests.studies.trade.test_program import bare
@@ -30,13 +30,13 @@ SCENE = """<mujoco>
 <equality><connect name="pin" body1="a" anchor="0 0 0"/></equality></mujoco>"""
 
 
-def own(key: str) -> Knob:
+def own(key: str) -> ParameterValue:
     """A setting as MuJoCo has it by itself."""
-    value: Knob = MujocoSettings.model_fields[key].default
+    value: ParameterValue = MujocoSettings.model_fields[key].default
     return value
 
 
-def others(key: str) -> list[Knob]:
+def others(key: str) -> list[ParameterValue]:
     """Values of a setting that are not MuJoCo's own: of words all, of others one."""
     value = own(key)
     if isinstance(value, str):
@@ -106,7 +106,9 @@ def test_the_settings_of_mujoco_are_what_it_has_by_itself() -> None:
 
 
 @pytest.mark.parametrize(("key", "value"), EACH)
-def test_a_setting_is_written_as_it_is_applied(key: str, value: Knob, scene: Path) -> None:
+def test_a_setting_is_written_as_it_is_applied(
+    key: str, value: ParameterValue, scene: Path
+) -> None:
     """Also put back, in a file that says otherwise: MuJoCo merges options, and flags one by one."""
     told = in_run(scene, {key: value})
     assert read(told) != read(in_run(scene, {}))
@@ -125,7 +127,7 @@ def test_a_setting_is_written_as_it_is_applied(key: str, value: Knob, scene: Pat
 
 
 def test_a_snippet_leaves_to_the_sidecar_what_mujoco_has_no_word_for(scene: Path) -> None:
-    every: dict[str, Knob] = {key: others(key)[0] for key in SAID}
+    every: dict[str, ParameterValue] = {key: others(key)[0] for key in SAID}
     assert "sidecar" not in snippet(Setting("mujoco", every), 1, scene)
     assert "settings of the sidecar: settled = True" in snippet(
         Setting("mujoco", {**every, "settled": True}), 1, scene

@@ -169,14 +169,16 @@ def test_stronger_springs_need_proportional_moments(stand, engine, factor):
 def test_the_least_inertia_bounds_the_size(stand):
     """1e-14 kg m2 times s^2 against MuJoCo's 1e-15: s = 0.316."""
     sought, skipped = extremes(stand("pendulum").case, stand("pendulum").store)
-    smaller = next(s for s in sought if s.knob == "all lengths smaller" and s.engine == "mujoco")
+    smaller = next(
+        s for s in sought if s.parameter == "all lengths smaller" and s.engine == "mujoco"
+    )
     assert smaller.theory == pytest.approx(10**-0.5)
     found = smaller.find()
     assert found.ratio == pytest.approx(1.0, abs=0.01)
     assert (found.limit, found.silent) == (BoundaryKind.REFUSED, False)
     assert "mjMINVAL" in found.failure
     assert "stiffness: there is no spring and no rod" in skipped
-    assert {s.knob for s in sought} == {
+    assert {s.parameter for s in sought} == {
         "time step",
         "gravity",
         "spring in pivot",
@@ -195,7 +197,7 @@ def test_limit_positions_come_from_the_reference(stand, engine):
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
     way = next(near_singular.limits(replace(held, case=case)))
-    assert way.knob == "drive's way"
+    assert way.parameter == "drive's way"
     assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
     assert way.trial(0.99 * way.theory).failure is None
     assert way.trial(1.01 * way.theory).failure
@@ -213,7 +215,7 @@ def test_a_model_with_another_limit_position_is_noticed(stand):
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
     wrong = variants.with_model(case, held.models, change)
-    sought = next(s for s in extremes(wrong, held.store)[0] if s.knob == "drive's way")
+    sought = next(s for s in extremes(wrong, held.store)[0] if s.parameter == "drive's way")
     found = sought.find()
     assert found.ratio < 0.99
     assert "off by" in found.failure
@@ -286,7 +288,7 @@ def test_trials_are_made_once(tmp_path):
         count = len(tried)
         assert stress([kept(sought, Store(tmp_path))], workers) == first
         assert len(tried) == count > 5
-        stress([kept(replace(sought, knob="other"), Store(tmp_path))], workers)
+        stress([kept(replace(sought, parameter="other"), Store(tmp_path))], workers)
     assert len(tried) == 2 * count
 
 
@@ -391,7 +393,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     [
         (["nowhere.toml"], "nowhere.toml: no such file"),
         (["fourbar.xml"], "neither"),
-        (["--only", "colour"], "--only colour: no such knob"),
+        (["--only", "colour"], "--only colour: no such parameter"),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):

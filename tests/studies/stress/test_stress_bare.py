@@ -28,7 +28,7 @@ from proofmass.studies.stress.ways import in_steps, longer
 
 BARE = Path(__file__).parent / "bare"
 AGREE = 0.02
-PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
+PROBES = {f"{p.what}, {p.setting}, {p.parameter}": p for p in probes()}
 
 
 @cache

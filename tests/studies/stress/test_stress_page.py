@@ -1,12 +1,15 @@
 """The page of a stress study: what breaks first, and places of boundaries on their axis."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from proofmass.errors import InputError
 from proofmass.report.marks import MARKS, tones
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
-from proofmass.studies.stress.page import breaks_first, by_knob, far, ratio_of, strip_of
+from proofmass.studies.stress.page import breaks_first, by_parameter, far, ratio_of, strip_of
+from proofmass.studies.stress.stress import read_boundaries, write_boundaries
 
 FOUND = Boundary(
     "fourbar",
@@ -31,9 +34,9 @@ TONE = tones(["#0072B2"])["#0072B2"]
 
 
 def test_of_all_settings_the_boundary_that_is_met_first_is_told() -> None:
-    gravity = replace(HOLDS, engine="mujoco", knob="gravity", unit="times")
+    gravity = replace(HOLDS, engine="mujoco", parameter="gravity", unit="times")
     told = list(breaks_first([RK4, FOUND, HOLDS, gravity]))
-    assert [row["knob"] for row in told] == ["time step", "gravity"]
+    assert [row["parameter"] for row in told] == ["time step", "gravity"]
     assert told[0]["cells"] == [
         {"value": "0.1005 s", "more": "Euler: inaccurate, in silence"},
         {"value": "none to 1 s", "more": ""},
@@ -51,8 +54,8 @@ def test_what_does_not_hold_from_the_start_breaks_first() -> None:
 
 
 def test_boundaries_of_a_parameter_stand_side_by_side() -> None:
-    other = replace(FOUND, knob="gravity")
-    assert by_knob([FOUND, other, HOLDS]) == [FOUND, HOLDS, other]
+    other = replace(FOUND, parameter="gravity")
+    assert by_parameter([FOUND, other, HOLDS]) == [FOUND, HOLDS, other]
 
 
 def test_a_strip_tells_how_far_and_where_theory_is() -> None:
@@ -74,3 +77,13 @@ def test_ratios_stand_about_the_middle() -> None:
     off = replace(FOUND, theory=FOUND.measured / 1.02)
     low, wide = ratio_of(off, TONE).band or (0.0, 0.0)
     assert ratio_of(off, TONE).dot == pytest.approx(low + wide)  # at the end of what is near
+
+
+def test_a_table_of_an_earlier_version_is_named(tmp_path: Path) -> None:
+    """Its column `parameter` had another name."""
+    file = tmp_path / "stress.csv"
+    write_boundaries([FOUND], file)
+    assert [one.measured for one in read_boundaries(file)] == [FOUND.measured]
+    file.write_text(file.read_text().replace("parameter", "knob", 1))
+    with pytest.raises(InputError, match=r"no column 'parameter'.*run proofmass stress"):
+        read_boundaries(file)

@@ -36,7 +36,7 @@ def ran(monkeypatch):
     def given(found: Measurement) -> list[tuple]:
         asked: list[tuple] = []
         monkeypatch.setattr(
-            Stand, "run", lambda self, case, **knobs: asked.append((case, knobs)) or found
+            Stand, "run", lambda self, case, **parameters: asked.append((case, parameters)) or found
         )
         return asked
 
@@ -54,15 +54,15 @@ def test_a_trial_tells_why_it_is_lost_and_in_which_steps(own, ran):
 
 
 @pytest.mark.parametrize(
-    ("knobs", "step"),
+    ("parameters", "step"),
     [({}, 1e-3), ({"timestep": 3e-3}, 3e-3), ({"timestep": 3e-3, "iterations": 7}, 3e-3)],
 )
-def test_a_run_in_steps_takes_just_those_that_are_asked_for(knobs, step, own, ran):
+def test_a_run_in_steps_takes_just_those_that_are_asked_for(parameters, step, own, ran):
     """Its samples are whole steps apart; a step of the model is one as well."""
     asked = ran(Measurement(step=step * (1 + 1e-10)))
-    assert own.stepped(OTHER, 2.0, **knobs) == Tried(None, step * (1 + 1e-10))
+    assert own.stepped(OTHER, 2.0, **parameters) == Tried(None, step * (1 + 1e-10))
     ((case, given),) = asked
-    assert given == knobs
+    assert given == parameters
     assert case.title == "changed"
     run = case.run["dynamics"]
     steps = run.until / step / (run.n - 1)
@@ -87,8 +87,8 @@ def test_a_boundary_is_sought_in_each_scheme_of_an_engine_that_has_several(own, 
     """With one scheme, what is set is what there is; with two, each has its boundary."""
     schemes = [SimpleNamespace(name=name, settings={"integrator": name}) for name in "ab"]
 
-    def trial(knobs, x):
-        return Tried(Failure(f"{knobs}", BoundaryKind.UNSTABLE))
+    def trial(parameters, x):
+        return Tried(Failure(f"{parameters}", BoundaryKind.UNSTABLE))
 
     for n, words in ((1, ["RK4"]), (2, ["a", "b"])):
         monkeypatch.setattr(

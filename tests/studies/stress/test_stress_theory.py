@@ -12,7 +12,7 @@ from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Sought
 from proofmass.studies.stress.problems import probes, stepping, wheel
 
-PROBES = {f"{p.what}, {p.setting}, {p.knob}": p for p in probes()}
+PROBES = {f"{p.what}, {p.setting}, {p.parameter}": p for p in probes()}
 QUICK = [
     "spring on a hinge, ζ = 0.3, Euler, dt ω",
     "spring on a hinge, ζ = 1, implicitfast, dt ω",
@@ -33,7 +33,7 @@ def near(sought: Sought) -> bool:
     The rest is how long a model is stepped: what grows slowly is lost a little beyond the limit.
     """
     found = sought.find()
-    if sought.knob in ("dt ω", "dt √(k/m)", "dt kv/I"):
+    if sought.parameter in ("dt ω", "dt √(k/m)", "dt kv/I"):
         assert found.step == pytest.approx(found.holds, rel=1e-12)  # what the engine took
     return abs(found.ratio - 1.0) <= 0.02
 

@@ -54,7 +54,7 @@ def fourbar() -> Case:
 
 def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
     """A run that gives again what was measured."""
-    return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.knobs))
+    return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.parameters))
 
 
 def chosen(case: Case, rows: list[StudyRow], wanted: float, **asked: object):
@@ -227,7 +227,7 @@ def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
     """Each solver of the run that has settings, with what `check` runs it with."""
     case = load_case(shipped(f"{name}.toml"))
     step = compiled(case).opt.timestep
-    tried = [(s.engine, s.knobs) for line in lines(case, "dynamics") for s in line.settings]
+    tried = [(s.engine, s.parameters) for line in lines(case, "dynamics") for s in line.settings]
     for solver in case.run["dynamics"].solvers:
         engine, _, variant = solver.partition(":")
         if variant != "default":
@@ -272,7 +272,7 @@ def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
     assert found.exit_code == 0, found.output
 
 
-KNOBS = [
+PARAMETERS = [
     {
         "timestep": 1e-3 / 3,
         "integrator": "EULER",
@@ -289,7 +289,7 @@ KNOBS = [
 ]
 
 
-@pytest.mark.parametrize("knobs", KNOBS)
+@pytest.mark.parametrize("parameters", PARAMETERS)
 @pytest.mark.parametrize(
     "own",
     [
@@ -299,7 +299,7 @@ KNOBS = [
         ' class="soft" solref="0.5 2" solimp="0.8 0.9 0.002 0.4 3"',
     ],
 )
-def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) -> None:
+def test_a_pasted_snippet_is_the_setting(parameters: dict, own: str, tmp_path: Path) -> None:
     """The compiled options are, to the last bit, what `configure` writes."""
     file = tmp_path / "fourbar.xml"
     text = shipped("fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
@@ -308,18 +308,18 @@ def test_a_pasted_snippet_is_the_setting(knobs: dict, own: str, tmp_path: Path) 
         "</default></default><worldbody>"
     )
     file.write_text(text.replace("<worldbody>", soft, 1))
-    lines = snippet(Setting("mujoco", knobs), 0, file)
+    lines = snippet(Setting("mujoco", parameters), 0, file)
     merged = mujoco.MjModel.from_xml_string(pasted(file, lines))
     wanted = mujoco.MjModel.from_xml_path(str(file))
-    configure(wanted, {k: v for k, v in knobs.items() if k != "solver"})
-    if "solver" in knobs:
+    configure(wanted, {k: v for k, v in parameters.items() if k != "solver"})
+    if "solver" in parameters:
         wanted.opt.solver = mujoco.mjtSolver.mjSOL_CG
     for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian"):
         assert getattr(merged.opt, name) == getattr(wanted.opt, name), name
     assert np.array_equal(merged.eq_solref, wanted.eq_solref)
     assert np.array_equal(merged.eq_solimp, wanted.eq_solimp)
-    wins = "class" in own or {"solref", "defaults"} & set(knobs)
-    softens = {"solref", "solimp", "defaults"} & set(knobs)
+    wins = "class" in own or {"solref", "defaults"} & set(parameters)
+    softens = {"solref", "solimp", "defaults"} & set(parameters)
     assert ("in itself" in lines) == bool(own and wins and softens)
 
 
@@ -328,15 +328,15 @@ def test_lines_for_pymunk_step_a_space() -> None:
     body = pymunk.Body(1.0, 1.0)
     pin = pymunk.PivotJoint(body, space.static_body, (0.0, 0.0))
     space.add(body, pin)
-    knobs = {"timestep": 0.25, "iterations": 37, "error_bias": 0.5}
-    exec(snippet(Setting("pymunk", knobs), 9), {"space": space})
+    parameters = {"timestep": 0.25, "iterations": 37, "error_bias": 0.5}
+    exec(snippet(Setting("pymunk", parameters), 9), {"space": space})
     assert (space.iterations, pin.error_bias, space.current_time_step) == (37, 0.5, 0.25)
     body.velocity = 1.0, 0.0
     free = pymunk.Space()
     loose = pymunk.Body(1.0, 1.0)
     loose.velocity = 1.0, 0.0
     free.add(loose)
-    exec(snippet(Setting("pymunk", knobs), 9), {"space": free})
+    exec(snippet(Setting("pymunk", parameters), 9), {"space": free})
     assert loose.position.x == pytest.approx(9 * 0.25)  # as many steps as asked for
 
 
@@ -381,15 +381,15 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
         2e-3,
         {"timestep": 2e-3, "integrator": "RK4"},
     )
-    curves = shifted(case, "dynamics", Setting("mujoco", row.knobs))
-    whole, _ = fresh(case, "dynamics", Setting("mujoco", row.knobs), 0)
+    curves = shifted(case, "dynamics", Setting("mujoco", row.parameters))
+    whole, _ = fresh(case, "dynamics", Setting("mujoco", row.parameters), 0)
     width = whole.x[1] - whole.x[0]
     assert curves.x == pytest.approx(whole.x[:-1] + PART * width, abs=1e-12)
     check = verify(case, "dynamics", row, "position", 1e-6)
     assert 0 < check.fresh < 1e-6  # README: RK4 at 1 ms is 1e-8 off, and 16 times that at 2 ms
     assert 0 < check.shifted < 1e-6
     assert check.shifted != check.fresh
-    assert check.used.knobs["timestep"] == whole.settings["timestep"]
+    assert check.used.parameters["timestep"] == whole.settings["timestep"]
 
 
 def test_no_other_start_is_said() -> None:
@@ -425,8 +425,8 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
     assert "position within 1e-4 of its range" in text
     merged = mujoco.MjModel.from_xml_string(pasted(shipped("fourbar.xml"), text))
     assert merged.opt.timestep == 0.0005
-    knobs = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
-    rows = [replace(row, engine="pymunk", knobs=knobs) for row in rows]
+    parameters = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
+    rows = [replace(row, engine="pymunk", parameters=parameters) for row in rows]
     exec(printed(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
 
 
@@ -479,7 +479,7 @@ def test_fewer_iterations_come_first() -> None:
     """Though the clock says otherwise by a little; not before what is cheaper by its step."""
     one = line("a")[0]
     rows = [
-        replace(one, line=name, seconds=seconds, knobs={"timestep": step, "iterations": count})
+        replace(one, line=name, seconds=seconds, parameters={"timestep": step, "iterations": count})
         for name, seconds, step, count in (
             ("many", 0.10, 1e-3, 10),
             ("few", 0.11, 1e-3, 3),
@@ -515,7 +515,7 @@ def at(
     engine: str = "mujoco",
     outcome: str = "ran",
     message: str = "",
-    **knobs: object,
+    **parameters: object,
 ) -> StudyRow:
     return StudyRow(
         "trade",
@@ -525,7 +525,7 @@ def at(
         line,
         "timestep",
         value,
-        {"timestep": value, **knobs},
+        {"timestep": value, **parameters},
         {"position": error},
         {},
         seconds,

@@ -47,7 +47,9 @@ def errors(case, folder, change=lambda setting: setting):
     )
     assert all(row.errors for row in rows), [row.message for row in rows]
     return {
-        kind: [(s.knobs["timestep"], row.errors[kind]) for s, row in zip(pair, rows, strict=True)]
+        kind: [
+            (s.parameters["timestep"], row.errors[kind]) for s, row in zip(pair, rows, strict=True)
+        ]
         for kind in rows[0].errors
     }
 
@@ -64,7 +66,7 @@ def test_pymunk_is_second_order(name, tmp_path):
 
 def test_pymunk_with_its_bias_is_not(tmp_path):
     def biased(setting):
-        return replace(setting, knobs={**setting.knobs, "error_bias": 0.9**60})
+        return replace(setting, parameters={**setting.parameters, "error_bias": 0.9**60})
 
     found = errors(CASES["slider_crank"], tmp_path, biased)
     assert order(*found["position"]) < ORDER

@@ -70,7 +70,7 @@ class World:
                 task.line,
                 "timestep",
                 task.value,
-                dict(task.setting.knobs),
+                dict(task.setting.parameters),
                 {"position": scale * task.value**order + floor},
                 seconds=cost * steps,
                 steps=steps,
@@ -184,7 +184,7 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
 
 def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
     """By the square of the step: a hundredth of the error is a tenth of the step, and its loops."""
-    knobs = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
+    parameters = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
     row = StudyRow(
         "choose",
         "fourbar",
@@ -193,13 +193,13 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
         "RK4",
         "timestep",
         SAMPLE,
-        knobs,
+        parameters,
         {"position": 1e-8},
         seconds=1.0,
     )
     (task,) = finer_for_drives(fourbar, [(row, 1e-2)], 1e-4)
     assert SAMPLE / 14 < task.value <= SAMPLE * (0.8 * 1e-2) ** 0.5
-    assert task.setting.knobs["solref"] == pytest.approx((4 * task.value, 1.0))
+    assert task.setting.parameters["solref"] == pytest.approx((4 * task.value, 1.0))
     assert not finer_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
     many = [(replace(row, seconds=float(k)), 1e-2) for k in (5, 1, 4, 2, 3)]
     assert len(finer_for_drives(fourbar, many, 1e-4)) == module.BEST
@@ -253,5 +253,5 @@ def test_few_iterations_come_with_a_bias(fourbar):
     ]
     assert len(found) == 1
     for step in (1e-2, 1e-3):
-        bias = found[0].at(step).knobs["error_bias"]
+        bias = found[0].at(step).parameters["error_bias"]
         assert bias**step == pytest.approx(0.99, rel=1e-12)

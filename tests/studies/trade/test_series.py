@@ -36,7 +36,7 @@ CASE = load_case(shipped("fourbar.toml"))
 
 
 def steps(
-    engine: str = "mujoco", name: str = "plain", per: float = 0.0, **knobs
+    engine: str = "mujoco", name: str = "plain", per: float = 0.0, **parameters
 ) -> ConvergenceSeries:
     """A line of four steps, with a `solref` of so many of them."""
     return ConvergenceSeries(
@@ -48,7 +48,7 @@ def steps(
                 engine,
                 {
                     "timestep": 0.1 / 2**k,
-                    **knobs,
+                    **parameters,
                     **({"solref": (per * 0.1 / 2**k, 1.0)} if per else {}),
                 },
             )
@@ -271,12 +271,12 @@ def test_the_price_of_a_promise_is_that_of_its_steps():
 
 
 def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
-    knobs = {"integrator": "RK4", "solref": (8e-3, 1.0)}
-    coarse = StudyRow("trade", "", "dynamics", "mujoco", "", "timestep", 1e-3, knobs)
+    parameters = {"integrator": "RK4", "solref": (8e-3, 1.0)}
+    coarse = StudyRow("trade", "", "dynamics", "mujoco", "", "timestep", 1e-3, parameters)
     found = scaled(coarse, 2.5e-4)
     assert found.engine == "mujoco"
-    assert found.knobs == {"integrator": "RK4", "timestep": 2.5e-4, "solref": (2e-3, 1.0)}
-    assert coarse.knobs == knobs, "the row keeps its own"
+    assert found.parameters == {"integrator": "RK4", "timestep": 2.5e-4, "solref": (2e-3, 1.0)}
+    assert coarse.parameters == parameters, "the row keeps its own"
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_settings_are_the_same_that_differ_by_rounding_only(one, other, alike):
     assert same(other, one) is alike
 
 
-def test_a_setting_is_on_the_first_line_whose_other_knobs_are_its_own():
+def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
     own = [
         steps("pymunk"),
         ConvergenceSeries("mujoco", "alone", "timestep", (Setting("mujoco", {"timestep": 1e-3}),)),
@@ -315,8 +315,8 @@ def test_a_setting_is_on_the_first_line_whose_other_knobs_are_its_own():
         steps(name="again"),
     ]
 
-    def at(engine: str = "mujoco", **knobs) -> tuple[str, str, float]:
-        return placed(Setting(engine, knobs), own)
+    def at(engine: str = "mujoco", **parameters) -> tuple[str, str, float]:
+        return placed(Setting(engine, parameters), own)
 
     assert at(timestep=1e-3) == ("Euler", "timestep", 1e-3)
     assert at(timestep=1e-3, integrator="RK4") == ("RK4", "timestep", 1e-3)
@@ -344,7 +344,7 @@ def test_a_setting_of_a_line_whose_loops_go_with_the_step_has_theirs():
     assert placed(off, [hard]) == ("MuJoCo, solref (0.8, 1.0)", "timestep", 1e-3)
 
 
-def test_a_setting_is_placed_by_the_knob_that_its_line_varies():
+def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
     """The first number of one that has several."""
     softer = ConvergenceSeries(
         "mujoco",
@@ -409,7 +409,7 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
         shared=found[own].shared,
         step=found[own].step,
     )
-    assert found[other].knobs == FINE.knobs, "a tuple, which the file has as a list"
+    assert found[other].parameters == FINE.parameters, "a tuple, which the file has as a list"
     assert found[other].line == "MuJoCo, integrator RK4, solref (0.02, 1.0)"
 
 
@@ -436,9 +436,9 @@ def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypa
     save(store, FINE, run="sweep")
     save(store, FINE.but(integrator="Euler"), outcome=Outcome.DIVERGED)
     save(store, Setting("pymunk", {"timestep": 1e-3}))
-    no_knobs = save(store, FINE.but(timestep=1e-4))
-    file = store.file(no_knobs, 0)
-    file.write_text(file.read_text().replace('"knobs": {', '"knobs": 3, "were": {'))
+    no_parameters = save(store, FINE.but(timestep=1e-4))
+    file = store.file(no_parameters, 0)
+    file.write_text(file.read_text().replace('"parameters": {', '"parameters": 3, "were": {'))
     good = save(store, FINE)
     now = series.versions
     monkeypatch.setattr(

@@ -19,9 +19,9 @@ CASE = load_case(shipped("fourbar.toml"))
 NEEDED = 1e-9
 
 
-def coarse(name="RK4", order=2.0, seconds=1e-5, scale=1.0, **knobs):
+def coarse(name="RK4", order=2.0, seconds=1e-5, scale=1.0, **parameters):
     """A line without its fine half: its last step is 1 ms."""
-    return line(name, order=order, scale=scale, cost=seconds, **knobs)[:5]
+    return line(name, order=order, scale=scale, cost=seconds, **parameters)[:5]
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
@@ -88,7 +88,7 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
 def test_a_setting_finds_its_line_with_what_goes_with_its_step():
     there = lines(CASE, "dynamics")
     hard = next(one for one in there if one.name == "MuJoCo RK4, solref 8 steps")
-    knobs = dict(hard.settings[0].knobs, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
-    assert placed(Setting("mujoco", knobs), there) == (hard.name, "timestep", 1.7e-5)
-    knobs["solref"] = (9 * 1.7e-5, 1.0)
-    assert placed(Setting("mujoco", knobs), there)[0].startswith("MuJoCo, integrator RK4")
+    parameters = dict(hard.settings[0].parameters, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
+    assert placed(Setting("mujoco", parameters), there) == (hard.name, "timestep", 1.7e-5)
+    parameters["solref"] = (9 * 1.7e-5, 1.0)
+    assert placed(Setting("mujoco", parameters), there)[0].startswith("MuJoCo, integrator RK4")

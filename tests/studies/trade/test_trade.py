@@ -241,14 +241,14 @@ def test_a_slope_that_changes_is_no_order():
 
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
-def test_lines_go_from_coarse_to_fine_and_differ_in_one_knob(name):
+def test_lines_go_from_coarse_to_fine_and_differ_in_one_parameter(name):
     case = load_case(shipped(f"{name}.toml"))
     found = lines(case, next(k for k in ("dynamics", "equilibrium", "sweep") if k in case.run))
     assert len({line.name for line in found}) == len(found)
     for line in found:
         assert np.all(np.diff(line.sizes) < 0), line.name
         for a, b in zip(line.settings, line.settings[1:], strict=False):
-            changed = {k for k in a.knobs if a.knobs[k] != b.knobs[k]}
+            changed = {k for k in a.parameters if a.parameters[k] != b.parameters[k]}
             assert changed <= {line.axis, "solref"}, line.name
             assert "solref" not in changed - {line.axis} or line.scaled
 

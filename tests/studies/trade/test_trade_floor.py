@@ -232,7 +232,7 @@ def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
 
 def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
     biased = {
-        p.move: p.setting.knobs["error_bias"]
+        p.move: p.setting.parameters["error_bias"]
         for p in probes(FOURBAR, "dynamics", Setting("pymunk", {"error_bias": 0.5}), tmp_path)
         if "bias" in p.cause
     }
@@ -249,11 +249,11 @@ def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
     hard = STIFF.but(solref=(4e-3, 1.0))
     found = {p.cause: p for p in probes(FOURBAR, "dynamics", hard, tmp_path)}
     assert found["softness of the loops, solimp"].better is False
-    assert found["softness of the loops"].setting.knobs["solref"] == (8e-3, 1.0)
+    assert found["softness of the loops"].setting.parameters["solref"] == (8e-3, 1.0)
     soft = Setting("mujoco", {"defaults": True, "timestep": 1e-3})
     found = {p.cause: p for p in probes(FOURBAR, "dynamics", soft, tmp_path)}
     assert found["softness of the loops, solimp"].better is True
-    assert found["softness of the loops"].setting.knobs["solref"] == (0.01, 1.0)
+    assert found["softness of the loops"].setting.parameters["solref"] == (0.01, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -75,8 +75,8 @@ def test_the_step_that_was_taken_is_pasted() -> None:
 
 
 def test_defaults_of_pymunk_are_pasted_with_their_numbers() -> None:
-    knobs = {"timestep": 0.01, "defaults": True}
-    row = StudyRow("", "", "", "pymunk", "", "timestep", 0.01, knobs, steps=100)
+    parameters = {"timestep": 0.01, "defaults": True}
+    row = StudyRow("", "", "", "pymunk", "", "timestep", 0.01, parameters, steps=100)
     assert "space.iterations = 10\n" in pasted(row)
 
 

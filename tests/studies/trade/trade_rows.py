@@ -16,7 +16,7 @@ def line(
     scale: float = 100.0,
     floor: float = 0.0,
     cost: float = 1e-5,
-    **knobs: object,
+    **parameters: object,
 ) -> list[StudyRow]:
     """Errors scale * step^order + floor; a step costs `cost` seconds; rates are 10 times as far off
     and accelerations 100 times."""
@@ -32,7 +32,7 @@ def line(
                 name,
                 "timestep",
                 dt,
-                {"timestep": dt, **knobs},
+                {"timestep": dt, **parameters},
                 {"position": error, "rate": 10 * error, "acceleration": 100 * error},
                 {"violation": 1e-3 * error},
                 steps * cost,
