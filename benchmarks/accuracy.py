@@ -20,7 +20,7 @@ from matplotlib import rc_context
 
 from benchmarks import ROOT, accuracy_sheet, command, folders
 from benchmarks.accuracy_far import far
-from benchmarks.accuracy_lines import causes, orders
+from benchmarks.accuracy_series import causes, orders
 from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.report.figures import save

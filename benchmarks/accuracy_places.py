@@ -14,8 +14,8 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.studies.measure import deviations, simulate
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.trade.axes import lines
-from proofmass.studies.trade.series import Track, clear
+from proofmass.studies.trade.series import MeasuredSeries, clear
+from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 
 COUNTS = 0.01
@@ -29,15 +29,15 @@ def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[StudyRow]) -> 
     ----------
     case : Case
     verdict : Verdict
-        Of a line of it, in one kind of error.
+        Of a convergence series of it, in one kind of error.
     rows : sequence of Row
-        Those of that line.
+        Those of that series.
     """
-    line = next(one for one in lines(case, verdict.run) if one.name == verdict.line)
-    track = Track(line, list(rows))
+    series = next(one for one in list_series(case, verdict.run) if one.name == verdict.series)
+    measured = MeasuredSeries(series, list(rows))
     errors = [
-        (size, everywhere(case, verdict, line.settings[track.place(size)]))
-        for size, _ in clear(track.points(verdict.kind))
+        (size, everywhere(case, verdict, series.settings[measured.place(size)]))
+        for size, _ in clear(measured.points(verdict.kind))
     ]
     return [
         float(np.median(np.log(a[both] / b[both]))) / log(coarse / fine)

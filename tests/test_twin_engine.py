@@ -22,7 +22,7 @@ from proofmass.studies.record import read_table
 from proofmass.studies.store import versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.stress import read_boundaries
-from proofmass.studies.trade import axes
+from proofmass.studies.trade import varied
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.wording import spoken
 from proofmass.worker import dismiss
@@ -175,14 +175,14 @@ def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
 def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(axes, "WORK", 1.6e3)
+    monkeypatch.setattr(varied, "WORK", 1.6e3)
     run("trade", written(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
     rows = read_table(tmp_path / "trade" / "trade.csv")
     assert {(row.engine, row.outcome) for row in rows} == {("bare", "ran")}
     verdict = next(
         v
         for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
-        if (v.line, v.kind) == ("Bare", "position")
+        if (v.series, v.kind) == ("Bare", "position")
     )
     assert verdict.reached.startswith("order 2")  # as pymunk's
     assert verdict.expected != verdict.expected  # theory promises none
@@ -194,7 +194,7 @@ def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
 def test_trade_knows_the_orders_of_the_twin(site: Path, tmp_path: Path) -> None:
     run("trade", written(tmp_path, "twin"), "-o", tmp_path / "trade")
     found = {
-        v.line: v
+        v.series: v
         for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
         if v.kind == "position"
     }

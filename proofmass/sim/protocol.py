@@ -383,26 +383,26 @@ class Studied:
 
 @dataclass(frozen=True)
 class Scan:
-    """Settings that differ in one of them, `axis`, from coarse to fine.
+    """Settings that differ in one of them, the `varied` one, from coarse to fine.
 
     Attributes
     ----------
     name : str
         Unlike that of any other scan of the engine.
-    axis : str
+    varied : str
     settings : tuple of dict
     """
 
     name: str
-    axis: str
+    varied: str
     settings: tuple[dict[str, ParameterValue], ...]
 
 
 def scan_over(
-    base: ParameterValues, name: str, axis: str, values: Sequence[ParameterValue]
+    base: ParameterValues, name: str, varied: str, values: Sequence[ParameterValue]
 ) -> Scan:
     """A scan over one of the settings."""
-    return Scan(name, axis, tuple({**base, axis: value} for value in values))
+    return Scan(name, varied, tuple({**base, varied: value} for value in values))
 
 
 @dataclass(frozen=True)
@@ -582,9 +582,9 @@ class Engine:
             if name in fields and name not in ("timestep", "defaults")
         )
 
-    def size(self, axis: str, value: ParameterValue) -> float:
+    def size(self, varied: str, value: ParameterValue) -> float:
         """What errors should fall with along a scan: as in `sizes`, or one over the value."""
-        return self.sizes[axis](value) if axis in self.sizes else 1.0 / leading(value)
+        return self.sizes[varied](value) if varied in self.sizes else 1.0 / leading(value)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
         """Settings with another time step [s], and with what is to go with it."""

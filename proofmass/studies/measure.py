@@ -181,7 +181,7 @@ class StudyRun:
         Which of its runs.
     setting : Setting
         The engine and its parameters.
-    study, line, axis, value
+    study, series, varied, value
         See `Row`.
     reference : path, optional
         Where the reference of a free motion is kept, or shall be.
@@ -191,8 +191,8 @@ class StudyRun:
     run: Kind
     setting: Setting
     study: str = ""
-    line: str = ""
-    axis: str = ""
+    series: str = ""
+    varied: str = ""
     value: float = NAN
     reference: Path | None = None
 

@@ -79,9 +79,9 @@ class StudyRow:
         trade, choose, stress or diet.
     case, run, engine : str
         What was run.
-    line, axis : str
-        Which line of the study's figure the run belongs to (all parameters but one, in
-        words), and the parameter that changes along it.
+    series, varied : str
+        The convergence series that the run belongs to (all parameters but one, in words), and
+        the parameter that is varied.
     value : float
         Of that parameter.
     parameters : dict of str to ParameterValue
@@ -123,8 +123,8 @@ class StudyRow:
     case: str
     run: str
     engine: str
-    line: str
-    axis: str
+    series: str
+    varied: str
     value: float
     parameters: dict[str, ParameterValue] = field(default_factory=dict)
     errors: dict[str, float] = field(default_factory=dict)
@@ -158,8 +158,8 @@ COLUMNS = {
     "case": "name of the sidecar",
     "run": "sweep, dynamics or equilibrium",
     "engine": "name of the engine",
-    "line": "the parameters that stay, in words: which line of a figure the run belongs to",
-    "axis": "the parameter that changes along the line",
+    "series": "convergence series that the run belongs to: the parameters that stay, in words",
+    "varied": "the parameter that differs from run to run in the series",
     "value": "of that parameter",
     "parameter": "its value in the engine, timestep [s]; segments of all rods; a tuple is a JSON "
     "array",
@@ -219,9 +219,14 @@ def read_table(file: Path) -> list[StudyRow]:
     try:
         with file.open(encoding="utf-8", newline="") as stream:
             reader = csv.DictReader(stream)
-            for name in ("study", "case", "run", "engine", "line", "axis", "value"):
+            for name in ("study", "case", "run", "engine", "series", "varied", "value"):
                 if name not in (reader.fieldnames or ()):
-                    raise InputError(file, "", f"not the table of a study: no column {name!r}")
+                    raise InputError(
+                        file,
+                        "",
+                        f"not the table of a study: no column {name!r}; if an earlier version "
+                        "wrote it, run the study again",
+                    )
             return [parsed(cells) for cells in reader]
     except OSError as error:
         raise InputError(file, "", f"no table there: {error.strerror}") from None
@@ -232,7 +237,7 @@ def table(rows: Sequence[StudyRow]) -> str:
 
     >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4", "timestep", 0.01,
     ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
-    study,case,run,engine,line,axis,value,parameter.timestep,error.position
+    study,case,run,engine,series,varied,value,parameter.timestep,error.position
     """
     cells = [flat(row) for row in rows]
     there = dict.fromkeys(name for row in cells for name in row)

@@ -16,15 +16,15 @@ from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.figure import (
     FRONT,
     dressed,
+    other_parameters_sheet,
     planned,
     spread,
     trade_sheet,
-    turn_sheet,
 )
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import Verdict, front
-from tests.studies.trade.trade_rows import line, study, verdict
+from tests.studies.trade.trade_rows import series_rows, study, verdict
 
 NAN = float("nan")
 
@@ -78,7 +78,7 @@ def test_rods_are_drawn_over_their_segments() -> None:
         )
         for n in (10, 20, 40)
     ]
-    told = [replace(v, case="rod", line="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
+    told = [replace(v, case="rod", series="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
     left, right = drawn(rows, told).axes
     assert list(right.lines[0].get_xdata()) == [10, 20, 40]
     assert right.get_xlabel() == "segments"
@@ -150,7 +150,7 @@ def test_triangles_have_the_expected_slopes(sheet: Figure) -> None:
 
 
 def test_an_order_that_no_line_shows_has_no_triangle() -> None:
-    figure = drawn(line("flat", order=1.0, scale=1e-6, floor=1e-3), verdict("flat", 4.0))
+    figure = drawn(series_rows("flat", order=1.0, scale=1e-6, floor=1e-3), verdict("flat", 4.0))
     assert not figure.axes[1].patches
 
 
@@ -175,7 +175,8 @@ def test_failures_are_crosses_at_the_upper_edge(sheet: Figure) -> None:
 
 def test_nothing_but_failures_can_be_drawn() -> None:
     rows = [
-        replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0) for row in line("lost")
+        replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0)
+        for row in series_rows("lost")
     ]
     assert len(drawn(rows, []).axes) == 2
 
@@ -188,7 +189,7 @@ def test_other_parameters_run_from_coarse_to_fine() -> None:
         for v in (0.04, 0.02, 0.01)
     ]
     with rc_context(RC):
-        (ax,) = turn_sheet(rows, dressed(rows)).axes
+        (ax,) = other_parameters_sheet(rows, dressed(rows)).axes
     assert ax.xaxis_inverted()
     assert ax.get_xlabel() == "time constant of loops, solref [s]"
     assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
@@ -233,7 +234,7 @@ def test_the_page_says_what_to_do(page: Path) -> None:
     assert "Position within 1e-5 of its range" in text
     assert "MuJoCo RK4, solref 8 dt, timestep" in text
     assert "defaults never get there" in text
-    assert "keeps lines a, c, e, g, i at 2e-4 to 2.8e-4 of the range" in text
+    assert "keeps series a, c, e, g, i at 2e-4 to 2.8e-4 of the range" in text
     assert "the loops are open by 0.3 m" in text  # of the run that failed
     assert "halving solref divides the error by 4.0" in text
     assert "least of up to 5 in rounds" in text

@@ -11,7 +11,7 @@ from proofmass.sim.mujoco.engine import check_settings as mujoco_settings
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepped_with
 from proofmass.sim.protocol import BadSetting
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
-from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade.varied import list_series
 
 WRONG = {
     "solref = [0.002, 1, 1]": "solref: give a time constant",
@@ -141,12 +141,17 @@ def test_a_study_turns_what_acts(models, edit, change, axes):
         edit("pendulum.xml", "<worldbody>", '<worldbody><geom type="plane" size="9 9 9"/>')
         edit("pendulum.xml", '<flag contact="disable"/>', "")
         edit("pendulum.xml", "<geom ", '<geom contype="1" conaffinity="1" ')
-    found = {line.axis for line in lines(load_case(models / "pendulum.toml"), "dynamics")}
+    found = {
+        series.varied for series in list_series(load_case(models / "pendulum.toml"), "dynamics")
+    }
     assert found - {"timestep", "iterations", "error_bias"} == axes
 
 
 def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
-    found = {line.name: line for line in lines(load_case(models / "fourbar.toml"), "dynamics")}
+    found = {
+        series.name: series
+        for series in list_series(load_case(models / "fourbar.toml"), "dynamics")
+    }
     off = next(line for name, line in found.items() if "refsafe off" in name)
     step = off.settings[0].parameters["timestep"]
     assert all(

@@ -155,11 +155,11 @@ def test_the_keyboard_goes_from_setting_to_setting(folder: Path, browser: Any) -
         assert visit.run(f"data.settings[{first}].words") in told
         visit.page.keyboard.press("ArrowRight")
         second = visit.run("state.at")
-        lines = visit.run(f"[{first}, {second}].map((k) => data.settings[k].line)")
+        series = visit.run(f"[{first}, {second}].map((k) => data.settings[k].series)")
         assert second != first
-        assert lines[0] == lines[1]
+        assert series[0] == series[1]
         visit.page.keyboard.press("ArrowDown")
-        assert visit.run("data.settings[state.at].line") != lines[0]
+        assert visit.run("data.settings[state.at].series") != series[0]
         assert f"at={visit.run('state.at')}" in visit.address
 
 

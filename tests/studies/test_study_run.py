@@ -105,11 +105,11 @@ def test_without_repeats_nothing_is_timed(tmp_path, timed):
 
 def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
     timed(0.1)
-    twin = replace(FEW[0], line="another", axis="integrator", value=NAN)
+    twin = replace(FEW[0], series="another", varied="integrator", value=NAN)
     workers = Here()
     rows = run([FEW[0], twin], Store(tmp_path), workers, repeats=0)
     assert len(workers.calls) == 1
-    assert [(one.line, one.axis) for one in rows] == [
+    assert [(one.series, one.varied) for one in rows] == [
         ("mujoco Euler", "timestep"),
         ("another", "integrator"),
     ]

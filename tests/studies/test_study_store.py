@@ -127,7 +127,7 @@ def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
     case = TASK.case
     run = case.run["dynamics"].model_copy(update={"timeout": 5.0, "solvers": ("pymunk",)})
     same = [
-        replace(TASK, study="choose", line="another", axis="integrator", value=NAN),
+        replace(TASK, study="choose", series="another", varied="integrator", value=NAN),
         replace(TASK, case=case.model_copy(update={"title": "", "source": "", "tolerance": ()})),
         replace(TASK, case=case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})),
         replace(TASK, case=case.model_copy(update={"run": {"dynamics": run}})),
@@ -219,6 +219,9 @@ def test_what_is_no_table_is_bad_input(tmp_path):
         read_table(file)
     file.write_text(table(ROWS).replace("engine", "solver"))
     with pytest.raises(InputError, match="not the table of a study: no column 'engine'"):
+        read_table(file)
+    file.write_text(table(ROWS).replace("series,varied", "line,axis"))
+    with pytest.raises(InputError, match="no column 'series'; if an earlier version wrote it, run"):
         read_table(file)
 
 

@@ -38,10 +38,10 @@ from proofmass.studies.stress.boundary import (
 )
 from proofmass.studies.stress.stand import NotHere, Stand, judged, known, needs
 from proofmass.studies.stress.stand import observed as observed_run
-from proofmass.studies.trade.axes import ConvergenceSeries, jolted
 from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sampled
 from proofmass.studies.trade.orders import expected, nearest, off
-from proofmass.studies.trade.series import Track, clear, flat, level, observed, slowed
+from proofmass.studies.trade.series import MeasuredSeries, clear, flat, level, observed, slowed
+from proofmass.studies.trade.varied import ConvergenceSeries, jolted
 from proofmass.studies.trade.verdict import front
 from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
@@ -286,10 +286,10 @@ def test_a_gain_is_how_much_better_the_error_is():
     ]
 
 
-def line(
+def series_of(
     engine: str, axis: str, scaled: bool = False, count: int = 2, **parameters
 ) -> ConvergenceSeries:
-    """A line of settings; loops get harder with the step of one that is scaled."""
+    """A series of settings; loops get harder with the step of one that is scaled."""
     return ConvergenceSeries(
         engine,
         "",
@@ -312,27 +312,43 @@ def line(
 @pytest.mark.parametrize(
     ("name", "of", "wanted"),
     [
-        ("fourbar", line("mujoco", "timestep", count=1, integrator="RK4"), ((), (), ())),
-        ("fourbar", line("mujoco", "iterations"), ((), (), ())),
-        ("fourbar", line("mujoco", "solimp"), ((1,), (1,), (1,))),
-        ("fourbar", line("mujoco", "solref"), ((2,), (1, 2), (0, 2))),
-        ("hacksaw", line("mujoco", "solref"), ((2,), (2,), (2,))),
-        ("fourbar", line("pymunk", "error_bias"), ((1,), (1,), (0, 1))),
-        ("fourbar_released", line("pymunk", "error_bias"), ((1, 2), (1, 2), (0, 1, 2))),
-        ("fourbar", line("pymunk", "timestep"), ((2,), (2,), (2,))),
-        ("fourbar", line("pymunk", "timestep", defaults=True), ((1,), (1,), (0, 1))),
-        ("pendulum", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
-        ("pendulum", line("mujoco", "timestep", True, integrator="RK4"), ((4,), (4,), (4,))),
-        ("fourbar", line("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
-        ("fourbar", line("mujoco", "timestep", True, integrator="RK4"), ((2,), (1, 2), (0, 2))),
-        ("fourbar", line("mujoco", "timestep", integrator="Euler"), ((1,), (1,), (1,))),
-        ("pendulum", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
-        ("hacksaw_recorded", line("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
-        ("fourbar", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (0, 1, 2))),
-        ("hacksaw", line("mujoco", "timestep", True, integrator="Euler"), ((2,), (1,), (1, 2))),
+        ("fourbar", series_of("mujoco", "timestep", count=1, integrator="RK4"), ((), (), ())),
+        ("fourbar", series_of("mujoco", "iterations"), ((), (), ())),
+        ("fourbar", series_of("mujoco", "solimp"), ((1,), (1,), (1,))),
+        ("fourbar", series_of("mujoco", "solref"), ((2,), (1, 2), (0, 2))),
+        ("hacksaw", series_of("mujoco", "solref"), ((2,), (2,), (2,))),
+        ("fourbar", series_of("pymunk", "error_bias"), ((1,), (1,), (0, 1))),
+        ("fourbar_released", series_of("pymunk", "error_bias"), ((1, 2), (1, 2), (0, 1, 2))),
+        ("fourbar", series_of("pymunk", "timestep"), ((2,), (2,), (2,))),
+        ("fourbar", series_of("pymunk", "timestep", defaults=True), ((1,), (1,), (0, 1))),
+        ("pendulum", series_of("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
+        ("pendulum", series_of("mujoco", "timestep", True, integrator="RK4"), ((4,), (4,), (4,))),
+        ("fourbar", series_of("mujoco", "timestep", integrator="RK4"), ((4,), (4,), (4,))),
+        (
+            "fourbar",
+            series_of("mujoco", "timestep", True, integrator="RK4"),
+            ((2,), (1, 2), (0, 2)),
+        ),
+        ("fourbar", series_of("mujoco", "timestep", integrator="Euler"), ((1,), (1,), (1,))),
+        ("pendulum", series_of("mujoco", "timestep", integrator="Euler"), ((1,), (1, 2), (1,))),
+        (
+            "hacksaw_recorded",
+            series_of("mujoco", "timestep", integrator="Euler"),
+            ((1,), (1, 2), (1,)),
+        ),
+        (
+            "fourbar",
+            series_of("mujoco", "timestep", True, integrator="Euler"),
+            ((2,), (1,), (0, 1, 2)),
+        ),
+        (
+            "hacksaw",
+            series_of("mujoco", "timestep", True, integrator="Euler"),
+            ((2,), (1,), (1, 2)),
+        ),
         (
             "fourbar_released",
-            line("mujoco", "timestep", True, integrator="Euler"),
+            series_of("mujoco", "timestep", True, integrator="Euler"),
             ((1, 2), (1, 2), (0, 1, 2)),
         ),
     ],
@@ -345,13 +361,13 @@ def test_orders_are_those_of_the_theory(name, of, wanted):
 
 
 def test_orders_of_rods_and_other_kinds():
-    rod, segments = case_of("rod_cantilever"), line("mujoco", "segments")
+    rod, segments = case_of("rod_cantilever"), series_of("mujoco", "segments")
     assert expected(rod, "equilibrium", segments, "position") == (2.0,)
     naive = {name: table.model_copy(update={"scheme": "naive"}) for name, table in rod.rod.items()}
     assert expected(rod.model_copy(update={"rod": naive}), "equilibrium", segments, "position") == (
         1.0,
     )
-    softer = line("mujoco", "solref")
+    softer = series_of("mujoco", "solref")
     for kind, alike in (("energy", "rate"), ("effort", "acceleration")):
         assert expected(FOURBAR, "dynamics", softer, kind) == expected(
             FOURBAR, "dynamics", softer, alike
@@ -579,9 +595,9 @@ def test_an_order_is_seen_in_two_refinements_in_turn(slopes, seen):
     assert observed(falling(*slopes)) == pytest.approx(seen, nan_ok=True)
 
 
-def tracked(*rows: StudyRow) -> Track:
-    """Rows of a line of four steps."""
-    return Track(line("mujoco", "timestep", count=4), list(rows))
+def measured_series(*rows: StudyRow) -> MeasuredSeries:
+    """Rows of a series of four steps."""
+    return MeasuredSeries(series_of("mujoco", "timestep", count=4), list(rows))
 
 
 def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
@@ -601,34 +617,38 @@ def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
 
 
 def test_points_are_of_settings_that_ran_or_were_lost():
-    track = tracked(at(rate=0.05), at("stopped", rate=0.04), at("not finite"), at(rate=0.0))
-    assert track.points("rate") == [(0.1, 0.05), (0.025, inf)]
-    assert [track.place(size) for size in track.line.sizes] == [0, 1, 2, 3]
-    coarse = tracked(at(rate=0.1), at("diverged"), at(rate=0.09), at(rate=9.0))
+    measured = measured_series(
+        at(rate=0.05), at("stopped", rate=0.04), at("not finite"), at(rate=0.0)
+    )
+    assert measured.points("rate") == [(0.1, 0.05), (0.025, inf)]
+    assert [measured.place(size) for size in measured.series.sizes] == [0, 1, 2, 3]
+    coarse = measured_series(at(rate=0.1), at("diverged"), at(rate=0.09), at(rate=9.0))
     assert coarse.points("rate") == [(0.025, 0.09), (0.0125, 9.0)]
-    assert tracked(at(rate=0.1), at("crashed"), at(rate=0.2)).points("rate") == [
+    assert measured_series(at(rate=0.1), at("crashed"), at(rate=0.2)).points("rate") == [
         (0.1, 0.1),
         (0.025, 0.2),
     ]
-    assert tracked(at(rate=0.1)).points("position") == []
+    assert measured_series(at(rate=0.1)).points("position") == []
 
 
 def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
     one, two = at(rate=1e-3, position=1e-3), at(rate=1e-3, position=1e-6)
-    assert not tracked(one, one).done(1.0)
-    assert tracked(one, one, one).done(1.0)
-    assert not tracked(one, one, two).done(1.0)  # its positions fall
-    assert tracked(one, one, two).kinds == ["rate", "position"]
-    assert tracked(one, two, two, two).done(1.0)  # no more settings
+    assert not measured_series(one, one).done(1.0)
+    assert measured_series(one, one, one).done(1.0)
+    assert not measured_series(one, one, two).done(1.0)  # its positions fall
+    assert measured_series(one, one, two).kinds == ["rate", "position"]
+    assert measured_series(one, two, two, two).done(1.0)  # no more settings
     far, jolt = at(rate=0.5, position=0.8), at(rate=0.5, position=1e-3)
-    assert not tracked(far, far, far).done(1.0)  # another motion, which may yet become right
-    assert tracked(jolt, jolt, jolt).done(1.0)  # the motion is right, its rates are not
-    assert not tracked().done(1.0)
-    assert not tracked(at("diverged"), at("diverged"), at("diverged")).done(1.0)
-    assert not tracked(at(seconds=1.0)).done(1.0)
-    assert tracked(at(seconds=1.1)).done(1.0)
-    assert tracked(at("unsupported")).done(1.0)
-    assert tracked(at("timed out")).done(1.0)
+    assert not measured_series(far, far, far).done(
+        1.0
+    )  # another motion, which may yet become right
+    assert measured_series(jolt, jolt, jolt).done(1.0)  # the motion is right, its rates are not
+    assert not measured_series().done(1.0)
+    assert not measured_series(at("diverged"), at("diverged"), at("diverged")).done(1.0)
+    assert not measured_series(at(seconds=1.0)).done(1.0)
+    assert measured_series(at(seconds=1.1)).done(1.0)
+    assert measured_series(at("unsupported")).done(1.0)
+    assert measured_series(at("timed out")).done(1.0)
 
 
 OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.OURS

@@ -4,7 +4,7 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 62, right: 22, top: 18, bottom: 44 };
-const NEAR = 12; // px: ends of lines that are no further apart have their letters in one place
+const NEAR = 12; // px: ends of series that are no further apart have their letters in one place
 const FAILED = "M-4-4l8 8M4-4l-8 8";
 
 const data = JSON.parse(find("#data").textContent);
@@ -13,7 +13,7 @@ const kindOf = new Map(data.kinds.map((kind) => [kind.key, kind]));
 const state = {
   kind: data.kinds[0]?.key,
   cost: "seconds",
-  off: new Set(), // numbers of lines that are not drawn
+  off: new Set(), // numbers of series that are not drawn
   zoom: null, // [x low, x high, y low, y high]
   at: null, // the setting that was chosen
 };
@@ -36,7 +36,7 @@ const front = () => (state.cost === "seconds" ? kind().front : kind().fewest);
 const tied = () => (state.cost === "seconds" ? kind().tied : []);
 
 function isShown(setting) {
-  return !state.off.has(setting.line) && costOf(setting) > 0 && (!setting.ran || errorOf(setting) > 0);
+  return !state.off.has(setting.series) && costOf(setting) > 0 && (!setting.ran || errorOf(setting) > 0);
 }
 
 // ------------------------------------------------------------------ scales
@@ -219,8 +219,8 @@ function drawLine(series, number) {
   if (state.off.has(number)) {
     return [];
   }
-  const group = element("g", { class: series.css, "data-line": number });
-  const own = [...view.places].filter(([k]) => data.settings[k].line === number);
+  const group = element("g", { class: series.css, "data-series": number });
+  const own = [...view.places].filter(([k]) => data.settings[k].series === number);
   const ran = own.filter(([k]) => data.settings[k].ran);
   if (ran.length) {
     const dash = series.dash.map((part) => 1.6 * part).join(" ") || "none";
@@ -233,7 +233,7 @@ function drawLine(series, number) {
       group.append(element("line", { class: "spread", x1: low, x2: high, y1: y, y2: y }));
     }
   }
-  const floor = kind().floors.find((one) => one.line === number);
+  const floor = kind().floors.find((one) => one.series === number);
   if (floor && ran.length) {
     const [x, y] = [ran.at(-1)[1][0], view.y.place(floor.level)];
     group.append(element("line", { class: "floor", x1: x - 12, x2: x + 12, y1: y, y2: y }));
@@ -265,7 +265,7 @@ function drawPoints() {
       continue;
     }
     const setting = data.settings[number];
-    const series = data.series[setting.line];
+    const series = data.series[setting.series];
     const rank = best.has(number) ? "best" : maybe.has(number) ? "tied" : "";
     const option = element("g", {
       id: `setting-${number}`,
@@ -297,12 +297,12 @@ function isInside([x, y]) {
   return x >= MARGIN.left - 1 && x <= view.right + 1 && y >= 0 && y <= view.bottom + 1;
 }
 
-// The letter of each line at its last setting; of lines that end together side by side.
+// The letter of each series at its last setting; of series that end together side by side.
 function drawLetters() {
   const letters = element("g", { "aria-hidden": "true" });
   const groups = [];
   data.series.forEach((series, number) => {
-    const own = [...view.places].filter(([k]) => data.settings[k].line === number && data.settings[k].ran);
+    const own = [...view.places].filter(([k]) => data.settings[k].series === number && data.settings[k].ran);
     const end = own.at(-1)?.[1];
     if (!end || !isInside(end)) {
       return;
@@ -314,9 +314,9 @@ function drawLetters() {
       groups.push([...end, [series]]);
     }
   });
-  for (const [x, y, lines] of groups) {
+  for (const [x, y, names] of groups) {
     const text = element("text", { x: Math.min(x + 9, view.right + 4), y: Math.min(y + 14, view.bottom - 4) });
-    for (const series of lines) {
+    for (const series of names) {
       text.append(element("tspan", { class: `letter ${series.css}` }, `${series.letter} `));
     }
     letters.append(text);
@@ -346,7 +346,7 @@ function drawRings() {
     return;
   }
   const setting = data.settings[number];
-  tip.className = `tip ${data.series[setting.line].css}`;
+  tip.className = `tip ${data.series[setting.series].css}`;
   tip.innerHTML = tipWords(number);
   const plot = find("#plot");
   const [left, top] = [plot.offsetLeft + place[0], plot.offsetTop + place[1]];

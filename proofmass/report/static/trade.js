@@ -49,7 +49,7 @@ function tellSetting(number) {
     panel.innerHTML = '<p class="soft">Point to a marker, or reach it with Tab and the arrow keys: its setting, its errors, its cost and what to paste stand here.</p>';
     return;
   }
-  const series = data.series[setting.line];
+  const series = data.series[setting.series];
   panel.className = `setting ${series.css}`;
   const rows = data.kinds
     .filter((one) => setting.errors[one.key] !== undefined)
@@ -62,11 +62,11 @@ function tellSetting(number) {
     row("Constraint violation", setting.violation !== null && `${worded(setting.violation)} m`),
     row("Energy drift", setting.energy !== null && worded(setting.energy)),
     row("Load average", setting.load !== null && worded(setting.load)),
-    row(`${kind().title}, its line`, series.orders[state.kind]),
+    row(`${kind().title}, its convergence series`, series.orders[state.kind]),
   );
-  const floor = kind().floors.find((one) => one.line === setting.line);
+  const floor = kind().floors.find((one) => one.series === setting.series);
   const limit = floor
-    ? `<p class="small soft">Its line stays at ${worded(floor.level)}: ${escaped(floor.cause)}. Evidence: ${escaped(floor.evidence)}.</p>`
+    ? `<p class="small soft">Its convergence series stays at ${worded(floor.level)}: ${escaped(floor.cause)}. Evidence: ${escaped(floor.evidence)}.</p>`
     : "";
   const rank = setting.ran ? rankWords(number) : setting.outcome;
   panel.innerHTML = `<h3>${escaped(series.letter)} · ${escaped(setting.words)}</h3>
@@ -146,8 +146,8 @@ function hover(number) {
     return;
   }
   hovered = number;
-  for (const group of findAll("#plot [data-line]")) {
-    const faded = number !== null && Number(group.dataset.line) !== data.settings[number].line;
+  for (const group of findAll("#plot [data-series]")) {
+    const faded = number !== null && Number(group.dataset.series) !== data.settings[number].series;
     group.classList.toggle("faded", faded);
   }
   drawRings();
@@ -193,7 +193,7 @@ function whole() {
   change();
 }
 
-// Arrow keys: along a line, or to the nearest setting of another line above or below.
+// Arrow keys: along a series, or to the nearest setting of another series above or below.
 function moved(event) {
   const place = view.places.get(state.at);
   if (event.key === "Enter" || event.key === " ") {
@@ -205,10 +205,10 @@ function moved(event) {
     return;
   }
   event.preventDefault();
-  const line = data.settings[state.at].line;
+  const series = data.settings[state.at].series;
   const all = [...view.places].filter(([, at]) => isInside(at));
   if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
-    const own = all.filter(([k]) => data.settings[k].line === line).sort((one, two) => one[1][0] - two[1][0]);
+    const own = all.filter(([k]) => data.settings[k].series === series).sort((one, two) => one[1][0] - two[1][0]);
     const k = own.findIndex(([number]) => number === state.at) + (event.key === "ArrowRight" ? 1 : -1);
     if (own[k]) {
       choose(own[k][0]);
@@ -221,7 +221,7 @@ function moved(event) {
   for (const [number, at] of all) {
     const down = sign * (at[1] - place[1]);
     const distance = Math.hypot(2 * (at[0] - place[0]), down);
-    if (data.settings[number].line !== line && down > 0 && distance < least) {
+    if (data.settings[number].series !== series && down > 0 && distance < least) {
       [best, least] = [number, distance];
     }
   }
@@ -264,8 +264,8 @@ function drawChips() {
   box.children[focused]?.focus();
 }
 
-function toggle(lines, on) {
-  for (const k of lines) {
+function toggle(series, on) {
+  for (const k of series) {
     if (on) {
       state.off.add(k);
     } else {
@@ -340,7 +340,7 @@ function wire() {
     button.addEventListener("click", () => {
       const number = Number(button.dataset.show);
       state.zoom = null;
-      state.off.delete(data.settings[number].line);
+      state.off.delete(data.settings[number].series);
       state.at = number;
       change();
       find("#diagram").scrollIntoView();

@@ -137,11 +137,11 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
 def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     """Orders that a scan may show in the derivative j."""
     first = scan.settings[0]
-    if scan.axis == "solimp":
+    if scan.varied == "solimp":
         return (1.0,)
-    if scan.axis == "solref":  # below two steps the spring itself is not resolved
+    if scan.varied == "solref":  # below two steps the spring itself is not resolved
         return () if first.get("refsafe") is False else softness(about, j)
-    return of_step(scan, j, about) if scan.axis == "timestep" else ()
+    return of_step(scan, j, about) if scan.varied == "timestep" else ()
 
 
 def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:

@@ -58,10 +58,10 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
 
 def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     """Orders that a scan may show in the derivative j."""
-    if scan.axis == "error_bias":
+    if scan.varied == "error_bias":
         braked = () if about.driven else (2.0,)
         return (1.0, *braked) if j < 2 else (1.0, *braked, 0.0)
-    if scan.axis != "timestep":
+    if scan.varied != "timestep":
         return ()
     if not scan.settings[0].get("defaults"):
         return (2.0,)

@@ -146,7 +146,7 @@ def read_boundaries(file: Path) -> list[Boundary]:
                     file,
                     "",
                     f"no column {one.name!r}: not the table that this version writes; run "
-                    "proofmass stress with that folder again, which keeps its runs",
+                    "proofmass stress again",
                 )
         return [
             Boundary(**{f.name: parsed(cells[f.name], kinds[f.name]) for f in fields(Boundary)})

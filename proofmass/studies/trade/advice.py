@@ -220,19 +220,23 @@ def toml(value: ParameterValue) -> str:
 def limited_by(
     verdicts: Iterable[Verdict], kind: str, letters: dict[tuple[str, str], str]
 ) -> Iterator[dict[str, str]]:
-    """What limits the error of a kind, a cause each: levels, lines, and the evidence of one."""
+    """What limits the error of a kind, a cause each: levels, series, and the evidence of one."""
     groups = dict[str, list[Verdict]]()
     for verdict in verdicts:
-        if verdict.kind == kind and verdict.floor > 0 and (verdict.engine, verdict.line) in letters:
+        if (
+            verdict.kind == kind
+            and verdict.floor > 0
+            and (verdict.engine, verdict.series) in letters
+        ):
             groups.setdefault(verdict.cause, []).append(verdict)
     for cause, own in sorted(groups.items(), key=lambda group: -max(v.floor for v in group[1])):
         own = sorted(own, key=lambda v: v.floor)
         low, high = number(own[0].floor, 2), number(own[-1].floor, 2)
-        names = ", ".join(sorted(letters[v.engine, v.line] for v in own))
+        names = ", ".join(sorted(letters[v.engine, v.series] for v in own))
         yield {
             "cause": cause,
             "level": low if low == high else f"{low} to {high}",
-            "lines": f"line{'s' * (len(own) > 1)} {names}",
+            "series": f"series {names}",
             "evidence": own[-1].evidence,
-            "of": letters[own[-1].engine, own[-1].line],
+            "of": letters[own[-1].engine, own[-1].series],
         }

@@ -19,7 +19,7 @@ from proofmass.studies.trade.words import cost, floored, off, told
 from proofmass.wording import number
 
 MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
-ALIKE = 1.5  # an error so near to the floor of another line is taken to be at the same one
+ALIKE = 1.5  # an error so near to the error floor of another series is taken to be at the same one
 
 
 class Cannot(Exception):
@@ -153,7 +153,7 @@ def best(
     limits: Limits | None = None,
 ) -> tuple[str, ...]:
     """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
-    a line that still falls would need."""
+    a series that still falls would need."""
     able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.errors.get(of, NAN))]
     if not able:
         return none_ran(rows, of)
@@ -176,16 +176,16 @@ def would_need(
     verdicts: Iterable[Verdict],
     limits: Limits | None = None,
 ) -> str:
-    """The step and cost by which the cheapest line that still falls would be good enough.
+    """The step and cost by which the cheapest series that still falls would be good enough.
 
     And why it was not measured: it costs more than a run or all finer steps may.
     """
     promised = promises(rows, verdicts, of, wanted / MARGIN)
     if not promised:
-        return "no line of settings falls with its step at its end, so none promises to get there"
+        return "no convergence series still falls at its finest step, so none promises to get there"
     first = promised[0]
     said = (
-        f"{first.row.line} would need a step of about {number(first.step, 2)} s and about "
+        f"{first.row.series} would need a step of about {number(first.step, 2)} s and about "
         f"{number(first.seconds, 2)} s a run, if its order {number(first.falls, 2)} holds"
     )
     if limits is None:
@@ -240,7 +240,7 @@ def beside(
             f"error, {cost(good[0])}"
         ), ratio
     row = min(plain, key=lambda row: row.errors[of])
-    own = [verdict for verdict in verdicts if verdict.line == row.line]
+    own = [verdict for verdict in verdicts if verdict.series == row.series]
     if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
         return f"the engine's defaults never get there: {floored(floor)}", NAN
     short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
@@ -264,16 +264,16 @@ def default(row: StudyRow) -> bool:
 
 
 def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
-    """The error floor that a row stands at: of its own line, or of another of that engine."""
+    """The error floor that a row stands at: of its own series, or of another of that engine."""
     near = [
         v
         for v in verdicts
         if (v.engine, v.kind) == (row.engine, of)
         and v.floor > row.errors[of] / ALIKE
-        and (v.line == row.line or v.floor < ALIKE * row.errors[of])
+        and (v.series == row.series or v.floor < ALIKE * row.errors[of])
     ]
     return min(
-        near, key=lambda v: (v.line != row.line, abs(v.floor - row.errors[of])), default=None
+        near, key=lambda v: (v.series != row.series, abs(v.floor - row.errors[of])), default=None
     )
 
 

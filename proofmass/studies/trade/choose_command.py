@@ -25,7 +25,7 @@ from proofmass.studies.trade.program import imposed, program
 from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
 from proofmass.studies.trade.series import Limits, known
 from proofmass.studies.trade.trade import chosen
-from proofmass.studies.trade.trade_command import measured, turnable
+from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
 
@@ -54,7 +54,7 @@ def run_choose(
         solver = solver_for(case, kind, drive, solver)
         writable(case, kind, output)
         limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
-        if not turnable(case, kind):
+        if not has_series(case, kind):
             raise typer.Exit(1)
         runs, verdicts, told = Store(store / "runs"), list[Verdict](), ""
         if kind == "dynamics":

@@ -28,7 +28,7 @@ from proofmass.studies.measure import CONSTANT, StudyRun, span
 from proofmass.studies.record import KINDS, NAN
 from proofmass.studies.store import Store, digest, key_of, once
 from proofmass.studies.stress.stand import simulated
-from proofmass.studies.trade.axes import as_given
+from proofmass.studies.trade.varied import as_given
 from proofmass.studies.variants import times, with_model
 from proofmass.wording import number
 from proofmass.worker import isolated
@@ -115,8 +115,8 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Disturbed
     if kind != "dynamics" or case.drive:
         return None
     other = moved(case, store.folder / "models")
-    for line in as_given(case, kind) if other else ():
-        task = StudyRun(case, kind, line.settings[0])
+    for series in as_given(case, kind) if other else ():
+        task = StudyRun(case, kind, series.settings[0])
         if other and (found := parted(task, other, store, timeout)):
             away = next((found[what] for what in KINDS if what in found), None)
             if away is not None:

@@ -1,7 +1,7 @@
 """The work-precision diagram of a trade study as a figure for papers.
 
 Errors over wall time and over steps on logarithmic axes.  Letters, failures, orders and error
-floors stand beside its lines.
+floors stand beside its series.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,29 +22,29 @@ from proofmass.outcome import Outcome
 from proofmass.report.figures import decades
 from proofmass.report.style import KNOWN, SOLID, Dash, Look
 from proofmass.studies.record import KINDS, StudyRow
-from proofmass.studies.trade.axes import size
+from proofmass.studies.trade.varied import size
 from proofmass.studies.trade.verdict import Verdict, front
 from proofmass.wording import number
 
 INK, PALE = "#333333", "#888888"
-NEAR = 9.0  # [pt] ends of lines that are no further apart have their letters in one place
+NEAR = 9.0  # [pt] ends of series that are no further apart have their letters in one place
 LEVEL = 3.0  # error floors of one cause that differ by no more are one
 NARROW = 26  # letters of the margin in a row
 ROW = 0.06  # of a panel's height: one row of the margin
 SHOWN = 0.5  # off the expected order: what has no part that is nearer gets no triangle
 TRIANGLE_AT = 0.4  # of the errors: where a triangle stands
 Name = tuple[str, str]
-"""Engine and line, which together name a line."""
+"""Engine and name, which together name a series."""
 Ends = Mapping[Name, tuple[float, float]]
 
 
 def name_of(of: StudyRow | Verdict) -> Name:
-    """The line that a run or a verdict belongs to."""
-    return of.engine, of.line
+    """The series that a run or a verdict belongs to."""
+    return of.engine, of.series
 
 
 def letter(look: Look) -> str:
-    """Of a line, as in the legend.
+    """Of a series, as in the legend.
 
     >>> letter(Look("", (0, ()), "", 1)), letter(Look("", (0, ()), "", 27))
     ('b', 'b1')
@@ -54,27 +54,27 @@ def letter(look: Look) -> str:
 
 
 def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
-    """The letter of each line at its finest setting; of lines that end together side by side."""
+    """The letter of each series at its finest setting; of series that end together side by side."""
     groups: list[tuple[float, float, list[Name]]] = []
     points = 72 / ax.figure.dpi
-    for line, end in ends.items():
+    for series, end in ends.items():
         x, y = ax.transData.transform(end) * points
         near = next((g for g in groups if max(abs(x - g[0]), abs(y - g[1])) < NEAR), None)
         if near:
-            near[2].append(line)
+            near[2].append(series)
         else:
-            groups.append((x, y, [line]))
-    for _, _, lines in groups:
+            groups.append((x, y, [series]))
+    for _, _, names in groups:
         ax.annotate(
-            " ".join(letter(looks[line]) for line in lines),
-            ends[lines[0]],
+            " ".join(letter(looks[series]) for series in names),
+            ends[names[0]],
             xytext=(0, 7),
             textcoords="offset points",
             fontsize=7,
             weight="bold",
             ha="center",
             va="center",
-            color=looks[lines[0]].colour,
+            color=looks[names[0]].colour,
             zorder=9,
             annotation_clip=False,
         )
@@ -82,7 +82,7 @@ def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
 
 def work(row: StudyRow) -> float:
     """Steps in time, or segments of rods where nothing is stepped."""
-    return row.value if row.axis == "segments" else float(row.steps)
+    return row.value if row.varied == "segments" else float(row.steps)
 
 
 def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Name, Look]) -> None:
@@ -116,17 +116,17 @@ def step(row: StudyRow) -> float:
 
 
 def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
-    """One for each expected order, below the part of a line that is nearest to it."""
+    """One for each expected order, below the part of a series that is nearest to it."""
     orders: dict[float, list[Name]] = {}
     for verdict in verdicts:
         if verdict.expected > 0:
             orders.setdefault(verdict.expected, []).append(name_of(verdict))
     taken: list[float] = []
-    for order, lines in sorted(orders.items(), reverse=True):  # steep parts are few
+    for order, names in sorted(orders.items(), reverse=True):  # steep parts are few
         pairs = [
             pair
-            for line in lines
-            for pair in pairwise(r for r in rows if name_of(r) == line)
+            for series in names
+            for pair in pairwise(r for r in rows if name_of(r) == series)
             if 0 < work(pair[0]) < work(pair[1])
             and work(pair[0]) not in taken
             and abs(slope(kind, *pair) - order) < SHOWN
@@ -168,7 +168,7 @@ def triangle(ax: Axes, steps: tuple[float, float], top: float, order: float) -> 
 def draw_floors(
     ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
 ) -> None:
-    """A short level tick where a line stays; `named`: what keeps it there, in the margin."""
+    """A short level tick where a series stays; `named`: what keeps it there, in the margin."""
     groups: list[list[Verdict]] = []
     for verdict in sorted(
         (v for v in verdicts if v.floor > 0 and name_of(v) in ends), key=lambda v: v.floor
@@ -199,7 +199,7 @@ def draw_floors(
 
 
 def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, Look]) -> None:
-    """Level, lines and cause of each error floor at the right of a panel, apart from each other."""
+    """Level, series and cause of each error floor at the right of a panel, none over another."""
     low, high = np.log(ax.get_ylim())
     texts = [
         fill(
@@ -269,7 +269,7 @@ def trade_sheet(
     rows : sequence of Row
         Of all settings, those that failed among them.
     verdicts : iterable of Verdict
-        Error floors and expected orders of the lines.
+        Error floors and expected orders of the series.
     looks : mapping
         From `dressed`.
     """
@@ -280,13 +280,13 @@ def trade_sheet(
         panels(pair, rows, kind, looks, [v for v in verdicts if v.kind == kind])
     legend(figure, looks, marks=True)
     axes[-1][0].set_xlabel("wall time of the run [s]")
-    axes[-1][1].set_xlabel("segments" if axis_of(rows) == "segments" else "time steps")
+    axes[-1][1].set_xlabel("segments" if varied_in(rows) == "segments" else "time steps")
     return figure
 
 
-def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
+def other_parameters_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
     """Errors over parameters other than the step, a column each, coarse at the left."""
-    kinds, parameters = shown_kinds(rows), list(dict.fromkeys(row.axis for row in rows))
+    kinds, parameters = shown_kinds(rows), list(dict.fromkeys(row.varied for row in rows))
     looks = {name: looks[name] for name in map(name_of, rows)}
     figure, axes = grid(kinds, len(parameters), len(looks), 2.4, 0.15)
     legend(figure, looks, marks=False)
@@ -294,13 +294,13 @@ def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
         shown = [row for row in rows if good(row, kind)]
         for ax, parameter in zip(panels, parameters, strict=True):
             ends = {}
-            for line in dict.fromkeys(name_of(row) for row in shown if row.axis == parameter):
-                own = [row for row in shown if name_of(row) == line]
-                x = [turned(row) for row in own]
-                curve(ax, x, own, kind, looks[line])
-                ends[line] = x[-1], min(own[-1].errors[kind], LOST)
+            for series in dict.fromkeys(name_of(row) for row in shown if row.varied == parameter):
+                own = [row for row in shown if name_of(row) == series]
+                x = [value_of(row) for row in own]
+                curve(ax, x, own, kind, looks[series])
+                ends[series] = x[-1], min(own[-1].errors[kind], LOST)
             scale(ax, [min(row.errors[kind], LOST) for row in shown])
-            label = label_of(next(row for row in rows if row.axis == parameter))
+            label = label_of(next(row for row in rows if row.varied == parameter))
             if label:
                 ax.invert_xaxis()
             ax.set_xlabel(label or parameter)
@@ -313,7 +313,7 @@ def turn_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
 def grid(
     kinds: Sequence[str], across: int, lines: int, wide: float, right: float
 ) -> tuple[Figure, NDArray[Any]]:
-    """Empty panels, a row for each kind of error, below the room for a legend of so many lines."""
+    """Empty panels, a row for each kind of error, below the room for a legend of so many series."""
     width = LEFT + across * (wide + GAP) - GAP + right
     head = 0.1 + LINE * -(-(lines + 2) // entries(width))
     down = len(kinds) * (HIGH + ABOVE + BELOW)
@@ -330,21 +330,21 @@ def grid(
     return figure, axes
 
 
-def axis_of(rows: Iterable[StudyRow]) -> str:
-    """What is turned on the lines of the diagram: the step, or else what the first line has."""
-    there = dict.fromkeys(row.axis for row in rows)
+def varied_in(rows: Iterable[StudyRow]) -> str:
+    """What the series of the diagram vary: the step, or else what the first series varies."""
+    there = dict.fromkeys(row.varied for row in rows)
     return "timestep" if "timestep" in there else next(iter(there))
 
 
-def turned(row: StudyRow) -> float:
+def value_of(row: StudyRow) -> float:
     """Where a parameter stands: its size, if that has a name of its own."""
-    return size(row.engine, row.axis, row.value) if label_of(row) else row.value
+    return size(row.engine, row.varied, row.value) if label_of(row) else row.value
 
 
 def label_of(row: StudyRow) -> str:
-    """What the sizes along a line are called; empty where they are the parameter's own values."""
+    """What the sizes along a series are called; empty where they are the parameter's own values."""
     try:
-        return engine_of(row.engine).labels.get(row.axis, "")
+        return engine_of(row.engine).labels.get(row.varied, "")
     except NoEngine:  # a table may have another machine's
         return ""
 
@@ -361,7 +361,7 @@ def good(row: StudyRow, kind: str) -> bool:
 
 
 def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
-    """A look for each line: colour by engine, marker by integrator, dash among those alike."""
+    """A look for each series: colour by engine, marker by integrator, dash among those alike."""
     looks: dict[Name, Look] = {}
     markers: dict[Name, int] = {}
     alike: dict[Name, int] = {}
@@ -397,12 +397,12 @@ def panels(
     stairs(left, best, kind)
     for ax, cost in ((left, seconds), (right, work)):
         ends = {}
-        for line in dict.fromkeys(map(name_of, shown)):
-            own = [row for row in shown if name_of(row) == line and cost(row) > 0]
+        for series in dict.fromkeys(map(name_of, shown)):
+            own = [row for row in shown if name_of(row) == series and cost(row) > 0]
             if own:
                 x = [cost(row) for row in own]
-                curve(ax, x, own, kind, looks[line], best)
-                ends[line] = x[-1], min(own[-1].errors[kind], LOST)
+                curve(ax, x, own, kind, looks[series], best)
+                ends[series] = x[-1], min(own[-1].errors[kind], LOST)
         scale(ax, [min(row.errors[kind], LOST) for row in shown])
         failures(ax, rows, ax is left, looks)
         letters(ax, ends, looks)
@@ -432,7 +432,7 @@ def curve(
     look: Look,
     best: Sequence[StudyRow] = (),
 ) -> None:
-    """One line, from coarse to fine; settings on the front are filled."""
+    """One series, from coarse to fine; settings on the front are filled."""
     y = [min(row.errors[kind], LOST) for row in rows]
     layer = 3 + look.number / 20
     ax.plot(
@@ -470,19 +470,19 @@ def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
 
 
 def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
-    """The lines by their letters; with marks the front, and what a cross is."""
+    """The series by their letters; with marks the front, and what a cross is."""
     handles = [
         Line2D(
             [],
             [],
-            label=f"{letter(look)}  {line}",
+            label=f"{letter(look)}  {series}",
             color=look.colour,
             linestyle=look.dash,
             marker=look.marker,
             markerfacecolor="white",
             markersize=4,
         )
-        for (_, line), look in looks.items()
+        for (_, series), look in looks.items()
     ]
     if marks:
         handles += [

@@ -16,7 +16,7 @@ from proofmass.outcome import Outcome
 from proofmass.sim.protocol import STEP
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Setting, StudyRow
-from proofmass.studies.trade.axes import ConvergenceSeries, at_step, studied
+from proofmass.studies.trade.varied import ConvergenceSeries, at_step, studied
 from proofmass.studies.variants import READS, movable, reread, thinned
 
 MOVES = 1.1
@@ -50,13 +50,13 @@ class Probe:
     whole: bool = False
 
 
-def halvings(run: Kind, line: ConvergenceSeries, setting: Setting, own: float) -> list[Setting]:
-    """A setting of a line with half and a quarter of its step, or of its links.
+def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float) -> list[Setting]:
+    """A setting of a series with half and a quarter of its step, or of its links.
 
     Parameters
     ----------
-    run, line, setting
-        Where loops get harder with the step along the line, they do so here.
+    run, series, setting
+        Where loops get harder with the step along the series, they do so here.
     own : float
         The model's time step [s], for a setting that has none.
     """
@@ -65,7 +65,7 @@ def halvings(run: Kind, line: ConvergenceSeries, setting: Setting, own: float) -
         return [setting.but(segments=2 * n), setting.but(segments=4 * n)]
     step = float(str(setting.parameters.get("timestep", own)))
     return [
-        at_step(setting, step / by) if line.scaled else setting.but(timestep=step / by)
+        at_step(setting, step / by) if series.scaled else setting.but(timestep=step / by)
         for by in (2, 4)
     ]
 
@@ -82,7 +82,7 @@ def probes(
     folder : Path
         Takes the models and curves that it needs.
     scaled : bool
-        Whether loops get harder with the step along the setting's line, so that the step alone
+        Whether loops get harder with the step along the setting's series, so that the step alone
         changes how many steps their time constants have.
     """
     if run != "dynamics":

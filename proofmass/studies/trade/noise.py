@@ -20,7 +20,7 @@ TAKEN = 0.05
 """Share of a run's time that its processor gave to others, from which on the run was disturbed."""
 APART = 1.5
 """Greatest over least wall time of a usual setting from which on a machine was busy; settings along
-a line are a factor of two apart."""
+a series are a factor of two apart."""
 SEVERAL = 0.1
 """Share of the settings that must be disturbed before a machine is called busy."""
 

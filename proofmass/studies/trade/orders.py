@@ -1,4 +1,4 @@
-"""The order that theory expects of a line: how errors fall with what is varied along it.
+"""The order that theory expects of a series: how errors fall with what is varied along it.
 
 Each engine says what is expected of its settings.  A rod as a chain of n segments converges with
 n^-2, with n^-1 if it has the naive springs.
@@ -7,7 +7,7 @@ n^-2, with n^-1 if it has the naive springs.
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.strict import Kind
-from proofmass.studies.trade.axes import ConvergenceSeries, studied
+from proofmass.studies.trade.varied import ConvergenceSeries, studied
 
 DERIVATIVE = {"position": 0, "energy": 1, "rate": 1, "acceleration": 2, "effort": 2}
 WITHIN = 0.2
@@ -15,16 +15,16 @@ WITHIN = 0.2
 second order into 1.9 to 2.1 and fourth order into 3.8 to 4.2."""
 
 
-def expected(case: Case, run: Kind, line: ConvergenceSeries, kind: str) -> tuple[float, ...]:
-    """Orders that a line may show in one kind of error, any of its terms being the largest.
+def expected(case: Case, run: Kind, series: ConvergenceSeries, kind: str) -> tuple[float, ...]:
+    """Orders that a series may show in one kind of error, any of its terms being the largest.
 
     Nothing where theory promises none; 0 is a floor from the start on.
     """
-    if len(line.settings) < 2:  # one setting shows no order
+    if len(series.settings) < 2:  # one setting shows no order
         return ()
-    if line.axis == "segments":
+    if series.varied == "segments":
         return (1.0,) if any(rod.scheme == "naive" for rod in case.rod.values()) else (2.0,)
-    return engine_of(line.engine).orders(line.scan, DERIVATIVE[kind], studied(case))
+    return engine_of(series.engine).orders(series.scan, DERIVATIVE[kind], studied(case))
 
 
 def nearest(orders: tuple[float, ...], observed: float) -> float:
@@ -39,7 +39,7 @@ def nearest(orders: tuple[float, ...], observed: float) -> float:
 
 
 def off(observed: float, wanted: float) -> bool:
-    """Whether a line shows another order than theory expects.
+    """Whether a series shows another order than theory expects.
 
     >>> off(1.9, 2.0), off(1.5, 2.0), off(float("nan"), 2.0)
     (False, True, False)

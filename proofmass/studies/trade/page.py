@@ -18,13 +18,13 @@ from proofmass.studies.trade.advice import ASKED, advised, limited_by
 from proofmass.studies.trade.choose import MARGIN, beside, enough
 from proofmass.studies.trade.figure import (
     Name,
-    axis_of,
     dressed,
     good,
     letter,
     name_of,
+    other_parameters_sheet,
     trade_sheet,
-    turn_sheet,
+    varied_in,
 )
 from proofmass.studies.trade.noise import busy, ties, usual_spread
 from proofmass.studies.trade.orders import off
@@ -108,12 +108,12 @@ def write_part(
         limits={kind: list(limited_by(verdicts, kind, letters)) for kind in there},
         margin=MARGIN,
         busy=busy(rows),
-        lines=list(lines(rows, verdicts, looks, colours)),
+        series=list(series_records(rows, verdicts, looks, colours)),
         floors=list(floor_records(verdicts, letters)),
         reached=list(reached(verdicts, letters)),
         motion=next((v.motion for v in verdicts if v.motion), ""),
         measured=measured(rows),
-        figures=[stem, *([f"{stem}-turned"] if turned_too(rows) else [])],
+        figures=[stem, *([f"{stem}-parameters"] if other_parameters(rows) else [])],
         files=files,
     )
     return {
@@ -127,26 +127,26 @@ def write_part(
 
 
 def main_colour(engine: str, looks: Mapping[Name, Look]) -> str:
-    """The colour of an engine that is not that of its defaults, if there is a line of it."""
+    """The colour of an engine that is not that of its defaults, if there is a series of it."""
     own = [look.colour for name, look in looks.items() if name[0] == engine]
     known = KNOWN.get(engine)
     return known.colour if known and known.colour in own else own[0]
 
 
-def turned_too(rows: Sequence[StudyRow]) -> list[StudyRow]:
-    """Settings of lines along which something other than the step is turned, if any is drawn."""
-    axis = axis_of(rows)
-    others = [row for row in rows if row.axis != axis]
+def other_parameters(rows: Sequence[StudyRow]) -> list[StudyRow]:
+    """Settings of series that vary another parameter than the step, if any is drawn."""
+    varied = varied_in(rows)
+    others = [row for row in rows if row.varied != varied]
     return others if any(good(row, kind) for row in others for kind in KINDS) else []
 
 
 def write_figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: Path) -> None:
-    """The diagram for papers, and the errors over what else was turned, if anything was."""
-    looks, axis = dressed(rows), axis_of(rows)
+    """The diagram for papers, and the errors over other parameters, if any was varied."""
+    looks, varied = dressed(rows), varied_in(rows)
     with rc_context(RC):
-        save(trade_sheet([row for row in rows if row.axis == axis], verdicts, looks), stem)
-        if others := turned_too(rows):
-            save(turn_sheet(others, looks), stem.with_name(f"{stem.name}-turned"))
+        save(trade_sheet([row for row in rows if row.varied == varied], verdicts, looks), stem)
+        if others := other_parameters(rows):
+            save(other_parameters_sheet(others, looks), stem.with_name(f"{stem.name}-parameters"))
 
 
 def prices(
@@ -177,13 +177,13 @@ def cell(text: str = "", note: str = "") -> dict[str, str]:
     return {"text": text, "note": note}
 
 
-def lines(
+def series_records(
     rows: Sequence[StudyRow],
     verdicts: Iterable[Verdict],
     looks: Mapping[Name, Look],
     colours: Mapping[str, Tone],
 ) -> Iterator[dict[str, Any]]:
-    """The table, line by line, every number already a word."""
+    """The table, series by series, every number already a word."""
     told = list(verdicts)
     for name, look in looks.items():
         own = [row for row in rows if name_of(row) == name]
@@ -192,7 +192,7 @@ def lines(
             "css": colours[look.colour].css,
             "mark": MARKS.get(look.marker, MARKS["o"]),
             "name": name[1],
-            "axis": own[0].axis,
+            "varied": own[0].varied,
             "rows": [cells(row, kinds(rows)) for row in own],
             "orders": {
                 v.kind: (number(v.observed), number(v.expected), off(v.observed, v.expected))
@@ -220,12 +220,12 @@ def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
 def floor_records(
     verdicts: Iterable[Verdict], letters: Mapping[Name, str]
 ) -> Iterator[dict[str, str]]:
-    """What keeps each line from falling further, and the evidence."""
+    """What keeps each series from falling further, and the evidence."""
     for v in verdicts:
         if v.floor > 0 and name_of(v) in letters:
             yield {
                 "letter": letters[name_of(v)],
-                "line": v.line,
+                "series": v.series,
                 "kind": v.kind,
                 "level": number(v.floor, 2),
                 "cause": v.cause,
@@ -234,12 +234,12 @@ def floor_records(
 
 
 def reached(verdicts: Iterable[Verdict], letters: Mapping[Name, str]) -> Iterator[dict[str, str]]:
-    """How far each line came that shows no floor, and where a finer setting is worse."""
+    """How far each series without an error floor came, and where a finer setting is worse."""
     for v in verdicts:
         if (said := "; ".join(filter(None, (v.reached, v.worse)))) and name_of(v) in letters:
             yield {
                 "letter": letters[name_of(v)],
-                "line": v.line,
+                "series": v.series,
                 "kind": v.kind,
                 "said": said,
             }

@@ -1,7 +1,7 @@
 """What the work-precision diagram of a page shows, as one dict for its script.
 
-Every setting is a marker, every line a series, and every kind of error a tab.  Numbers that are
-none are None.
+Every setting is a marker, every convergence series a curve, and every kind of error a tab.
+Numbers that are none are None.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ def page_data(
     rows, verdicts
         Of that run.
     looks, tones
-        Of the lines, from `figure.dressed`, and of their colours.
+        Of the series, from `figure.dressed`, and of their colours.
     usual : float
         From `noise.usual_spread`.
     """
@@ -57,7 +57,7 @@ def page_data(
         "case": rows[0].case,
         "run": rows[0].run,
         "kinds": [kind_data(rows, verdicts, kind, looks, usual) for kind in kinds(rows)],
-        "work": "segments" if all(row.axis == "segments" for row in rows) else "time steps",
+        "work": "segments" if all(row.varied == "segments" for row in rows) else "time steps",
         "series": [
             series_data(name, look, tones[look.colour], verdicts) for name, look in looks.items()
         ],
@@ -72,7 +72,7 @@ def kinds(rows: Sequence[StudyRow]) -> list[str]:
 
 
 def series_data(name: Name, look: Look, tone: Tone, verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """How a line is called and looks, and with which order its errors fall."""
+    """How a series is called and looks, and with which order its errors fall."""
     orders = {
         v.kind: f"order {number(v.observed)}, expected {number(v.expected)}"
         + (" ✗" if off(v.observed, v.expected) else "")
@@ -98,7 +98,7 @@ def setting_data(
     steps = work(row) or planned(row, rows)
     low, at, high = interval(row, usual)
     return {
-        "line": series,
+        "series": series,
         "words": told(row),
         "ran": row.outcome == Outcome.RAN,
         "outcome": f"{row.outcome}: {row.message}" if row.message else str(row.outcome),
@@ -124,7 +124,7 @@ def kind_data(
     looks: Mapping[Name, Look],
     usual: float,
 ) -> dict[str, Any]:
-    """The fronts and the error floors of a kind of error, settings and lines by their numbers.
+    """The fronts and the error floors of a kind of error, settings and series by their numbers.
 
     `front` is that of the least wall times; `tied` are the settings that may be on it as well, for
     all the clock can tell; `band` is what the front lies in; `fewest` is the front over steps.
@@ -145,7 +145,7 @@ def kind_data(
         "fewest": [numbers[id(stepped[k])] for k in nondominated(aims)],
         "floors": [
             {
-                "line": names.index(name_of(v)),
+                "series": names.index(name_of(v)),
                 "level": v.floor,
                 "cause": v.cause,
                 "evidence": v.evidence,

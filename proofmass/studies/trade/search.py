@@ -25,9 +25,9 @@ from proofmass.studies.measure import StudyRun, truth
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import Progress, reference_of, run
 from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.axes import as_given, studied
 from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
+from proofmass.studies.trade.varied import as_given, studied
 
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
@@ -146,12 +146,12 @@ def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
     sample = float(times[1] - times[0])
     there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["dynamics"].solvers)
     about = studied(case)
-    for line in as_given(case, "dynamics"):
-        if line.engine in (engine or line.engine):
-            (own,) = line.settings
+    for series in as_given(case, "dynamics"):
+        if series.engine in (engine or series.engine):
+            (own,) = series.settings
             yield SettingFamily(
-                line.engine,
-                line.name,
+                series.engine,
+                series.name,
                 setter(own),
                 sample,
                 first=min(leading(own.parameters["timestep"]), sample),
@@ -249,8 +249,8 @@ def search(
             "dynamics",
             Setting(row.engine, row.parameters),
             row.study,
-            row.line,
-            row.axis,
+            row.series,
+            row.varied,
             row.value,
         )
         for row in timed
@@ -308,7 +308,7 @@ def finer_for_drives(
                 (
                     row.seconds * row.value / step,
                     StudyRun(
-                        case, "dynamics", scaled(row, step), row.study, row.line, row.axis, step
+                        case, "dynamics", scaled(row, step), row.study, row.series, row.varied, step
                     ),
                 )
             )

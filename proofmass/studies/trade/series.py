@@ -22,7 +22,7 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
 from proofmass.studies.run import row as row_of
 from proofmass.studies.store import Store, key_of, versions
-from proofmass.studies.trade.axes import ConvergenceSeries, at_step, lines
+from proofmass.studies.trade.varied import ConvergenceSeries, at_step, list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number, spoken
 
@@ -50,15 +50,15 @@ Points = Sequence[tuple[float, float]]
 
 
 @dataclass
-class Track:
-    """A line and the rows of its settings that were run, from the first on."""
+class MeasuredSeries:
+    """A convergence series and the rows of its settings that were run, from the first on."""
 
-    line: ConvergenceSeries
+    series: ConvergenceSeries
     rows: list[StudyRow] = field(default_factory=list)
 
     def done(self, budget: float) -> bool:
         """Whether another setting would tell nothing more, or the last one took a budget [s]."""
-        if len(self.rows) == len(self.line.settings):
+        if len(self.rows) == len(self.series.settings):
             return True
         if not self.rows:
             return False
@@ -98,14 +98,14 @@ class Track:
         """The same from the first setting on."""
         return [
             (size, error)
-            for size, row in zip(self.line.sizes, self.rows, strict=False)
+            for size, row in zip(self.series.sizes, self.rows, strict=False)
             if (error := inf if row.outcome in LOST else row.errors.get(kind, NAN)) > 0
             and row.outcome in (Outcome.RAN, *LOST)
         ]
 
     def place(self, size: float) -> int:
         """The number of the setting of that size."""
-        return self.line.sizes.index(size)
+        return self.series.sizes.index(size)
 
 
 def order(coarse: tuple[float, float], fine: tuple[float, float]) -> float:
@@ -145,9 +145,9 @@ def rising(points: Points) -> bool:
 
 
 def flat(points: Points) -> int | None:
-    """The last point before a line's end that may be at an error floor; None if there is none.
+    """The last point before a series's end that may be at an error floor; None if there is none.
 
-    It is asymptotic and no later refinement changes it: two if there are so many, one if the line
+    It is asymptotic and no later refinement changes it: two if there are so many, one if the series
     ends there.  Whether it is at a floor two halvings of its step tell.
 
     >>> flat([(0.4, 16e-5), (0.2, 4e-5), (0.1, 1e-5), (0.05, 1e-5), (0.025, 1e-5)])
@@ -243,7 +243,7 @@ def observed(points: Points) -> float:
 
 
 def still_falls(points: Points) -> float:
-    """The order with which a line ends, to tell what finer settings will give; NaN if none is seen.
+    """The order with which a series ends, to predict finer settings; NaN if none is seen.
 
     The observed one where the last refinement shows it too, else that of the last refinement alone,
     if it is asymptotic or nearly so.
@@ -326,7 +326,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Promise:
-    """The step [s] with which a line should be good enough, and what it should cost [s]."""
+    """The step [s] with which a series should be good enough, and what it should cost [s]."""
 
     row: StudyRow
     step: float
@@ -337,10 +337,10 @@ class Promise:
 def promises(
     rows: Iterable[StudyRow], verdicts: Iterable[Verdict], of: str, needed: float
 ) -> list[Promise]:
-    """Of each line at no error floor the step that should be good enough, the cheapest first."""
-    floors = {(v.engine, v.line) for v in verdicts if v.kind == of and v.floor > 0}
+    """Of each series at no error floor the step that should be good enough, the cheapest first."""
+    floors = {(v.engine, v.series) for v in verdicts if v.kind == of and v.floor > 0}
     found = []
-    for coarse, fine in ends(row for row in rows if (row.engine, row.line) not in floors):
+    for coarse, fine in ends(row for row in rows if (row.engine, row.series) not in floors):
         pair = [(row.value, row.errors.get(of, NAN)) for row in (coarse, fine)]
         falls = order(*pair) if all(0 < error < inf for _, error in pair) else NAN
         if falls > FALLS and fine.errors[of] > needed:
@@ -350,20 +350,20 @@ def promises(
 
 
 def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
-    """The finest step of each line and the one before it that is clearly coarser, if both ran."""
+    """The finest step of each series and the one before it that is clearly coarser, if both ran."""
     stepped = sorted(
-        (row for row in rows if row.axis == "timestep"),
-        key=lambda row: (row.engine, row.line, -row.value),
+        (row for row in rows if row.varied == "timestep"),
+        key=lambda row: (row.engine, row.series, -row.value),
     )
-    for _, group in groupby(stepped, lambda row: (row.engine, row.line)):
-        line = list(group)
-        before = [row for row in line if row.value > APART * line[-1].value]
-        if before and [before[-1].outcome, line[-1].outcome] == ["ran", "ran"]:
-            yield before[-1], line[-1]
+    for _, group in groupby(stepped, lambda row: (row.engine, row.series)):
+        series = list(group)
+        before = [row for row in series if row.value > APART * series[-1].value]
+        if before and [before[-1].outcome, series[-1].outcome] == ["ran", "ran"]:
+            yield before[-1], series[-1]
 
 
 def scaled(row: StudyRow, step: float) -> Setting:
-    """A setting with another step; what holds loops goes with the step, as it does on its line."""
+    """A setting with another step; what closes loops is scaled with it, as in its series."""
     return at_step(Setting(row.engine, dict(row.parameters, timestep=row.value)), step)
 
 
@@ -376,12 +376,12 @@ def known(
     The key of each is found anew, so that its model, sidecar, sources and versions are these.
     """
     there = {row.key for row in rows}
-    own = [line for line in lines(case, kind) if line.engine == (only or line.engine)]
+    own = [series for series in list_series(case, kind) if series.engine == (only or series.engine)]
     for key, record in store.records(case.name, kind):
         engine, parameters = str(record.get("engine")), record.get("parameters")
         if (
             key in there
-            or engine not in {line.engine for line in own}
+            or engine not in {series.engine for series in own}
             or (not isinstance(parameters, dict) or record.get("versions") != versions(engine))
         ):
             continue
@@ -399,15 +399,17 @@ def known(
 
 
 def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str, float]:
-    """The line that a setting is on, its axis and its value there; else a line of its own."""
-    for line in own:
-        first = line.settings[0]
-        value = setting.parameters.get(line.axis)
-        if line.engine != setting.engine or value is None or len(line.settings) < 2:
+    """The series that a setting belongs to, or one of its own; the varied parameter; its value."""
+    for series in own:
+        first = series.settings[0]
+        value = setting.parameters.get(series.varied)
+        if series.engine != setting.engine or value is None or len(series.settings) < 2:
             continue
-        there = at_step(first, leading(value)) if line.scaled else first.but(**{line.axis: value})
+        there = (
+            at_step(first, leading(value)) if series.scaled else first.but(**{series.varied: value})
+        )
         if same(there.parameters, setting.parameters):
-            return line.name, line.axis, leading(value)
+            return series.name, series.varied, leading(value)
     step = setting.parameters.get("timestep", NAN)
     words = ", ".join(
         f"{name} {value}" for name, value in setting.parameters.items() if name != "timestep"

@@ -1,13 +1,13 @@
-"""The study of work and precision: orders of lines, their error floors, and what it costs.
+"""The study of work and precision: orders and error floors of convergence series, and their cost.
 
     study = trade([load_case("models/linkages/fourbar.toml")], Store(folder / "runs"), workers)
     write_study(study, folder)
 
-Free motions are disturbed first: chaotic ones are judged up to where a trajectory means something.
-Lines go from setting to setting side by side, each run once for its errors, until nothing falls any
-more; then all settings are timed in rounds.  Where a line may be at an error floor its step is
-halved twice, and one cause after the other is moved; so is it where a line shows another order than
-theory expects.
+Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory
+means something. Then every convergence series is refined, each setting run once for its errors,
+until the errors fall no further, and all settings are timed in rounds. Where a series may be at
+an error floor, its step is halved twice, and each possible cause is varied separately; so it is
+where a series shows another order than theory expects.
 """
 
 import json
@@ -29,25 +29,25 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, StudyRow, write_table
 from proofmass.studies.run import Progress, pool, run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import WORK, ConvergenceSeries, lines
 from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
 from proofmass.studies.trade.floor import ROUNDING, UNKNOWN, Probe, factor, halvings, judge, probes
 from proofmass.studies.trade.orders import expected, nearest, off
-from proofmass.studies.trade.series import Track, clear, flat, halved, least, observed
+from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
+from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import ended, reached, worsened
 from proofmass.wording import number
 
 USUAL = 2.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
-SeriesPlace = tuple[int, int]  # of a lane, and of a setting on its line
+SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 ProbedRows = dict[SeriesPlace, list[tuple[Probe, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
 
 
 @dataclass(frozen=True)
 class Trade:
-    """What a study found: its settings, what was moved, verdicts on the lines, and the cases as
+    """What a study found: its settings, what was moved, verdicts on the series, and the cases as
     they were judged: a chaotic motion up to its horizon."""
 
     rows: list[StudyRow]
@@ -57,24 +57,24 @@ class Trade:
 
 
 @dataclass
-class Lane:
-    """A line of one run of a case, and how far it is."""
+class CaseSeries:
+    """A convergence series of one run of a case, and how far it is measured."""
 
     case: Case
     run: Kind
-    track: Track
+    measured: MeasuredSeries
     motion: DisturbedMotion | None = None
 
     @property
-    def line(self) -> ConvergenceSeries:
+    def series(self) -> ConvergenceSeries:
         """Whose settings they are."""
-        return self.track.line
+        return self.measured.series
 
     def orders(self, kind: str) -> tuple[float, float]:
         """The observed order and the expected one; NaN where none is expected."""
-        if not (wanted := expected(self.case, self.run, self.line, kind)):
+        if not (wanted := expected(self.case, self.run, self.series, kind)):
             return nan, nan
-        seen = observed(self.track.points(kind))
+        seen = observed(self.measured.points(kind))
         return seen, nearest(wanted, seen)
 
     def floors(self) -> dict[str, int]:
@@ -83,9 +83,9 @@ class Lane:
         The finest of these settings serves all kinds that are flat there.
         """
         found = {
-            kind: self.track.place(points[k][0])
-            for kind in self.track.kinds
-            for points in (self.track.points(kind),)
+            kind: self.measured.place(points[k][0])
+            for kind in self.measured.kinds
+            for points in (self.measured.points(kind),)
             if (k := flat(points)) is not None
         }
         last = max(found.values(), default=0)
@@ -94,36 +94,36 @@ class Lane:
     def risen(self) -> dict[str, int]:
         """For each kind whose error grows from some step on the number of the finest setting."""
         return {
-            kind: self.track.place(points[-1][0])
-            for kind in self.track.kinds
-            for points in (self.track.points(kind),)
+            kind: self.measured.place(points[-1][0])
+            for kind in self.measured.kinds
+            for points in (self.measured.points(kind),)
             if least(points) is not None
         }
 
     def odd(self, kind: str) -> int | None:
-        """The finest setting before a floor of a line with another order than expected."""
+        """The finest setting before a floor of a series with another order than expected."""
         return (
-            self.track.place(clear(self.track.points(kind))[-1][0])
+            self.measured.place(clear(self.measured.points(kind))[-1][0])
             if off(*self.orders(kind))
             else None
         )
 
     def task(self, k: int) -> StudyRun:
         """Setting number k."""
-        setting = self.line.settings[k]
+        setting = self.series.settings[k]
         return StudyRun(
             self.case,
             self.run,
             setting,
             "trade",
-            self.line.name,
-            self.line.axis,
-            leading(setting.parameters[self.line.axis]),
+            self.series.name,
+            self.series.varied,
+            leading(setting.parameters[self.series.varied]),
         )
 
     def row(self, size: float) -> StudyRow:
         """The row of the setting of a size."""
-        return self.track.rows[self.track.place(size)]
+        return self.measured.rows[self.measured.place(size)]
 
 
 def trade(
@@ -149,13 +149,13 @@ def trade(
     kind : {"sweep", "dynamics", "equilibrium"}, optional
         Which run of the cases; the first of dynamics, equilibrium and sweep that they have.
     budget : float
-        Wall time of a run after which its line ends [s].
+        Wall time of a run after which its series ends [s].
     longest : float
         After which a run is given up [s].
     repeats : int
         Timed runs of each setting.
     progress : callable
-        Called as ``progress(label, done, total)``; the total grows with the lines.
+        Called as ``progress(label, done, total)``; the total grows with the series.
 
     Raises
     ------
@@ -178,29 +178,29 @@ def trade(
     kinds = [chosen(case, kind) for case in cases]
     motions = motions_of(cases, kinds, store, workers, longest)
     cases = [within(*each) for each in zip(cases, kinds, motions, strict=True)]
-    lanes = [
-        Lane(case, which, Track(line), motion)
+    every = [
+        CaseSeries(case, which, MeasuredSeries(series), motion)
         for case, which, motion in zip(cases, kinds, motions, strict=True)
-        for line in lines(case, which)
+        for series in list_series(case, which)
     ]
-    while batch := [lane for lane in lanes if not lane.track.done(budget)]:
+    while batch := [one for one in every if not one.measured.done(budget)]:
         rows = run(
-            [lane.task(len(lane.track.rows)) for lane in batch],
+            [one.task(len(one.measured.rows)) for one in batch],
             store,
             workers,
             repeats=0,
             timeout=longest,
             progress=progress,
         )
-        for lane, row in zip(batch, rows, strict=True):
-            lane.track.rows.append(row)
-    tasks = [lane.task(k) for lane in lanes for k in range(len(lane.track.rows))]
+        for one, row in zip(batch, rows, strict=True):
+            one.measured.rows.append(row)
+    tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
     rows = run(
         tasks, store, workers, repeats=repeats, patience=budget, timeout=longest, progress=progress
     )
-    finer = halve(lanes, store, workers, longest, progress)
-    moved = move(lanes, finer, store, workers, longest, progress)
-    disturbed = disturb(lanes, finer, moved, store, workers, longest)
+    finer = halve(every, store, workers, longest, progress)
+    moved = move(every, finer, store, workers, longest, progress)
+    disturbed = disturb(every, finer, moved, store, workers, longest)
     return Trade(
         rows,
         [
@@ -208,9 +208,9 @@ def trade(
             *(row for found in moved.values() for _, row in found),
         ],
         [
-            verdict(lane, error, n, finer, moved, disturbed, budget)
-            for n, lane in enumerate(lanes)
-            for error in lane.track.kinds
+            verdict(one, error, n, finer, moved, disturbed, budget)
+            for n, one in enumerate(every)
+            for error in one.measured.kinds
         ],
         cases,
     )
@@ -228,29 +228,29 @@ def chosen(case: Case, kind: Kind | None) -> Kind:
 
 
 def halve(
-    lanes: list[Lane], store: Store, workers: Executor, longest: float, progress: Progress
+    every: list[CaseSeries], store: Store, workers: Executor, longest: float, progress: Progress
 ) -> Halved:
-    """The rows of half and of a quarter of the step, wherever a line may be at a floor."""
+    """The rows of half and of a quarter of the step, wherever a series may be at a floor."""
     asked = [
         ((n, k), setting)
-        for n, lane in enumerate(lanes)
-        for k in dict.fromkeys(lane.floors().values())
+        for n, one in enumerate(every)
+        for k in dict.fromkeys(one.floors().values())
         for setting in halvings(
-            lane.run, lane.line, lane.line.settings[k], float(compiled(lane.case).opt.timestep)
+            one.run, one.series, one.series.settings[k], float(compiled(one.case).opt.timestep)
         )
     ]
     tasks = [
         StudyRun(
-            lane.case,
-            lane.run,
+            one.case,
+            one.run,
             setting,
             "floor",
-            lane.line.name,
+            one.series.name,
             "halved",
-            leading(setting.parameters["timestep" if lane.run == "dynamics" else "segments"]),
+            leading(setting.parameters["timestep" if one.run == "dynamics" else "segments"]),
         )
         for (n, _), setting in asked
-        for lane in (lanes[n],)
+        for one in (every[n],)
     ]
     found: Halved = {}
     for (place, _), row in zip(
@@ -262,14 +262,14 @@ def halve(
     return found
 
 
-def left(lane: Lane, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
+def left(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
     """Whether two halvings leave the error of setting number k, which is asymptotic."""
-    rows = [lane.track.rows[k], *finer]
+    rows = [one.measured.rows[k], *finer]
     return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
 def move(
-    lanes: list[Lane],
+    every: list[CaseSeries],
     finer: Halved,
     store: Store,
     workers: Executor,
@@ -280,31 +280,33 @@ def move(
     places = dict.fromkeys(
         [
             (n, k)
-            for n, lane in enumerate(lanes)
-            for kind, k in lane.floors().items()
-            if left(lane, k, kind, finer[n, k])
+            for n, one in enumerate(every)
+            for kind, k in one.floors().items()
+            if left(one, k, kind, finer[n, k])
         ]
         + [
             (n, k)
-            for n, lane in enumerate(lanes)
-            for kind in lane.track.kinds
-            if (k := lane.odd(kind)) is not None
+            for n, one in enumerate(every)
+            for kind in one.measured.kinds
+            if (k := one.odd(kind)) is not None
         ]
     )
     asked = [
         (place, probe)
         for place in places
-        for lane in (lanes[place[0]],)
+        for one in (every[place[0]],)
         for probe in probes(
-            lane.case,
-            lane.run,
-            lane.line.settings[place[1]],
+            one.case,
+            one.run,
+            one.series.settings[place[1]],
             store.folder / "models",
-            lane.line.scaled,
+            one.series.scaled,
         )
     ]
     tasks = [
-        StudyRun(probe.case, lanes[n].run, probe.setting, "floor", lanes[n].line.name, probe.cause)
+        StudyRun(
+            probe.case, every[n].run, probe.setting, "floor", every[n].series.name, probe.cause
+        )
         for (n, _), probe in asked
     ]
     rows = run(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
@@ -315,7 +317,7 @@ def move(
 
 
 def disturb(
-    lanes: list[Lane],
+    every: list[CaseSeries],
     finer: Halved,
     moved: ProbedRows,
     store: Store,
@@ -327,28 +329,25 @@ def disturb(
     Those that grow as the step shrinks, and those that nothing else moves.
     """
     places = {
-        (n, k)
-        for n, lane in enumerate(lanes)
-        if lane.run == "dynamics"
-        for k in lane.risen().values()
+        (n, k) for n, one in enumerate(every) if one.run == "dynamics" for k in one.risen().values()
     }
     places |= {
         (n, k)
-        for n, lane in enumerate(lanes)
-        if lane.run == "dynamics"
-        for kind, k in lane.floors().items()
-        if left(lane, k, kind, finer[n, k])
-        and judge(lane.track.rows[k].errors[kind], moved[n, k], kind, True)[0] == UNKNOWN
+        for n, one in enumerate(every)
+        if one.run == "dynamics"
+        for kind, k in one.floors().items()
+        if left(one, k, kind, finer[n, k])
+        and judge(one.measured.rows[k].errors[kind], moved[n, k], kind, True)[0] == UNKNOWN
     }
     futures = {
-        place: workers.submit(rounding, lanes[place[0]].task(place[1]), store, longest)
+        place: workers.submit(rounding, every[place[0]].task(place[1]), store, longest)
         for place in sorted(places)
     }
     return {place: future.result() for place, future in futures.items()}
 
 
 def verdict(
-    lane: Lane,
+    one: CaseSeries,
     kind: str,
     n: int,
     finer: Halved,
@@ -356,38 +355,38 @@ def verdict(
     disturbed: Mapping[SeriesPlace, Mapping[str, float]],
     budget: float,
 ) -> Verdict:
-    """Order and error floor of a line in one kind of error; how far it came where none is shown.
+    """Order and error floor of a series in one kind of error; how far it came where none is shown.
 
     Parameters
     ----------
-    lane, kind, n
-        The lane, which is number n, and the kind of error.
+    one, kind, n
+        The series, which is number n, and the kind of error.
     finer, moved, disturbed
         What halvings, moved causes and roundings did at its settings.
     budget : float
-        Wall time after which lines end [s].
+        Wall time after which series end [s].
     """
-    rows, odd = lane.track.rows, lane.odd(kind)
+    rows, odd = one.measured.rows, one.odd(kind)
     why = cause = evidence = ""
     floor = NAN
-    if (k := lane.floors().get(kind)) is not None:
+    if (k := one.floors().get(kind)) is not None:
         first = finer[n, k][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
-        what = "halving the step" if lane.run == "dynamics" else "twice as many segments"
+        what = "halving the step" if one.run == "dynamics" else "twice as many segments"
         why = (
             f"{what} {factor(rows[k].errors[kind] / half)}"
             if half > 0
             else f"{what}: {finer[n, k][0].outcome}"
         )
-        if left(lane, k, kind, finer[n, k]):
+        if left(one, k, kind, finer[n, k]):
             cause, evidence = judge(rows[k].errors[kind], moved[n, k], kind, at_floor=True)
             why = "nothing that was moved moves it"
             floor = rows[k].errors[kind]
             if cause == UNKNOWN:
                 cause, shown = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
                 evidence = "; ".join(filter(None, (evidence, shown)))
-    elif (k := lane.risen().get(kind)) is not None:
-        points = lane.track.points(kind)
+    elif (k := one.risen().get(kind)) is not None:
+        points = one.measured.points(kind)
         cause, evidence = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
         why, floor = "finer ones are worse", min(error for _, error in points)
     known = bool(cause) and cause != UNKNOWN
@@ -396,21 +395,21 @@ def verdict(
         if odd is None
         else ": ".join(filter(None, judge(rows[odd].errors[kind], moved[n, odd], kind)))
     )
-    motion = lane.motion
-    last = ended(lane.track, budget)
+    motion = one.motion
+    last = ended(one.measured, budget)
     return Verdict(
-        lane.case.name,
-        lane.run,
-        lane.line.engine,
-        lane.line.name,
+        one.case.name,
+        one.run,
+        one.series.engine,
+        one.series.name,
         kind,
-        *lane.orders(kind),
+        *one.orders(kind),
         floor if known else NAN,
         cause if known else "",
         evidence if known else "",
         remark,
-        "" if known else reached(lane.track, kind, lane.orders(kind)[1], why, last),
-        "" if cause == ROUNDING else worsened(lane.track, kind),
+        "" if known else reached(one.measured, kind, one.orders(kind)[1], why, last),
+        "" if cause == ROUNDING else worsened(one.measured, kind),
         motion.words if motion else "",
         motion.horizon if motion else NAN,
     )
@@ -430,7 +429,7 @@ def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[st
 def limits(longest: float, budget: float = USUAL) -> str:
     """What a study goes no further than, in words."""
     return (
-        f"Limits: a line of settings ends at {number(WORK)} evaluations of forces, after a run "
+        f"Limits: a convergence series ends at {number(WORK)} evaluations of forces, after a run "
         f"of more than {number(budget)} s, or where nothing falls any more; a run is given up "
         f"after {number(longest)} s (--longest)."
     )

@@ -14,15 +14,15 @@ from proofmass.studies import LONGEST
 from proofmass.studies.command import named, seconds
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.orders import off
 from proofmass.studies.trade.trade import Trade, chosen, cost, limits, trade, write_study
+from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.words import turned
+from proofmass.studies.trade.words import format_varied
 from proofmass.terminal import console, number
 
 WANTED = (1e-4, 1e-6)  # errors whose price the table tells
-SAID = "what the error floor is, or how far the line came"
+SAID = "what the error floor is, or how far the series came"
 
 
 def run_trade(
@@ -38,7 +38,7 @@ def run_trade(
     with answering(f"{output} keeps the runs"):
         from proofmass.studies.trade.page import write_trade  # matplotlib is slow to load
 
-        if not (cases := [case for case in named(paths) if turnable(case, kind)]):
+        if not (cases := [case for case in named(paths) if has_series(case, kind)]):
             raise typer.Exit(0)
         study = measured(cases, output, jobs, dask, kind, seconds("--longest", longest))
         write_study(study, output)
@@ -48,10 +48,10 @@ def run_trade(
     raise typer.Exit(int(not any(row.outcome == Outcome.RAN for row in study.rows)))
 
 
-def turnable(case: Case, kind: Kind | None) -> bool:
-    """Whether there is something to turn in a case; says so if not."""
+def has_series(case: Case, kind: Kind | None) -> bool:
+    """Whether a case has a convergence series; says so if not."""
     which = chosen(case, kind)
-    if lines(case, which):
+    if list_series(case, which):
         return True
     errors.print(
         f"{case.name}: nothing to trade in its {which}, which both engines solve to rounding"
@@ -78,11 +78,11 @@ def measured(
 
 
 def show(study: Trade, kind: str) -> None:
-    """A table with one row for each line, on standard output."""
+    """A table with one row for each convergence series, on standard output."""
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in (
         "case",
-        "line",
+        "series",
         "order",
         "expected",
         "error floor",
@@ -90,18 +90,18 @@ def show(study: Trade, kind: str) -> None:
         *(f"s for {error:g}" for error in WANTED),
         SAID,
     ):
-        right = name not in ("case", "line", SAID)
+        right = name not in ("case", "series", SAID)
         table.add_column(name, justify="right" if right else "left", no_wrap=right)
-    told = {(v.case, v.line): v for v in study.verdicts if v.kind == kind}
+    told = {(v.case, v.series): v for v in study.verdicts if v.kind == kind}
     last = ""
-    for (case, line), rows in groupby(study.rows, lambda row: (row.case, row.line)):
+    for (case, series), rows in groupby(study.rows, lambda row: (row.case, row.series)):
         own = list(rows)
         figures = [number(cost(own, kind, error)) for error in WANTED]
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
-        verdict = told.get((case, line), Verdict(case, "", "", line, kind))
+        verdict = told.get((case, series), Verdict(case, "", "", series, kind))
         lost = next(
             (
-                f"{turned(row)}: {row.outcome}: {row.message}"
+                f"{format_varied(row)}: {row.outcome}: {row.message}"
                 for row in own
                 if row.outcome != Outcome.RAN
             ),
@@ -109,7 +109,7 @@ def show(study: Trade, kind: str) -> None:
         )
         table.add_row(
             case if case != last else "",
-            line,
+            series,
             *spoken(verdict),
             number(verdict.floor),
             number(best),

@@ -1,5 +1,5 @@
-"""What a study of work and precision found: of each line its order and its error floor, or how far
-it came; and the front."""
+"""What a study of work and precision found: of each convergence series its order and its error
+floor, or how far it came; and the front."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from proofmass.studies.record import NAN, StudyRow
 
 @dataclass(frozen=True)
 class Verdict:
-    """One line of one run, for one kind of error.
+    """One series of one run, for one kind of error.
 
     Attributes
     ----------
-    case, run, engine, line, kind : str
+    case, run, engine, series, kind : str
         What it is about; see `StudyRow`.
     observed, expected : float
         Order of convergence before an error floor, and by theory; NaN where there is none.
@@ -29,7 +29,7 @@ class Verdict:
     remark : str
         What moves the error where the observed order is not the expected one.
     reached : str
-        How far the line came, where no floor was shown, and what it would need for 1e-4.
+        How far the series came, where no floor was shown, and what it would need for 1e-4.
     worse : str
         A finer setting that is worse than the coarser one before it.
     motion : str
@@ -41,7 +41,7 @@ class Verdict:
     case: str
     run: str
     engine: str
-    line: str
+    series: str
     kind: str
     observed: float = NAN
     expected: float = NAN

@@ -1,16 +1,23 @@
-"""Rows, error floors, and how far a line came, in words."""
+"""Rows, error floors, and how far a series came, in words."""
 
 from math import isfinite
 
 from proofmass.outcome import Outcome
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.orders import WITHIN
-from proofmass.studies.trade.series import ASYMPTOTIC, Track, observed, still, still_falls, worse
+from proofmass.studies.trade.series import (
+    ASYMPTOTIC,
+    MeasuredSeries,
+    observed,
+    still,
+    still_falls,
+    worse,
+)
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number, spoken
 
 ASKED = 1e-4
-"""Share of the range that a line is asked for which did not come so far."""
+"""Share of the range that a series is asked for which did not come so far."""
 
 
 def told(row: StudyRow) -> str:
@@ -19,22 +26,22 @@ def told(row: StudyRow) -> str:
     >>> told(StudyRow("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
     'pymunk at 1 ms, iterations 30'
     """
-    place = turned(row)
+    place = format_varied(row)
     return (
-        f"{row.line.removesuffix(row.axis)}{place}"
-        if row.line.endswith(row.axis)
-        else (f"{row.line}, {place}")
+        f"{row.series.removesuffix(row.varied)}{place}"
+        if row.series.endswith(row.varied)
+        else (f"{row.series}, {place}")
     )
 
 
-def turned(row: StudyRow) -> str:
-    """What was turned along its line, and how far.
+def format_varied(row: StudyRow) -> str:
+    """The parameter that its series varies, and its value.
 
-    >>> turned(StudyRow("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
+    >>> format_varied(StudyRow("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
     'timestep 2.5 ms'
     """
-    place = f"{number(1e3 * row.value)} ms" if row.axis == "timestep" else number(row.value)
-    return f"{row.axis} {place}"
+    place = f"{number(1e3 * row.value)} ms" if row.varied == "timestep" else number(row.value)
+    return f"{row.varied} {place}"
 
 
 def brief(row: StudyRow) -> str:
@@ -48,8 +55,8 @@ def off(row: StudyRow, of: str) -> str:
 
 
 def cost(row: StudyRow) -> str:
-    """What a setting costs, and its place on its line."""
-    return f"{number(row.seconds, 2)} s at {turned(row)}"
+    """What a setting costs, and its place on its series."""
+    return f"{number(row.seconds, 2)} s at {format_varied(row)}"
 
 
 def floored(verdict: Verdict) -> str:
@@ -71,36 +78,36 @@ def needs(error: float, wanted: float, falls: float, row: StudyRow) -> str:
     )
 
 
-def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> str:
-    """How far a line came that shows no error floor, and what it would need for `ASKED`.
+def reached(measured: MeasuredSeries, kind: str, expected: float, why: str, ended: str) -> str:
+    """How far a series came that shows no error floor, and what it would need for `ASKED`.
 
     Parameters
     ----------
-    track, kind
-        The line and its rows, and the kind of error.
+    measured, kind
+        The series and its rows, and the kind of error.
     expected : float
         The order that theory expects: one refinement alone shows an order where it is that.
     why : str
         Why an error that no longer falls is no floor.
     ended : str
-        What ended the line, if it was not its last setting.
+        What ended the series, if it was not its last setting.
     """
-    points = [p for p in track.every(kind) if isfinite(p[1])]
+    points = [p for p in measured.every(kind) if isfinite(p[1])]
     if len(points) < 2:
         return ""
     size, error = points[-1]
-    row = track.rows[track.place(size)]
-    place = f"{number(error, 2)} at {turned(row)}"
-    falls = still_falls(track.points(kind))
+    row = measured.rows[measured.place(size)]
+    place = f"{number(error, 2)} at {format_varied(row)}"
+    falls = still_falls(measured.points(kind))
     begun = "" if error < ASYMPTOTIC else "not yet asymptotic: "
-    alone = observed(track.points(kind)) != falls
+    alone = observed(measured.points(kind)) != falls
     if not falls > 0 or (alone and not abs(falls - expected) <= WITHIN):
         why = why or "its last refinements change it, by no order"
         words = [f"no error floor is shown: {place}, {why}"]
         if begun:
             words = [
                 f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC)} only"
-                if track.settled(kind) and still(track.points(kind))
+                if measured.settled(kind) and still(measured.points(kind))
                 else f"{begun}{place}, and no order is seen"
             ]
     else:
@@ -108,26 +115,27 @@ def reached(track: Track, kind: str, expected: float, why: str, ended: str) -> s
             f"{begun}order {number(falls, 2)} down to {place}"
             + ", of the last refinement alone" * alone
         ]
-        if error > ASKED and row.axis == "timestep" and row.seconds > 0:
+        if error > ASKED and row.varied == "timestep" and row.seconds > 0:
             words.append(needs(error, ASKED, falls, row) + ", if that order holds")
     return "; ".join([*words, *filter(None, [ended])])
 
 
-def ended(track: Track, budget: float) -> str:
-    """What ended a line before its last setting, if not that its errors fall no further."""
-    last = track.rows[-1]
+def ended(measured: MeasuredSeries, budget: float) -> str:
+    """What ended a series before its last setting, if not that its errors fall no further."""
+    last = measured.rows[-1]
     if last.outcome != Outcome.RAN:
-        return f"{turned(last)}: {last.outcome}"
+        return f"{format_varied(last)}: {last.outcome}"
     if last.seconds > budget:
-        return f"the line ends there, at a run of more than {number(budget)} s"
+        return f"the series ends there, at a run of more than {number(budget)} s"
     return ""
 
 
-def worsened(track: Track, kind: str) -> str:
+def worsened(measured: MeasuredSeries, kind: str) -> str:
     """A finer setting that is worse than the one before it, with both; nothing if there is none."""
-    if not (pair := worse(track.every(kind))):
+    if not (pair := worse(measured.every(kind))):
         return ""
     coarse, fine = (
-        f"{number(error, 2)} at {turned(track.rows[track.place(size)])}" for size, error in pair
+        f"{number(error, 2)} at {format_varied(measured.rows[measured.place(size)])}"
+        for size, error in pair
     )
     return f"finer is worse: {coarse}, {fine}"

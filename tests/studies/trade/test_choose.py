@@ -23,7 +23,6 @@ from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.choose import (
     MARGIN,
     Cannot,
@@ -40,11 +39,12 @@ from proofmass.studies.trade.choose_command import solver_for
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
+from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
 from proofmass.worker import TimedOut
 from tests.shipped import shipped
-from tests.studies.trade.trade_rows import line, study, verdict
+from tests.studies.trade.trade_rows import series_rows, study, verdict
 
 
 @pytest.fixture
@@ -63,9 +63,9 @@ def chosen(case: Case, rows: list[StudyRow], wanted: float, **asked: object):
 
 def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
     """Of 100 h^2 with 6.28e-5 / h seconds the largest step with 2 * 100 h^2 <= 1e-4 is 0.5 ms."""
-    rows = [*line("slow", cost=1e-4), *line("quick"), *line("poor", order=1.0)]
+    rows = [*series_rows("slow", cost=1e-4), *series_rows("quick"), *series_rows("poor", order=1.0)]
     found = chosen(fourbar, rows, 1e-4)
-    assert (found.row.line, found.row.value) == ("quick", 0.0005)
+    assert (found.row.series, found.row.value) == ("quick", 0.0005)
     assert MARGIN * found.row.errors["position"] <= 1e-4 < MARGIN * 100 * 0.001**2
 
 
@@ -81,7 +81,7 @@ def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
     ],
 )
 def test_what_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> None:
-    rows = [replace(row, **changed) if row.value == 0.0005 else row for row in line("quick")]
+    rows = [replace(row, **changed) if row.value == 0.0005 else row for row in series_rows("quick")]
     assert chosen(fourbar, rows, 1e-4).row.value == 0.00025
 
 
@@ -91,7 +91,7 @@ def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tupl
         check = holds(case, kind, row, of, wanted)
         return replace(check, fresh=errors[0], shifted=errors[1]) if row.value == 0.0005 else check
 
-    found = chosen(fourbar, line("quick"), 1e-4, verify=lucky)
+    found = chosen(fourbar, series_rows("quick"), 1e-4, verify=lucky)
     assert found.row.value == 0.00025
     assert len(found.refused) == 1
     assert found.refused[0].startswith("quick, timestep 0.5 ms")
@@ -105,7 +105,7 @@ def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
     }
     assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
     steps = [
-        chosen(fourbar, line("quick"), 1e-3, of=of).row.value
+        chosen(fourbar, series_rows("quick"), 1e-3, of=of).row.value
         for of in ("position", "rate", "acceleration")
     ]
     assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
@@ -113,12 +113,12 @@ def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
 
 def test_beside_the_defaults(fourbar: Case) -> None:
     """First order, 0.05 h: 2.5e-5 at 0.5 ms, where 100 h^2 is 1.6e-3: nothing to compare yet."""
-    plain = line("plain", order=1.0, scale=0.05, defaults=True, integrator="Euler")
-    tuned = line("tuned", cost=1e-6)
+    plain = series_rows("plain", order=1.0, scale=0.05, defaults=True, integrator="Euler")
+    tuned = series_rows("tuned", cost=1e-6)
     assert all(map(default, plain))
     assert not any(map(default, tuned))
     found = chosen(fourbar, [*plain, *tuned], 1e-4)  # both at h with error 2.5e-5
-    assert found.row.line == "tuned"
+    assert found.row.series == "tuned"
     assert found.ratio == pytest.approx(5.0, rel=0.01)  # 1 ms against 0.5 ms, a tenth of the price
     alone = chosen(fourbar, plain, 1e-4)
     assert (alone.ratio, alone.beside) == (1.0, "these are the engine's defaults, refined")
@@ -127,9 +127,9 @@ def test_beside_the_defaults(fourbar: Case) -> None:
 @pytest.mark.parametrize(("order", "scale"), [(1.0, 0.1), (2.0, 1600.0)])
 def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scale: float) -> None:
     """6.25e-6 off at 1/16 ms; to 5e-7 a factor 12.5 is left, its root in steps of second order."""
-    plain = line("plain", order=order, scale=scale, defaults=True)
+    plain = series_rows("plain", order=order, scale=scale, defaults=True)
     assert plain[-1].errors["position"] == pytest.approx(6.25e-6)
-    tuned = line("tuned", cost=1e-6)
+    tuned = series_rows("tuned", cost=1e-6)
     found = chosen(fourbar, [*plain, *tuned], 1e-6)
     cost = 12.5 ** (1 / order) * plain[-1].seconds
     assert found.ratio == pytest.approx(cost / found.row.seconds)
@@ -140,33 +140,33 @@ def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scal
 
 def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
     """They are at the level of that floor by chance, and fall on."""
-    plain = line("plain", order=1.0, scale=0.1, defaults=True)
+    plain = series_rows("plain", order=1.0, scale=0.1, defaults=True)
     level = plain[-1].errors["position"]
     others = verdict("other", 2.0, level, "iterations")
-    found = chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6, verdicts=others)
+    found = chosen(fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=others)
     assert "never" not in found.beside
     assert found.ratio > 1
     own = verdict("plain", 1.0, level, "iterations")
     assert (
         "never get there"
-        in chosen(fourbar, [*plain, *line("tuned", cost=1e-6)], 1e-6, verdicts=own).beside
+        in chosen(fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=own).beside
     )
 
 
 def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
     """Those at 1 ms were lucky: the price of the defaults is that of a half or a quarter of it."""
-    plain = line("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
-    tuned = line("tuned", cost=1.5e-6)
+    plain = series_rows("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
+    tuned = series_rows("tuned", cost=1.5e-6)
 
     def lucky(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
         check = holds(case, kind, row, of, wanted)
-        return replace(check, shifted=1.0) if (row.line, row.value) == ("plain", 0.001) else check
+        return replace(check, shifted=1.0) if (row.series, row.value) == ("plain", 0.001) else check
 
     found = chosen(fourbar, [*plain, *tuned], 1e-4, verify=lucky)
-    assert (found.row.line, found.row.value, found.ratio) == ("plain", 0.0005, 1.0)
+    assert (found.row.series, found.row.value, found.ratio) == ("plain", 0.0005, 1.0)
     dear = [replace(row, seconds=5 * row.seconds) if row.value == 0.0005 else row for row in plain]
     found = chosen(fourbar, [*dear, *tuned], 1e-4, verify=lucky)
-    assert found.row.line == "tuned"
+    assert found.row.series == "tuned"
     assert found.ratio == pytest.approx(dear[6].seconds / found.row.seconds)
 
 
@@ -185,11 +185,11 @@ def test_a_floor_is_named(fourbar: Case) -> None:
     # 100 h^2 with 6.28e-5 / h seconds: to 0.8 * 5e-10, h = 2e-6 s and 31 s
     needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
     with pytest.raises(Cannot, match=needs + "proofmass choose measures finer steps"):
-        chosen(fourbar, line("quick"), 1e-9)
+        chosen(fourbar, series_rows("quick"), 1e-9)
     with pytest.raises(Cannot, match=needs + "--longest is 30$"):
-        chosen(fourbar, line("quick"), 1e-9, limits=Limits(longest=30.0))
+        chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
     with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
-        chosen(fourbar, line("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
+        chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
     lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
     with pytest.raises(
         Cannot,
@@ -204,7 +204,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
     lost = [
         replace(row, outcome=outcome, message=f"lost at {k} s", errors={})
         for k, (row, outcome) in enumerate(
-            zip(line("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False)
+            zip(series_rows("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False)
         )
     ]
     with pytest.raises(Cannot) as why:
@@ -215,7 +215,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
         for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")], reverse=True)
     )
     assert second == "the first, quick, timestep 16 ms: diverged: lost at 0 s"
-    other = [replace(row, errors={"rate": 1.0}) for row in line("quick")]
+    other = [replace(row, errors={"rate": 1.0}) for row in series_rows("quick")]
     with pytest.raises(Cannot, match="ran without position errors"):
         chosen(fourbar, other, 1e-3)
     with pytest.raises(Cannot, match="no setting was measured"):
@@ -227,7 +227,11 @@ def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
     """Each solver of the run that has settings, with what `check` runs it with."""
     case = load_case(shipped(f"{name}.toml"))
     step = compiled(case).opt.timestep
-    tried = [(s.engine, s.parameters) for line in lines(case, "dynamics") for s in line.settings]
+    tried = [
+        (s.engine, s.parameters)
+        for series in list_series(case, "dynamics")
+        for s in series.settings
+    ]
     for solver in case.run["dynamics"].solvers:
         engine, _, variant = solver.partition(":")
         if variant != "default":
@@ -264,8 +268,8 @@ def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
     """Where most other steps are lost."""
     folder = stiff.parent / "trade"
     rows = search(load_case(stiff), "position", 5e-3, Store(folder / "runs"), repeats=0)
-    assert "MuJoCo, as in the model" in {row.line for row in rows if row.outcome == "ran"}
-    assert len({row.line for row in rows if row.outcome != "ran"}) > 10
+    assert "MuJoCo, as in the model" in {row.series for row in rows if row.outcome == "ran"}
+    assert len({row.series for row in rows if row.outcome != "ran"}) > 10
     found = CliRunner().invoke(
         app, ["choose", str(stiff), "--error", "1e-2", "--store", str(folder)]
     )
@@ -420,7 +424,7 @@ def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
 
 def test_printed_with_its_evidence(fourbar: Case) -> None:
     """All of it can be pasted: comments, then elements that MuJoCo reads."""
-    rows = line("tuned", integrator="RK4")
+    rows = series_rows("tuned", integrator="RK4")
     text = printed(chosen(fourbar, rows, 1e-4), fourbar)
     assert "position within 1e-4 of its range" in text
     merged = mujoco.MjModel.from_xml_string(pasted(shipped("fourbar.xml"), text))
@@ -477,16 +481,18 @@ def test_a_drive_names_its_engine(fourbar: Case) -> None:
 
 def test_fewer_iterations_come_first() -> None:
     """Though the clock says otherwise by a little; not before what is cheaper by its step."""
-    one = line("a")[0]
+    one = series_rows("a")[0]
     rows = [
-        replace(one, line=name, seconds=seconds, parameters={"timestep": step, "iterations": count})
+        replace(
+            one, series=name, seconds=seconds, parameters={"timestep": step, "iterations": count}
+        )
         for name, seconds, step, count in (
             ("many", 0.10, 1e-3, 10),
             ("few", 0.11, 1e-3, 3),
             ("coarse", 0.05, 2e-3, 30),
         )
     ]
-    assert [row.line for row in enough(rows, "position", 1.0)] == ["coarse", "few", "many"]
+    assert [row.series for row in enough(rows, "position", 1.0)] == ["coarse", "few", "many"]
 
 
 @pytest.mark.slow
@@ -579,7 +585,7 @@ def test_settings_that_are_enough_have_a_margin_of_two() -> None:
         at("untimed", seconds=0.0),
         at("lost", outcome="stopped"),
     ]
-    assert [row.line for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
+    assert [row.series for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
     assert enough(rows, "rate", 1e-4) == []
 
 
@@ -595,7 +601,7 @@ def test_why_none_is_enough() -> None:
         "no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
         "best, fine, timestep 0.1 ms, is 1.2e-5 off"
     )
-    none = "no line of settings falls with its step at its end, so none promises to get there"
+    none = "no convergence series still falls at its finest step, so none promises to get there"
     assert best(rows, "position", 1.27e-6, []) == (short, none)
     assert best(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
         f"{short}: the error floor is 1.2e-5, softness",
@@ -719,7 +725,7 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     def check(case, kind, row, of, wanted):
         asked.append((case, kind, of))
         return Check(
-            *((3.14e-5, 4.14e-4) if row.line == "lucky" else (2.22e-5, 4.56e-5)),
+            *((3.14e-5, 4.14e-4) if row.series == "lucky" else (2.22e-5, 4.56e-5)),
             "",
             Setting("mujoco", {"timestep": 1e-3}),
         )

@@ -15,7 +15,6 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
-from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.disturbed import (
     LEAST,
     NUDGE,
@@ -29,6 +28,7 @@ from proofmass.studies.trade.disturbed import (
     rounding,
     within,
 )
+from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 
 ROOT = Path(__file__).parents[3]
@@ -197,21 +197,23 @@ def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
     """Euler is off by half of the range: that is no floor, and no cause is made up for it."""
     monkeypatch.setattr(
         trade,
-        "lines",
+        "list_series",
         lambda case, kind: [
-            line for line in lines(case, kind) if line.name in ("MuJoCo Euler", "MuJoCo RK4")
+            series
+            for series in list_series(case, kind)
+            if series.name in ("MuJoCo Euler", "MuJoCo RK4")
         ],
     )
     case = short(double, 5.0)
     study = trade.trade([case], Store(tmp_path), repeats=0)
-    told = {v.line: v for v in study.verdicts if v.kind == "position"}
+    told = {v.series: v for v in study.verdicts if v.kind == "position"}
     assert all(np.isnan(v.floor) and not v.cause for v in study.verdicts)
     assert told["MuJoCo Euler"].reached.startswith("not yet asymptotic: ")
     assert told["MuJoCo Euler"].reached.endswith("no order is seen")
     assert told["MuJoCo RK4"].reached.startswith("order 4")
     plain = by_hand(5.0)[:, :2]
     for name, integrator in (("MuJoCo Euler", 0), ("MuJoCo RK4", 1)):
-        row = next(row for row in study.rows if row.line == name and row.value < 1e-3)
+        row = next(row for row in study.rows if row.series == name and row.value < 1e-3)
         angles = np.abs(bare(5.0, integrator, row.value) - plain) / np.ptp(plain, axis=0)
         assert angles.max() <= 1.01 * row.errors["position"]  # which has the tip as well
         assert angles.max() >= 0.2 * row.errors["position"]
@@ -221,8 +223,10 @@ def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
 def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_path, monkeypatch):
     monkeypatch.setattr(
         trade,
-        "lines",
-        lambda case, kind: [line for line in lines(case, kind) if line.name == "MuJoCo RK4"],
+        "list_series",
+        lambda case, kind: [
+            series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
+        ],
     )
     study = trade.trade([double], Store(tmp_path), repeats=0)
     (case,) = study.cases

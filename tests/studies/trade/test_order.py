@@ -11,9 +11,9 @@ from proofmass.studies.measure import StudyRun, simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.orders import expected
 from proofmass.studies.trade.series import order
+from proofmass.studies.trade.varied import list_series
 from tests.shipped import models_like, shipped
 
 # A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a
@@ -34,11 +34,13 @@ CASES = {
 
 
 def errors(case, folder, change=lambda setting: setting):
-    """Steps and errors of the two settings of the plain line that are about the model's step."""
-    line = next(line for line in lines(case, "dynamics") if line.name == "pymunk, no bias")
+    """Steps and errors of the two settings of the plain series that are about the model's step."""
+    series = next(
+        series for series in list_series(case, "dynamics") if series.name == "pymunk, no bias"
+    )
     own = compiled(case).opt.timestep
-    k = next((k for k, size in enumerate(line.sizes) if size < 2 * own), -2)
-    pair = [change(setting) for setting in line.settings[k:][:2]]
+    k = next((k for k, size in enumerate(series.sizes) if size < 2 * own), -2)
+    pair = [change(setting) for setting in series.settings[k:][:2]]
     rows = run(
         [StudyRun(case, "dynamics", setting) for setting in pair],
         Store(folder),
@@ -97,6 +99,6 @@ def test_that_order_is_expected_of_what_is_let_go_alone():
         ("fourbar", (1.0,)),
     ):
         case = load_case(shipped(f"{name}.toml"))
-        line = next(one for one in lines(case, "dynamics") if one.axis == "error_bias")
-        assert expected(case, "dynamics", line, "position") == orders
-        assert expected(case, "dynamics", line, "acceleration") == (*orders, 0.0)
+        series = next(one for one in list_series(case, "dynamics") if one.varied == "error_bias")
+        assert expected(case, "dynamics", series, "position") == orders
+        assert expected(case, "dynamics", series, "acceleration") == (*orders, 0.0)

@@ -59,15 +59,15 @@ class World:
     ) -> list[StudyRow]:
         rows = []
         for task in tasks:
-            self.asked.append((task.line, task.value, repeats))
-            order, scale, floor, cost, *_ = self.families[task.line]
+            self.asked.append((task.series, task.value, repeats))
+            order, scale, floor, cost, *_ = self.families[task.series]
             steps = round(6.28 / task.value)
             row = StudyRow(
                 "choose",
                 "fourbar",
                 "dynamics",
                 "mujoco",
-                task.line,
+                task.series,
                 "timestep",
                 task.value,
                 dict(task.setting.parameters),
@@ -121,7 +121,7 @@ def test_the_cheapest_is_found_within_a_tenth(
         (row for row in rows if row.errors["position"] <= needed), key=lambda row: row.seconds
     )
     assert len(chosen.repeats) == 5  # timed in rounds
-    steps = [(line, value) for line, value, repeats in world.asked if not repeats]
+    steps = [(series, value) for series, value, repeats in world.asked if not repeats]
     assert len(steps) == len(set(steps))
     assert all(round(SAMPLE / value) % 2 == 1 for _, value in steps)
 
@@ -133,7 +133,7 @@ def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path)
     )
     search(fourbar, "position", 1e-6, Store(tmp_path))
     counts = {
-        name: sum(line == name and not repeats for line, _, repeats in world.asked)
+        name: sum(series == name and not repeats for series, _, repeats in world.asked)
         for name in world.families
     }
     assert counts["dear"] == 1
@@ -158,7 +158,7 @@ def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_p
     )
     search(fourbar, "position", 1e-6, Store(tmp_path))
     finest = {
-        name: min(value for line, value, _ in world.asked if line == name)
+        name: min(value for series, value, _ in world.asked if series == name)
         for name in ("plain", "other")
     }
     assert finest["plain"] < finest["other"]

@@ -11,9 +11,8 @@ from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import series
-from proofmass.studies.trade.axes import ConvergenceSeries
 from proofmass.studies.trade.series import (
-    Track,
+    MeasuredSeries,
     clear,
     ends,
     flat,
@@ -29,6 +28,7 @@ from proofmass.studies.trade.series import (
     still_falls,
     worse,
 )
+from proofmass.studies.trade.varied import ConvergenceSeries
 from proofmass.studies.trade.verdict import Verdict
 from tests.shipped import shipped
 
@@ -67,7 +67,7 @@ def falling(*slopes: float) -> list[tuple[float, float]]:
     return refined(*(1e-2 * 2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
 
 
-def track(**kinds: tuple[float, ...]) -> Track:
+def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
     """A line whose runs had these errors; infinite: the run was lost."""
     rows = []
     for each in zip(*kinds.values(), strict=True):
@@ -86,7 +86,7 @@ def track(**kinds: tuple[float, ...]) -> Track:
                 outcome=Outcome.DIVERGED if lost else Outcome.RAN,
             )
         )
-    return Track(steps(), rows)
+    return MeasuredSeries(steps(), rows)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def track(**kinds: tuple[float, ...]) -> Track:
     ],
 )  # worse, then as it was: neither
 def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, settled):
-    assert track(rate=errors).settled("rate") is settled
+    assert measured_series(rate=errors).settled("rate") is settled
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, set
 )
 def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(places, settled):
     """Jolts at the start may leave rates far off for any step."""
-    assert track(rate=(0.5, 0.5, 0.5), position=places).settled("rate") is settled
+    assert measured_series(rate=(0.5, 0.5, 0.5), position=places).settled("rate") is settled
 
 
 @pytest.mark.parametrize(
@@ -225,12 +225,12 @@ def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser(
     """Outcomes of other steps are no matter; a tenth of a step apart shows no order."""
     rows = [row(8.0), row(4.0, "diverged"), row(2.0), row(1.1, "diverged"), row(1.0)]
     assert list(ends(rows[::-1])) == [(rows[2], rows[4])]
-    other = [replace(each, line="other") for each in rows]
+    other = [replace(each, series="other") for each in rows]
     abroad = [replace(each, engine="pymunk") for each in rows]
     found = list(ends([*rows, *abroad, *other]))
     assert len(found) == 3
     assert all((part[2], part[4]) in found for part in (rows, other, abroad))
-    assert list(ends(replace(each, axis="iterations") for each in rows)) == []
+    assert list(ends(replace(each, varied="iterations") for each in rows)) == []
     assert list(ends([row(2.0, "diverged"), row(1.0)])) == []
     assert list(ends([row(2.0), row(1.0, "diverged")])) == []
     assert list(ends([row(1.3), row(1.0)])) == []
@@ -366,7 +366,7 @@ def store(tmp_path, monkeypatch) -> Store:
     monkeypatch.setattr(series, "key_of", key)
     monkeypatch.setattr(
         series,
-        "lines",
+        "list_series",
         lambda case, kind: {
             ("fourbar", "dynamics"): [steps("pymunk"), steps(name="RK4", integrator="RK4")]
         }[case.name, kind],
@@ -410,7 +410,7 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
         step=found[own].step,
     )
     assert found[other].parameters == FINE.parameters, "a tuple, which the file has as a list"
-    assert found[other].line == "MuJoCo, integrator RK4, solref (0.02, 1.0)"
+    assert found[other].series == "MuJoCo, integrator RK4, solref (0.02, 1.0)"
 
 
 def test_repeats_that_a_store_knows_are_timings(store):
@@ -452,5 +452,5 @@ def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypa
 def test_an_engine_without_a_line_of_the_case_is_not_asked(store, monkeypatch):
     """Another installation may have one that is not here."""
     save(store, FINE)
-    monkeypatch.setattr(series, "lines", lambda case, kind: [steps("pymunk")])
+    monkeypatch.setattr(series, "list_series", lambda case, kind: [steps("pymunk")])
     assert list(known(CASE, "dynamics", [], store)) == []

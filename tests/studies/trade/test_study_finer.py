@@ -1,4 +1,4 @@
-"""Finer steps than a study took: where the errors of a line fall on, its own order tells."""
+"""Finer steps than a study took: where the errors of a series fall on, its own order tells."""
 
 from dataclasses import replace
 
@@ -9,19 +9,19 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import lines
 from proofmass.studies.trade.series import known, placed, promises
+from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
-from tests.studies.trade.trade_rows import line, verdict
+from tests.studies.trade.trade_rows import series_rows, verdict
 
 CASE = load_case(shipped("fourbar.toml"))
 NEEDED = 1e-9
 
 
 def coarse(name="RK4", order=2.0, seconds=1e-5, scale=1.0, **parameters):
-    """A line without its fine half: its last step is 1 ms."""
-    return line(name, order=order, scale=scale, cost=seconds, **parameters)[:5]
+    """A series without its fine half: its last step is 1 ms."""
+    return series_rows(name, order=order, scale=scale, cost=seconds, **parameters)[:5]
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
@@ -47,7 +47,7 @@ def test_a_line_at_its_floor_promises_nothing():
 
 def test_the_cheapest_promise_is_the_first():
     dear, cheap = coarse("dear", seconds=1e-4), coarse("cheap", seconds=1e-5)
-    assert [one.row.line for one in promises(dear + cheap, [], "position", NEEDED)] == [
+    assert [one.row.series for one in promises(dear + cheap, [], "position", NEEDED)] == [
         "cheap",
         "dear",
     ]
@@ -73,7 +73,7 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
         [StudyRun(own, "dynamics", setting, "choose") for setting in asked], store, repeats=1
     )
     found = sorted(known(own, "dynamics", [], store), key=lambda row: row.value)
-    assert [row.line for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
+    assert [row.series for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
     assert [row.value for row in found] == [4e-4, 1e-3]
     assert [(row.errors, row.key, row.repeats) for row in found] == [
         (row.errors, row.key, row.repeats) for row in rows
@@ -86,7 +86,7 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
 
 
 def test_a_setting_finds_its_line_with_what_goes_with_its_step():
-    there = lines(CASE, "dynamics")
+    there = list_series(CASE, "dynamics")
     hard = next(one for one in there if one.name == "MuJoCo RK4, solref 8 steps")
     parameters = dict(hard.settings[0].parameters, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
     assert placed(Setting("mujoco", parameters), there) == (hard.name, "timestep", 1.7e-5)

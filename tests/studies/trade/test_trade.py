@@ -13,11 +13,10 @@ from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.scans import INTEGRATORS
 from proofmass.studies.record import Setting, StudyRow, read_table
 from proofmass.studies.store import Store
-from proofmass.studies.trade import axes, trade
-from proofmass.studies.trade.axes import ConvergenceSeries, lines, size, studied
+from proofmass.studies.trade import trade, varied
 from proofmass.studies.trade.orders import WITHIN, expected, off
 from proofmass.studies.trade.series import (
-    Track,
+    MeasuredSeries,
     flat,
     halved,
     least,
@@ -26,6 +25,7 @@ from proofmass.studies.trade.series import (
     slowed,
     worse,
 )
+from proofmass.studies.trade.varied import ConvergenceSeries, list_series, size, studied
 from proofmass.studies.trade.words import ended, reached, worsened
 from tests.shipped import shipped
 
@@ -89,8 +89,8 @@ def test_a_finer_step_that_is_worse_is_found():
     assert worse(falling(1.0)) is None
 
 
-def tracked(errors, seconds=0.1, outcomes=()):
-    line = ConvergenceSeries(
+def measured_series(errors, seconds=0.1, outcomes=()):
+    series = ConvergenceSeries(
         "mujoco",
         "x",
         "timestep",
@@ -114,23 +114,23 @@ def tracked(errors, seconds=0.1, outcomes=()):
         StudyRow("trade", "", "dynamics", "mujoco", "x", "timestep", 0.0, outcome=o)
         for o in outcomes
     ]
-    return Track(line, rows)
+    return MeasuredSeries(series, rows)
 
 
 def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_end():
-    assert not tracked([]).done(1.0)
-    assert not tracked([1e-2, 2e-3, 1e-3]).done(1.0)
-    assert tracked([1e-2, 1e-3, 1e-3, 1e-3]).done(1.0)
-    assert not tracked([1e-2, 1e-3, 1e-3]).done(1.0)
-    assert not tracked([0.8, 0.81, 0.8, 0.8]).done(1.0), "another motion is no floor"
-    assert tracked([1e-2, 2e-3, 1e-3]).done(0.05)
-    assert tracked([], outcomes=["timed out"]).done(1.0)
-    assert not tracked([], outcomes=["diverged"]).done(1.0), "a smaller step may be stable"
-    assert tracked([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
+    assert not measured_series([]).done(1.0)
+    assert not measured_series([1e-2, 2e-3, 1e-3]).done(1.0)
+    assert measured_series([1e-2, 1e-3, 1e-3, 1e-3]).done(1.0)
+    assert not measured_series([1e-2, 1e-3, 1e-3]).done(1.0)
+    assert not measured_series([0.8, 0.81, 0.8, 0.8]).done(1.0), "another motion is no floor"
+    assert measured_series([1e-2, 2e-3, 1e-3]).done(0.05)
+    assert measured_series([], outcomes=["timed out"]).done(1.0)
+    assert not measured_series([], outcomes=["diverged"]).done(1.0), "a smaller step may be stable"
+    assert measured_series([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
 
 
 def test_runs_that_are_lost_at_finer_steps_end_a_line():
-    lost = tracked([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
+    lost = measured_series([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
     points = lost.points("rate")
     assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
     assert level(points) == 1e-4
@@ -140,18 +140,20 @@ def test_runs_that_are_lost_at_finer_steps_end_a_line():
 
 
 def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
-    coarse = tracked([0.5, 3.0, 1e-2, 1e-3, 1e-4])
+    coarse = measured_series([0.5, 3.0, 1e-2, 1e-3, 1e-4])
     coarse.rows[1] = replace(coarse.rows[1], outcome="diverged", errors={})
     assert [error for _, error in coarse.points("rate")] == [1e-2, 1e-3, 1e-4]
-    risen = tracked([1e-2, 1e-3, 7.0, 9.0])  # finer steps that are far off again are not coarse
+    risen = measured_series(
+        [1e-2, 1e-3, 7.0, 9.0]
+    )  # finer steps that are far off again are not coarse
     assert [error for _, error in risen.points("rate")] == [1e-2, 1e-3, 7.0, 9.0]
     assert level(risen.points("rate")) == 1e-3
 
 
 def placed(errors, seconds=0.5, **kinds):
-    """A track whose rows know their steps; `errors` of positions."""
-    track = tracked([])
-    track.rows = [
+    """A series whose rows know their steps; `errors` of positions."""
+    measured = measured_series([])
+    measured.rows = [
         StudyRow(
             "trade",
             "",
@@ -164,9 +166,9 @@ def placed(errors, seconds=0.5, **kinds):
             {"position": e, **{k: v[n] for k, v in kinds.items()}},
             seconds=seconds,
         )
-        for n, (size, e) in enumerate(zip(track.line.sizes, errors, strict=False))
+        for n, (size, e) in enumerate(zip(measured.series.sizes, errors, strict=False))
     ]
-    return track
+    return measured
 
 
 @pytest.mark.parametrize(
@@ -209,8 +211,8 @@ def test_how_far_a_line_came_is_told_without_a_number_where_no_order_is_seen(
 
 
 def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
-    track = placed([1e-3] * 3, acceleration=[0.13] * 3)
-    assert reached(track, "acceleration", 1.0, "", "it ends") == (
+    measured = placed([1e-3] * 3, acceleration=[0.13] * 3)
+    assert reached(measured, "acceleration", 1.0, "", "it ends") == (
         "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends"
     )
     far = placed([0.5] * 3, acceleration=[0.13] * 3)
@@ -218,8 +220,8 @@ def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
 
 
 def test_a_finer_step_that_is_worse_is_told_with_both():
-    track = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
-    assert worsened(track, "position") == (
+    measured = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
+    assert worsened(measured, "position") == (
         "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms"
     )
     assert worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
@@ -227,10 +229,10 @@ def test_a_finer_step_that_is_worse_is_told_with_both():
 
 def test_what_ended_a_line_is_told():
     assert ended(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
-        "the line ends there, at a run of more than 2 s"
+        "the series ends there, at a run of more than 2 s"
     )
     assert ended(placed([1e-3, 1e-4]), 2.0) == ""
-    assert ended(tracked([1e-2], outcomes=["timed out"]), 2.0) == "timestep 0 ms: timed out"
+    assert ended(measured_series([1e-2], outcomes=["timed out"]), 2.0) == "timestep 0 ms: timed out"
 
 
 def test_a_slope_that_changes_is_no_order():
@@ -243,14 +245,16 @@ def test_a_slope_that_changes_is_no_order():
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
 def test_lines_go_from_coarse_to_fine_and_differ_in_one_parameter(name):
     case = load_case(shipped(f"{name}.toml"))
-    found = lines(case, next(k for k in ("dynamics", "equilibrium", "sweep") if k in case.run))
-    assert len({line.name for line in found}) == len(found)
-    for line in found:
-        assert np.all(np.diff(line.sizes) < 0), line.name
-        for a, b in zip(line.settings, line.settings[1:], strict=False):
+    found = list_series(
+        case, next(k for k in ("dynamics", "equilibrium", "sweep") if k in case.run)
+    )
+    assert len({series.name for series in found}) == len(found)
+    for series in found:
+        assert np.all(np.diff(series.sizes) < 0), series.name
+        for a, b in zip(series.settings, series.settings[1:], strict=False):
             changed = {k for k in a.parameters if a.parameters[k] != b.parameters[k]}
-            assert changed <= {line.axis, "solref"}, line.name
-            assert "solref" not in changed - {line.axis} or line.scaled
+            assert changed <= {series.varied, "solref"}, series.name
+            assert "solref" not in changed - {series.varied} or series.scaled
 
 
 def test_every_integrator_of_mujoco_has_a_line():
@@ -266,11 +270,11 @@ def test_steps_are_odd_in_number_and_within_the_work():
     numbers = steps[0] / np.array(steps)
     assert numbers == pytest.approx(np.round(numbers))
     assert np.all(np.round(numbers) % 2 == 1)
-    assert numbers[-1] * 362 * 4 <= axes.WORK < 2.1 * numbers[-1] * 362 * 4
+    assert numbers[-1] * 362 * 4 <= varied.WORK < 2.1 * numbers[-1] * 362 * 4
 
 
 def test_a_rigid_sweep_has_nothing_to_turn():
-    assert lines(load_case(shipped("fourbar.toml")), "sweep") == []
+    assert list_series(load_case(shipped("fourbar.toml")), "sweep") == []
 
 
 def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
@@ -297,11 +301,11 @@ def pendulum(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             trade,
-            "lines",
+            "list_series",
             lambda case, kind: [
-                replace(line, settings=line.settings[:5])
-                for line in lines(case, kind)
-                if line.name in ORDERS
+                replace(series, settings=series.settings[:5])
+                for series in list_series(case, kind)
+                if series.name in ORDERS
             ],
         )
         folder = tmp_path_factory.mktemp("pendulum")
@@ -312,7 +316,7 @@ def pendulum(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ORDERS)
 def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
-    told = {v.kind: v for v in pendulum[0].verdicts if v.line == name}
+    told = {v.kind: v for v in pendulum[0].verdicts if v.series == name}
     for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
         assert told[kind].observed == pytest.approx(order, abs=WITHIN)
         assert told[kind].expected == order
@@ -321,9 +325,9 @@ def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
 
 @pytest.mark.parametrize("name", ORDERS)
 def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
-    rows = [row for row in pendulum[0].rows if row.line == name]
+    rows = [row for row in pendulum[0].rows if row.series == name]
     for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
-        told = next(v for v in pendulum[0].verdicts if (v.line, v.kind) == (name, kind))
+        told = next(v for v in pendulum[0].verdicts if (v.series, v.kind) == (name, kind))
         assert orders_of_places(PENDULUM, told, rows)[-1] == pytest.approx(order, abs=WITHIN)
 
 
@@ -332,8 +336,10 @@ def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch)
     edit("pendulum.xml", '"1e-14 1e-14 1e-14"', '"1e-12 1e-12 1e-12"')
     monkeypatch.setattr(
         trade,
-        "lines",
-        lambda case, kind: [line for line in lines(case, kind) if line.name == "MuJoCo RK4"],
+        "list_series",
+        lambda case, kind: [
+            series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
+        ],
     )
     study = trade.trade(
         [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
@@ -360,23 +366,23 @@ def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
 
 
 def test_a_wrong_integrator_is_off(pendulum):
-    """A line that is run with Euler and said to be RK4's is flagged."""
+    """A series that is run with Euler and said to be RK4's is flagged."""
     case = load_case(shipped("pendulum.toml"))
-    fourth = next(line for line in lines(case, "dynamics") if line.name == "MuJoCo RK4")
-    rows = [row for row in pendulum[0].rows if row.line == "MuJoCo Euler"]
-    seen = observed(Track(fourth, rows[: len(fourth.settings)]).points("position"))
+    fourth = next(series for series in list_series(case, "dynamics") if series.name == "MuJoCo RK4")
+    rows = [row for row in pendulum[0].rows if row.series == "MuJoCo Euler"]
+    seen = observed(MeasuredSeries(fourth, rows[: len(fourth.settings)]).points("position"))
     assert all(off(seen, order) for order in expected(case, "dynamics", fourth, "position"))
 
 
 def test_failures_stay_in_the_table(tmp_path, monkeypatch):
     case = load_case(shipped("fourbar.toml"))
-    line = ConvergenceSeries(
+    series = ConvergenceSeries(
         "pymunk",
         "few",
         "iterations",
         tuple(Setting("pymunk", {"timestep": 1e-3, "iterations": n}) for n in (10, 30)),
     )
-    monkeypatch.setattr(trade, "lines", lambda *_: [line])
+    monkeypatch.setattr(trade, "list_series", lambda *_: [series])
     study = trade.trade([case], Store(tmp_path), repeats=1)
     assert [row.outcome for row in study.rows] == ["diverged", "ran"]
     assert "loops are open" in study.rows[0].message
@@ -393,11 +399,11 @@ def command(*args):
 
 
 def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
-    monkeypatch.setattr(axes, "WORK", 3e3)
+    monkeypatch.setattr(varied, "WORK", 3e3)
     monkeypatch.setattr(
         trade,
-        "lines",
-        lambda case, kind: [line for line in lines(case, kind) if line.name in ORDERS],
+        "list_series",
+        lambda case, kind: [series for series in list_series(case, kind) if series.name in ORDERS],
     )
     first = command(shipped("pendulum.toml"), "-o", tmp_path, "--error", "rate")
     assert first.exit_code == 0, first.output

@@ -10,8 +10,8 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.axes import ConvergenceSeries
 from proofmass.studies.trade.floor import MOVES, Probe, gain, halvings, judge, probes
+from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
 HARD = (0.9999, 0.9999, 0.001)
@@ -37,12 +37,12 @@ def gains(errors, found, kind):
 
 
 def of_two(**second):
-    """A line of `STIFF` and another setting."""
+    """A series of `STIFF` and another setting."""
     return ConvergenceSeries("mujoco", "x", "timestep", (STIFF, STIFF.but(**second)))
 
 
 def test_a_step_is_halved_and_quartered():
-    """Loops stay as hard as they are, unless they get harder with the step along the line."""
+    """Loops stay as hard as they are, unless they get harder with the step along the series."""
     plain, hard = of_two(timestep=1e-3), of_two(timestep=1e-3, solref=(0.016, 1.0))
     assert halvings("dynamics", plain, STIFF, 1.0) == [
         STIFF.but(timestep=1e-3),
@@ -56,8 +56,8 @@ def test_a_step_is_halved_and_quartered():
 
 def test_a_setting_without_a_step_has_the_model_s_to_be_halved():
     setting = Setting("mujoco", {"iterations": 3})
-    line = ConvergenceSeries("mujoco", "x", "iterations", (setting, setting.but(iterations=6)))
-    assert halvings("dynamics", line, setting, 4e-3) == [
+    series = ConvergenceSeries("mujoco", "x", "iterations", (setting, setting.but(iterations=6)))
+    assert halvings("dynamics", series, setting, 4e-3) == [
         setting.but(timestep=2e-3),
         setting.but(timestep=1e-3),
     ]
@@ -66,8 +66,8 @@ def test_a_setting_without_a_step_has_the_model_s_to_be_halved():
 @pytest.mark.parametrize("kind", ["equilibrium", "sweep"])
 def test_links_of_a_rod_are_cut_in_two_and_in_four(kind):
     setting = Setting("mujoco", {"segments": 10, "solver": "CG"})
-    line = ConvergenceSeries("mujoco", "x", "segments", (setting, setting.but(segments=20)))
-    assert halvings(kind, line, setting, 1e-3) == [
+    series = ConvergenceSeries("mujoco", "x", "segments", (setting, setting.but(segments=20)))
+    assert halvings(kind, series, setting, 1e-3) == [
         setting.but(segments=20),
         setting.but(segments=40),
     ]

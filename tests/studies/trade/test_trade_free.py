@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.studies.store import Store
-from proofmass.studies.trade import axes, trade
-from proofmass.studies.trade.axes import lines
+from proofmass.studies.trade import trade, varied
 from proofmass.studies.trade.series import worse
+from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 
 MODEL = shipped("fourbar.xml")
@@ -132,11 +132,13 @@ def study(tmp_path_factory) -> trade.Trade:
     table = case.run["dynamics"].model_copy(update={"until": END, "n": N})
     case = case.model_copy(update={"run": {"dynamics": table}})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(axes, "WORK", 3.2e4)
+        patch.setattr(varied, "WORK", 3.2e4)
         patch.setattr(
             trade,
-            "lines",
-            lambda case, kind: [line for line in lines(case, kind) if line.name in NAMES],
+            "list_series",
+            lambda case, kind: [
+                series for series in list_series(case, kind) if series.name in NAMES
+            ],
         )
         return trade.trade([case], Store(tmp_path_factory.mktemp("free")), repeats=0)
 
@@ -144,14 +146,14 @@ def study(tmp_path_factory) -> trade.Trade:
 def errors(study: trade.Trade, name: str) -> dict[int, float]:
     """Of positions, by steps a sample."""
     return {
-        round(0.01 / row.value): row.errors["position"] for row in study.rows if row.line == name
+        round(0.01 / row.value): row.errors["position"] for row in study.rows if row.series == name
     }
 
 
 @pytest.mark.slow
 def test_chipmunk_is_at_no_floor_with_its_defaults(study, truth):
     """It is of first order; the study ends where it is off by a third of the range."""
-    told = next(v for v in study.verdicts if (v.line, v.kind) == ("pymunk, defaults", "position"))
+    told = next(v for v in study.verdicts if (v.series, v.kind) == ("pymunk, defaults", "position"))
     assert np.isnan(told.floor)
     assert told.reached.startswith("not yet asymptotic: ")
     assert "would need" not in told.reached
@@ -167,7 +169,7 @@ def test_a_finer_step_that_is_worse_in_bare_mujoco_is_told(study, truth):
     own = {per: error(in_mujoco(per), truth) for per in (1, 3, 7, 15)}
     coarse, fine = worse([(1 / per, each) for per, each in own.items()])
     assert (round(1 / coarse[0]), round(1 / fine[0])) == (7, 15)
-    told = next(v for v in study.verdicts if (v.line, v.kind) == (name, "position"))
+    told = next(v for v in study.verdicts if (v.series, v.kind) == (name, "position"))
     assert told.worse.startswith("finer is worse: ")
     assert "at timestep 1.43 ms, " in told.worse
     assert told.worse.endswith(" at timestep 0.667 ms")

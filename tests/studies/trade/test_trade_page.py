@@ -19,7 +19,7 @@ from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.page_data import page_data
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import front
-from tests.studies.trade.trade_rows import line, study
+from tests.studies.trade.trade_rows import series_rows, study
 
 
 def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
@@ -38,7 +38,7 @@ def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
     assert best.error == number_of(rows[best.place], "acceleration")
     short = next(use for use in asked[2].engines if use.engine == "MuJoCo")
     assert "the error floor is 3e-6, cap of solimp" in short.more[0]
-    (falls,) = advised(line("falls")[:3], [], "acceleration", 1.0)[2].engines
+    (falls,) = advised(series_rows("falls")[:3], [], "acceleration", 1.0)[2].engines
     assert "falls would need a step of about" in falls.more[0]
 
 
@@ -48,9 +48,9 @@ def number_of(row: StudyRow, kind: str) -> str:
 
 
 def test_ties_are_told_and_only_among_what_is_close_enough() -> None:
-    near = [replace(row, repeats=(row.seconds, 1.5 * row.seconds)) for row in line("near")]
+    near = [replace(row, repeats=(row.seconds, 1.5 * row.seconds)) for row in series_rows("near")]
     slow = [
-        replace(row, line="slow", repeats=(1.2 * row.seconds,) * 5, seconds=1.2 * row.seconds)
+        replace(row, series="slow", repeats=(1.2 * row.seconds,) * 5, seconds=1.2 * row.seconds)
         for row in near
     ]
     (one, *_) = advised([*near, *slow], [], "position", 1.0)
@@ -62,7 +62,7 @@ def test_ties_are_told_and_only_among_what_is_close_enough() -> None:
 
 
 def test_engines_that_the_clock_does_not_tell_apart_are_tied() -> None:
-    rows = [*line("a"), *line("b", "pymunk", cost=1.2e-5)]
+    rows = [*series_rows("a"), *series_rows("b", "pymunk", cost=1.2e-5)]
     assert not advised(rows, [], "position", 1.0)[0].tied
     rows = [replace(row, repeats=(row.seconds, 1.5 * row.seconds)) for row in rows]
     assert advised(rows, [], "position", 1.0)[0].tied
@@ -88,7 +88,7 @@ def test_the_data_of_the_diagram_are_those_of_the_table() -> None:
     assert len(data["settings"]) == len(rows)
     for one, row in zip(data["settings"], rows, strict=True):
         assert one["errors"] == {k: e for k, e in row.errors.items() if math.isfinite(e)}
-        assert data["series"][one["line"]]["name"] == row.line
+        assert data["series"][one["series"]]["name"] == row.series
         assert one["ran"] == (row.outcome == "ran")
         assert one["work"] == pytest.approx(6.28 / row.value, abs=1)  # also of the one that failed
     position = data["kinds"][0]

@@ -9,7 +9,7 @@ SPAN = 6.28  # s of motion
 STEPS = tuple(0.016 / 2**k for k in range(9))  # s
 
 
-def line(
+def series_rows(
     name: str,
     engine: str = "mujoco",
     order: float = 2.0,
@@ -72,7 +72,7 @@ def study() -> tuple[list[StudyRow], list[Verdict]]:
     for k, name in enumerate(("Euler", "implicit", "implicitfast", "RK4", "discrete")):
         order, scale, cost = (4.0, 3e3, 4e-5) if name == "RK4" else (1.0, 0.2, 1e-5 * (1 + k / 20))
         soft = 2e-4 * (1 + k / 10)
-        rows += line(
+        rows += series_rows(
             f"MuJoCo {name}, defaults",
             "mujoco",
             order,
@@ -83,7 +83,7 @@ def study() -> tuple[list[StudyRow], list[Verdict]]:
             defaults=True,
         )
         verdicts += verdict(f"MuJoCo {name}, defaults", order, soft, "softness of the loop")
-        own = line(
+        own = series_rows(
             f"MuJoCo {name}, solref 8 dt", "mujoco", order, 1.5 * scale, 3e-8, cost, integrator=name
         )
         if name == "RK4":
@@ -100,8 +100,8 @@ def study() -> tuple[list[StudyRow], list[Verdict]]:
         else:
             verdicts += verdict(f"MuJoCo {name}, solref 8 dt", order)
         rows += own
-    rows += line("pymunk, no bias", "pymunk", 2.0, 1.0, 2e-9, 4e-5)
+    rows += series_rows("pymunk, no bias", "pymunk", 2.0, 1.0, 2e-9, 4e-5)
     verdicts += verdict("pymunk, no bias", 2.0, 2e-9, "rounding", "pymunk")
-    rows += line("pymunk, defaults", "pymunk", 1.0, 0.1, 0.0, 2e-5, defaults=True)
+    rows += series_rows("pymunk, defaults", "pymunk", 1.0, 0.1, 0.0, 2e-5, defaults=True)
     verdicts += verdict("pymunk, defaults", 1.0, engine="pymunk")
     return rows, verdicts

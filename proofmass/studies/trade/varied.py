@@ -1,4 +1,4 @@
-"""What can be varied: lines of settings of one engine that differ in one, from coarse to fine.
+"""What can be varied: convergence series, settings that differ in one parameter, coarse to fine.
 
 Not the full product, but what somebody would choose between.  Each engine says which settings these
 are; the number of segments of rods is varied in all of them.
@@ -16,15 +16,15 @@ from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import spoken
 
-WORK = 6e4  # evaluations of forces in the longest run, so that lines end in the same place anywhere
+WORK = 6e4  # evaluations of forces in the longest run, so that series end alike on any machine
 
 
-def size(engine: str, axis: str, value: ParameterValue) -> float:
-    """What errors fall with along an axis: a step or time constant [s], a share, a length."""
+def size(engine: str, varied: str, value: ParameterValue) -> float:
+    """What errors fall with: a step or time constant [s], a share, a length."""
     try:
-        return engine_of(engine).size(axis, value)
+        return engine_of(engine).size(varied, value)
     except NoEngine:  # a table may have another machine's
-        return Engine().size(axis, value)
+        return Engine().size(varied, value)
 
 
 @dataclass(frozen=True)
@@ -34,45 +34,47 @@ class ConvergenceSeries:
     Attributes
     ----------
     engine, name : str
-        The name is unlike that of any other line of the run.
-    axis : str
-        The parameter.
+        The name is unlike that of any other series of the run.
+    varied : str
+        The parameter that they differ in.
     settings : tuple of Setting
     """
 
     engine: str
     name: str
-    axis: str
+    varied: str
     settings: tuple[Setting, ...]
 
     @property
     def sizes(self) -> list[float]:
         """What its errors should fall with, setting by setting."""
-        return [size(self.engine, self.axis, one.parameters[self.axis]) for one in self.settings]
+        return [
+            size(self.engine, self.varied, one.parameters[self.varied]) for one in self.settings
+        ]
 
     @property
     def scaled(self) -> bool:
         """Whether something else goes with the step: loops get harder with it."""
         first, *others = (
-            {k: v for k, v in one.parameters.items() if k != self.axis} for one in self.settings
+            {k: v for k, v in one.parameters.items() if k != self.varied} for one in self.settings
         )
-        return self.axis == "timestep" and any(other != first for other in others)
+        return self.varied == "timestep" and any(other != first for other in others)
 
     @property
     def scan(self) -> Scan:
         """The same as its engine has it."""
-        return Scan(self.name, self.axis, tuple(one.parameters for one in self.settings))
+        return Scan(self.name, self.varied, tuple(one.parameters for one in self.settings))
 
 
-def line_of(engine: str, scan: Scan) -> ConvergenceSeries:
-    """The line of an engine's scan."""
+def series_of_scan(engine: str, scan: Scan) -> ConvergenceSeries:
+    """The series of an engine's scan."""
     return ConvergenceSeries(
-        engine, scan.name, scan.axis, tuple(Setting(engine, k) for k in scan.settings)
+        engine, scan.name, scan.varied, tuple(Setting(engine, k) for k in scan.settings)
     )
 
 
-def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
-    """What can be turned in a run of a case; nothing in a sweep of a rigid mechanism.
+def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
+    """The convergence series of a run of a case; none in a sweep of a rigid mechanism.
 
     Raises
     ------
@@ -81,11 +83,13 @@ def lines(case: Case, kind: Kind) -> list[ConvergenceSeries]:
     """
     there = dict.fromkeys(solver.partition(":")[0] for solver in case.run[kind].solvers)
     if kind != "dynamics":
-        return [line_of(name, scan) for name in there for scan in of_segments(case, kind, name)]
+        return [
+            series_of_scan(name, scan) for name in there for scan in of_segments(case, kind, name)
+        ]
     about = studied(case)
     return [
         *as_given(case, kind),
-        *(line_of(name, scan) for name in there for scan in engine_of(name).scans(about)),
+        *(series_of_scan(name, scan) for name in there for scan in engine_of(name).scans(about)),
     ]
 
 
@@ -110,14 +114,14 @@ def jolted(case: Case) -> bool:
 
 
 def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
-    """What the model and the sidecar themselves set, one line for each solver of the run.
+    """What the model and the sidecar themselves set, one series for each solver of the run.
 
     It may run where no other setting does: a stiff mechanism with a tiny mass, for one.
     """
     own = float(compiled(case).opt.timestep)
     for solver in case.run[kind].solvers:
         engine, _, variant = solver.partition(":")
-        if variant == "default":  # see the other lines
+        if variant == "default":  # see the other series
             continue
         given = {
             name: tuple(value) if isinstance(value, list) else value
@@ -136,7 +140,7 @@ def at_step(setting: Setting, step: float) -> Setting:
 
 
 def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
-    """Lines over the number of segments of all rods, as multiples that suit the samples of a rest.
+    """Series over the number of segments of all rods, as multiples that suit the samples of a rest.
 
     A link is straight, so what lies between its ends is off by more or less.
     """
