@@ -100,7 +100,7 @@ ASKED = (
     Asked(
         "models/linkages/slider_crank.toml", "slider_crank", "mujoco", "equality", "position", 1e-3
     ),
-    Asked("models/linkages/slider_crank.toml", "slider_crank", "pymunk", "motor", "rate", 1e-4),
+    Asked("models/linkages/slider_crank.toml", "slider_crank", "pymunk", "motor", "velocity", 1e-4),
     Asked(
         "models/linkages/inverted_slider_crank_classic.toml",
         "swinging_block",
@@ -113,7 +113,7 @@ ASKED = (
     Asked(f"{OWN}/double_pendulum.toml", "double_pendulum", "pymunk", "", "position", 1e-3),
     Asked(f"{OWN}/jansen.toml", "jansen", "mujoco", "flywheel", "position", 1e-5, True),
     Asked(f"{OWN}/jansen.toml", "jansen", "pymunk", "gear", "position", 1e-4, True),
-    Asked(f"{OWN}/quick_return.toml", "quick_return", "mujoco", "flywheel", "rate", 1e-3),
+    Asked(f"{OWN}/quick_return.toml", "quick_return", "mujoco", "flywheel", "velocity", 1e-3),
     Asked(f"{OWN}/quick_return.toml", "quick_return", "pymunk", "gear", "position", 1e-4),
     Asked(f"{OWN}/spring_slider.toml", "spring_slider", "mujoco", "", "position", 1e-5, True),
     Asked(f"{OWN}/spring_slider.toml", "spring_slider", "pymunk", "", "position", 1e-3, True),

@@ -15,7 +15,7 @@ import typer
 from rich.text import Text
 
 from proofmass.command import Dask, Jobs, answering, counting, errors, not_one_case
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from proofmass.studies import BUDGET, LONGEST
 
 if TYPE_CHECKING:
@@ -39,7 +39,27 @@ Longest = Annotated[
     float, typer.Option(help="Wall time after which a run is given up.", metavar="SECONDS")
 ]
 Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
-Errors = StrEnum("Errors", ["position", "rate", "acceleration", "effort", "energy"])
+Errors = StrEnum("Errors", ["position", "velocity", "acceleration", "force", "energy"])
+FORMER_ERRORS = {"rate": "velocity", "effort": "force"}
+
+
+def parse_error_kind(word: str) -> Errors:
+    """A kind of error by its name.
+
+    Raises
+    ------
+    typer.BadParameter
+        There is none; says what is meant, for a former name its present one.
+    """
+    try:
+        return Errors(word)
+    except ValueError:
+        raise typer.BadParameter(
+            suggest(word, [one.value for one in Errors], renamed=FORMER_ERRORS)
+        ) from None
+
+
+ERROR_KINDS = f"<{'|'.join(Errors)}>"
 
 
 def examine(paths: list[Path] | None, jobs: int | None, detectable: bool = True) -> "Result":
@@ -331,7 +351,12 @@ def trade_command(
         ),
     ] = None,
     error: Annotated[
-        Errors, typer.Option(help="Which errors the table shows; the files have all.")
+        Errors,
+        typer.Option(
+            help="Which errors the table shows; the files have all.",
+            parser=parse_error_kind,
+            metavar=ERROR_KINDS,
+        ),
     ] = Errors.position,
 ) -> None:
     """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
@@ -414,7 +439,9 @@ def choose_command(
     error: Annotated[
         float, typer.Option(help="Largest error, as a share of the range of the reference.")
     ],
-    of: Annotated[Errors, typer.Option(help="Of what.")] = Errors.position,
+    of: Annotated[
+        Errors, typer.Option(help="Of what.", parser=parse_error_kind, metavar=ERROR_KINDS)
+    ] = Errors.position,
     solver: Annotated[
         str, typer.Option(help="The only engine to choose from.", show_default="any")
     ] = "",

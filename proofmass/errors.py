@@ -1,6 +1,6 @@
 """The one error that a user can cause."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -36,7 +36,12 @@ RENAMED = {
 """Keys of sidecars by their former names."""
 
 
-def suggest(word: str, there: Iterable[str], known: str = "there are") -> str:
+def suggest(
+    word: str,
+    there: Iterable[str],
+    known: str = "there are",
+    renamed: Mapping[str, str] = RENAMED,
+) -> str:
     """What would have been right instead of a word: the nearest name, and all of them.
 
     >>> suggest("mujco", ["mujoco", "pymunk"])
@@ -45,7 +50,7 @@ def suggest(word: str, there: Iterable[str], known: str = "there are") -> str:
     "'rest' is called 'equilibrium' now; there are: sweep, equilibrium"
     """
     there = list(dict.fromkeys(there))
-    if (now := RENAMED.get(word)) in there:
+    if (now := renamed.get(word)) in there:
         return f"{word!r} is called {now!r} now; {known}: {', '.join(there)}"
     near = get_close_matches(word, there, 1)
     hint = f"did you mean {near[0]!r}? " if near else ""

@@ -1,4 +1,4 @@
-"""fivebar_swing, dynamics: rate within 1e-5 of its range.
+"""fivebar_swing, dynamics: velocity within 1e-5 of its range.
 
 pymunk, no bias, 30 iterations, timestep 2.22 ms: 3.3e-6 off in 0.02 s, 1351 steps
 as a program that runs by itself, its drive moved by a gear: 4e-6 off in 7e-3 s; 3.3e-6 from

@@ -24,7 +24,7 @@ Curve = np.ndarray
 Curves = dict[str, Curve]
 Point = tuple[Curve, Curve, Curve]
 """A complex place, its velocity and acceleration."""
-KINDS = "position", "rate", "acceleration"
+KINDS = "position", "velocity", "acceleration"
 
 
 # ---- POINTS ----------------------------------------------------------------------------------
@@ -332,7 +332,7 @@ def kind_of(name: str) -> str:
     """What a curve is, by its name."""
     if "acceleration" in name:
         return "acceleration"
-    return "rate" if "rate" in name or "velocity" in name else "position"
+    return "velocity" if "rate" in name or "velocity" in name else "position"
 
 
 def errors(case: str, file: str) -> dict[str, float]:

@@ -61,12 +61,21 @@ class Setting:
 NAN = float("nan")
 KINDS = {
     "position": ("rad", "m"),
-    "rate": ("rad/s", "m/s"),
+    "velocity": ("rad/s", "m/s"),
     "acceleration": ("rad/s^2", "m/s^2"),
-    "effort": ("N", "N m"),
+    "force": ("N", "N m"),
     "energy": ("J",),
 }
-"""Kinds of channels, by their units; errors are told for each."""
+"""Units of each kind of channels; a run has an error of each kind."""
+
+
+def format_kind(kind: str) -> str:
+    """The name of a kind of error in a sentence.
+
+    >>> format_kind("force"), format_kind("velocity")
+    ('force or torque', 'velocity')
+    """
+    return "force or torque" if kind == "force" else kind
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
     assert [ax.get_title("left") for ax in sheet.axes] == [
         "position",
         "",
-        "rate",
+        "velocity",
         "",
         "acceleration",
         "",
@@ -184,7 +184,16 @@ def test_nothing_but_failures_can_be_drawn() -> None:
 def test_other_parameters_run_from_coarse_to_fine() -> None:
     rows = [
         StudyRow(
-            "", "", "", "mujoco", "solref", "solref", v, errors={"rate": v}, steps=9, seconds=1.0
+            "",
+            "",
+            "",
+            "mujoco",
+            "solref",
+            "solref",
+            v,
+            errors={"velocity": v},
+            steps=9,
+            seconds=1.0,
         )
         for v in (0.04, 0.02, 0.01)
     ]

@@ -380,3 +380,18 @@ def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
         read_tree(file)
     assert ended.value.exit_code == 2
     assert capsys.readouterr().err.startswith("error: fat.xml: to be changed it must be")
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("trade case.toml --error rate", "'rate' is called 'velocity' now"),
+        ("choose case.toml --error 1e-5 --of effort", "'effort' is called 'force' now"),
+        ("choose case.toml --error 1e-5 --of speed", "position, velocity, acceleration, force"),
+    ],
+)
+def test_a_kind_of_error_that_there_is_not_is_named(asked, words):
+    """A former name with its present one, in place of a run."""
+    found = CliRunner().invoke(app, asked.split())
+    assert found.exit_code == 2
+    assert words in " ".join(found.output.replace("│", " ").split())

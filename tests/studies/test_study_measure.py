@@ -61,7 +61,7 @@ def test_of_several_channels_of_a_kind_the_worst_counts():
         off = {n: y + (2e-3 if n == worst else 1e-3) * np.ptp(y) for n, y in exact.items()}
         found = shares(FOURBAR, "dynamics", Curves(x, off, drive=state))
         assert found["position"] == pytest.approx(2e-3, rel=1e-9)
-        assert found["rate"] == pytest.approx(1e-3, rel=1e-9)
+        assert found["velocity"] == pytest.approx(1e-3, rel=1e-9)
 
 
 def test_errors_are_told_at_the_state_the_drive_really_had():

@@ -180,9 +180,9 @@ def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
         every = visit.page.locator("#points [role=option]").count()
         visit.page.click("#chips [data-series='0']")
         assert visit.page.locator("#points [role=option]").count() == every - 9
-        visit.page.click("#kinds [data-kind='rate']")
+        visit.page.click("#kinds [data-kind='velocity']")
         assert visit.page.locator(".of-kind[data-kind='position']").is_hidden()
-        assert visit.page.locator(".of-kind[data-kind='rate']").is_visible()
+        assert visit.page.locator(".of-kind[data-kind='velocity']").is_visible()
         visit.page.keyboard.press("c")
         assert visit.run("state.cost") == "work"
         visit.page.locator("#plot").scroll_into_view_if_needed()
@@ -195,7 +195,7 @@ def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
         assert zoom[0] < zoom[1]
         assert zoom[2] < zoom[3]
     with StudyVisit(browser, folder / TRADE, address) as visit:
-        assert visit.run("[state.kind, state.cost, [...state.off]]") == ["rate", "work", [0]]
+        assert visit.run("[state.kind, state.cost, [...state.off]]") == ["velocity", "work", [0]]
         assert visit.run("state.zoom") == pytest.approx(zoom, rel=1e-3)
         visit.page.keyboard.press("0")
         assert "zoom" not in visit.address

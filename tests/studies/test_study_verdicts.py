@@ -232,7 +232,7 @@ def test_what_is_moved_of_the_samples(tmp_path):
 
 def row(error: float, outcome: str = "ran") -> StudyRow:
     return StudyRow(
-        "floor", "", "dynamics", "mujoco", "", "", 0.0, {}, {"rate": error}, outcome=outcome
+        "floor", "", "dynamics", "mujoco", "", "", 0.0, {}, {"velocity": error}, outcome=outcome
     )
 
 
@@ -247,7 +247,7 @@ def test_what_an_error_follows_is_told_by_all_that_was_moved():
         moved("three", 0.4, outcome="diverged"),
         moved("four", 0.0),
     ]
-    assert judge(1.0, found, "rate") == (
+    assert judge(1.0, found, "velocity") == (
         "one",
         (
             "moving one divides the error by 2.00; moving two leaves the error; "
@@ -255,21 +255,21 @@ def test_what_an_error_follows_is_told_by_all_that_was_moved():
         ),
     )
     lost = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
-    for nothing in (judge(1.0, found, "position"), judge(1.0, lost, "rate")):
+    for nothing in (judge(1.0, found, "position"), judge(1.0, lost, "velocity")):
         assert nothing[0] == "unknown"
-    assert judge(1.0, [moved("one", 1 / 1.11)], "rate")[0] == "one"  # of which a fifth is one
-    assert judge(1.0, [moved("one", 1 / 1.09)], "rate")[0] == "unknown"
+    assert judge(1.0, [moved("one", 1 / 1.11)], "velocity")[0] == "one"  # of which a fifth is one
+    assert judge(1.0, [moved("one", 1 / 1.09)], "velocity")[0] == "unknown"
     for worse in (1.09, 1.11, 9.0):  # no rounding: nobody has moved that
-        assert judge(1.0, [moved("time step", worse)], "rate")[0] == "unknown"
+        assert judge(1.0, [moved("time step", worse)], "velocity")[0] == "unknown"
 
 
 def test_the_time_step_is_no_cause_of_a_floor():
     found = [moved("time step", 0.5), moved("one", 1 / 1.2)]
-    assert judge(1.0, found, "rate")[0] == "time step"
-    assert judge(1.0, found, "rate", at_floor=True)[0] == "one"
-    assert judge(1.0, found[:1], "rate", at_floor=True)[0] == "unknown"
+    assert judge(1.0, found, "velocity")[0] == "time step"
+    assert judge(1.0, found, "velocity", at_floor=True)[0] == "one"
+    assert judge(1.0, found[:1], "velocity", at_floor=True)[0] == "unknown"
     steps = moved("too few steps in solref", 0.5)
-    assert judge(1.0, [steps, *found], "rate", at_floor=True)[0] == "too few steps in solref"
+    assert judge(1.0, [steps, *found], "velocity", at_floor=True)[0] == "too few steps in solref"
 
 
 def test_a_gain_is_how_much_better_the_error_is():
@@ -356,7 +356,7 @@ def series_of(
 def test_orders_are_those_of_the_theory(name, of, wanted):
     assert tuple(
         set(expected(case_of(name), "dynamics", of, kind))
-        for kind in ("position", "rate", "acceleration")
+        for kind in ("position", "velocity", "acceleration")
     ) == tuple(map(set, wanted))
 
 
@@ -368,11 +368,13 @@ def test_orders_of_rods_and_other_kinds():
         1.0,
     )
     softer = series_of("mujoco", "solref")
-    for kind, alike in (("energy", "rate"), ("effort", "acceleration")):
+    for kind, alike in (("energy", "velocity"), ("force", "acceleration")):
         assert expected(FOURBAR, "dynamics", softer, kind) == expected(
             FOURBAR, "dynamics", softer, alike
         )
-    assert expected(FOURBAR, "dynamics", softer, "rate")[0] == 1.0  # told where none was observed
+    assert (
+        expected(FOURBAR, "dynamics", softer, "velocity")[0] == 1.0
+    )  # told where none was observed
 
 
 def test_a_jolt_is_a_start_in_motion_or_under_gravity():
@@ -504,7 +506,7 @@ def test_only_a_warning_of_mujoco_is_the_engine_s_own_word():
 
 
 def test_the_front_is_of_settings_that_ran():
-    def of(value, seconds, error, kind="rate", outcome="ran"):
+    def of(value, seconds, error, kind="velocity", outcome="ran"):
         return StudyRow(
             "", "", "", "", "", "", value, errors={kind: error}, seconds=seconds, outcome=outcome
         )
@@ -521,8 +523,8 @@ def test_the_front_is_of_settings_that_ran():
         of(9, 0.1, nan),
         of(10, 0.1, -1.0),
     ]
-    assert [found.value for found in front(rows, "rate")] == [2, 1, 7]
-    assert front([], "rate") == []
+    assert [found.value for found in front(rows, "velocity")] == [2, 1, 7]
+    assert front([], "velocity") == []
 
 
 def halved(*errors: float) -> list[tuple[float, float]]:
@@ -618,27 +620,29 @@ def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
 
 def test_points_are_of_settings_that_ran_or_were_lost():
     measured = measured_series(
-        at(rate=0.05), at("stopped", rate=0.04), at("not finite"), at(rate=0.0)
+        at(velocity=0.05), at("stopped", velocity=0.04), at("not finite"), at(velocity=0.0)
     )
-    assert measured.points("rate") == [(0.1, 0.05), (0.025, inf)]
+    assert measured.points("velocity") == [(0.1, 0.05), (0.025, inf)]
     assert [measured.place(size) for size in measured.series.sizes] == [0, 1, 2, 3]
-    coarse = measured_series(at(rate=0.1), at("diverged"), at(rate=0.09), at(rate=9.0))
-    assert coarse.points("rate") == [(0.025, 0.09), (0.0125, 9.0)]
-    assert measured_series(at(rate=0.1), at("crashed"), at(rate=0.2)).points("rate") == [
+    coarse = measured_series(at(velocity=0.1), at("diverged"), at(velocity=0.09), at(velocity=9.0))
+    assert coarse.points("velocity") == [(0.025, 0.09), (0.0125, 9.0)]
+    assert measured_series(at(velocity=0.1), at("crashed"), at(velocity=0.2)).points(
+        "velocity"
+    ) == [
         (0.1, 0.1),
         (0.025, 0.2),
     ]
-    assert measured_series(at(rate=0.1)).points("position") == []
+    assert measured_series(at(velocity=0.1)).points("position") == []
 
 
 def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
-    one, two = at(rate=1e-3, position=1e-3), at(rate=1e-3, position=1e-6)
+    one, two = at(velocity=1e-3, position=1e-3), at(velocity=1e-3, position=1e-6)
     assert not measured_series(one, one).done(1.0)
     assert measured_series(one, one, one).done(1.0)
     assert not measured_series(one, one, two).done(1.0)  # its positions fall
-    assert measured_series(one, one, two).kinds == ["rate", "position"]
+    assert measured_series(one, one, two).kinds == ["velocity", "position"]
     assert measured_series(one, two, two, two).done(1.0)  # no more settings
-    far, jolt = at(rate=0.5, position=0.8), at(rate=0.5, position=1e-3)
+    far, jolt = at(velocity=0.5, position=0.8), at(velocity=0.5, position=1e-3)
     assert not measured_series(far, far, far).done(
         1.0
     )  # another motion, which may yet become right
@@ -657,10 +661,10 @@ OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.O
 @pytest.mark.parametrize(
     ("found", "message", "limit", "silent"),
     [
-        (Measurement({"position": 0.1, "effort": 0.1, "rate": 9.0}), None, None, False),
+        (Measurement({"position": 0.1, "force": 0.1, "velocity": 9.0}), None, None, False),
         (Measurement(), None, None, False),
         (Measurement({"position": 0.111}), "position off by 0.11 of its range", OFF, True),
-        (Measurement({"effort": 0.222}), "effort off by 0.22 of its range", OFF, True),
+        (Measurement({"force": 0.222}), "force or torque off by 0.22 of its range", OFF, True),
         (Measurement({"position": nan}), "position off by nan of its range", OFF, True),
         (
             Measurement(outcome="diverged", message="MuJoCo warning x"),

@@ -26,7 +26,7 @@ from proofmass.studies import variants
 from proofmass.studies.bounded import bounded
 from proofmass.studies.invariants import conserved, invariants
 from proofmass.studies.measure import Measurement, StudyRun, taken
-from proofmass.studies.record import ParameterValue, Setting
+from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import NAN, BoundaryKind, Failure, Sought, Tried, told
@@ -191,7 +191,8 @@ def unlike(found: Measurement, own: Measurement) -> Failure | None:
     for kind, error in found.errors.items():
         if error > 10.0 * own.errors[kind] + ROUNDING:
             return Failure(
-                f"{kind} off by {error:.2g} of its range, {own.errors[kind]:.2g} at its size",
+                f"{format_kind(kind)} off by {error:.2g} of its range, "
+                f"{own.errors[kind]:.2g} at its size",
                 BoundaryKind.INACCURATE,
                 silent=True,
             )

@@ -24,7 +24,7 @@ from proofmass.sim.protocol import BadModel, Curves, Engine, NotSolved, Scheme
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, observe
-from proofmass.studies.record import ParameterValue, Setting
+from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Trial, Tried, told
 from proofmass.studies.stress.ways import in_steps
@@ -33,7 +33,7 @@ from proofmass.worker import KILLED, TimedOut, isolated
 
 LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""
-JUDGED = "position", "effort"
+JUDGED = "position", "force"
 TIMEOUT = 60.0
 LONG = 1_000_000  # steps of the longest runs
 SAME = 1e-9  # share of a step by which rounding may change it
@@ -204,7 +204,7 @@ def judged(found: Measurement) -> Failure | None:
     for kind in JUDGED:
         if not found.errors.get(kind, 0.0) <= LOST:
             return Failure(
-                f"{kind} off by {found.errors[kind]:.2g} of its range",
+                f"{format_kind(kind)} off by {found.errors[kind]:.2g} of its range",
                 BoundaryKind.INACCURATE,
                 silent=True,
             )

@@ -10,7 +10,7 @@ from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
 from proofmass.strict import Kind
-from proofmass.studies.record import NAN, StudyRow
+from proofmass.studies.record import NAN, StudyRow, format_kind
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import FALLS, Limits, order, promises
 from proofmass.studies.trade.verdict import Verdict
@@ -85,7 +85,7 @@ def choose(
     wanted : float
         Largest error [share of the range]; the measured one must be half of it.
     of : str
-        Kind of channels: position, rate, acceleration ..
+        Kind of channels: position, velocity, acceleration, ...
     engine : str, optional
         The only one to choose from.
     verdicts : iterable of Verdict
@@ -160,8 +160,8 @@ def best(
     verdicts = list(verdicts)
     row = min(able, key=lambda row: row.errors[of])
     short = (
-        f"no measured setting has {of} within {number(wanted, 2)} of its range with a margin "
-        f"of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}"
+        f"no measured setting has {format_kind(of)} within {number(wanted, 2)} of its range with a "
+        f"margin of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}"
     )
     more = would_need(able, of, wanted, verdicts, limits)
     if not (floor := floor_at(row, of, verdicts)):
@@ -208,7 +208,7 @@ def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
         return ("no setting was measured",)
     outcomes = Counter(row.outcome for row in rows if row.outcome != Outcome.RAN)
     if len(rows) > outcomes.total():
-        outcomes[f"ran without {of} errors"] = len(rows) - outcomes.total()
+        outcomes[f"ran without {format_kind(of)} errors"] = len(rows) - outcomes.total()
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     first = rows[0]
     return (
@@ -281,7 +281,8 @@ def words(choice: Choice, case: Case) -> list[str]:
     """A choice in sentences."""
     row, check = choice.row, choice.check
     return [
-        f"{case.name}, {row.run}: {choice.of} within {number(choice.wanted, 2)} of its range",
+        f"{case.name}, {row.run}: {format_kind(choice.of)} within "
+        f"{number(choice.wanted, 2)} of its range",
         f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, {row.steps} steps",
         check.words,
         *check.other_drives(choice.of, choice.wanted),

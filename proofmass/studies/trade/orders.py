@@ -9,7 +9,7 @@ from proofmass.engines import engine_of
 from proofmass.strict import Kind
 from proofmass.studies.trade.varied import ConvergenceSeries, studied
 
-DERIVATIVE = {"position": 0, "energy": 1, "rate": 1, "acceleration": 2, "effort": 2}
+DERIVATIVE = {"position": 0, "energy": 1, "velocity": 1, "acceleration": 2, "force": 2}
 WITHIN = 0.2
 """What an observed order may be off by: the next term of an expansion, a tenth of the error, turns
 second order into 1.9 to 2.1 and fourth order into 3.8 to 4.2."""

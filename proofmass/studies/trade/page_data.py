@@ -26,9 +26,9 @@ from proofmass.wording import number, spoken
 
 TITLES = {
     "position": "Position",
-    "rate": "Velocity",
+    "velocity": "Velocity",
     "acceleration": "Acceleration",
-    "effort": "Force or moment",
+    "force": "Force or torque",
     "energy": "Energy",
 }
 """Kinds of errors as tabs."""

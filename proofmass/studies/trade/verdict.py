@@ -58,9 +58,9 @@ class Verdict:
 def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
     """Settings that nothing measured betters in both wall time and error; cheapest first.
 
-    >>> rows = [StudyRow("", "", "", "", "", "", v, errors={"rate": e}, seconds=s)
+    >>> rows = [StudyRow("", "", "", "", "", "", v, errors={"velocity": e}, seconds=s)
     ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
-    >>> [row.value for row in front(rows, "rate")]
+    >>> [row.value for row in front(rows, "velocity")]
     [1, 3]
     """
     found = able(rows, kind)

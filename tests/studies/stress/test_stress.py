@@ -121,7 +121,7 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stand):
     assert smaller.trial(2.1e-6).failure is None
     failure = smaller.trial(1.9e-6).failure
     assert failure
-    assert failure.message.startswith("effort off by 0.0")
+    assert failure.message.startswith("force or torque off by 0.0")
     assert failure.limit == BoundaryKind.INACCURATE
     assert failure.silent
 
@@ -163,7 +163,7 @@ def test_stronger_springs_need_proportional_moments(stand, engine, factor):
     )
     assert held.lost(variants.stiffer(few, held.models, factor)) is None
     wrong = variants.stiffer(few, held.models, factor).model_copy(update={"channels": few.channels})
-    assert held.lost(wrong).message.startswith("effort off by")
+    assert held.lost(wrong).message.startswith("force or torque off by")
 
 
 def test_the_least_inertia_bounds_the_size(stand):

@@ -106,7 +106,7 @@ def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
     assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
     steps = [
         chosen(fourbar, series_rows("quick"), 1e-3, of=of).row.value
-        for of in ("position", "rate", "acceleration")
+        for of in ("position", "velocity", "acceleration")
     ]
     assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
 
@@ -215,7 +215,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
         for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")], reverse=True)
     )
     assert second == "the first, quick, timestep 16 ms: diverged: lost at 0 s"
-    other = [replace(row, errors={"rate": 1.0}) for row in series_rows("quick")]
+    other = [replace(row, errors={"velocity": 1.0}) for row in series_rows("quick")]
     with pytest.raises(Cannot, match="ran without position errors"):
         chosen(fourbar, other, 1e-3)
     with pytest.raises(Cannot, match="no setting was measured"):
@@ -565,7 +565,7 @@ def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "posit
         ([floor_of("other", 1.2)], None),
         ([floor_of("own", nan)], None),
         ([floor_of("own", 2.0, "pymunk")], None),
-        ([floor_of("own", 2.0, kind="rate")], None),
+        ([floor_of("own", 2.0, kind="velocity")], None),
         ([floor_of("other", 2.0), floor_of("own", 9.0)], 1),
         ([floor_of("other", 2.8), floor_of("another", 1.8)], 1),
         ([floor_of("other", 1.4), floor_of("another", 2.2)], 1),
@@ -586,7 +586,7 @@ def test_settings_that_are_enough_have_a_margin_of_two() -> None:
         at("lost", outcome="stopped"),
     ]
     assert [row.series for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
-    assert enough(rows, "rate", 1e-4) == []
+    assert enough(rows, "velocity", 1e-4) == []
 
 
 def test_why_none_is_enough() -> None:
@@ -614,9 +614,9 @@ def test_why_none_is_enough() -> None:
         at("two", outcome="diverged", message="why"),
         at("three", outcome="diverged"),
     ]
-    assert best(lost[1:], "rate", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
-    assert best(lost, "rate", 1.0, []) == (
-        "no setting ran, of 3: 2 diverged, 1 ran without rate errors",
+    assert best(lost[1:], "velocity", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
+    assert best(lost, "velocity", 1.0, []) == (
+        "no setting ran, of 3: 2 diverged, 1 ran without velocity errors",
         "the first, one, timestep 1 ms: ran",
     )
 
@@ -691,8 +691,8 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     monkeypatch.setattr(
         module, "limited", lambda case, kind, function, *told, least=0.0: found[function.__name__]
     )
-    assert verify(fourbar, "equilibrium", at(), "rate", 3.0) == Check(1.0, 2.0, "", used)
-    poor = verify(fourbar, "equilibrium", at(), "rate", 0.5)
+    assert verify(fourbar, "equilibrium", at(), "velocity", 3.0) == Check(1.0, 2.0, "", used)
+    poor = verify(fourbar, "equilibrium", at(), "velocity", 0.5)
     assert (poor.fresh, poor.again, poor.words) == (1.0, False, "run again with the lines below 1")
 
     def fails(error):
@@ -704,7 +704,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
         return call
 
     monkeypatch.setattr(module, "limited", fails(Unsupported("a rest has one start")))
-    check = verify(fourbar, "equilibrium", at(), "rate", 1.0)
+    check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
     assert (check.fresh, check.note, check.used) == (1.0, "a rest has one start", used)
     assert np.isnan(check.shifted)
     assert check.holds(1.0)
@@ -712,7 +712,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     assert Check(1.0, 2.0, "", used).holds(2.0)
     for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
         monkeypatch.setattr(module, "limited", fails(why))
-        check = verify(fourbar, "equilibrium", at(), "rate", 1.0)
+        check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
         assert (check.fresh, check.note, check.lost) == (1.0, "", str(why))
         assert check.words.endswith(f"from a shifted start: {why}")
         assert not check.holds(9.0)

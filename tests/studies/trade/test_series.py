@@ -103,7 +103,7 @@ def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
     ],
 )  # worse, then as it was: neither
 def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, settled):
-    assert measured_series(rate=errors).settled("rate") is settled
+    assert measured_series(velocity=errors).settled("velocity") is settled
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, set
 )
 def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(places, settled):
     """Jolts at the start may leave rates far off for any step."""
-    assert measured_series(rate=(0.5, 0.5, 0.5), position=places).settled("rate") is settled
+    assert measured_series(velocity=(0.5, 0.5, 0.5), position=places).settled("velocity") is settled
 
 
 @pytest.mark.parametrize(
@@ -237,10 +237,10 @@ def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser(
 
 
 def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
-    rows = [row(2.0, rate=4e-3, position=4e-3), row(1.0, rate=1e-3, position=1e-3)]
+    rows = [row(2.0, velocity=4e-3, position=4e-3), row(1.0, velocity=1e-3, position=1e-3)]
     at = Verdict("fourbar", "dynamics", "mujoco", "plain", "position", floor=1e-3)
     assert promises(rows, [at], "position", 1e-5) == []
-    assert len(promises(rows, [at], "rate", 1e-5)) == 1
+    assert len(promises(rows, [at], "velocity", 1e-5)) == 1
     none = replace(at, floor=nan)
     assert len(promises(rows, [none], "position", 1e-5)) == 1
 
@@ -249,22 +249,22 @@ def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
     ("coarse", "fine", "needed"),
     [
         ({}, {}, 1e-5),  # errors of this kind were not found
-        ({"rate": 4e-3}, {}, 1e-5),
-        ({"rate": inf}, {"rate": 1e-3}, 1e-5),
-        ({"rate": 1e-3}, {"rate": 0.0}, 1e-5),
-        ({"rate": 0.0}, {"rate": 1e-3}, 1e-5),
-        ({"rate": 4e-3}, {"rate": 1e-3}, 1e-3),  # it is good enough as it is
-        ({"rate": 4e-3}, {"rate": 1e-3}, 2e-3),
-        ({"rate": 1.1e-3}, {"rate": 1e-3}, 1e-5),
+        ({"velocity": 4e-3}, {}, 1e-5),
+        ({"velocity": inf}, {"velocity": 1e-3}, 1e-5),
+        ({"velocity": 1e-3}, {"velocity": 0.0}, 1e-5),
+        ({"velocity": 0.0}, {"velocity": 1e-3}, 1e-5),
+        ({"velocity": 4e-3}, {"velocity": 1e-3}, 1e-3),  # it is good enough as it is
+        ({"velocity": 4e-3}, {"velocity": 1e-3}, 2e-3),
+        ({"velocity": 1.1e-3}, {"velocity": 1e-3}, 1e-5),
     ],
 )  # it hardly falls
 def test_what_shows_no_order_or_is_good_enough_promises_nothing(coarse, fine, needed):
-    assert promises([row(2.0, **coarse), row(1.0, **fine)], [], "rate", needed) == []
+    assert promises([row(2.0, **coarse), row(1.0, **fine)], [], "velocity", needed) == []
 
 
 def test_the_price_of_a_promise_is_that_of_its_steps():
     """Second order, from 1e-3 to four fifths of 1e-5: a step shorter by the root of 125."""
-    (found,) = promises([row(2.0, rate=4e-3), row(1.0, rate=1e-3)], [], "rate", 1e-5)
+    (found,) = promises([row(2.0, velocity=4e-3), row(1.0, velocity=1e-3)], [], "velocity", 1e-5)
     assert found.falls == pytest.approx(2.0)
     assert found.step == pytest.approx(125**-0.5)
     assert found.seconds == pytest.approx(125**0.5)
@@ -380,7 +380,7 @@ def key(task: StudyRun) -> str:
 
 def save(store: Store, setting: Setting, case=CASE, run="dynamics", **found) -> str:
     task = StudyRun(case, run, setting)
-    store.save(key(task), 0, task, Measurement({"rate": 1e-3}, seconds=2.0, **found), 5.0)
+    store.save(key(task), 0, task, Measurement({"velocity": 1e-3}, seconds=2.0, **found), 5.0)
     return key(task)
 
 
@@ -402,7 +402,7 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
         "timestep",
         3e-4,
         {"timestep": 3e-4, "integrator": "RK4"},
-        {"rate": 1e-3},
+        {"velocity": 1e-3},
         seconds=2.0,
         repeats=(2.0,),
         key=own,
@@ -416,7 +416,7 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
 def test_repeats_that_a_store_knows_are_timings(store):
     task = StudyRun(CASE, "dynamics", FINE)
     for repeat, seconds in enumerate((9.0, 4.0, 3.0)):
-        store.save(key(task), repeat, task, Measurement({"rate": 1e-3}, seconds=seconds), 5.0)
+        store.save(key(task), repeat, task, Measurement({"velocity": 1e-3}, seconds=seconds), 5.0)
     (row,) = known(CASE, "dynamics", [], store)
     assert (row.seconds, row.repeats) == (3.0, (4.0, 3.0))
 

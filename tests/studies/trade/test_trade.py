@@ -105,7 +105,7 @@ def measured_series(errors, seconds=0.1, outcomes=()):
             "x",
             "timestep",
             0.0,
-            errors={"rate": e},
+            errors={"velocity": e},
             seconds=seconds,
         )
         for e in errors
@@ -131,7 +131,7 @@ def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_e
 
 def test_runs_that_are_lost_at_finer_steps_end_a_line():
     lost = measured_series([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
-    points = lost.points("rate")
+    points = lost.points("velocity")
     assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
     assert level(points) == 1e-4
     assert flat(points) is least(points) is None, "nothing shows a floor"
@@ -142,12 +142,12 @@ def test_runs_that_are_lost_at_finer_steps_end_a_line():
 def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
     coarse = measured_series([0.5, 3.0, 1e-2, 1e-3, 1e-4])
     coarse.rows[1] = replace(coarse.rows[1], outcome="diverged", errors={})
-    assert [error for _, error in coarse.points("rate")] == [1e-2, 1e-3, 1e-4]
+    assert [error for _, error in coarse.points("velocity")] == [1e-2, 1e-3, 1e-4]
     risen = measured_series(
         [1e-2, 1e-3, 7.0, 9.0]
     )  # finer steps that are far off again are not coarse
-    assert [error for _, error in risen.points("rate")] == [1e-2, 1e-3, 7.0, 9.0]
-    assert level(risen.points("rate")) == 1e-3
+    assert [error for _, error in risen.points("velocity")] == [1e-2, 1e-3, 7.0, 9.0]
+    assert level(risen.points("velocity")) == 1e-3
 
 
 def placed(errors, seconds=0.5, **kinds):
@@ -317,7 +317,7 @@ def pendulum(tmp_path_factory):
 @pytest.mark.parametrize("name", ORDERS)
 def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
     told = {v.kind: v for v in pendulum[0].verdicts if v.series == name}
-    for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
+    for kind, order in zip(("position", "velocity"), ORDERS[name], strict=True):
         assert told[kind].observed == pytest.approx(order, abs=WITHIN)
         assert told[kind].expected == order
         assert told[kind].remark == ""
@@ -326,7 +326,7 @@ def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
 @pytest.mark.parametrize("name", ORDERS)
 def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
     rows = [row for row in pendulum[0].rows if row.series == name]
-    for kind, order in zip(("position", "rate"), ORDERS[name], strict=True):
+    for kind, order in zip(("position", "velocity"), ORDERS[name], strict=True):
         told = next(v for v in pendulum[0].verdicts if (v.series, v.kind) == (name, kind))
         assert orders_of_places(PENDULUM, told, rows)[-1] == pytest.approx(order, abs=WITHIN)
 
@@ -405,7 +405,7 @@ def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, mon
         "list_series",
         lambda case, kind: [series for series in list_series(case, kind) if series.name in ORDERS],
     )
-    first = command(shipped("pendulum.toml"), "-o", tmp_path, "--error", "rate")
+    first = command(shipped("pendulum.toml"), "-o", tmp_path, "--error", "velocity")
     assert first.exit_code == 0, first.output
     assert "MuJoCo RK4" in first.output
     assert "s for 1e-06" in first.output

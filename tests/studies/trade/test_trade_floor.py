@@ -166,7 +166,7 @@ def row(error, outcome="ran"):
         "",
         0.0,
         outcome=outcome,
-        errors={"rate": error} if outcome == "ran" else {},
+        errors={"velocity": error} if outcome == "ran" else {},
     )
 
 
@@ -176,8 +176,8 @@ def probe(cause, better=True):
 
 def test_what_nothing_moves_is_unknown():
     found = [(probe("time step"), row(1.0)), (probe("softness"), row(0.99))]
-    assert judge(1.0, found, "rate")[0] == "unknown"
-    assert judge(1.0, [], "rate") == ("unknown", "")
+    assert judge(1.0, found, "velocity")[0] == "unknown"
+    assert judge(1.0, [], "velocity") == ("unknown", "")
 
 
 @pytest.mark.parametrize(
@@ -185,42 +185,45 @@ def test_what_nothing_moves_is_unknown():
 )
 def test_a_cause_has_a_fifth_of_the_error(share, cause):
     """Of first order: halving it takes half of its share away."""
-    assert judge(1.0, [(probe("softness"), row(1 - share / 2))], "rate")[0] == cause
+    assert judge(1.0, [(probe("softness"), row(1 - share / 2))], "velocity")[0] == cause
 
 
 def test_what_a_smaller_step_makes_worse_is_not_yet_rounding():
-    cause, evidence = judge(1.0, [(probe("time step"), row(4.0))], "rate")
+    cause, evidence = judge(1.0, [(probe("time step"), row(4.0))], "velocity")
     assert cause == "unknown"
     assert evidence == "moving time step multiplies the error by 4.00"
 
 
 def test_a_cause_that_can_only_be_moved_away_is_found_by_a_worse_error():
-    assert judge(1.0, [(probe("softness", better=False), row(2.0))], "rate")[0] == "softness"
-    assert judge(1.0, [(probe("softness", better=False), row(0.5))], "rate")[0] == "unknown"
+    assert judge(1.0, [(probe("softness", better=False), row(2.0))], "velocity")[0] == "softness"
+    assert judge(1.0, [(probe("softness", better=False), row(0.5))], "velocity")[0] == "unknown"
 
 
 def test_the_reference_may_move_an_error_either_way():
     for error in (2.0, 0.5):
-        assert judge(1.0, [(probe("reference", better=None), row(error))], "rate")[0] == "reference"
+        assert (
+            judge(1.0, [(probe("reference", better=None), row(error))], "velocity")[0]
+            == "reference"
+        )
 
 
 def test_the_largest_of_several_causes_is_the_floor_s():
     found = [(probe("one"), row(1 / MOVES)), (probe("two"), row(0.5))]
-    assert judge(1.0, found, "rate")[0] == "two"
+    assert judge(1.0, found, "velocity")[0] == "two"
 
 
 def test_a_lost_run_is_told_and_moves_nothing():
     found = [(probe("softness"), row(0.0, "diverged"))]
-    assert judge(1.0, found, "rate") == ("unknown", "moving softness: diverged")
-    assert judge(1.0, [*found, (probe("step"), row(0.5))], "rate")[0] == "step"
+    assert judge(1.0, found, "velocity") == ("unknown", "moving softness: diverged")
+    assert judge(1.0, [*found, (probe("step"), row(0.5))], "velocity")[0] == "step"
     away = [(probe("softness", better=False), row(0.0, "diverged"))]
-    assert judge(1.0, away, "rate") == ("unknown", "moving softness: diverged")
+    assert judge(1.0, away, "velocity") == ("unknown", "moving softness: diverged")
 
 
 def test_a_cause_that_is_moved_twice_has_its_larger_effect():
     for found in ([0.5, 1.0], [1.0, 0.5]):
         moves = [(probe("bias"), row(error)) for error in found]
-        assert judge(1.0, moves, "rate")[0] == "bias"
+        assert judge(1.0, moves, "velocity")[0] == "bias"
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])

@@ -33,7 +33,7 @@ def series_rows(
                 "timestep",
                 dt,
                 {"timestep": dt, **parameters},
-                {"position": error, "rate": 10 * error, "acceleration": 100 * error},
+                {"position": error, "velocity": 10 * error, "acceleration": 100 * error},
                 {"violation": 1e-3 * error},
                 steps * cost,
                 steps,
@@ -62,7 +62,7 @@ def verdict(
             cause,
             "halving solref divides the error by 4.0, the step by 1.0" if cause else "",
         )
-        for kind, factor in (("position", 1), ("rate", 10), ("acceleration", 100))
+        for kind, factor in (("position", 1), ("velocity", 10), ("acceleration", 100))
     ]
 
 
