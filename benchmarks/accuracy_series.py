@@ -22,17 +22,17 @@ series that show an order, {near} are within {within} of the one that theory exp
 in fewer refinements, or still bend.
 """
 ODD = """
-The others, and what their error follows where they end: one cause after the other was moved there.
-The order is that of the largest error of a run.  Where that is now here and now there, or a sum of
-two terms, no power of the step is to be seen in it: beside it are the medians of the orders at all
-places, those that are off by a hundredth of it, from each refinement to the next.
+The others, and what their error follows where they end: each possible cause was changed there
+separately. The order is that of the largest error of a run. Where that is now here and now there,
+or a sum of two terms, no power of the step is to be seen in it: beside it are the medians of the
+orders at all places, those that are off by a hundredth of it, from each refinement to the next.
 """
 FLOORS = """
 ## Error floors
 
 Where two halvings of the step each change an error of less than 1e-2 of the range by less than 5 %,
-one cause after the other was moved; the error follows what it is made of.  {without} more verdicts
-show none: they tell how far their series came.
+each possible cause was changed separately; the error follows what it is made of.
+{without} more verdicts show none: they tell how far their series came.
 """
 
 

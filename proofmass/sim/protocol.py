@@ -424,25 +424,25 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class Cause:
-    """Settings with one cause of an error moved.
+class Perturbation:
+    """Settings in which one possible cause of an error is changed, and nothing else.
 
     Attributes
     ----------
-    cause, move : str
-        What is suspected, and what is done to it, in words.
+    cause, change : str
+        What is suspected, and how it is changed, in words.
     parameters : dict of str to ParameterValue
-    better : bool
-        Whether it was moved to where less error is expected, or away from there because it can go
-        no further.
+    better : bool or None
+        Whether less error is expected; False where the cause can only be made worse, None if the
+        error may go either way.
     whole : bool
-        Whether it was taken away, and not only halved.
+        Whether the cause is taken away, and not only halved.
     """
 
     cause: str
-    move: str
+    change: str
     parameters: dict[str, ParameterValue]
-    better: bool = True
+    better: bool | None = True
     whole: bool = False
 
 
@@ -603,14 +603,16 @@ class Engine:
         """
         return ()
 
-    def causes(self, parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
-        """Settings with one possible cause of an error moved, for each cause.
+    def perturbations(
+        self, parameters: ParameterValues, about: Studied, scaled: bool
+    ) -> Iterator[Perturbation]:
+        """Settings in which one possible cause of an error is changed, for each cause.
 
-        `scaled` tells whether loops get harder with the step along the scan they are of.
+        `scaled` tells whether loops get harder with the step in the scan that the settings are of.
         """
         if "timestep" in self.settings.model_fields:
             step = leading(parameters.get("timestep", about.own_step))
-            yield Cause(STEP, "halving the step", {**parameters, "timestep": step / 2})
+            yield Perturbation(STEP, "halving the step", {**parameters, "timestep": step / 2})
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """What is searched for the cheapest setting that is good enough."""

@@ -13,7 +13,15 @@ import pytest
 
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
-from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
+from proofmass.sim.protocol import (
+    BadModel,
+    Curves,
+    Diverged,
+    NotSolved,
+    Perturbation,
+    Run,
+    Unsupported,
+)
 from proofmass.solve import plan
 from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore
@@ -38,7 +46,7 @@ from proofmass.studies.stress.boundary import (
 )
 from proofmass.studies.stress.stand import NotHere, Stand, judged, known, needs
 from proofmass.studies.stress.stand import observed as observed_run
-from proofmass.studies.trade.floor import Probe, factor, gain, judge, probes, sampled
+from proofmass.studies.trade.floor import factor, gain, judge, list_perturbations, sampled
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, level, observed, slowed
 from proofmass.studies.trade.varied import ConvergenceSeries, jolted
@@ -58,15 +66,15 @@ GONE = Failure("gone", BoundaryKind.UNSTABLE, True)
 
 
 def moves(name: str, setting: Setting, folder: Path, run: str = "dynamics"):
-    """What is moved of the engine: causes with what is done, the parameters, and which way."""
+    """Perturbations of the engine: causes with what is done, the parameters, and which way."""
     case = case_of(name)
     found = [
-        p
-        for p in probes(case, run, setting, folder)
+        (own, p)
+        for own, p in list_perturbations(case, run, setting, folder)
         if p.cause not in ("the reference", "sampling")
     ]
-    assert all(p.case == case and p.setting.engine == setting.engine for p in found)
-    return [(p.cause, p.move, p.setting.parameters, p.better, p.whole) for p in found]
+    assert all(own == case for own, _ in found)
+    return [(p.cause, p.change, p.parameters, p.better, p.whole) for _, p in found]
 
 
 @pytest.mark.parametrize(
@@ -188,20 +196,22 @@ def test_what_is_moved_of_the_reference(tmp_path):
     def of(name: str, run: str = "dynamics"):
         setting = Setting("mujoco", {"segments": 40, "timestep": 1e-3})
         found = [
-            p for p in probes(case_of(name), run, setting, tmp_path) if p.cause == "the reference"
+            (case, p)
+            for case, p in list_perturbations(case_of(name), run, setting, tmp_path)
+            if p.cause == "the reference"
         ]
-        assert all(p.setting == setting for p in found)
+        assert all(p.parameters == setting.parameters for _, p in found)
         return found
 
-    (solver,) = of("fourbar")
-    assert (solver.move, solver.better, solver.case.reference) == (
+    ((case, solver),) = of("fourbar")
+    assert (solver.change, solver.better, case.reference) == (
         "a second reference",
         None,
         "planar",
     )
-    (half,) = of("hacksaw_recorded")
-    assert (half.move, half.better) == ("every other row of the recorded curve", False)
-    assert half.case.reference.startswith(str(tmp_path))
+    ((case, half),) = of("hacksaw_recorded")
+    assert (half.change, half.better) == ("every other row of the recorded curve", False)
+    assert case.reference.startswith(str(tmp_path))
     for name, run in (
         ("stephenson", "dynamics"),
         ("hacksaw", "dynamics"),
@@ -215,9 +225,14 @@ def test_what_is_moved_of_the_samples(tmp_path):
         case = case_of(name)
         case = sampled(case, run, n) if n else case
         setting = Setting("mujoco", {"segments": segments, "timestep": 1e-3})
-        found = [p for p in probes(case, run, setting, tmp_path) if p.cause == "sampling"]
-        assert all(p.setting == setting and p.case.run.keys() == case.run.keys() for p in found)
-        return [(p.move, p.case.run[run].n, p.better) for p in found]
+        found = [
+            (own, p)
+            for own, p in list_perturbations(case, run, setting, tmp_path)
+            if p.cause == "sampling"
+        ]
+        assert all(p.parameters == setting.parameters for _, p in found)
+        assert all(own.run.keys() == case.run.keys() for own, _ in found)
+        return [(p.change, own.run[run].n, p.better) for own, p in found]
 
     for n in (361, 363):
         assert of("fourbar", n=n) == [("every other sample", n // 2 + 1, None)]
@@ -237,7 +252,7 @@ def row(error: float, outcome: str = "ran") -> StudyRow:
 
 
 def moved(cause: str, error: float, better: bool | None = True, **more):
-    return Probe(cause, f"moving {cause}", FOURBAR, Setting("mujoco"), better), row(error, **more)
+    return Perturbation(cause, f"moving {cause}", {}, better), row(error, **more)
 
 
 def test_what_an_error_follows_is_told_by_all_that_was_moved():
@@ -274,7 +289,7 @@ def test_the_time_step_is_no_cause_of_a_floor():
 
 def test_a_gain_is_how_much_better_the_error_is():
     def of(better: bool | None, ratio: float, whole: bool = False) -> float:
-        return gain(Probe("", "", FOURBAR, Setting("mujoco"), better, whole), ratio)
+        return gain(Perturbation("", "", {}, better, whole), ratio)
 
     assert (of(True, 4.0), of(True, 0.25), of(False, 4.0), of(False, 0.25)) == (4, 0.25, 0.25, 4)
     assert (of(None, 4.0), of(None, 0.25)) == (4.0, 4.0)

@@ -19,12 +19,12 @@ from proofmass.sim.mujoco.settings import PLACES, MujocoSettings
 from proofmass.sim.mujoco.snippet import pasted, snippet
 from proofmass.sim.protocol import (
     BadModel,
-    Cause,
     Curves,
     Engine,
     Imposed,
     ParameterValue,
     ParameterValues,
+    Perturbation,
     Recipe,
     Run,
     Scan,
@@ -129,9 +129,11 @@ class Mujoco(Engine):
         """See `proofmass.sim.mujoco.scans`."""
         return scans.orders(scan, derivative, about)
 
-    def causes(self, parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
-        """See `proofmass.sim.mujoco.scans.causes`."""
-        return scans.causes(parameters, about, scaled)
+    def perturbations(
+        self, parameters: ParameterValues, about: Studied, scaled: bool
+    ) -> Iterator[Perturbation]:
+        """See `proofmass.sim.mujoco.scans.perturbations`."""
+        return scans.perturbations(parameters, about, scaled)
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """See `proofmass.sim.mujoco.scans.recipes`."""

@@ -1,4 +1,4 @@
-r"""Settings of MuJoCo worth scanning, how errors should fall with them, and what moves an error.
+r"""Settings of MuJoCo worth scanning, how errors should fall with them, and what changes an error.
 
 With the step h, a loop held by a spring and damper of time constant tau (`solref`), the share 1 - d
 of the open loop's acceleration that it lets through (`solimp`), and the derivative j of the place:
@@ -26,9 +26,9 @@ from proofmass.sim.contents import may_touch, rubs
 from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
 from proofmass.sim.protocol import (
     STEP,
-    Cause,
     ParameterValue,
     ParameterValues,
+    Perturbation,
     Recipe,
     Scan,
     Studied,
@@ -162,7 +162,9 @@ def softness(about: Studied, j: int) -> tuple[float, ...]:
     return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
 
 
-def causes(parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
+def perturbations(
+    parameters: ParameterValues, about: Studied, scaled: bool
+) -> Iterator[Perturbation]:
     """Step, softness of loops, solver."""
     model = about.model
     known: dict[str, Any] = {
@@ -174,7 +176,7 @@ def causes(parameters: ParameterValues, about: Studied, scaled: bool) -> Iterato
         return {**parameters, **changed}
 
     step = known.get("timestep", model.opt.timestep)
-    yield Cause(
+    yield Perturbation(
         IN_SOLREF if scaled else STEP,
         "halving the step" + ", solref as it is" * scaled,
         but(timestep=step / 2),
@@ -183,7 +185,7 @@ def causes(parameters: ParameterValues, about: Studied, scaled: bool) -> Iterato
         return
     tau, ratio = known.get("solref", model.eq_solref[0])[:2]
     safe = tau / 2 >= 2 * step  # MuJoCo itself takes no less
-    yield Cause(
+    yield Perturbation(
         "softness of the loops",
         "halving solref" if safe else "doubling solref",
         but(solref=(tau / 2 if safe else 2 * tau, ratio)),
@@ -192,14 +194,14 @@ def causes(parameters: ParameterValues, about: Studied, scaled: bool) -> Iterato
     low, high, *rest = known.get("solimp", model.eq_solimp[0])
     room = 1 - (1 - high) / 2 <= CAP
     factor = 0.5 if room else 2.0
-    yield Cause(
+    yield Perturbation(
         "softness of the loops, solimp",
         f"{'halving' if room else 'doubling'} 1 - solimp",
         but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
         room,
     )
     more = 4 * known.get("iterations", model.opt.iterations)
-    yield Cause(
+    yield Perturbation(
         "the solver's iterations",
         "four times as many iterations",
         but(iterations=more, tolerance=0.0),

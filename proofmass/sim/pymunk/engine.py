@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from proofmass.sim.protocol import (
-    Cause,
     Curves,
     Engine,
     Imposed,
     ParameterValues,
+    Perturbation,
     Recipe,
     Run,
     Scan,
@@ -105,9 +105,11 @@ class Pymunk(Engine):
         """See `proofmass.sim.pymunk.scans`."""
         return scans.orders(scan, derivative, about)
 
-    def causes(self, parameters: ParameterValues, about: Studied, scaled: bool) -> Iterator[Cause]:
-        """See `proofmass.sim.pymunk.scans.causes`."""
-        return scans.causes(parameters, about)
+    def perturbations(
+        self, parameters: ParameterValues, about: Studied, scaled: bool
+    ) -> Iterator[Perturbation]:
+        """See `proofmass.sim.pymunk.scans.perturbations`."""
+        return scans.perturbations(parameters, about)
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """See `proofmass.sim.pymunk.scans.recipes`."""

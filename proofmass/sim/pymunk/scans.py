@@ -1,4 +1,4 @@
-"""Settings of pymunk worth scanning, how errors should fall with them, and what moves an error.
+"""Settings of pymunk worth scanning, how errors should fall with them, and what changes an error.
 
 With the step h and the derivative j of the place:
 
@@ -16,9 +16,9 @@ import numpy as np
 
 from proofmass.sim.protocol import (
     STEP,
-    Cause,
     ParameterValue,
     ParameterValues,
+    Perturbation,
     Recipe,
     Scan,
     Studied,
@@ -68,25 +68,27 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     return (1.0,) if j < 2 else (1.0, 0.0)
 
 
-def causes(parameters: ParameterValues, about: Studied) -> Iterator[Cause]:
+def perturbations(parameters: ParameterValues, about: Studied) -> Iterator[Perturbation]:
     """Step, bias, iterations."""
     known: dict[str, Any] = dict(parameters)
     step = known.get("timestep", about.model.opt.timestep)
-    yield Cause(STEP, "halving the step", {**parameters, "timestep": step / 2})
+    yield Perturbation(STEP, "halving the step", {**parameters, "timestep": step / 2})
     own = known.get("defaults")
     if bias := known.get("error_bias", CHIPMUNK_BIAS if own else 0.0):
-        yield Cause(
+        yield Perturbation(
             "bias of the loops", "halving its time constant", {**parameters, "error_bias": bias**2}
         )
         kept = {k: v for k, v in known.items() if k not in ("defaults", "iterations")}
-        yield Cause(
+        yield Perturbation(
             "bias of the loops",
             "taking it away, with iterations enough for that",
             {**kept, "error_bias": 0.0},
             whole=True,
         )
     more = 4 * known.get("iterations", 10 if own else MOST // 4)
-    yield Cause("the solver's iterations", f"{more} iterations", {**parameters, "iterations": more})
+    yield Perturbation(
+        "the solver's iterations", f"{more} iterations", {**parameters, "iterations": more}
+    )
 
 
 def recipes(title: str) -> Iterator[Recipe]:

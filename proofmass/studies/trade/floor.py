@@ -1,53 +1,31 @@
-"""What an error floor is: one cause at a time is moved there, and the error says which it follows.
+"""What an error floor is: each possible cause is changed separately, and the error follows one.
 
-A cause that has a share s of the error, and is of first order, moves it by a factor 1 / (1 - s/2)
-when it is halved.  The time step is no cause: a floor is what halving it leaves.  Rounding is one
-where it is shown, by a disturbance of its size (`proofmass.studies.trade.disturbed`).
+A cause that has a share s of the error, and is of first order, changes it by a factor
+1 / (1 - s/2) when it is halved.  The time step is no cause: a floor is what halving it leaves.
+Rounding is a cause where a disturbance of its size shows it (`proofmass.studies.trade.disturbed`).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import log
 from pathlib import Path
 
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
-from proofmass.sim.protocol import STEP
+from proofmass.sim.protocol import STEP, Perturbation
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.trade.varied import ConvergenceSeries, at_step, studied
 from proofmass.studies.variants import READS, movable, reread, thinned
 
-MOVES = 1.1
+SIGNIFICANT = 1.1
 """Factor on the error from which a cause is one: a fifth of the error, if of first order."""
 UNKNOWN = "unknown"
 ROUNDING = "rounding"
 
 
-@dataclass(frozen=True)
-class Probe:
-    """A setting with one cause moved.
-
-    Attributes
-    ----------
-    cause, move : str
-        What is suspected, and what is done to it, in words.
-    case : Case
-    setting : Setting
-    better : bool or None
-        Whether it was moved to where less error is expected, or away from there because it can go
-        no further; None if the error may go either way.
-    whole : bool
-        Whether it was taken away, and not only halved.
-    """
-
-    cause: str
-    move: str
-    case: Case
-    setting: Setting
-    better: bool | None = True
-    whole: bool = False
+PerturbedCase = tuple[Case, Perturbation]
+"""A case and the settings to run it with, in which one possible cause of its error is changed."""
 
 
 def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float) -> list[Setting]:
@@ -70,79 +48,77 @@ def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float)
     ]
 
 
-def probes(
+def list_perturbations(
     case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool = False
-) -> list[Probe]:
-    """All causes that can be moved in a run, each of them moved.
+) -> list[PerturbedCase]:
+    """All possible causes of an error that can be changed in a run, each of them changed.
 
     Parameters
     ----------
     case, run, setting
-        What is moved.
+        The run whose error is looked at.
     folder : Path
         Takes the models and curves that it needs.
     scaled : bool
         Whether loops get harder with the step along the setting's series, so that the step alone
         changes how many steps their time constants have.
     """
-    if run != "dynamics":
-        own = (
-            []
-            if not case.rod
-            else [
-                Probe(
-                    "segments",
-                    "twice as many segments",
-                    case,
-                    setting.but(segments=2 * int(str(setting.parameters["segments"]))),
-                )
-            ]
-        )
+    if run == "dynamics":
+        found = engine_of(setting.engine).perturbations(setting.parameters, studied(case), scaled)
+        own = [(case, one) for one in found]
     else:
-        causes = engine_of(setting.engine).causes(setting.parameters, studied(case), scaled)
-        own = [
-            Probe(
-                one.cause,
-                one.move,
-                case,
-                Setting(setting.engine, one.parameters),
-                one.better,
-                one.whole,
-            )
-            for one in causes
-        ]
-    return [*own, *of_reference(case, setting, folder), *of_samples(case, run, setting)]
+        own = [(case, finer)] if (finer := double_segments(case, setting)) else []
+    return [
+        *own,
+        *perturb_reference(case, setting, folder),
+        *perturb_samples(case, run, setting),
+    ]
 
 
-def of_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Probe]:
-    """Half of a recorded curve, or the general solver as a second reference, which knows only the
-    model: not the law that a drive may have from the first."""
+def double_segments(case: Case, setting: Setting) -> Perturbation | None:
+    """Twice as many segments of all rods; None without rods."""
+    if not case.rod:
+        return None
+    finer = setting.but(segments=2 * int(str(setting.parameters["segments"])))
+    return Perturbation("segments", "twice as many segments", finer.parameters)
+
+
+def perturb_reference(case: Case, setting: Setting, folder: Path) -> Iterator[PerturbedCase]:
+    """Half of a recorded curve, or the general solver as a second reference.
+
+    The general solver knows only the model: not the profile that a drive may have from the first
+    reference.
+    """
     if case.recorded:
-        yield Probe(
-            "the reference",
-            "every other row of the recorded curve",
+        words = "every other row of the recorded curve"
+        yield (
             thinned(case, folder),
-            setting,
-            False,
+            Perturbation("the reference", words, setting.parameters, better=False),
         )
     elif case.reference != READS and movable(case) and not case.rod:
-        yield Probe("the reference", "a second reference", reread(case), setting, None)
+        yield (
+            reread(case),
+            Perturbation("the reference", "a second reference", setting.parameters, better=None),
+        )
 
 
-def of_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Probe]:
+def perturb_samples(case: Case, run: Kind, setting: Setting) -> Iterator[PerturbedCase]:
     """Samples at the ends of links, or every other of those in time, which has the same steps."""
     table = case.run[run]
     if table.n is None:
         return
-    if run == "equilibrium" and table.n - 1 != (
-        segments := int(str(setting.parameters["segments"]))
-    ):
-        yield Probe(
-            "sampling", "samples at the ends of links", sampled(case, run, segments + 1), setting
-        )
+    if run == "equilibrium":
+        segments = int(str(setting.parameters["segments"]))
+        if table.n - 1 != segments:
+            words = "samples at the ends of links"
+            yield (
+                sampled(case, run, segments + 1),
+                Perturbation("sampling", words, setting.parameters),
+            )
     elif run == "dynamics" and table.n % 2:
-        yield Probe(
-            "sampling", "every other sample", sampled(case, run, table.n // 2 + 1), setting, None
+        yield (
+            sampled(case, run, table.n // 2 + 1),
+            Perturbation("sampling", "every other sample", setting.parameters, better=None),
         )
 
 
@@ -153,16 +129,16 @@ def sampled(case: Case, run: Kind, n: int) -> Case:
 
 
 def judge(
-    error: float, found: Sequence[tuple[Probe, StudyRow]], kind: str, at_floor: bool = False
+    error: float, found: Sequence[tuple[Perturbation, StudyRow]], kind: str, at_floor: bool = False
 ) -> tuple[str, str]:
     """What an error follows, and the factors that tell.
 
     Parameters
     ----------
     error : float
-        Where causes were moved.
-    found : sequence of (Probe, Row)
-        All that was moved.
+        Before any cause was changed.
+    found : sequence of (Perturbation, StudyRow)
+        All changes, and the runs with them.
     kind : str
         Of error.
     at_floor : bool
@@ -174,25 +150,25 @@ def judge(
     """
     gains: dict[str, float] = {}
     words = []
-    for probe, row in found:
-        moved = row.errors.get(kind, NAN)
-        if row.outcome != Outcome.RAN or not moved > 0:
-            words.append(f"{probe.move}: {row.outcome}")
+    for one, row in found:
+        changed = row.errors.get(kind, NAN)
+        if row.outcome != Outcome.RAN or not changed > 0:
+            words.append(f"{one.change}: {row.outcome}")
             continue
-        if not (at_floor and probe.cause == STEP):
-            gains[probe.cause] = max(gain(probe, error / moved), gains.get(probe.cause, 0.0))
-        words.append(f"{probe.move} {factor(error / moved)}")
+        if not (at_floor and one.cause == STEP):
+            gains[one.cause] = max(gain(one, error / changed), gains.get(one.cause, 0.0))
+        words.append(f"{one.change} {factor(error / changed)}")
     cause = max(gains, key=lambda name: gains[name], default=UNKNOWN)
-    return cause if gains.get(cause, 1.0) >= MOVES else UNKNOWN, "; ".join(words)
+    return cause if gains.get(cause, 1.0) >= SIGNIFICANT else UNKNOWN, "; ".join(words)
 
 
-def gain(probe: Probe, ratio: float) -> float:
-    """How much better the error is, or how much worse where a cause was moved away."""
-    if probe.better is None:
+def gain(perturbation: Perturbation, ratio: float) -> float:
+    """By which factor the error is better; worse where a cause could only be made worse."""
+    if perturbation.better is None:
         return max(ratio, 1 / ratio)
-    if probe.whole:  # it had a share 1 - 1/ratio, whose half would have given this
+    if perturbation.whole:  # it had a share 1 - 1/ratio, whose half would have given this
         return 2 / (1 + 1 / ratio)
-    return ratio if probe.better else 1 / ratio
+    return ratio if perturbation.better else 1 / ratio
 
 
 def factor(ratio: float) -> str:

@@ -22,15 +22,22 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.outcome import Outcome
 from proofmass.reference import compiled
-from proofmass.sim.protocol import leading
+from proofmass.sim.protocol import Perturbation, leading
 from proofmass.strict import Kind
 from proofmass.studies import LONGEST
 from proofmass.studies.measure import StudyRun
-from proofmass.studies.record import NAN, StudyRow, write_table
+from proofmass.studies.record import NAN, Setting, StudyRow, write_table
 from proofmass.studies.run import Progress, pool, run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
-from proofmass.studies.trade.floor import ROUNDING, UNKNOWN, Probe, factor, halvings, judge, probes
+from proofmass.studies.trade.floor import (
+    ROUNDING,
+    UNKNOWN,
+    factor,
+    halvings,
+    judge,
+    list_perturbations,
+)
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
@@ -41,17 +48,19 @@ from proofmass.wording import number
 USUAL = 2.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
-ProbedRows = dict[SeriesPlace, list[tuple[Probe, StudyRow]]]
+PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
 
 
 @dataclass(frozen=True)
 class Trade:
-    """What a study found: its settings, what was moved, verdicts on the series, and the cases as
-    they were judged: a chaotic motion up to its horizon."""
+    """What a study found: its settings, the perturbed ones, and verdicts on the series.
+
+    The cases are those that were judged: of a chaotic motion the run ends at its horizon.
+    """
 
     rows: list[StudyRow]
-    moved: list[StudyRow]
+    perturbed: list[StudyRow]
     verdicts: list[Verdict]
     cases: list[Case] = field(default_factory=list)
 
@@ -199,16 +208,16 @@ def trade(
         tasks, store, workers, repeats=repeats, patience=budget, timeout=longest, progress=progress
     )
     finer = halve(every, store, workers, longest, progress)
-    moved = move(every, finer, store, workers, longest, progress)
-    disturbed = disturb(every, finer, moved, store, workers, longest)
+    perturbed = perturb(every, finer, store, workers, longest, progress)
+    disturbed = disturb(every, finer, perturbed, store, workers, longest)
     return Trade(
         rows,
         [
             *(row for found in finer.values() for row in found),
-            *(row for found in moved.values() for _, row in found),
+            *(row for found in perturbed.values() for _, row in found),
         ],
         [
-            verdict(one, error, n, finer, moved, disturbed, budget)
+            verdict(one, error, n, finer, perturbed, disturbed, budget)
             for n, one in enumerate(every)
             for error in one.measured.kinds
         ],
@@ -268,15 +277,15 @@ def left(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
     return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
-def move(
+def perturb(
     every: list[CaseSeries],
     finer: Halved,
     store: Store,
     workers: Executor,
     longest: float,
     progress: Progress,
-) -> ProbedRows:
-    """Move every cause where two halvings leave an error, and where an order is another."""
+) -> PerturbedRows:
+    """Change each possible cause where halvings leave an error, and where an order is another."""
     places = dict.fromkeys(
         [
             (n, k)
@@ -292,10 +301,10 @@ def move(
         ]
     )
     asked = [
-        (place, probe)
+        (place, case, perturbation)
         for place in places
         for one in (every[place[0]],)
-        for probe in probes(
+        for case, perturbation in list_perturbations(
             one.case,
             one.run,
             one.series.settings[place[1]],
@@ -305,21 +314,26 @@ def move(
     ]
     tasks = [
         StudyRun(
-            probe.case, every[n].run, probe.setting, "floor", every[n].series.name, probe.cause
+            case,
+            every[n].run,
+            Setting(every[n].series.engine, one.parameters),
+            "floor",
+            every[n].series.name,
+            one.cause,
         )
-        for (n, _), probe in asked
+        for (n, _), case, one in asked
     ]
     rows = run(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
-    found: ProbedRows = {place: [] for place in places}
-    for (place, probe), row in zip(asked, rows, strict=True):
-        found[place].append((probe, row))
+    found: PerturbedRows = {place: [] for place in places}
+    for (place, _, perturbation), row in zip(asked, rows, strict=True):
+        found[place].append((perturbation, row))
     return found
 
 
 def disturb(
     every: list[CaseSeries],
     finer: Halved,
-    moved: ProbedRows,
+    perturbed: PerturbedRows,
     store: Store,
     workers: Executor,
     longest: float,
@@ -337,7 +351,7 @@ def disturb(
         if one.run == "dynamics"
         for kind, k in one.floors().items()
         if left(one, k, kind, finer[n, k])
-        and judge(one.measured.rows[k].errors[kind], moved[n, k], kind, True)[0] == UNKNOWN
+        and judge(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0] == UNKNOWN
     }
     futures = {
         place: workers.submit(rounding, every[place[0]].task(place[1]), store, longest)
@@ -351,7 +365,7 @@ def verdict(
     kind: str,
     n: int,
     finer: Halved,
-    moved: ProbedRows,
+    perturbed: PerturbedRows,
     disturbed: Mapping[SeriesPlace, Mapping[str, float]],
     budget: float,
 ) -> Verdict:
@@ -361,8 +375,8 @@ def verdict(
     ----------
     one, kind, n
         The series, which is number n, and the kind of error.
-    finer, moved, disturbed
-        What halvings, moved causes and roundings did at its settings.
+    finer, perturbed, disturbed
+        What halvings, changed causes and roundings did at its settings.
     budget : float
         Wall time after which series end [s].
     """
@@ -379,8 +393,8 @@ def verdict(
             else f"{what}: {finer[n, k][0].outcome}"
         )
         if left(one, k, kind, finer[n, k]):
-            cause, evidence = judge(rows[k].errors[kind], moved[n, k], kind, at_floor=True)
-            why = "nothing that was moved moves it"
+            cause, evidence = judge(rows[k].errors[kind], perturbed[n, k], kind, at_floor=True)
+            why = "no cause that was changed changes it"
             floor = rows[k].errors[kind]
             if cause == UNKNOWN:
                 cause, shown = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
@@ -393,7 +407,7 @@ def verdict(
     remark = (
         ""
         if odd is None
-        else ": ".join(filter(None, judge(rows[odd].errors[kind], moved[n, odd], kind)))
+        else ": ".join(filter(None, judge(rows[odd].errors[kind], perturbed[n, odd], kind)))
     )
     motion = one.motion
     last = ended(one.measured, budget)
@@ -448,10 +462,10 @@ def cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
 
 
 def write_study(study: Trade, folder: Path) -> None:
-    """``trade.csv``, ``verdicts.json`` and, if causes were moved, ``floors.csv``."""
+    """``trade.csv``, ``verdicts.json`` and, if causes were changed, ``floors.csv``."""
     write_table(study.rows, folder / "trade.csv")
-    if study.moved:
-        write_table(study.moved, folder / "floors.csv")
+    if study.perturbed:
+        write_table(study.perturbed, folder / "floors.csv")
     told = [
         {k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
         for one in study.verdicts

@@ -353,7 +353,7 @@ def test_a_study_is_written_and_read_again(pendulum):
     study, folder = pendulum
     again = read_table(folder / "trade.csv")
     assert [row.errors for row in again] == [row.errors for row in study.rows]
-    assert (folder / "floors.csv").exists() == bool(study.moved)
+    assert (folder / "floors.csv").exists() == bool(study.perturbed)
     told = trade.read_verdicts(folder / "verdicts.json")
     assert [repr(v) for v in told] == [repr(v) for v in study.verdicts]
 

@@ -6,11 +6,12 @@ import pytest
 
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Perturbation
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.floor import MOVES, Probe, gain, halvings, judge, probes
+from proofmass.studies.trade.floor import SIGNIFICANT, gain, halvings, judge, list_perturbations
 from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
@@ -22,14 +23,17 @@ STIFF = Setting(
 
 
 def moved(folder, case, setting, kind="dynamics"):
-    """The errors of a setting, and all its causes moved."""
-    wanted = probes(case, kind, setting, folder)
+    """The errors of a setting, and each of its causes changed."""
+    wanted = list_perturbations(case, kind, setting, folder)
     first, *rows = run(
-        [StudyRun(case, kind, setting), *(StudyRun(p.case, kind, p.setting) for p in wanted)],
+        [
+            StudyRun(case, kind, setting),
+            *(StudyRun(own, kind, Setting(setting.engine, p.parameters)) for own, p in wanted),
+        ],
         Store(folder),
         repeats=0,
     )
-    return first.errors, list(zip(wanted, rows, strict=True))
+    return first.errors, [(p, row) for (_, p), row in zip(wanted, rows, strict=True)]
 
 
 def gains(errors, found, kind):
@@ -170,12 +174,16 @@ def row(error, outcome="ran"):
     )
 
 
-def probe(cause, better=True):
-    return Probe(cause, f"moving {cause}", FOURBAR, STIFF, better)
+def perturbations(setting, folder, case=FOURBAR):
+    return [p for _, p in list_perturbations(case, "dynamics", setting, folder)]
+
+
+def moving(cause, better=True):
+    return Perturbation(cause, f"moving {cause}", STIFF.parameters, better)
 
 
 def test_what_nothing_moves_is_unknown():
-    found = [(probe("time step"), row(1.0)), (probe("softness"), row(0.99))]
+    found = [(moving("time step"), row(1.0)), (moving("softness"), row(0.99))]
     assert judge(1.0, found, "velocity")[0] == "unknown"
     assert judge(1.0, [], "velocity") == ("unknown", "")
 
@@ -185,64 +193,64 @@ def test_what_nothing_moves_is_unknown():
 )
 def test_a_cause_has_a_fifth_of_the_error(share, cause):
     """Of first order: halving it takes half of its share away."""
-    assert judge(1.0, [(probe("softness"), row(1 - share / 2))], "velocity")[0] == cause
+    assert judge(1.0, [(moving("softness"), row(1 - share / 2))], "velocity")[0] == cause
 
 
 def test_what_a_smaller_step_makes_worse_is_not_yet_rounding():
-    cause, evidence = judge(1.0, [(probe("time step"), row(4.0))], "velocity")
+    cause, evidence = judge(1.0, [(moving("time step"), row(4.0))], "velocity")
     assert cause == "unknown"
     assert evidence == "moving time step multiplies the error by 4.00"
 
 
 def test_a_cause_that_can_only_be_moved_away_is_found_by_a_worse_error():
-    assert judge(1.0, [(probe("softness", better=False), row(2.0))], "velocity")[0] == "softness"
-    assert judge(1.0, [(probe("softness", better=False), row(0.5))], "velocity")[0] == "unknown"
+    assert judge(1.0, [(moving("softness", better=False), row(2.0))], "velocity")[0] == "softness"
+    assert judge(1.0, [(moving("softness", better=False), row(0.5))], "velocity")[0] == "unknown"
 
 
 def test_the_reference_may_move_an_error_either_way():
     for error in (2.0, 0.5):
         assert (
-            judge(1.0, [(probe("reference", better=None), row(error))], "velocity")[0]
+            judge(1.0, [(moving("reference", better=None), row(error))], "velocity")[0]
             == "reference"
         )
 
 
 def test_the_largest_of_several_causes_is_the_floor_s():
-    found = [(probe("one"), row(1 / MOVES)), (probe("two"), row(0.5))]
+    found = [(moving("one"), row(1 / SIGNIFICANT)), (moving("two"), row(0.5))]
     assert judge(1.0, found, "velocity")[0] == "two"
 
 
 def test_a_lost_run_is_told_and_moves_nothing():
-    found = [(probe("softness"), row(0.0, "diverged"))]
+    found = [(moving("softness"), row(0.0, "diverged"))]
     assert judge(1.0, found, "velocity") == ("unknown", "moving softness: diverged")
-    assert judge(1.0, [*found, (probe("step"), row(0.5))], "velocity")[0] == "step"
-    away = [(probe("softness", better=False), row(0.0, "diverged"))]
+    assert judge(1.0, [*found, (moving("step"), row(0.5))], "velocity")[0] == "step"
+    away = [(moving("softness", better=False), row(0.0, "diverged"))]
     assert judge(1.0, away, "velocity") == ("unknown", "moving softness: diverged")
 
 
 def test_a_cause_that_is_moved_twice_has_its_larger_effect():
     for found in ([0.5, 1.0], [1.0, 0.5]):
-        moves = [(probe("bias"), row(error)) for error in found]
+        moves = [(moving("bias"), row(error)) for error in found]
         assert judge(1.0, moves, "velocity")[0] == "bias"
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
     """Of first order, both tell the same share of the error."""
-    half, whole = probe("bias"), replace(probe("bias"), whole=True)
+    half, whole = moving("bias"), replace(moving("bias"), whole=True)
     assert gain(half, 1 / (1 - share / 2)) == pytest.approx(gain(whole, 1 / (1 - share)))
 
 
-def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
+def test_a_bias_that_is_gone_leaves_no_perturbation_of_it(tmp_path):
     biased = {
-        p.move: p.setting.parameters["error_bias"]
-        for p in probes(FOURBAR, "dynamics", Setting("pymunk", {"error_bias": 0.5}), tmp_path)
+        p.change: p.parameters["error_bias"]
+        for p in perturbations(Setting("pymunk", {"error_bias": 0.5}), tmp_path)
         if "bias" in p.cause
     }
     assert list(biased.values()) == [0.25, 0.0]
     assert not [
         p
-        for p in probes(FOURBAR, "dynamics", Setting("pymunk", {"error_bias": 0.0}), tmp_path)
+        for p in perturbations(Setting("pymunk", {"error_bias": 0.0}), tmp_path)
         if "bias" in p.cause
     ]
 
@@ -250,13 +258,13 @@ def test_a_bias_that_is_gone_leaves_no_probe_of_it(tmp_path):
 def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
     """solimp is capped at 0.9999, solref at two steps: those are moved away."""
     hard = STIFF.but(solref=(4e-3, 1.0))
-    found = {p.cause: p for p in probes(FOURBAR, "dynamics", hard, tmp_path)}
+    found = {p.cause: p for p in perturbations(hard, tmp_path)}
     assert found["softness of the loops, solimp"].better is False
-    assert found["softness of the loops"].setting.parameters["solref"] == (8e-3, 1.0)
+    assert found["softness of the loops"].parameters["solref"] == (8e-3, 1.0)
     soft = Setting("mujoco", {"defaults": True, "timestep": 1e-3})
-    found = {p.cause: p for p in probes(FOURBAR, "dynamics", soft, tmp_path)}
+    found = {p.cause: p for p in perturbations(soft, tmp_path)}
     assert found["softness of the loops, solimp"].better is True
-    assert found["softness of the loops"].setting.parameters["solref"] == (0.01, 1.0)
+    assert found["softness of the loops"].parameters["solref"] == (0.01, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -265,13 +273,13 @@ def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
 def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     setting = Setting("mujoco", {"timestep": 1e-3})
-    assert missing not in {p.cause for p in probes(case, "dynamics", setting, tmp_path)}
+    assert missing not in {p.cause for p in perturbations(setting, tmp_path, case)}
 
 
 def test_other_samples_leave_the_steps_as_they_are(tmp_path):
-    found = probes(FOURBAR, "dynamics", STIFF, tmp_path)
-    thinned = next(p for p in found if p.cause == "sampling")
-    every, other = (STIFF.applied(case, "dynamics")[1] for case in (FOURBAR, thinned.case))
+    found = list_perturbations(FOURBAR, "dynamics", STIFF, tmp_path)
+    thinned = next(case for case, p in found if p.cause == "sampling")
+    every, other = (STIFF.applied(case, "dynamics")[1] for case in (FOURBAR, thinned))
     assert other.x == pytest.approx(every.x[::2], abs=1e-12)
     assert other.steps(2e-3)[1] == pytest.approx(every.steps(2e-3)[1])
 
