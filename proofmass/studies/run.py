@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from math import isnan
+from math import ceil, isnan
 from pathlib import Path
 
 from proofmass.studies.measure import Measurement, StudyRun, measure
@@ -26,6 +26,9 @@ from proofmass.worker import stopping
 Progress = Callable[[str, int, int], None]
 Unit = tuple[str, int]  # the key of a task, and the number of a repeat; 0 is the run for errors
 CONNECT = "10s"
+SPAN = 0.5
+"""Wall time of repeats together [s] that tells a run's time: what disturbs a run for a moment, such
+as an interrupt or another process, takes a small share of so long a time."""
 
 
 @contextmanager
@@ -67,9 +70,10 @@ def run(
     timeout: float | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
-    """Run tasks, each of them once for its errors and then `repeats` times for its wall time.
+    """Run tasks, each of them once for its errors and then up to `repeats` times for its wall time.
 
-    Rounds are interleaved: all tasks once, then all of them again.
+    Rounds are interleaved: all tasks once, then all of them again.  A long run is repeated less
+    often: twice, or until its repeats took `SPAN` together.
 
     Parameters
     ----------
@@ -80,7 +84,7 @@ def run(
     workers : Executor, optional
         From `pool`; local ones if not given.
     repeats : int
-        Timed runs; 0: errors only, and `StudyRow.seconds` is that of the first run.
+        Most timed runs of a task; 0: errors only, and `StudyRow.seconds` is that of the first run.
     patience : float
         A task whose first run took longer [s] is not repeated; that run is its only timing.
     timeout : float, optional
@@ -113,12 +117,14 @@ def run(
     keys = [key_of(task) for task in tasks]
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(rounds.tasks))
-    timed = [
-        key
+    timed = {
+        key: needed(one.seconds, repeats)
         for key in rounds.tasks
         if (one := rounds.found[key, 0]).complete and one.seconds <= patience
-    ]
-    rounds.make([(key, n) for n in range(1, repeats + 1) for key in timed])
+    }
+    rounds.make(
+        [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]
+    )
     found = [
         [rounds.found[key, n] for n in range(repeats + 1) if (key, n) in rounds.found]
         for key in keys
@@ -127,6 +133,15 @@ def run(
         row(task, each, repeats > 0, key)
         for task, each, key in zip(tasks, found, keys, strict=True)
     ]
+
+
+def needed(seconds: float, repeats: int) -> int:
+    """How often a run that takes so long [s] is repeated.
+
+    >>> needed(0.01, 5), needed(0.2, 5), needed(1.5, 5)
+    (5, 3, 2)
+    """
+    return min(repeats, max(2, ceil(SPAN / seconds))) if seconds > 0 else repeats
 
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:

@@ -5,16 +5,16 @@
 
 Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory
 means something. Then every convergence series is refined, each setting run once for its errors,
-until the errors fall no further, and all settings are timed in rounds. Where a series may be at
-an error floor, its step is halved twice, and each possible cause is varied separately; so it is
-where a series shows another order than theory expects.
+until the errors fall no further, and the settings that may be on the Pareto front are timed in
+rounds. Where a series may be at an error floor, its step is halved twice, and each possible cause
+is varied separately; so it is where a series shows another order than theory expects.
 """
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field
-from math import isnan, nan
+from dataclasses import asdict, dataclass, field, replace
+from math import inf, isnan, nan
 from pathlib import Path
 
 from proofmass.case import Case
@@ -39,6 +39,7 @@ from proofmass.studies.trade.floor import (
     list_perturbations,
 )
 from proofmass.studies.trade.orders import expected, nearest, off
+from proofmass.studies.trade.search import SLACK
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict
@@ -203,10 +204,22 @@ def trade(
         )
         for one, row in zip(batch, rows, strict=True):
             one.measured.rows.append(row)
-    tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
-    rows = run(
-        tasks, store, workers, repeats=repeats, patience=budget, timeout=longest, progress=progress
-    )
+    rows = [row for one in every for row in one.measured.rows]
+    if repeats:
+        tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
+        near = near_front(rows)
+        again = run(
+            [tasks[k] for k in near],
+            store,
+            workers,
+            repeats=repeats,
+            patience=budget,
+            timeout=longest,
+            progress=progress,
+        )
+        rows = [replace(row, repeats=(row.seconds,)) if row.seconds > 0 else row for row in rows]
+        for k, row in zip(near, again, strict=True):
+            rows[k] = row
     finer = halve(every, store, workers, longest, progress)
     perturbed = perturb(every, finer, store, workers, longest, progress)
     disturbed = disturb(every, finer, perturbed, store, workers, longest)
@@ -223,6 +236,33 @@ def trade(
         ],
         cases,
     )
+
+
+def near_front(rows: Sequence[StudyRow]) -> list[int]:
+    """The settings, by number, that may be on the Pareto front of their case and engine.
+
+    A setting is one of them if the first run of no setting that is as accurate in some kind of
+    error was `SLACK` times as fast.
+
+    >>> times = [(1e-3, 0.1), (1e-3, 0.25), (1e-3, 0.4), (1e-4, 0.4)]
+    >>> near_front([StudyRow("", "", "", "", "", "", errors={"energy": e}, seconds=s,
+    ...                      outcome=Outcome.RAN) for e, s in times])
+    [0, 1, 3]
+    """
+    groups: dict[tuple[str, str, str], list[tuple[float, float, int]]] = {}
+    for k, row in enumerate(rows):
+        for kind, error in row.errors.items():
+            if row.outcome == Outcome.RAN:
+                place = row.case, row.engine, kind
+                groups.setdefault(place, []).append((error, row.seconds, k))
+    found = set[int]()
+    for group in groups.values():
+        least = inf
+        for _, seconds, k in sorted(group):
+            least = min(least, seconds)
+            if seconds <= SLACK * least:
+                found.add(k)
+    return sorted(found)
 
 
 def chosen(case: Case, kind: Kind | None) -> Kind:
