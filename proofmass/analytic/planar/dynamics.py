@@ -34,50 +34,34 @@ from proofmass.analytic.planar.kinematics import (
 )
 from proofmass.analytic.planar.mechanism import CannotAssemble, Mechanism, SingularHere
 
-Carried = list[tuple[int, Complex, Array]]
+
+def centres(m: Mechanism, motion: BodyMotion) -> Complex:
+    """Derivatives of the centres of the bodies that have inertia by the joints (n, k, joints)."""
+    own = m.inertia
+    return jacobian(m, motion, own.bodies, motion.points(own.bodies, own.centre))
 
 
-def carriers(m: Mechanism, motion: BodyMotion) -> Carried:
-    """Bodies with inertia: number, Jacobian of the centre (n, joints), of the turn (joints,)."""
-    turning = m.moved_by * m.hinges * m.signs
-    return [
-        (b, jacobian(m, motion, b, motion.point(b, body.centre)), turning[b])
-        for b, body in enumerate(m.bodies)
-        if b and (body.mass or body.moment)
-    ]
-
-
-def applied(m: Mechanism, carried: Carried, q: Array, v: Array | float = 0.0) -> Array:
+def applied(m: Mechanism, centre: Complex, q: Array, v: Array | float = 0.0) -> Array:
     """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
-    rest, stiffness, damping, load = (
-        np.array([getattr(j, key) for j in m.joints])
-        for key in ("rest", "stiffness", "damping", "load")
-    )
-    force = load - stiffness * (q - rest) - damping * v
-    for b, centre, _ in carried:
-        force = force + m.bodies[b].mass * (centre.conj() * m.gravity).real
-    return np.asarray(force)
+    rest, stiffness, damping, _, load = m.springs
+    weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
+    return np.asarray(load - stiffness * (q - rest) - damping * v + weight)
 
 
-def mass(m: Mechanism, carried: Carried) -> Array:
+def mass(m: Mechanism, centre: Complex) -> Array:
     """Mass matrix of the joints, loops open (n, joints, joints)."""
-    total = np.diag([j.armature for j in m.joints])[None]
-    for b, centre, turn in carried:
-        body = m.bodies[b]
-        total = total + body.mass * (centre.conj()[:, :, None] * centre[:, None, :]).real
-        total = total + body.moment * np.outer(turn, turn)
-    return np.asarray(total)
+    weighted = np.sqrt(m.inertia.mass)[:, None] * centre
+    x, y = weighted.real, weighted.imag
+    return np.asarray(m.inertia.fixed + x.swapaxes(1, 2) @ x + y.swapaxes(1, 2) @ y)
 
 
-def inertial(m: Mechanism, carried: Carried, motion: BodyMotion, a: Array) -> Array:
-    """What accelerates the bodies of a motion, as forces on the joints (n, joints)."""
-    force = np.array([j.armature for j in m.joints]) * a
-    for b, centre, turn in carried:
-        body = m.bodies[b]
-        pull = motion.point(b, body.centre, 2)[:, None]
-        force = force + body.mass * (centre.conj() * pull).real
-        force = force + body.moment * motion.turn[2][b][:, None] * turn
-    return np.asarray(force)
+def inertial(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
+    """What turns and guides the bodies of a motion whose joints do not accelerate, as forces on the
+    joints (n, joints)."""
+    own = m.inertia
+    pull = own.mass * motion.points(own.bodies, own.centre, 2).T
+    bent = pull.real[:, None] @ centre.real + pull.imag[:, None] @ centre.imag
+    return np.asarray(bent[:, 0])
 
 
 def holding(m: Mechanism, q: Array, d: Drives) -> Array:
@@ -86,7 +70,7 @@ def holding(m: Mechanism, q: Array, d: Drives) -> Array:
     Virtual work: for each drive, what the applied forces do along the motion that it allows.
     """
     motion = move(m, q)
-    force = applied(m, carriers(m, motion), q)
+    force = applied(m, centres(m, motion), q)
     force[:, d.driven] -= [m.joints[j].load for j in d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     tangent = -np.linalg.solve(matrix[..., d.following], matrix[..., d.driven])
@@ -121,25 +105,29 @@ TILT = 1.5
 
 
 class TangentChart:
-    """The tangent plane of the loops at a closed pose q (joints,), in own units.
-
-    `stretch` tells how much the map from z to q stretched in the last pose asked for.
-    """
+    """The tangent plane of the loops at a closed pose q (joints,), in own units."""
 
     def __init__(self, m: Mechanism, q: Array):
         self.m, self.q, self.at = m, q, q
         self.normal = np.linalg.svd(scaled_jacobian(m, q[None])[0])[2][m.rows :]
         self.into: Array = self.normal.T * m.scale[:, None]
-        self.stretch = 1.0
         self.z = np.zeros(len(self.normal))
+
+    @property
+    def stretch(self) -> float:
+        """How much the map from z to q stretched in the last pose asked for."""
+        return float(np.linalg.norm(self.into / self.m.scale[:, None], 2))
 
     def close(self, z: Array) -> tuple[Array, BodyMotion]:
         """The closed pose of coordinates z, by Newton from the last one."""
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
         while True:
             motion = move(m, q[None])
-            wrong = np.append(
-                residual(m, motion, q[None])[0] / m.size, self.normal @ ((q - self.q) / m.scale) - z
+            wrong = np.concatenate(
+                [
+                    residual(m, motion, q[None])[0] / m.size,
+                    self.normal @ ((q - self.q) / m.scale) - z,
+                ]
             )
             size = np.abs(wrong).max()
             if not size < 0.5 * last or size < ROUNDING:
@@ -154,24 +142,22 @@ class TangentChart:
     def matrix(self, q: Array, motion: BodyMotion) -> Array:
         """Jacobian of loops and coordinates together (joints, joints)."""
         loops = loop_jacobian(self.m, motion, q[None])[0]
-        return np.vstack([loops * self.m.scale / self.m.size, self.normal])
+        return np.concatenate([loops * self.m.scale / self.m.size, self.normal])
 
     def motion(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż)."""
-        m = self.m
-        z, u = np.split(y, 2)
-        q, motion = self.close(z)
-        inverse = np.linalg.inv(self.matrix(q, motion))
-        self.stretch = float(np.linalg.norm(inverse[:, m.rows :], 2))
-        inverse *= m.scale[:, None]
-        self.into = into = np.asarray(inverse[:, m.rows :])
-        v = into @ u
+        m, half = self.m, y.size // 2
+        q, motion = self.close(y[:half])
+        inverse = np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
+        self.into = into = inverse[:, m.rows :]
+        v = into @ y[half:]
         still = move(m, q[None], v[None], np.zeros((1, v.size)))
         gamma = -inverse[:, : m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
-        drift = move(m, q[None], v[None], gamma[None])
-        carried = carriers(m, drift)
-        force = applied(m, carried, q[None], v[None]) - inertial(m, carried, drift, gamma[None])
-        bend = np.linalg.solve(into.T @ mass(m, carried)[0] @ into, into.T @ force[0])
+        centre = centres(m, still)
+        matrix = mass(m, centre)[0]
+        force = applied(m, centre, q[None], v[None]) - inertial(m, centre, still)
+        force = force[0] - matrix @ gamma
+        bend = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
         return q, v, into @ bend + gamma, bend
 
     def state(self, v: Array) -> Array:

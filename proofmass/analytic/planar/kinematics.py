@@ -9,6 +9,7 @@ Newton's method closes the loops of one pose, or of many at once.  Joint values 
 """
 
 from dataclasses import dataclass
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -24,26 +25,30 @@ from proofmass.analytic.planar.mechanism import (
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Displacements of all bodies in n poses, with their first two time derivatives.
+    """Displacements of all bodies in n poses, with up to two time derivatives.
 
     Attributes
     ----------
     w, t : tuples of ndarray (bodies, n), complex
-        Turn and shift; rate and acceleration of them.
+        Turn and shift; then rate and acceleration of them, if they were asked for.
     turn : ndarray (bodies, n)
         Angle since the reference pose [rad]; the same for `spin` [rad/s], `spin_rate` [rad/s2].
     place : ndarray (joints, n), complex
         Where each hinge is, or the direction of each slide.
     """
 
-    w: tuple[Complex, Complex, Complex]
-    t: tuple[Complex, Complex, Complex]
-    turn: tuple[Array, Array, Array]
+    w: tuple[Complex, ...]
+    t: tuple[Complex, ...]
+    turn: tuple[Array, ...]
     place: Complex
 
     def point(self, body: int, z: complex, order: int = 0) -> Complex:
         """A point of a body, z in the reference pose; its velocity or its acceleration."""
         return np.asarray(self.w[order][body] * z + self.t[order][body])
+
+    def points(self, bodies: Index, z: Complex, order: int = 0) -> Complex:
+        """Points z (k, 1) of bodies (k,), in n poses (k, n)."""
+        return np.asarray(self.w[order][bodies] * z + self.t[order][bodies])
 
 
 def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None) -> BodyMotion:
@@ -53,105 +58,65 @@ def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None)
     ----------
     m : Mechanism
     q, v, a : ndarray (n, joints)
-        Joint values, rates and accelerations; zero rates and accelerations when left out.
+        Joint values, rates and accelerations; the last ones may be left out.
 
     Returns
     -------
     Motion
     """
-    n, orders = len(q), 1 + (v is not None) + (a is not None)
-    shape = len(m.bodies), n
-    w = [np.ones(shape, complex), np.zeros(shape, complex), np.zeros(shape, complex)]
-    t = [np.zeros(shape, complex) for _ in range(3)]
-    turn = [np.zeros(shape) for _ in range(3)]
-    place = np.empty((len(m.joints), n), complex)
-    joint = [part.T for part in (q - m.zeros, v, a) if part is not None]
-    for b, body in enumerate(m.bodies[1:], 1):
-        for part in (w, t, turn):
-            for x in part[:orders]:
-                x[b] = x[body.parent]
-        for j in body.joints:
-            moved = [x[j] for x in joint]
-            (_hinge if m.joints[j].hinge else _slide)(m, j, b, moved, w, t, turn, place)
-    return BodyMotion((w[0], w[1], w[2]), (t[0], t[1], t[2]), (turn[0], turn[1], turn[2]), place)
+    f, joint = m.frames, [part.T for part in (q - m.zeros, v, a) if part is not None]
+    turn = [f.turning @ part for part in joint]
+    w = [np.exp(1j * turn[0])]
+    if len(joint) > 1:
+        w.append(1j * turn[1] * w[0])
+    if len(joint) > 2:
+        w.append((1j * turn[2] - turn[1] ** 2) * w[0])
+    t = [f.shift @ part for part in w]
+    if f.slides.size:
+        s, along = [part[f.slides] for part in joint], [f.directions @ part for part in w]
+        for k in range(len(joint)):
+            t[k] += f.sliding @ sum(comb(k, i) * along[k - i] * s[i] for i in range(k + 1))
+    place = w[0][f.before] * f.places
+    place = np.where(m.hinges[:, None], place + t[0][f.before], place)
+    return BodyMotion(
+        tuple(part[f.body] for part in w),
+        tuple(part[f.body] for part in t),
+        tuple(part[f.body] for part in turn),
+        place,
+    )
 
 
-def _hinge(
-    m: Mechanism,
-    j: int,
-    b: int,
-    moved: list[Array],
-    w: list[Complex],
-    t: list[Complex],
-    turn: list[Array],
-    place: Complex,
-) -> None:
-    at, sign, orders = m.joints[j].place, m.joints[j].sign, len(moved)
-    before = [w[k][b] * at + t[k][b] for k in range(orders)]
-    for k in range(orders):
-        turn[k][b] += sign * moved[k]
-    place[j] = before[0]
-    w[0][b] *= np.exp(1j * sign * moved[0])
-    if orders > 1:
-        w[1][b] = 1j * turn[1][b] * w[0][b]
-    if orders > 2:
-        w[2][b] = (1j * turn[2][b] - turn[1][b] ** 2) * w[0][b]
-    for k in range(orders):  # the hinge itself does not move with the child's turning
-        t[k][b] = before[k] - w[k][b] * at
-
-
-def _slide(
-    m: Mechanism,
-    j: int,
-    b: int,
-    moved: list[Array],
-    w: list[Complex],
-    t: list[Complex],
-    turn: list[Array],
-    place: Complex,
-) -> None:
-    along = [w[k][b] * m.joints[j].place for k in range(len(moved))]
-    place[j] = along[0]
-    t[0][b] += along[0] * moved[0]
-    if len(moved) > 1:
-        t[1][b] += along[1] * moved[0] + along[0] * moved[1]
-    if len(moved) > 2:
-        t[2][b] += along[2] * moved[0] + 2 * along[1] * moved[1] + along[0] * moved[2]
-
-
-def jacobian(m: Mechanism, motion: BodyMotion, body: int, point: Complex) -> Complex:
-    """Derivatives of a point (n,) of a body, seen where it is, by the joints (n, joints)."""
-    hinged = 1j * m.signs[:, None] * (point - motion.place)
-    columns = np.where(m.hinges[:, None], hinged, motion.place)
-    return np.asarray((m.moved_by[body][:, None] * columns).T)
+def jacobian(m: Mechanism, motion: BodyMotion, bodies: Index, points: Complex) -> Complex:
+    """Derivatives of points (k, n) of bodies (k,) by the joints (n, k, joints)."""
+    place = motion.place.T[:, None]
+    columns = np.where(m.hinges, 1j * m.signs * (points.T[..., None] - place), place)
+    return np.asarray(columns * m.moved_by[bodies])
 
 
 def residual(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """How far the loops are open (n, rows): x and y of each pin [m], then the couplings."""
     return _stack(
-        m,
-        [_apart(m, motion, k, 0) for k in range(len(m.pins))],
-        [_coupling(m, q, k) for k in range(len(m.couplings))],
-        len(q),
+        _apart(m, motion, 0), [_coupling(m, q, k) for k in range(len(m.couplings))], len(q)
     )
 
 
 def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Derivatives of the residual by the joints (n, rows, joints)."""
-    pins = [
-        jacobian(m, motion, p.one, motion.point(p.one, p.on_one))
-        - jacobian(m, motion, p.two, motion.point(p.two, p.on_two))
-        for p in m.pins
-    ]
-    couplings = []
-    for c in m.couplings:
-        row = np.zeros_like(q)
-        row[:, c.one] = 1.0
+    n, joints = q.shape
+    matrix = np.empty((n, m.rows, joints))
+    pins = 2 * len(m.pins)
+    if pins:
+        one, on_one, two, on_two = m.ends
+        apart = jacobian(m, motion, one, motion.points(one, on_one))
+        apart -= jacobian(m, motion, two, motion.points(two, on_two))
+        matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
+    for k, c in enumerate(m.couplings, pins):
+        matrix[:, k] = 0.0
+        matrix[:, k, c.one] = 1.0
         if c.two >= 0:
             slope = np.polynomial.Polynomial(c.polynomial).deriv()
-            row[:, c.two] -= slope(q[:, c.two] - m.joints[c.two].zero)
-        couplings.append(row)
-    return _stack(m, pins, couplings, *q.shape)
+            matrix[:, k, c.two] -= slope(q[:, c.two] - m.joints[c.two].zero)
+    return matrix
 
 
 def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
@@ -164,7 +129,7 @@ def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
             if c.two >= 0
             else np.zeros(len(q))
         )
-    return _stack(m, [_apart(m, motion, k, 2) for k in range(len(m.pins))], couplings, len(q))
+    return _stack(_apart(m, motion, 2), couplings, len(q))
 
 
 def gap(m: Mechanism, q: Array) -> tuple[float, str]:
@@ -196,9 +161,10 @@ def lipschitz(m: Mechanism, q: Array) -> float:
     return total
 
 
-def _apart(m: Mechanism, motion: BodyMotion, k: int, order: int) -> Complex:
-    p = m.pins[k]
-    return motion.point(p.one, p.on_one, order) - motion.point(p.two, p.on_two, order)
+def _apart(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
+    """From the second end of each pin to its first (pins, n), or a time derivative of it."""
+    one, on_one, two, on_two = m.ends
+    return motion.points(one, on_one, order) - motion.points(two, on_two, order)
 
 
 def _coupling(m: Mechanism, q: Array, k: int) -> Array:
@@ -210,12 +176,13 @@ def _coupling(m: Mechanism, q: Array, k: int) -> Array:
     )
 
 
-def _stack(m: Mechanism, pins: list[Complex], couplings: list[Array], n: int, *more: int) -> Array:
-    rows = np.empty((n, m.rows, *more))
-    for k, apart in enumerate(pins):
-        rows[:, 2 * k], rows[:, 2 * k + 1] = apart.real, apart.imag
-    for k, value in enumerate(couplings):
-        rows[:, 2 * len(pins) + k] = value
+def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:
+    """Rows (n, rows): x and y of each of the pins (pins, n), then the couplings."""
+    last = 2 * len(pins)
+    rows = np.empty((n, last + len(couplings)))
+    rows[:, 0:last:2], rows[:, 1:last:2] = pins.T.real, pins.T.imag
+    for k, value in enumerate(couplings, last):
+        rows[:, k] = value
     return rows
 
 

@@ -9,13 +9,13 @@ joint has its zero value; a pose displaces each body from there by ``z -> w z + 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array, NotCovered
+from proofmass.analytic.numerics import Array, Complex, Index, NotCovered
 
 
 class CannotMove(ValueError):
@@ -148,6 +148,35 @@ class Mechanism:
         """Units in which joint values are of the same order (joints,): 1 rad, or the size [m]."""
         return np.where(self.hinges, 1.0, self.size)
 
+    @cached_property
+    def frames(self) -> "Frames":
+        """What of the kinematics is the same in all poses."""
+        return Frames.of(self)
+
+    @cached_property
+    def ends(self) -> tuple[Index, Complex, Index, Complex]:
+        """Bodies (pins,) and points (pins, 1) of the first ends of all pins, then of the second."""
+        one, two = (np.array([getattr(p, k) for p in self.pins], np.intp) for k in ("one", "two"))
+        on_one, on_two = (
+            np.array([getattr(p, k) for p in self.pins], complex).reshape(-1, 1)
+            for k in ("on_one", "on_two")
+        )
+        return one, on_one, two, on_two
+
+    @cached_property
+    def springs(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Of the joints (joints,): rest, stiffness, damping, armature, constant load."""
+        rest, stiffness, damping, armature, load = (
+            np.array([getattr(j, key) for j in self.joints], float)
+            for key in ("rest", "stiffness", "damping", "armature", "load")
+        )
+        return rest, stiffness, damping, armature, load
+
+    @cached_property
+    def inertia(self) -> "Inertia":
+        """Of the bodies that have any."""
+        return Inertia.of(self)
+
     @property
     def loop_names(self) -> list[str]:
         """Names of the pins, then of the couplings."""
@@ -179,6 +208,114 @@ class Mechanism:
             if not self.joints[j].hinge:
                 legs[j] = abs(q[j] - self.joints[j].zero)
         return np.append(np.cumsum([legs[j] for j in chain][::-1])[::-1], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The tree of a mechanism as matrices.
+
+    Frame 0 is the ground, frame 1 + j what joint j carries.  A frame turns by the sum of the
+    hinges on its chain, and its shift is linear in the turns of all frames and in the slides:
+    a hinge at a leaves the point a where the frame before it has it.
+
+    Attributes
+    ----------
+    body : ndarray (bodies,)
+        The frame that each body is fixed to.
+    turning : ndarray (frames, joints)
+        Turn of each frame by each joint: the sign of a hinge, 0 of a slide.
+    shift : ndarray (frames, frames), complex
+        Shift of each frame by the turn of each frame [m].
+    slides : ndarray (slides,)
+        The joints that slide.
+    directions : ndarray (slides, frames), complex
+        Direction of each slide by the turn of each frame.
+    sliding : ndarray (frames, slides)
+        1 where a slide moves a frame, else 0.
+    before : ndarray (joints,)
+        The frame before each joint.
+    places : ndarray (joints, 1), complex
+        Where each hinge is, and the direction of each slide, in the reference pose.
+    """
+
+    body: Index
+    turning: Array
+    shift: Complex
+    slides: Index
+    directions: Complex
+    sliding: Array
+    before: Index
+    places: Complex
+
+    @classmethod
+    def of(cls, m: Mechanism) -> Self:
+        """Read off the tree."""
+        n = len(m.joints)
+        body, before = np.zeros(len(m.bodies), np.intp), np.zeros(n, np.intp)
+        turning, shift = np.zeros((n + 1, n)), np.zeros((n + 1, n + 1), complex)
+        slides = np.flatnonzero(~m.hinges)
+        directions = np.zeros((len(slides), n + 1), complex)
+        sliding = np.zeros((n + 1, len(slides)))
+        for b, one in enumerate(m.bodies[1:], 1):
+            at = int(body[one.parent])
+            for j in one.joints:
+                before[j], joint = at, m.joints[j]
+                for part in (turning, shift, sliding):
+                    part[j + 1] = part[at]
+                if joint.hinge:
+                    turning[j + 1, j] = joint.sign
+                    shift[j + 1, at] += joint.place
+                    shift[j + 1, j + 1] -= joint.place
+                else:
+                    k = int(np.searchsorted(slides, j))
+                    directions[k, at] = joint.place
+                    sliding[j + 1, k] = 1.0
+                at = j + 1
+            body[b] = at
+        places = np.array([joint.place for joint in m.joints], complex).reshape(-1, 1)
+        return cls(body, turning, shift, slides, directions, sliding, before, places)
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia:
+    """Bodies with a mass or a moment of inertia.
+
+    Attributes
+    ----------
+    bodies : ndarray (k,)
+    mass : ndarray (k,)
+        [kg]
+    centre : ndarray (k, 1), complex
+        Centres of mass in the reference pose [m].
+    moment : ndarray (k,)
+        [kg m2]
+    turning : ndarray (k, joints)
+        Turn of each body by each joint.
+    fixed : ndarray (joints, joints)
+        What of the mass matrix is the same in all poses: armatures and moments of inertia.
+    """
+
+    bodies: Index
+    mass: Array
+    centre: Complex
+    moment: Array
+    turning: Array
+    fixed: Array
+
+    @classmethod
+    def of(cls, m: Mechanism) -> Self:
+        """Take them from the bodies."""
+        bodies = np.array(
+            [b for b, body in enumerate(m.bodies) if b and (body.mass or body.moment)], np.intp
+        )
+        mass, moment = (
+            np.array([getattr(m.bodies[b], key) for b in bodies], float)
+            for key in ("mass", "moment")
+        )
+        centre = np.array([m.bodies[b].centre for b in bodies], complex).reshape(-1, 1)
+        turning = m.frames.turning[m.frames.body[bodies]]
+        fixed = np.diag(m.springs[3]) + turning.T @ (moment[:, None] * turning)
+        return cls(bodies, mass, centre, moment, turning, fixed)
 
 
 PARALLEL = 1e-9
