@@ -118,8 +118,13 @@ class TangentChart:
         """How much the map from z to q stretched in the last pose asked for."""
         return float(np.linalg.norm(self.into / self.m.scale[:, None], 2))
 
-    def close(self, z: Array) -> tuple[Array, BodyMotion]:
-        """The closed pose of coordinates z, by Newton from the last one."""
+    def close(self, z: Array) -> tuple[Array, Array]:
+        """The closed pose (joints,) of coordinates z, by Newton from the last one.
+
+        And there the derivatives of the joints by the loops and the coordinates (joints, joints).
+        """
+        if not self.m.rows:  # an open chain, where the tangent plane is the whole space
+            return self.q + self.into @ z, self.into
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
         while True:
             motion = move(m, q[None])
@@ -137,7 +142,7 @@ class TangentChart:
         if not size < CLOSED:
             raise CannotAssemble("a free motion left its branch")
         self.at, self.z = q, z
-        return q, motion
+        return q, np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
 
     def matrix(self, q: Array, motion: BodyMotion) -> Array:
         """Jacobian of loops and coordinates together (joints, joints)."""
@@ -147,8 +152,7 @@ class TangentChart:
     def motion(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż)."""
         m, half = self.m, y.size // 2
-        q, motion = self.close(y[:half])
-        inverse = np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
+        q, inverse = self.close(y[:half])
         self.into = into = inverse[:, m.rows :]
         v = into @ y[half:]
         still = move(m, q[None], v[None], np.zeros((1, v.size)))
