@@ -1,5 +1,6 @@
 """Every verdict can fail: a wrong model, a wrong curve, a NaN turn it."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -288,6 +289,26 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
     case = load_case(models / "fourbar.toml")
     found = compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
     assert [c.channel for c in found if c.outcome != "agrees"] == ["holding_moment"]
+
+
+@pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('gravity="0 -9.81 0"', 'gravity="0 -9.815 0"'),
+        ('pos="0.5 0 0" mass="1"', 'pos="0.5 0 0" mass="1.005"'),
+        ('pos="0 -0.5 0" mass="1"', 'pos="0 -0.501 0" mass="1"'),
+        ('"0.0833333333333333333 1e-6 0.0833333333333333333"', '"0.085 1e-6 0.085"'),
+        ('qpos="2 -2 0 2 2"', 'qpos="2.001 -2.001 0 2.001 2.001"'),
+        ('<joint name="R"/>', '<joint name="R" damping="0.01"/>'),
+    ],
+)
+def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver, models, edit):
+    """Their reference is a pendulum's closed form, which knows nothing of the model."""
+    edit("parallelogram_chain.xml", re.escape(old), new)
+    case = load_case(models / "parallelogram_chain.toml")
+    found = compare(case, "dynamics", solver, solve(case, "dynamics", solver), detectable=False)
+    assert "differs" in {c.outcome for c in found}
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

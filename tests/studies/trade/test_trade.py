@@ -11,7 +11,9 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.scans import INTEGRATORS
+from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
+from proofmass.studies.run import run
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade, varied
 from proofmass.studies.trade.orders import WITHIN, expected, off
@@ -87,6 +89,22 @@ def test_a_finer_step_that_is_worse_is_found():
     assert worse([(2e-3, 0.3), (1e-3, 0.9)]) is None
     assert worse([(2e-3, 1e-3), (1e-3, 1.4e-3)]) is None
     assert worse(falling(1.0)) is None
+
+
+@pytest.mark.slow
+def test_a_finer_step_through_a_flat_pose_is_worse(tmp_path):
+    """Of the shipped chain of parallelograms in pymunk; its reference is a closed form."""
+    case = load_case(shipped("parallelogram_chain.toml"))
+    rows = run(
+        [
+            StudyRun(case, "dynamics", Setting("pymunk", {"timestep": step}))
+            for step in (1e-3, 5e-4, 2.5e-4)
+        ],
+        Store(tmp_path),
+        repeats=0,
+    )
+    points = [(row.step, row.errors["position"]) for row in rows]
+    assert worse(points) == (points[1], points[2])
 
 
 def measured_series(errors, seconds=0.1, outcomes=()):
