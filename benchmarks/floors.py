@@ -1,0 +1,179 @@
+"""Is every error floor that `proofmass trade` states one in a bare engine?
+
+    python -m benchmarks.floors [folder] [--quick]
+
+Writes docs/floors.md from the study that `python -m benchmarks.accuracy` keeps in the folder
+(reports/trade).  The setting of each floor of a dynamics run is written as a program, with the step
+that was measured, half and a quarter of it; the programs run in interpreters without proofmass.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks import ROOT, command, folders
+from proofmass.case import Case
+from proofmass.reference import compiled
+from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Unsupported
+from proofmass.studies.record import NAN, Setting, StudyRow
+from proofmass.studies.store import Store
+from proofmass.studies.trade.floor import ROUNDING, halvings
+from proofmass.studies.trade.program import ProgramRun, imposed, tried
+from proofmass.studies.trade.series import alike, halved
+from proofmass.studies.trade.trade import Trade, trade
+from proofmass.studies.trade.trade_command import measured, turnable
+from proofmass.studies.trade.varied import list_series
+from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.verify import as_used
+from proofmass.wording import number
+
+LONGEST = 120.0
+"""Wall time after which a program is ended [s]: a quarter of the step of the longest runs."""
+JOBS = 2
+HEAD = """# Error floors in bare engines
+
+`python -m benchmarks.floors` made this. `proofmass trade` states {count} error floors in dynamics
+runs, in {settings} settings of {cases} cases. Each setting was written as a program, with the step
+that was measured, half and a quarter of it, and run with `python -I`, in which there is no
+proofmass. Errors are those of the CSV files that the programs wrote, at the motion that was asked
+for, as shares of the range.
+
+A floor is *confirmed* where the two halvings each change the program's error by less than 5 %, and
+the error is within 5 % of the stated one. Of a floor by rounding, finer steps must be worse, or as
+before.
+
+| result | floors |
+|---|---|
+{results}
+"""
+TABLE = """
+## Floors that were not confirmed
+
+| case | engine | series | error of | stated | bare | half the step | a quarter | cause |
+|---|---|---|---|---|---|---|---|---|
+"""
+
+
+@dataclass(frozen=True)
+class BareFloor:
+    """A floor that a study states, and what programs gave with the step, half and a quarter of it.
+
+    `why` says why there are no programs.
+    """
+
+    verdict: Verdict
+    runs: tuple[ProgramRun, ...] = ()
+    why: str = ""
+
+    @property
+    def errors(self) -> list[float]:
+        """Of the programs [share of range]; NaN where one failed."""
+        return [run.errors.get(self.verdict.kind, NAN) for run in self.runs]
+
+    @property
+    def result(self) -> str:
+        """What became of the floor, in words."""
+        if self.why:
+            return f"no program: {self.why}"
+        if failed := next((run.failure for run in self.runs if run.failure), ""):
+            return f"a program failed: {failed}"
+        errors = self.errors
+        if self.verdict.cause == ROUNDING:
+            worse = all(fine > 0.95 * errors[0] for fine in errors[1:])
+            return "confirmed" if worse else "a finer step is better"
+        if not halved(errors):
+            return "a halving of the step changes the error"
+        return "confirmed" if alike(self.verdict.floor, errors[0]) else "another error"
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Confirm the floors of all cases, or of the pendulum."""
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
+    given = parser.parse_args(argv)
+    files = sorted((ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"))
+    with folders(given.quick, given.folder) as (folder, docs):
+        cases = [case for case in map(load_case, files) if turnable(case, None)]
+        store = Store(folder / "runs")
+        study = (
+            trade(cases, store, budget=0.01, repeats=1)
+            if given.quick
+            else measured(cases, folder, None, None, None)
+        )
+        found = list(confirm(study, store))
+        (docs / "floors.md").write_text(page(found), encoding="utf-8")
+
+
+def confirm(study: Trade, store: Store) -> Iterator[BareFloor]:
+    """Run the settings of all floors of dynamics as programs."""
+    cases = {case.name: case for case in study.cases}
+    floors = {
+        verdict: row_of(study, verdict)
+        for verdict in study.verdicts
+        if verdict.floor > 0 and verdict.run == "dynamics"
+    }
+    with ThreadPoolExecutor(JOBS) as workers:
+        futures = {
+            row.key: workers.submit(run_programs, cases[row.case], row, store)
+            for row in floors.values()
+        }
+        for verdict, row in floors.items():
+            runs, why = futures[row.key].result()
+            yield BareFloor(verdict, runs, why)
+
+
+def row_of(study: Trade, verdict: Verdict) -> StudyRow:
+    """The setting at which a floor was measured."""
+    return next(
+        row
+        for row in study.rows
+        if (row.case, row.engine, row.series) == (verdict.case, verdict.engine, verdict.series)
+        and row.errors.get(verdict.kind) == verdict.floor
+    )
+
+
+def run_programs(case: Case, row: StudyRow, store: Store) -> tuple[tuple[ProgramRun, ...], str]:
+    """What programs give with the step of a setting, half and a quarter of it, or why none can."""
+    series = next(one for one in list_series(case, "dynamics") if one.name == row.series)
+    setting = Setting(row.engine, row.parameters)
+    drive = imposed(case, row.engine)[0]
+    finer = halvings("dynamics", series, setting, float(compiled(case).opt.timestep))
+    try:
+        return tuple(
+            tried(case, as_used(case, one), drive, store, LONGEST) for one in (setting, *finer)
+        ), ""
+    except Unsupported as error:
+        return (), str(error)
+
+
+def page(found: Sequence[BareFloor]) -> str:
+    """The document."""
+    counts = Counter(each.result for each in found)
+    head = HEAD.format(
+        count=len(found),
+        settings=len({(v.case, v.engine, v.series) for v in (each.verdict for each in found)}),
+        cases=len({each.verdict.case for each in found}),
+        results=result_rows(counts),
+    )
+    others = [each for each in found if each.result != "confirmed"]
+    return head + (TABLE + "\n".join(map(line, others)) + "\n" if others else "")
+
+
+def result_rows(counts: Mapping[str, int]) -> str:
+    """The lines of the first table, the most frequent result first."""
+    return "\n".join(f"| {result} | {count} |" for result, count in Counter(counts).most_common())
+
+
+def line(each: BareFloor) -> str:
+    """A line of the table of floors."""
+    v = each.verdict
+    errors = [number(error, 2) for error in each.errors] or ["–"] * 3
+    cells = [v.case, v.engine, v.series, v.kind, number(v.floor, 2), *errors]
+    return f"| {' | '.join(cells)} | {v.cause}; {each.result} |"
+
+
+if __name__ == "__main__":
+    main()
