@@ -245,7 +245,7 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
     error was `SLACK` times as fast.
 
     >>> times = [(1e-3, 0.1), (1e-3, 0.25), (1e-3, 0.4), (1e-4, 0.4)]
-    >>> near_front([StudyRow("", "", "", "", "", "", errors={"energy": e}, seconds=s,
+    >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
     ...                      outcome=Outcome.RAN) for e, s in times])
     [0, 1, 3]
     """

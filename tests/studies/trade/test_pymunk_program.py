@@ -176,8 +176,8 @@ def test_a_motor_does_not_drift(tmp_path):
     inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
     file.write_text(
         planar(
-            f'<body><joint varied="0 0 1"/>{inertial}'  # the wheel turns against it
-            f'<body name="wheel"><joint name="wheel" varied="0 0 -1"/>{inertial}',
+            f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
+            f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
             '<jointpos name="value" joint="wheel"/>'
             '<framexaxis name="way" objtype="xbody" objname="wheel"/>',
         )
@@ -227,19 +227,19 @@ def planar(
 # kinds, a damper, limits, constant loads on hinges and a slide, two pulls on one site, an armature,
 # a body on the ground, names that Python cannot have for variables, and two that the program has.
 RICH = planar(
-    '<body name="time"><joint name="lift &#34;1&#34;" type="slide" varied="0.6 0 0.8" '
+    '<body name="time"><joint name="lift &#34;1&#34;" type="slide" axis="0.6 0 0.8" '
     ' stiffness="40 3 2" springref="0.1" limited="true" range="-0.2 0.21"/>'
     ' <inertial pos="0 0 0" mass="1.5" diaginertia=".1 .1 .1"/>'
-    ' <body name="2nd arm"><joint name="arm" varied="0 -1 0" stiffness="5" springref="0.3" '
+    ' <body name="2nd arm"><joint name="arm" axis="0 -1 0" stiffness="5" springref="0.3" '
     '  damping="0.2"/><inertial pos="0.4 0.1 0" mass="1" diaginertia=".01 .05 .05"/>'
     '  <site name="tip" pos="0.8 0 0.1" euler="0.1 0.2 0.3"/></body>'
-    ' <body><joint name="flap" varied="0 1 0" pos="0 0 0.1" stiffness="2 1 3" limited="true" '
+    ' <body><joint name="flap" axis="0 1 0" pos="0 0 0.1" stiffness="2 1 3" limited="true" '
     '  range="-0.5 0.4"/><inertial pos="-0.3 0 0.1" mass="0.7" diaginertia=".01 .03 .03"/></body>'
     "</body>"
-    '<body name="ground"><joint name="wheel" varied="0 1 0" armature="0.02" '
+    '<body name="ground"><joint name="wheel" axis="0 1 0" armature="0.02" '
     ' stiffness="0.4" springref="0.9"/>'
     ' <inertial pos="0.1 0 0" mass="1" diaginertia=".01 .01 .01"/>'
-    ' <body name="rail"><joint name="rail" type="slide" varied="1 0 0.2" stiffness="30" '
+    ' <body name="rail"><joint name="rail" type="slide" axis="1 0 0.2" stiffness="30" '
     '  springref="-0.05" damping="0.5"/>'
     '  <inertial pos="0.2 0 0.3" mass="0.4" diaginertia=".01 .01 .01"/></body></body>'
     '<body name="post" pos="1 0 2"><inertial pos="0 0 1" mass="3" diaginertia="1 1 1"/></body>'
@@ -329,10 +329,10 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
 
 ARM, BLOCK = 0.8, 1.5  # kg
 LOADED = planar(
-    f'<body><joint name="arm" varied="0 -1 0" stiffness="6 2 3" springref="0.3"/><inertial '
+    f'<body><joint name="arm" axis="0 -1 0" stiffness="6 2 3" springref="0.3"/><inertial '
     f' pos="0.4 0 0.1" mass="{ARM}" diaginertia=".01 .05 .05"/>'
     '<site name="tip" pos="1 0 0"/></body>'
-    f'<body><joint name="block" type="slide" varied="0.6 0 -0.8" stiffness="20" springref="-0.1"/>'
+    f'<body><joint name="block" type="slide" axis="0.6 0 -0.8" stiffness="20" springref="-0.1"/>'
     f' <inertial pos="3 0 0" mass="{BLOCK}" diaginertia=".01 .01 .01"/></body><site name="here"/>',
     '<jointpos name="arm" joint="arm"/><jointpos name="block" joint="block"/>',
     '<actuator><motor name="push" joint="block"/><motor name="twist" joint="arm"/>'
