@@ -47,13 +47,15 @@ class Baseline:
 
     Attributes
     ----------
+    kind, solver : str
+        The run and what runs it.
     errors : dict of str to ndarray (n,)
-        Signed errors of the channels that agree, in SI units.
+        Signed errors of the channels that agree [SI].
     allowed, shares : dict of str to float
-        What they may be, in SI units and as shares of what `scale_of` says.
+        What they may be [SI], and as shares of what `scale_of` says [1].
     comparisons : list of Comparison
     seconds : float
-        Wall time of the engine.
+        Wall time of the engine [s].
     """
 
     kind: Kind
@@ -89,7 +91,7 @@ class Trial:
     Attributes
     ----------
     ratio : float
-        The largest error over what is allowed, of all channels; infinite if the run is lost.
+        The largest error over what is allowed [1], of all channels; infinite if the run is lost.
     channel : str
         The channel of it.
     lost : str

@@ -45,7 +45,8 @@ class DetectableChange:
     Attributes
     ----------
     size : float
-        NaN where it is not known: the reference cannot be evaluated at changed values.
+        [its unit or 1]; NaN where it is not known: the reference cannot be evaluated
+        at changed values.
     relative : bool
         Whether `size` is a share of the parameter's value; otherwise the value is 0, and `size` is
         the change itself, in the parameter's SI unit.
@@ -64,12 +65,12 @@ class Comparison:
     case, solver, run, channel, unit : str
         What was compared.
     error_max, at : float
-        Largest absolute difference, in `unit`, and the x at which it stands.
+        Largest absolute difference [its unit], and the x at which it stands [SI].
     error_rms, nrmse : float
-        Root mean square of the difference, and the same over `scale_of` the reference curve,
-        which is its range unless it is constant.
+        Root mean square of the difference [its unit], and the same over `scale_of` the reference
+        curve [1], which is its range unless it is constant.
     allowed : float
-        Tolerance in `unit`; NaN when the channel is not checked.
+        Tolerance [its unit]; NaN when the channel is not checked.
     detectable : dict of str to DetectableChange
         For each parameter the smallest change that the tolerance would catch. A parameter that
         could change by 10 % is left out, such as one that the channel does not depend on.
@@ -80,7 +81,7 @@ class Comparison:
     seconds, steps, violation
         Cost of the run, and its largest constraint violation [m].
     error_later : float
-        Largest absolute difference after the first tenth of dynamics, in `unit`: the start pose
+        Largest absolute difference after the first tenth of dynamics [its unit]: the start pose
         is often in another equilibrium of a soft loop than the motion; NaN in other runs.
     """
 
@@ -123,7 +124,7 @@ class ComparedCurves(Curves):
     Attributes
     ----------
     reference : dict of str to ndarray (n,)
-        By channel, in SI units.
+        By channel [SI].
     """
 
     reference: dict[str, Array] = field(default_factory=dict)
@@ -348,7 +349,7 @@ def detectable_changes(
     ----------
     reference : RunReference
     allowed : dict of str to float
-        The tolerance of each channel that is checked.
+        The tolerance of each channel that is checked [its unit].
 
     Returns
     -------

@@ -61,7 +61,7 @@ class Coverage:
     left_out : str
         Why no number of the model was tried; empty if they were.
     seconds : float
-        Wall time that it took.
+        Wall time that it took [s].
     """
 
     case: str

@@ -79,7 +79,7 @@ class CheckedRun:
     channel : str
         The channel nearest its tolerance.
     error, allowed : float
-        Its error and what it may be, as shares of what `scale_of` says; 0 if none is checked.
+        Its error and what it may be, as shares of what `scale_of` says [1]; 0 if none is checked.
     why : tuple of str
         The reasons of the tolerances, each once.
     units : tuple of str
@@ -106,10 +106,10 @@ class Finding:
     kind, of, unit : str
         The number, in words; `kind` is ``parameter`` for one of the reference.
     value, tried : float
-        The number, and the change that was tried, in `unit`.
+        The number, and the change that was tried [its unit].
     noticed : bool
     change : float
-        The smallest change that is noticed, with its sign; NaN where it is not known.
+        The smallest change that is noticed, with its sign [its unit]; NaN where it is not known.
     run, solver, channel : str
         What notices it.
     refused : str

@@ -116,15 +116,15 @@ class Explanation:
     explains, breaks : tuple of str
         Channels that differ and then agree, and channels that agree and then differ.
     left : float
-        Root mean square of the differences after the change, over that before, of the channels that
-        it explains, or of all if it explains none; each channel in units of what is allowed.
+        Root mean square of the differences after the change, over that before [1], of the channels
+        that it explains, or of all if it explains none; each channel in units of what is allowed.
     differing : int
         How many channels differ.
     free : int
         How freely the change was chosen, see `COST`: 0 without a fitted number, such as a sign; 1 a
         parameter; 2 a number of a channel, which any channel has; 3 two parameters.
     changes : mapping of str to tuple of float
-        Of a parameter: its value in the sidecar, and the one that the curves ask for, in SI units.
+        Of a parameter: its value in the sidecar, and the one that the curves ask for [SI].
     same : tuple of str
         Words of other changes that the curves do not tell apart from this one.
     """
@@ -175,7 +175,7 @@ class Diagnosis:
         What else was found: lines of the model that have the value of the best cause, and what a
         shorter time step or shorter segments do.
     seconds : float
-        How long it took.
+        Wall time that it took [s].
     fault : str
         Why causes could not be sought; empty if they were.
     lost : bool

@@ -124,7 +124,7 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     state : tuple of three ndarray (drives, n), or None
         Drive values, rates and accelerations, *as the drives really moved*; None: a free motion.
     **changed
-        Parameters to use instead of the sidecar's.
+        Parameters to use instead of the sidecar's [SI].
 
     Returns
     -------

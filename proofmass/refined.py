@@ -28,13 +28,13 @@ class RefinedRow:
     case, solver, segments, channel, unit
         What was run, and what of it was looked at.
     error : float
-        Largest difference to the reference [unit].
+        Largest difference to the reference [its unit].
     end : float
-        The difference at the last sample, with its sign [unit].
+        The difference at the last sample, with its sign [its unit].
     x : float
-        That sample.
+        That sample [SI].
     seconds, steps
-        Cost of the run.
+        Cost of the run: wall time [s], and steps.
     """
 
     case: str

@@ -167,8 +167,10 @@ def isolated(function: Callable, *args: object, timeout: float, memory: float = 
     ----------
     function : callable
         Importable by name; arguments and result must pickle.
+    *args
+        Of the function.
     timeout : float
-        Seconds until the process is killed.
+        Time until the process is killed [s].
     memory : float
         Data that the process may have [GiB]; not limited on Windows and macOS.
 

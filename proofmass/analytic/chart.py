@@ -21,7 +21,7 @@ class ChartLine:
     Attributes
     ----------
     x, y : ndarray (n,)
-        SI units, radians.
+        Places [SI].
     label : str
         What it is, for the legend; lines of one label are drawn alike.
     stable : bool
@@ -50,9 +50,10 @@ class Field:
     Attributes
     ----------
     x, y : ndarray (m,), (n,)
-        The grid.
+        The grid [SI].
     values : ndarray (m, n)
-        Those that pass through infinity are drawn as a singularity of zero unless NaN is between.
+        [its unit]; those that pass through infinity are drawn as a singularity of zero unless NaN
+        is between.
     label, unit : str
         What they are, for the colour bar.
     signed : bool

@@ -27,7 +27,9 @@ class Front:
     Attributes
     ----------
     vectors : ndarray (B, d)
+        Designs [SI].
     rmse, spread, work_reduction : ndarray (B,)
+        Their error and spread [1], and work reduction [%].
     """
 
     vectors: Array
@@ -51,10 +53,12 @@ def front(
     ----------
     task : Synthesis
     start : ndarray (B, d)
-        Designs of small error, where the sweep begins.
+        Designs of small error [SI], where the sweep begins.
     folder : path, optional
         Where the searches keep their states.
-    weights : of the spread in the aim
+    weights : of the spread in the aim [1]
+    progress : callable
+        Told the number of searches done, that of all, and the weight.
 
     Returns
     -------

@@ -71,9 +71,9 @@ def descend(
     Parameters
     ----------
     places, values : ndarray (B, d), (B,)
-        Where the descents stand, and the roots of their sums of squares.
+        Where the descents stand, and the roots of their sums of squares [1].
     damping : ndarray (B,)
-        Of each descent; above `STUCK` it is at its end.
+        Of each descent [1]; above `STUCK` it is at its end.
     terms : callable
         Terms (B, m) of the sums of squares at places (B, d); NaN for what is not possible.
     """
@@ -181,11 +181,11 @@ class SearchState:
     step : int
         How many steps were made.
     places : ndarray (B, d)
-        Designs, as shares 0 .. 1 of the way between their bounds.
+        Designs, as shares 0 .. 1 of the way between their bounds [1].
     values : ndarray (B,)
-        Roots of their sums of squares.
+        Roots of their sums of squares [1].
     damping : ndarray (B,)
-        Of their descents.
+        Of their descents [1].
     """
 
     step: int
@@ -204,8 +204,8 @@ class SavedSearch:
     file : path, optional
         Where its state is kept; a search that finds one there goes on from it.
     start : ndarray (B, d), optional
-        Designs to begin with, filled up with random ones; the first of them also begins the last
-        heat, so that what is found is no worse.
+        Designs to begin with [SI], filled up with random ones; the first of them also begins the
+        last heat, so that what is found is no worse.
 
     Raises
     ------

@@ -33,9 +33,9 @@ class Selection:
     stiffness : tuple of float
         What they amount to [N m/rad].
     ratios : tuple of float
-        Stiffnesses over that of joint 2.
+        Stiffnesses over that of joint 2 [1].
     error : float
-        Root of the sum of the squared deviations of these ratios from the design's.
+        Root of the sum of the squared deviations of these ratios from the design's [1].
     scale : float
         m g r [N m] that they balance if the design is for 1 N m: least squares over the joints.
     """

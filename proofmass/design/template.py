@@ -15,7 +15,7 @@ from proofmass.analytic.balancer.model import preloaded
 from proofmass.engines import own_engines
 from proofmass.files import write_whole
 
-GRAVITY = 9.81  # [m/s2] gives the weight at the tip its mass; statics knows the weight alone
+GRAVITY = 9.81  # [m/s^2] gives the weight at the tip its mass; statics knows the weight alone
 LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
 OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no winding gets so far
 SOLVERS = own_engines()
@@ -27,6 +27,8 @@ class Segment:
 
     Attributes
     ----------
+    number : int
+        Of the segment, from 1.
     place : tuple of float
         Where its joint stands on the segment before [m].
     angle, length : float
@@ -36,7 +38,8 @@ class Segment:
     carries : bool
         Whether another segment hangs on it.
     spring : tuple of float
-        Coefficients k, A of the slack spring, those after the last one that is not zero left out.
+        Coefficients k, A of the slack spring [N m/rad, N m/rad^2], those after the last one that is
+        not zero left out.
     wound, load : float
         Winding of the spring at rest [rad]; moment of one that has no stiffness [N m].
     stops : tuple of float
@@ -76,7 +79,7 @@ class Segment:
 
     @property
     def inertia(self) -> float:
-        """About any axis through the centre of mass [kg m2]."""
+        """About any axis through the centre of mass [kg m^2]."""
         return float(f"{self.mass * self.length**2:.3g}")
 
     @property
@@ -116,13 +119,13 @@ def write_case(
     title, source : str
         What the case is, and where its numbers come from.
     parameters : mapping
-        Of `proofmass.analytic.balancer.solve`.
+        Of `proofmass.analytic.balancer.solve` [SI].
     target, target_moment : str, float
         Wanted moment-angle characteristic, drawn beside the moment, and its scale [N m].
     solvers : sequence of str
         What runs the sweep.
     beside : mapping
-        Other balancers by name, each with its parameters, drawn beside this one.
+        Other balancers by name, each with its parameters [SI], drawn beside this one.
 
     Returns
     -------

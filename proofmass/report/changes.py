@@ -28,8 +28,8 @@ class Change:
     before, now : str
         Outcomes, or errors as shares of the range; empty if there was or is none.
     growth : float
-        The error over that of the last report; infinite of what fails now, zero of what no longer
-        does; 1 of what is neither better nor worse.
+        The error over that of the last report [1]; infinite of what fails now, zero of what no
+        longer does; 1 of what is neither better nor worse.
     """
 
     case: str

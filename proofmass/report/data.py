@@ -36,13 +36,13 @@ class Shown:
     curves, truth : dict of str to Curves
         By solver: what it found, and the reference at the state its drive really had.  Those of a
         lost run end where it was lost.
+    x_name, x_unit, x_scale : str, str, float
+        The run's parameter; multiply x by the scale [1] to get the unit that people read.
+    refined, verdicts : list of RefinedRow, list of Comparison
+        What a refinement of the run found.
     whole : Curves, optional
         The reference over the whole run by the laws of its drives, where a run was lost and no
         other came to its end.
-    refined, verdicts : list of Row, list of Comparison
-        What a refinement of the run found.
-    x_name, x_unit, x_scale : str, str, float
-        The run's parameter; multiply x by the scale to get the unit that people read.
     """
 
     case: Case

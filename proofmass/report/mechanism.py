@@ -55,14 +55,14 @@ def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) ->
     ----------
     labels : iterable of Label
     points, weights : ndarray (n, 2), (n,)
-        What should stay in sight, and how much.
+        What should stay in sight [pt], and how much [1].
     box : ndarray (2, 2)
-        Lower left and upper right corner of the drawing.
+        Lower left and upper right corner of the drawing [pt].
 
     Returns
     -------
     list of ndarray (2,)
-        The middle of each text.
+        The middle of each text [pt].
 
     Examples
     --------

@@ -42,12 +42,18 @@ class Made(Part):
     ----------
     date : str
         In UTC, as in ISO 8601.
+    command : str
+        What was called, with its arguments.
     commit : str
         Of the working tree that the inputs lie in; empty if they lie in none.
     edited : bool
         Whether that tree has changes since the commit.
+    versions : dict of str to str
+        By package.
+    machine, processors : str, int
+        What it ran on, and how many processors it had.
     load_start, load_end : float or None
-        Processes that wanted a processor, the mean over a minute, before and after the runs.
+        Processes that wanted a processor [1], the mean over a minute, before and after the runs.
     """
 
     date: str

@@ -15,17 +15,17 @@ class Strip:
     css : str
         Class of its colour.
     grid : list of float
-        Where lines stand behind all rows.
+        Where lines stand behind all rows [%].
     mark : str
         The marker at `dot`, from `proofmass.report.marks.MARKS`.
     hollow : bool
         Whether only its outline is drawn.
     dot, tick : float, optional
-        Places of what was measured, and of what it is held against.
+        Places of what was measured, and of what it is held against [%].
     bar, spread : tuple of float, optional
-        From where to where a bar goes, and the interval that is known of its end.
+        From where to where a bar goes, and the interval that is known of its end [%].
     band : tuple of float, optional
-        Where the band of what is allowed begins, and how wide it is.
+        Where the band of what is allowed begins, and how wide it is [%].
     """
 
     said: str

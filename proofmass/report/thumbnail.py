@@ -26,13 +26,13 @@ class Thumbnail:
     sizes : list of int
         How many points each outline has; one of more than two is closed.
     points : ndarray of bytes (poses, points, 2)
-        Those of the outlines, then the joints.
+        Those of the outlines, then the joints [px].
     joints : list of tuple of str and bool
         Kind of each joint, whether it is driven, and whether it stands on the ground.
     still : list of ndarray (k, 2)
-        Outlines of the ground.
+        Outlines of the ground [px].
     guides : list of ndarray (2, 2)
-        Of slides on the ground.
+        Of slides on the ground [px].
     shown : int
         The pose that is drawn while nothing moves.
     """

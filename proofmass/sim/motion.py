@@ -88,11 +88,11 @@ class Spot:
     body : int
         Number of the body; -1 of the ground.
     at : ndarray (2,)
-        About the body's origin, as it is at the first pose.
+        About the body's origin [m], as it is at the first pose.
     driven, ground, spring : bool
         Whether it is driven, stands on the ground, has a spring.
     to : ndarray (2,), optional
-        The other end of a guide; a point ahead of a clamp.
+        The other end of a guide [m]; a point ahead of a clamp.
     """
 
     name: str
@@ -114,23 +114,23 @@ class Motion:
     picture : Picture
         The same poses as outlines in the world.
     index : ndarray (poses,) of int
-        Samples of the run that the poses belong to.
+        Samples of the run that the poses belong to [1].
     bodies, spots : tuple of MovedBody, tuple of Spot
     places : ndarray (poses, bodies, 3)
         Position and turn of each body [m, m, rad]: as the reference has it, if curves tell that,
         otherwise as the model has it.
     away : dict of str to ndarray (poses, bodies, 3)
-        By solver, how far its curves are from the reference's; not a number at poses that a solver
-        does not have.
+        By solver, how far its curves are from the reference's [m, m, rad]; not a number at poses
+        that a solver does not have.
     rods : dict of str to tuple of int
         Bodies that are the links of a rod, in their order.
     at_limit : dict of str to ndarray (poses,) of bool
-        By joint that comes there, whether it stands on the end of its range.
+        By joint that comes there, whether it stands on the end of its range [1].
     used : tuple of str
         The curves that tell where the bodies are.
     unfit : float
         How far the bodies so placed are from the reference's curves at most, as a share of the
-        size.
+        size [1].
     """
 
     picture: Picture

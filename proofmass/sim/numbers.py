@@ -99,11 +99,11 @@ class Number:
     of : str
         The element that has it, and the part of it.
     value : float
-        In `unit`; 1 of an inertia, which is changed as a whole.
+        [its unit]; 1 of an inertia, which is changed as a whole.
     unit : str
         SI unit; that of a share is 1.
     step : float
-        The change that is tried, in `unit`.
+        The change that is tried [its unit].
     place : Place
     """
 
@@ -149,6 +149,8 @@ class Source:
         With its rods, and without them: the same where it has none.
     key : str
         The start pose.
+    rods : tuple of Rod
+        Those that it has as chains.
     """
 
     path: Path

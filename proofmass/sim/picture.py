@@ -56,7 +56,7 @@ class Picture:
     axes : tuple of str
         The two world axes that span the drawing; empty names when the plane is inclined.
     x, inputs : ndarray (poses,), (drives, poses)
-        The run's parameter and the drives.
+        The run's parameter [SI] and the drives [rad or m].
     ground, links, marks
         What there is to draw; everything has `poses` along its first axis.
     tracks : tuple of str

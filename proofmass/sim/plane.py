@@ -19,7 +19,7 @@ class MotionPlane:
     Attributes
     ----------
     e1, e2, normal : ndarray (3,)
-        Unit vectors in world coordinates; ``e2 = normal x e1``.
+        Unit vectors [1] in world coordinates; ``e2 = normal x e1``.
     """
 
     e1: Array
@@ -49,7 +49,7 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
 
     Returns
     -------
-    Plane
+    MotionPlane
 
     Raises
     ------

@@ -149,8 +149,8 @@ class Imposed:
     kind : str
         A word of the engine's; see its `write_program`.
     gain : float
-        How hard the drive holds its joint, in multiples of what the time step suggests; 0 where
-        there is nothing to choose.
+        How hard the drive holds its joint, in multiples of what the time step suggests [1]; 0
+        where there is nothing to choose.
     """
 
     kind: str
@@ -172,7 +172,7 @@ class Rod:
     length : float
         [m]
     stiffness : float
-        EI [N m2]
+        EI [N m^2]
     segments : int
         n >= 2 pieces of h = length / n.
     ends : tuple of two str
@@ -273,12 +273,12 @@ class Curves:
     x : ndarray (n,)
         Time [s], drive value, or arc length [m] in equilibrium.
     channels : dict of str to ndarray (n,)
-        The recorded curves.
+        The recorded curves [SI].
     missing : dict of str to str
         Channels that this simulator cannot deliver in this kind of run, with the reason.
     drive : tuple of three ndarray (drives, n), or None
-        Value, rate and acceleration of the driven joints *as they actually moved*; rates and
-        accelerations of a sweep are those of its law.
+        Value, rate and acceleration [rad or m, per s, per s^2] of the driven joints *as they
+        actually moved*; rates and accelerations of a sweep are those of its law.
     violation : float
         Largest distance between two points that a loop should hold together [m].
     seconds : float
@@ -349,7 +349,7 @@ class Studied:
     times : ndarray (n,)
         Where it is sampled [s].
     work : float
-        Evaluations of forces that the longest run of a scan may take.
+        Evaluations of forces [1] that the longest run of a scan may take.
     driven : bool
         Whether joints are driven.
     held_to_drive : bool
@@ -464,7 +464,7 @@ class Scheme:
     half_kick : bool
         Whether a run from rest begins with the velocity of half a step.
     tried : mapping of str to tuple of float
-        Test problems of ``proofmass stress`` that it is tried with, and their numbers: damping
+        Test problems of ``proofmass stress`` that it is tried with, and their numbers [1]: damping
         ratios of ``spring`` and ``slide``, masses of a ``chain``, dt omega of ``swing`` and
         ``fade``, and for ``pendulum`` and ``whirl`` any one.
     """
@@ -489,10 +489,12 @@ class Specimen:
     stepped : callable
         Its `Stepping`.
     step, zeta : callable, float
-        Whose limit theory gives; or None, with the limit itself in `theory`.
+        Whose limit theory gives, and its damping ratio [1]; or None, with the limit itself in
+        `theory`.
     theory : float
+        [SI]
     start, reach : float
-        From where to where it is increased.
+        From where to where it is increased [SI].
     """
 
     what: str

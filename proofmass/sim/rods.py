@@ -49,6 +49,8 @@ class Chain:
 
     Attributes
     ----------
+    rod : Rod
+        What it stands for.
     lengths, springs : ndarray (links,)
         Length [m] of each link and stiffness [N m/rad] of the joint it begins with: zero where the
         rod is pinned, infinite where it is clamped without a spring.

@@ -90,13 +90,13 @@ def solve(
     Parameters
     ----------
     angle : pendulum angle alpha [rad], (...)
-    rate, acceleration : its time derivatives; `rate` scales the quasi-static rates, `acceleration`
-        has no meaning in statics
-    length1, .. : segments [m]; length4 makes it a balancer of four segments
-    stiffness1, .. : k of the slack springs [N m/rad]
-    quadratic1, .. : A [N m/rad^2]
-    preload2, .. : moment [N m] of the spring at rest
-    low2, .., high2, .. : stops of the winding from rest [rad], low <= 0 <= high
+    rate, acceleration : its time derivatives [rad/s, rad/s^2]; `rate` scales the quasi-static
+        rates, `acceleration` has no meaning in statics
+    length1, length2, length3, length4 : segments [m]; length4 makes it a balancer of four segments
+    stiffness1, stiffness2, stiffness3, stiffness4 : k of the slack springs [N m/rad]
+    quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
+    preload2, preload3, preload4 : moment [N m] of the spring at rest
+    low2, low3, low4, high2, high3, high4 : stops of the winding from rest [rad], low <= 0 <= high
     pendulum : r [m]
     rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
     weight : force at the tip, down along the upright [N]

@@ -42,7 +42,7 @@ class Point:
     unknowns : ndarray (B, n + 2 + s)
         psi [rad], lambda [N] and mu [N m], s the joints with stops.
     side : ndarray (B, s)
-        -1 where the joint is on its lower stop, +1 on its upper one, 0 between them.
+        [1]: -1 where the joint is on its lower stop, +1 on its upper one, 0 between them.
     """
 
     alpha: Array

@@ -73,7 +73,7 @@ def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Tar
     Parameters
     ----------
     angles : pendulum angles [rad] (n,), rising strictly, n >= 2
-    moments : wanted moments over m g r at them (n,)
+    moments : wanted moments over m g r at them [1] (n,)
     name : what messages call it
 
     Returns
@@ -208,7 +208,7 @@ def work_reduction(moment: ArrayLike, reference: ArrayLike, angle: ArrayLike) ->
 
     Returns
     -------
-    (...) percent, 100 for a perfect balancer, negative for one that is worse than none
+    (...) [%], 100 for a perfect balancer, negative for one that is worse than none
 
     Raises
     ------
@@ -247,7 +247,7 @@ def energy_spread(*energies: ArrayLike, scale: ArrayLike = 1.0) -> Array:
 
     Returns
     -------
-    (...); zero if all springs hold the same
+    (...) [1]; zero if all springs hold the same
 
     Notes
     -----
@@ -360,7 +360,7 @@ def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
     to : float
         Last pendulum angle [rad].
     **parameters
-        Of `proofmass.analytic.balancer.solve`.
+        Of `proofmass.analytic.balancer.solve` [SI].
 
     Returns
     -------

@@ -73,7 +73,7 @@ def close(pendulum: Array | float, length: Array, first: Array, mode: Array | in
         Lengths [m]; a and c are the last two.
     first : ndarray (..., n - 2)
         Angles of the first segments, clockwise from the pendulum [rad].
-    mode : +1 or -1, or an array (...)
+    mode : +1 or -1, or an array (...) [1]
         Elbow up: the last segment is turned clockwise against the one before; or elbow down.
 
     Returns

@@ -43,7 +43,7 @@ class Pieces:
     start, end : Point
         Both ends of each of the K strides.
     out, into : ndarray (K, N)
-        Change of the unknowns with alpha at its start and at its end.
+        Change of the unknowns with alpha [SI] at its start and at its end.
     """
 
     design: Which
@@ -224,12 +224,12 @@ class Path:
         Of each segment or spring: angle from the upright, winding from rest [rad], moment [N m]
         and energy [J].
     rate : ndarray (B, A, n)
-        dtheta/dalpha [rad/rad].
+        dtheta/dalpha [1].
     force : ndarray (B, A, 2)
         Force of the chain on the pendulum's tip, in the pendulum's frame: across, to the side of
         growing alpha, and along it [N].
     side : ndarray (B, A, n)
-        -1, +1 where a joint is on its lower or upper stop, else 0.
+        [1]: -1, +1 where a joint is on its lower or upper stop, else 0.
     """
 
     alpha: Array

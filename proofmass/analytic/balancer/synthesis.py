@@ -67,7 +67,7 @@ class Variant:
     mode : int
         1 elbow up, as in all of the thesis's tables; -1 elbow down, which its programs know too.
     narrowed : mapping of str to (float, float)
-        Bounds instead of the usual ones, by parameter.
+        Bounds instead of the usual ones, by parameter [SI].
 
     Notes
     -----
@@ -266,9 +266,9 @@ class Synthesis:
     points : int, optional
         Points j 90/points degrees, j = 1, 2 ..; as many as in the thesis when not given.
     power : float
-        2 for the least error, 1 for the best work reduction, or between.
+        [1]: 2 for the least error, 1 for the best work reduction, or between.
     weight : float
-        Of the spread of energy between the springs, a second aim (here its mean square).
+        [1] of the spread of energy between the springs, a second aim (here its mean square).
 
     Notes
     -----

@@ -49,9 +49,9 @@ def solve(
 
     Returns
     -------
-    dict of (n,) or () arrays: slide, slide_rate, slide_acceleration, slide_margin; rod_angle,
-    rod_rate, rod_acceleration; end_x, end_y, end_vx, end_vy, end_ax, end_ay; holding_moment; as
-    in `inverted_slider_crank.solve`.
+    dict of (n,) or () arrays: slide [m], slide_rate, slide_acceleration, slide_margin [m];
+    rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax, end_ay;
+    holding_moment [N m]; as in `inverted_slider_crank.solve`.
 
     Raises
     ------

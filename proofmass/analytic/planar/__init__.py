@@ -74,7 +74,7 @@ def solve(
     Parameters
     ----------
     value, rate, acceleration : array_like (n,) or (drives, n)
-        Of the driven joints [rad or m, per s, per s2]; rising times [s] without any.
+        Of the driven joints [rad or m, per s, per s^2]; rising times [s] without any.
     model : mujoco.MjModel
         The compiled MJCF; its sensors are the quantities.
     start : str
@@ -84,7 +84,7 @@ def solve(
 
     Returns
     -------
-    dict of str to ndarray (n,)
+    dict of str to ndarray (n,) [SI]
         By channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; and of a
         driven linkage ``condition``, by which rounding grows in a pose.
 

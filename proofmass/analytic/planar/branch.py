@@ -106,8 +106,8 @@ class Branch:
         Returns
         -------
         q : ndarray (k, joints)
-            Closed poses, k = n unless the branch ends before.
-        failure : Failure or None
+            Closed poses [rad or m], k = n unless the branch ends before.
+        failure : CannotMove or None
             Why it ended.
         """
         knots, failure = self.walk(inputs)

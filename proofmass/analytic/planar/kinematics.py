@@ -32,7 +32,7 @@ class BodyMotion:
     w, t : tuples of ndarray (bodies, n), complex
         Turn and shift; then rate and acceleration of them, if they were asked for.
     turn : ndarray (bodies, n)
-        Angle since the reference pose [rad]; the same for `spin` [rad/s], `spin_rate` [rad/s2].
+        Angle since the reference pose [rad]; the same for `spin` [rad/s], `spin_rate` [rad/s^2].
     place : ndarray (joints, n), complex
         Where each hinge is, or the direction of each slide.
     """
@@ -58,11 +58,12 @@ def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None)
     ----------
     m : Mechanism
     q, v, a : ndarray (n, joints)
-        Joint values, rates and accelerations; the last ones may be left out.
+        Joint values, rates and accelerations [rad or m, per s, per s^2]; the last ones may be left
+        out.
 
     Returns
     -------
-    Motion
+    BodyMotion
     """
     f, joint = m.frames, [part.T for part in (q - m.zeros, v, a) if part is not None]
     turn = [f.turning @ part for part in joint]

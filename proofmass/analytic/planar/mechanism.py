@@ -98,10 +98,12 @@ class Mechanism:
 
     Attributes
     ----------
+    bodies, joints, pins, couplings
+        What it is made of.
     gravity : complex
-        In the plane [m/s2].
+        In the plane [m/s^2].
     start, start_rate : ndarray (joints,)
-        Joint values [rad or m] and rates of the start pose.
+        Joint values and rates of the start pose [rad or m, per s].
     """
 
     bodies: tuple[Body, ...]

@@ -28,11 +28,11 @@ def quantities(
     reader : Reader
         The compiled model, and its plane.
     m : Mechanism
-    motion : Motion
+    motion : BodyMotion
     joint : three ndarray (n, joints)
-        Joint values, rates, accelerations.
+        Joint values, rates, accelerations [rad or m, per s, per s^2].
     moments : dict of str to ndarray (n,)
-        Holding moment of each driven joint.
+        Holding moment of each driven joint [N m or N].
     """
     found: dict[str, Array] = {}
     for s in range(reader.model.nsensor):

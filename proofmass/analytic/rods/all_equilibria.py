@@ -370,7 +370,7 @@ class Mesh:
     tip, force : ndarray of complex (t, 3)
         At the corners.
     chart : ndarray (t, 3, 2)
-        alpha and q at the corners.
+        alpha and q [1] at the corners.
     into : ndarray of complex (t, 2)
         Coordinates in a triangle: (conj(into) (tip - first corner)).real
     along, across : ndarray of complex (t,)
@@ -489,6 +489,7 @@ class Ways:
     force, along, across : ndarray of complex (m,)
         Load [N] and stiffness [N/m]: dforce = along dtip + across conj(dtip).
     chart : ndarray (2, m)
+        alpha and q [1].
     """
 
     force: Complex
@@ -763,7 +764,7 @@ class Solutions:
 
     Attributes
     ----------
-    state : State (n,)
+    state : RodState (n,)
         Poses, loads and clamp moments.
     modes : ndarray (n, k)
         Inflections of each rod, its tip included.
@@ -774,12 +775,12 @@ class Solutions:
     negative : ndarray (n,)
         Directions in which V falls: 0 is stable.
     alpha, complement : ndarray (n, k)
-        L sqrt(R/EI) of each rod, and k' = sqrt(1 - k^2) of its modulus, which has digits left where
-        k_rel is 1 in double precision, for alpha beyond about 18.
+        L sqrt(R/EI) of each rod [1], and k' = sqrt(1 - k^2) of its modulus, which has digits left
+        where k_rel is 1 in double precision, for alpha beyond about 18.
     up_to : float
-        The largest alpha that was searched: the count holds up to there.
+        The largest alpha [1] that was searched: the count holds up to there.
     bound : float
-        alpha that no rod of any equilibrium with these modes exceeds, by `proven`; inf
+        alpha [1] that no rod of any equilibrium with these modes exceeds, by `proven`; inf
         where there is no proof.
     """
 
@@ -833,7 +834,7 @@ def solutions(
     inputs : of the motors [rad] or along the guides [m], (k,)
     load : dead force [N] on the platform at its origin, and moment [N m] if it is no pin, (p,)
     modes : largest mode of each rod, or of all
-    most_load : largest alpha = L sqrt(R/EI) of any rod, within [1, 340]; where none is given the
+    most_load : largest alpha = L sqrt(R/EI) of any rod [1], from 1 to 340; where none is given the
         bound that `proven` gives, or 20 if there is none
     poses : least number of poses of the lattice
 

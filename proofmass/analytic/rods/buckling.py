@@ -82,7 +82,7 @@ def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.0
     Parameters
     ----------
     length, stiffness : L [m], EI [N m^2]
-    share : load across over load along the column
+    share : load across over load along the column [1]
 
     Raises
     ------

@@ -362,7 +362,7 @@ def pseudo_rigid(
     ----------
     force : F [N] (...), along +y
     length, stiffness : L [m], EI [N m^2]
-    radius, coefficient : g and K_Theta
+    radius, coefficient : g and K_Theta [1]
 
     Returns
     -------

@@ -48,7 +48,7 @@ def elastica(
 
     Parameters
     ----------
-    load : P/P_cr, 1 or more (...)
+    load : P/P_cr [1], 1 or more (...)
     ends : "clamped-free", "pinned-pinned" or "clamped-clamped"
     length, stiffness : L [m], EI [N m^2]
 

@@ -159,17 +159,17 @@ class WaypointPath:
 
     Attributes
     ----------
-    states : State (t,)
+    states : RodState (t,)
         At the way points, NaN from the first that was not reached.
     reached : float
-        Way points reached, and the share of the way to the next: t if all.
-    last : State
+        Way points reached, and the share of the way to the next [1]: t if all.
+    last : RodState
         Where it ended: in a fold, that fold.
     why : str
         Why it ended early; "" where it did not.
     crossed : ndarray (c,)
-        Where, counted as `reached`, it passed a branch point: the determinant changes its sign and
-        the path does not turn back.  Behind it a symmetric posture may be unstable.
+        Where, counted as `reached` [1], it passed a branch point: the determinant changes its sign
+        and the path does not turn back.  Behind it a symmetric posture may be unstable.
     """
 
     states: RodState
@@ -185,14 +185,14 @@ class EquilibriumPath:
 
     Attributes
     ----------
-    states, parameter : State (t,), ndarray (t,)
-        From the start on, in order of arc length.
-    folds, at : State (f,), ndarray (f,)
-        Where the parameter turns back.
+    states, parameter : RodState (t,), ndarray (t,)
+        From the start on, in order of arc length; the parameter [1].
+    folds, at : RodState (f,), ndarray (f,)
+        Where the parameter [1] turns back.
     why : str
         Why it ended before `to`; "" where it did not.
     crossed : ndarray (c,)
-        Parameters of branch points that it passed.
+        Parameters [1] of branch points that it passed.
     """
 
     states: RodState
@@ -215,12 +215,12 @@ def follow(
 
     Parameters
     ----------
-    start : State
+    start : RodState
         One closed state.
     inputs, pose, load : (t, k), (t, p), (t, p)
-        Way points of what is given.  With `pose` the inputs are found, otherwise the pose; what is
-        not given, of the load and of the pose or the inputs, stays as it is at the start.
-    stride : largest stride along the path, in sizes L, EI/L, EI/L^2, rad
+        Way points of what is given [SI].  With `pose` the inputs are found, otherwise the pose;
+        what is not given, of the load and of the pose or the inputs, stays as it is at the start.
+    stride : largest stride along the path [1], in sizes L, EI/L, EI/L^2, rad
 
     Raises
     ------
@@ -290,18 +290,18 @@ def trace(
 
     Parameters
     ----------
-    start : State
+    start : RodState
         One closed state, parameter 0.
     inputs, pose, load : (k,), (p,), (p,)
-        Change of what is given with the parameter; see `follow`.
-    to : least and greatest parameter, which end the branch; it begins upwards if the second is
+        Change of what is given with the parameter [SI]; see `follow`.
+    to : least and greatest parameter [1], which end the branch; it begins upwards if the second is
         positive
     most : points
-    stride : see `follow`
+    stride : see `follow` [1]
 
     Returns
     -------
-    Branch
+    EquilibriumPath
         Folds are found to rounding: zeros of the parameter's part of the tangent over arc length.
     """
     free, way = _given(

@@ -48,12 +48,12 @@ def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Fou
 
     Parameters
     ----------
-    sine, cosine, delta : of the amplitude (...); sine >= 0
-    complement : k' (...), 0 < k' <= 1
+    sine, cosine, delta : of the amplitude [1] (...); sine >= 0
+    complement : k' [1] (...), 0 < k' <= 1
 
     Returns
     -------
-    first, second, complete_first, complete_second : ndarray (...)
+    first, second, complete_first, complete_second : ndarray (...) [1]
 
     Raises
     ------
@@ -194,8 +194,8 @@ def tip(
     Parameters
     ----------
     psi : direction of the load [rad], in (0, 2 pi)  (...)
-    k_rel : relative modulus, in (-1, 0) or (0, 1)  (...)
-    mode : 1, 2, ...  (...); all broadcast together
+    k_rel : relative modulus [1], in (-1, 0) or (0, 1)  (...)
+    mode : 1, 2, ...  [1] (...); all broadcast together
     length, stiffness : L [m], EI [N m^2]
 
     Returns
@@ -412,11 +412,11 @@ def of_load(
     m0 : moment at the clamp [N m] (...), not zero
     theta0 : angle of the clamp's tangent [rad]
     length, stiffness : L [m], EI [N m^2]
-    apart : how far the tip may be from an inflection, as a share of a half wave
+    apart : how far the tip may be from an inflection, as a share of a half wave [1]
 
     Returns
     -------
-    psi, k_rel, mode : ndarray (...)
+    psi [rad], k_rel [1], mode [1] : ndarray (...)
 
     Raises
     ------
@@ -509,9 +509,9 @@ class ElasticaRods:
     delta : ndarray of complex
         e^(i delta) of the tangent at the clamp over the load.
     waves : ndarray
-        alpha/(2 K): half waves between the clamp and the tip.
+        alpha/(2 K): half waves between the clamp and the tip [1].
     field : ndarray
-        y at the clamp.
+        y at the clamp [L].
     """
 
     tip: Complex

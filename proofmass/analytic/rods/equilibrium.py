@@ -152,7 +152,7 @@ class RodState:
     ----------
     assembly : Assembly
     vector : ndarray (..., 4 k + 2 p)
-        m0, n_x, n_y of each rod, pose, inputs, load.
+        m0, n_x, n_y of each rod, pose, inputs, load [SI].
     """
 
     assembly: Assembly
@@ -388,16 +388,16 @@ def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodStat
 
     Parameters
     ----------
-    s : State (n,)
+    s : RodState (n,)
         First guesses.
     free : columns that are found
-    within : way (n,) from the guess beyond which a state is given up
+    within : way (n,) from the guess [1] beyond which a state is given up
 
     Returns
     -------
-    State (n,)
+    RodState (n,)
     moved : ndarray (n,)
-        Length of the way from the first guess, each column over its size; inf if NaN.
+        Length of the way from the first guess, each column over its size [1]; inf if NaN.
     """
     a, scale = s.assembly, sizes(s.assembly)[1]
     at, left = np.full_like(s.vector, np.nan), np.arange(len(s.vector))
@@ -455,12 +455,12 @@ def direct(guess: RodState) -> RodState:
 
     Parameters
     ----------
-    guess : State (...)
+    guess : RodState (...)
         Its inputs and its load are kept; forces, clamp moments and pose are found.
 
     Returns
     -------
-    State (...)
+    RodState (...)
         Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.
 
     Raises
@@ -511,12 +511,12 @@ def inverse(guess: RodState) -> RodState:
 
     Parameters
     ----------
-    guess : State (...)
+    guess : RodState (...)
         Its pose and its load are kept; forces, clamp moments and inputs are found.
 
     Returns
     -------
-    State (...)
+    RodState (...)
         Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.
 
     Raises
@@ -578,21 +578,22 @@ class Derivatives:
     Attributes
     ----------
     direct : ndarray (..., p, k)
-        dP/dq at constant load [m/rad, rad/rad; m/m, rad/m].
+        dP/dq at constant load [m/rad, 1; 1, rad/m].
     inverse : ndarray (..., k, p)
-        dq/dP at constant load; NaN unless k = p.
+        dq/dP at constant load [SI]; NaN unless k = p.
     stiffness : ndarray (..., p, p)
         Wrench that the rods ask for, d(sum n, sum r x n)/dP with the inputs held [N/m, N, N m]:
         symmetric, and positive definite where the platform is stable on rods that are.
     direct_determinant : ndarray (...)
-        Of the derivatives by (m0_1, n_1, m0_2, n_2, .., P): zero in a direct singularity, where
-        the inputs no longer hold the platform: a fold of the equilibria, dP/dq infinite.
+        Of the derivatives by (m0_1, n_1, m0_2, n_2, .., P) [SI]: zero in a direct singularity,
+        where the inputs no longer hold the platform: a fold of the equilibria, dP/dq infinite.
     rod_determinants : ndarray (..., k)
-        Of each rod alone, by (m0, n) with its pin held: zero where a rod held at both ends buckles,
-        and the stiffness has a pole.  direct_determinant = det(stiffness) times all of them.
+        Of each rod alone, by (m0, n) with its pin held [SI]: zero where a rod held at both ends
+        buckles, and the stiffness has a pole.  direct_determinant = det(stiffness) times all of
+        them.
     inverse_determinant : ndarray (...)
-        Of those by (m0_1, n_1, q_1, m0_2, n_2, q_2, ..): zero in an inverse singularity, where some
-        motion of the platform needs infinite rates of the inputs; NaN unless k = p.
+        Of those by (m0_1, n_1, q_1, m0_2, n_2, q_2, ..) [SI]: zero in an inverse singularity,
+        where some motion of the platform needs infinite rates of the inputs; NaN unless k = p.
     """
 
     direct: Array

@@ -239,8 +239,9 @@ def workspace(
 
     Parameters
     ----------
-    distance, theta1, theta2, force_x, force_y, pin_x, pin_y, moment1, moment2, push_x, push_y,
-    length, stiffness : of `rod_pair.solve`; the sheet has its load and goes through its equilibrium
+    distance, theta1, theta2, force_x, force_y, pin_x, pin_y : of `solve` [m, rad, N]
+    moment1, moment2, push_x, push_y, length, stiffness : of `solve` [N m, N, m, N m^2]; the sheet
+        has its load and goes through its equilibrium
     nodes : along each axis, 5 to 201
 
     Returns
@@ -313,7 +314,8 @@ def motor_angles(
 
     Parameters
     ----------
-    distance, ..., stiffness : of `workspace`
+    distance, theta1, theta2, force_x, force_y, pin_x, pin_y : of `workspace` [m, rad, N]
+    moment1, moment2, push_x, push_y, length, stiffness : of `workspace` [N m, N, m, N m^2]
     span : width of the window about the case's angles [rad]
     nodes : along each axis, 5 to 201
 

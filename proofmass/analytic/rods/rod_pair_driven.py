@@ -43,7 +43,7 @@ def solve(
     ----------
     angle : theta1, theta2 [rad] in order of the motion, (2, n)
     rate : their rates [rad/s], which broadcast with `angle`
-    acceleration : is not used; equilibria are as slow as one likes
+    acceleration : [rad/s^2] is not used; equilibria are as slow as one likes
     distance : d, between the clamps [m]
     pin_x, pin_y : first guess of the pin P at the first angles [m]; it and the next two choose
         among the equilibria

@@ -57,7 +57,7 @@ def pinned(
     theta0, length, stiffness : clamp's tangent [rad], L [m], EI [N m^2]
     nodes, scheme : of `integrate`
     exact : Jacobian by the variational equations; otherwise the document's forward differences
-    tolerance : largest |f| of a root, in m and N m
+    tolerance : largest |f| of a root [m, N m]
 
     Raises
     ------

@@ -53,14 +53,16 @@ def constant_orientation(
 
     Parameters
     ----------
-    side, theta1, ..., prolongation : of `rod_platform_driven.solve`
+    side, theta1, theta2, theta3, guide1, guide2, guide3, radius : of `solve` [m, rad]
+    force_x, force_y, moment, mode, inflections : of `solve` [N, N m]
+    length, stiffness, prolongation : of `solve` [m, N m^2]
     input1, input2, input3 : q [m or rad] of the equilibrium that `mode` counts
     nodes : along each axis, 5 to 201
 
     Returns
     -------
     Chart
-        As `rod_maps.workspace`, over x, y [m]: det(dq/dP) of all three freedoms [m/rad, or
+        As `rod_pair.workspace`, over x, y [m]: det(dq/dP) of all three freedoms [m/rad, or
         rad^2/m^2 for motors], and the stiffness against forces on a platform that may turn [N/m].
 
     Raises
@@ -143,14 +145,16 @@ def solve(
     Parameters
     ----------
     inputs : q [m or rad], (3, ...); the last axis is the path
-    rate, acceleration : their time derivatives; there are no accelerations without masses
-    side, radius, prolongation, length : see `rod_platform.solve` [m]
+    rate, acceleration : their time derivatives [SI]; there are no accelerations without masses
+    side : see `rod_platform.solve` [m]
     theta1, theta2, theta3 : tangents at the clamps [rad]; without guides, those of inputs 0
-    stiffness : EI of each rod [N m^2]
+    guide1, guide2, guide3 : directions of the guides [rad]; left out, the inputs turn the clamps
+    radius : see `rod_platform.solve` [m]
     force_x, force_y : dead load F on the platform at P [N]
     moment : dead load M on the platform [N m]
     mode, inflections : see `rod_platform.solve`; they choose the equilibrium of the first inputs
-    guide1, guide2, guide3 : directions of the guides [rad]; left out, the inputs turn the clamps
+    length, stiffness : L [m], EI [N m^2], of each rod
+    prolongation : see `rod_platform.solve` [m]
 
     Returns
     -------

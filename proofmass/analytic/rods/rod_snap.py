@@ -41,9 +41,9 @@ class SnapFamily:
     Attributes
     ----------
     distance : float
-        d, from the clamp to the pin.
+        d, from the clamp to the pin [L].
     place : ndarray (n, 2)
-        log(alpha), log(q).
+        log(alpha), log(q) [1].
     angle : ndarray (n,)
         a, of the clamp's tangent from the line to the pin [rad].
     folds : ndarray of int (2,)
@@ -320,7 +320,7 @@ def solve(
     Parameters
     ----------
     angle : a, of the motor from the line to the pin [rad], within +-pi, in the order of motion (n,)
-    rate, acceleration : of the motor; an equilibrium does not depend on them
+    rate, acceleration : of the motor [rad/s, rad/s^2]; an equilibrium does not depend on them
     length, stiffness : L [m], EI [N m^2]
     distance : d, from the clamp to the pin [m], from 0.32 to 0.99 L
     side : "left" or "right", to which it is bent before the first sample

@@ -30,7 +30,8 @@ class ShotRods:
     ----------
     s : (nodes,) arc length [m]
     theta, m, x, y : (nodes, ...) [rad], [N m], [m], [m]
-    slope : (nodes, 4, 4, ...) of (theta, m, x, y) by (n_x, n_y, m0, theta0); empty unless asked for
+    slope : (nodes, 4, 4, ...) of (theta, m, x, y) by (n_x, n_y, m0, theta0) [SI]; empty unless
+        asked for
     """
 
     s: Array
@@ -73,7 +74,8 @@ def integrate(
     x0, y0 : clamp [m]
     weight_x, weight_y : w, dead load per length [N/m]
     length, stiffness : L [m], EI [N m^2]
-    nodes : number of nodes, 2 or more, evenly spaced; or their arc lengths (nodes,) from 0 to L
+    nodes : number of nodes, 2 or more, evenly spaced; or their arc lengths [m]
+        (nodes,) from 0 to L
     scheme : "rk4", or "dop853" of order 8
     slopes : whether to integrate the variational equations too
 
@@ -228,7 +230,7 @@ def stability(
     ----------
     n_x, n_y, theta, moment : force [N] on the tip, its angle [rad], moment [N m] on it (...)
     weight_x, weight_y : dead load per length [N/m]
-    length, stiffness, nodes : of `integrate`
+    length, stiffness, nodes : of `integrate` [m, N m^2]
 
     Returns
     -------

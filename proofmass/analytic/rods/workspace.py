@@ -47,8 +47,8 @@ class Map:
     axes : tuple of int
         Which two coordinates of it; the others are those of the start.
     first, second : ndarray (m,), (n,)
-        Their values.
-    states : State (m, n)
+        Their values [m or rad].
+    states : RodState (m, n)
         NaN where the sheet does not get.
     """
 
@@ -83,10 +83,10 @@ def spread(
 
     Parameters
     ----------
-    start : State
+    start : RodState
         One closed state.
     first, second : (m,), (n,)
-        Increasing values of two coordinates.
+        Increasing values of two coordinates [m or rad].
     name : "pose" (the inverse problem at each node) or "inputs" (the direct problem)
     axes : which two coordinates
 
@@ -204,7 +204,7 @@ def loci(m: Map, which: str) -> RodState:
 
     Returns
     -------
-    State (points,)
+    RodState (points,)
         Where the determinant changes its sign between two neighbours, bisected to 1e-9 of an edge.
     """
     if which not in ("direct", "inverse"):

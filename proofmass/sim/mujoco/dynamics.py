@@ -37,9 +37,10 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     Returns
     -------
     torque : ndarray (steps, drives)
-        What to apply at the driven joints in each step: the law's mean acceleration over it.
+        What to apply at the driven joints in each step [N m or N]: the law's mean acceleration over
+        it.
     instant : ndarray (steps + 1, drives)
-        The torque of the law's acceleration at each time, for reading a sample.
+        The torque of the law's acceleration at each time [N m or N], for reading a sample.
     """
     model, data = linkage.model, linkage.data
     if not run.drives:

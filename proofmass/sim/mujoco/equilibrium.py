@@ -39,9 +39,11 @@ class Balance:
     Parameters
     ----------
     rows, gap : ndarray (rows, nv), (rows,)
-        What holds the joints, and how far it is open; rows may depend on each other.
+        What holds the joints [SI], and how far it is open [m or rad]; rows may depend on each
+        other.
     force, stiffness : ndarray (nv,), (nv, nv)
-        f and K: what must act on the joints to keep them at rest, and how it changes with them.
+        f and K: what must act on the joints to keep them at rest [N m or N], and how it changes
+        with them [SI].
 
     Attributes
     ----------
@@ -149,11 +151,12 @@ class LimitedJoints:
         Parameters
         ----------
         pose, move : ndarray
-            Where the joints are, and the step that is asked for.
+            Where the joints are, and the step that is asked for [rad or m].
         pushes : ndarray
-            What all rows would push with after it; those of the held joints are the last.
+            What all rows would push with after it [N or N m]; those of the held joints are the
+            last.
         scale : float
-            The largest force there is.
+            The largest force there is [N].
         turn : int
             How often this step was asked for before.
         """

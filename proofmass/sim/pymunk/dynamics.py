@@ -69,9 +69,9 @@ def enough(links: Links, poses: Array, left: float) -> int:
     Parameters
     ----------
     links : Links
-    poses : ndarray (poses, links + 1, 3)
+    poses : ndarray (poses, links + 1, 3) [m, m, rad]
     left : float
-        The share.
+        The share [1].
     """
     share = max(contraction(links, pose) for pose in poses)
     return int(np.ceil(np.log(left) / np.log(share))) if share > 0 else 1
@@ -87,9 +87,9 @@ def start_motion(
     Parameters
     ----------
     links : Links
-    pose : ndarray (links + 1, 3)
+    pose : ndarray (links + 1, 3) [m, m, rad]
     rate, acceleration : ndarray (drives,)
-        Of the drives [rad/s or m/s], [rad/s2 or m/s2].
+        Of the drives [rad/s or m/s], [rad/s^2 or m/s^2].
     """
 
     def held(p: Array) -> Array:
@@ -137,18 +137,18 @@ def step_back(
     Parameters
     ----------
     links : Links
-    pose : ndarray (links + 1, 3)
+    pose : ndarray (links + 1, 3) [m, m, rad]
         Closed pose of the start.
-    motion : (velocity, acceleration)
+    motion : (velocity, acceleration) [m, m, rad, per s, per s^2]
     dt : float
         Time step [s].
     drives : ndarray (2, drives)
-        Values of the drives at -dt and at 0.
+        Values of the drives [rad or m] at -dt and at 0.
 
     Returns
     -------
     pose, velocity : ndarray (links + 1, 3)
-        At -dt and over [-dt, 0].
+        At -dt [m, m, rad] and over the step from -dt to 0 [m/s, m/s, rad/s].
     """
     velocity, acceleration = motion
     poses = []

@@ -33,17 +33,6 @@ def check_settings(settings: Mapping[str, object]) -> None:
 def simulate(model: Path, run: Run) -> Curves:
     """Run a planar mechanism in pymunk.
 
-    Parameters
-    ----------
-    model : Path
-        The MJCF file.
-    run : Run
-        What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
-        whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
-        100 in dynamics and 500 in a sweep, and more where it needs them; ``error_bias``, the
-        share of a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and
-        0.9**60.
-
     Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
     joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
     polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in dynamics.
@@ -56,6 +45,17 @@ def simulate(model: Path, run: Run) -> Curves:
     stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
 
     Second order in time, but for joint damping: Chipmunk's dampers are first order.
+
+    Parameters
+    ----------
+    model : Path
+        The MJCF file.
+    run : Run
+        What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
+        whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
+        100 in dynamics and 500 in a sweep, and more where it needs them; ``error_bias``, the
+        share of a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and
+        0.9**60.
 
     Returns
     -------

@@ -143,15 +143,15 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
     Parameters
     ----------
     links : Links
-    pose : ndarray (links + 1, 3)
+    pose : ndarray (links + 1, 3) [m, m, rad]
     drives : ndarray (drives,)
         Values [rad or m] of the driven joints; approached in moves of at most `MOVE`.
     rest : ndarray (rows + drives,), optional
-        What is to remain of each hold and drive.
+        What is to remain of each hold and drive [m or rad].
 
     Returns
     -------
-    ndarray (links + 1, 3)
+    ndarray (links + 1, 3) [m, m, rad]
 
     Raises
     ------
@@ -235,10 +235,10 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     Parameters
     ----------
     links : Links
-    pose : ndarray (..., links + 1, 3)
+    pose : ndarray (..., links + 1, 3) [m, m, rad]
     pull : ndarray (rows,)
-        Forces in the holds, the drives and the joints on their stops, in this order.
-    stops : tuple of Joint
+        Forces in the holds, the drives and the joints on their stops [N or N m], in this order.
+    stops : tuple of LinkJoint
         These joints.
     """
     table = links.table
@@ -288,14 +288,15 @@ class Modes:
 
     Attributes
     ----------
-    pose : ndarray (links + 1, 3)
+    pose : ndarray (links + 1, 3) [m, m, rad]
     shapes : ndarray (n, links + 1, 3)
-        Moves of unit mass.
+        Moves of unit mass [SI].
     squares : ndarray (n,)
-        Curvature of the energy along them: their frequencies squared [1/s2].
+        Curvature of the energy along them: their frequencies squared [1/s^2].
     pull : ndarray (held,)
-        What it takes to hold what is held: holds, drives, then the joints on their stops.
-    stops : tuple of Joint
+        What it takes to hold what is held [N or N m]: holds, drives, then the joints on their
+        stops.
+    stops : tuple of LinkJoint
         These joints.
     """
 

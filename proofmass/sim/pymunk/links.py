@@ -98,12 +98,26 @@ class Links:
 
     Attributes
     ----------
+    model, data : MjModel, MjData
+        What it was read from.
+    plane : MotionPlane
+    of_body : ndarray (bodies,) of int
+        Link of each body [1].
     centre : ndarray (links + 1, 2)
         Centres of mass [m]; a pose is (links + 1, 3): centres [m] and turns since the start [rad].
     mass, moment : ndarray (links,)
-        [kg], [kg m2] about the centre, along the normal.
+        [kg], [kg m^2] about the centre, along the normal.
+    joints : tuple of LinkJoint
     driven : tuple of int
         Ids of the joints with a prescribed motion, in the run's order.
+    loops : tuple of Hold
+        What closes the loops.
+    pulls : tuple of Pull
+        Forces and moments on links.
+    gravity : ndarray (2,)
+        In the plane [m/s^2].
+    extent : float
+        Size of the model [m].
     """
 
     model: mujoco.MjModel

@@ -122,8 +122,8 @@ def toward_rest(
     Parameters
     ----------
     links : Links
-    pose : ndarray (links + 1, 3)
-    velocity : ndarray (links + 1, 3)
+    pose : ndarray (links + 1, 3) [m, m, rad]
+    velocity : ndarray (links + 1, 3) [m/s, m/s, rad/s]
         What a step of the engine gives to the pose.
     dt : float
         That step [s].

@@ -272,7 +272,8 @@ def moving(
         Of poses (..., links + 1, 3).
     order : {0, 1, 2}
     pose, before, after : ndarray (..., links + 1, 3)
-        Pose at the sample, velocity over the step before it and over the step after it.
+        Pose at the sample [m, m, rad], velocity over the step before it and over the step after
+        it [m/s, m/s, rad/s].
     dt : float
         Time step [s].
     """

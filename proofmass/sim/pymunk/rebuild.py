@@ -12,7 +12,7 @@ from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Unsupported
 from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
 
-MOST = 1e300  # [kg, kg m2] of a link; what is computed with it stays finite
+MOST = 1e300  # [kg, kg m^2] of a link; what is computed with it stays finite
 
 
 def inertias(
@@ -25,15 +25,15 @@ def inertias(
     model : mujoco.MjModel
     data : mujoco.MjData
         With the kinematics of the start pose.
-    plane : Plane
+    plane : MotionPlane
     of_body : ndarray (bodies,)
-        Link of each body; `count` is the ground.
+        Link of each body [1]; `count` is the ground.
     count : int
         Number of moving links.
 
     Returns
     -------
-    centre (count + 1, 2) [m], mass (count,) [kg], moment (count,) [kg m2]
+    centre (count + 1, 2) [m], mass (count,) [kg], moment (count,) [kg m^2]
 
     Raises
     ------

@@ -38,7 +38,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     iterations : int
         Sweeps of the engine's solver over the constraints in a step.
     error_bias : float
-        Share of a gap that is left after a second; 0 closes it in the next step.
+        Share of a gap that is left after a second [1]; 0 closes it in the next step.
 
     Returns
     -------

@@ -1,0 +1,205 @@
+"""Sections of docstrings name what is there, and numbers in them carry a unit.
+
+ruff asks for a docstring of all that is public (D100 to D106).  Here griffe, which also makes the
+pages of the documentation, reads the sections:
+
+- ``Parameters`` names the parameters of its function, all of them, in their order.
+- ``Attributes`` names all fields of its class, in their order, and nothing that the class lacks.
+- A parameter or attribute that is annotated as a float or an array says its unit in brackets:
+  ``[m]``, ``[rad/s^2]``, ``[1]`` for a number without a unit, ``[rad or m]`` where it depends on
+  the joint, ``[m, rad]`` for several in one array, ``[its unit]`` where an entry beside it or
+  the channel says which, ``[SI]`` where each entry of an array has its own.
+- So does ``Returns`` of a function that returns a float or an array.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import griffe
+import pytest
+
+from proofmass.units import si_unit
+
+PACKAGE = Path(__file__).parent.parent / "proofmass"
+NUMBERS = re.compile(r"\b(float|Array|ArrayLike)\b")
+Annotation = str | griffe.Expr | None
+WORDS = ("its unit", "SI", "1", "px", "pt", "L", "EI/L", "GiB", "%")
+"""Units that are no SI units."""
+LATER = ("proofmass.studies.", "proofmass.report.index_page.")
+"""Modules that are not asked yet."""
+
+
+def loaded() -> griffe.Module:
+    """The package as griffe reads it, without an import."""
+    package = griffe.load("proofmass", search_paths=[PACKAGE.parent], allow_inspection=False)
+    assert isinstance(package, griffe.Module)
+    return package
+
+
+def documented(place: griffe.Object) -> Iterator[griffe.Function | griffe.Class]:
+    """The functions, methods and classes below a module that have a docstring."""
+    for member in place.members.values():
+        if isinstance(member, griffe.Alias):
+            continue
+        if isinstance(member, griffe.Function | griffe.Class) and member.has_docstring:
+            yield member
+        if isinstance(member, griffe.Module | griffe.Class):
+            yield from documented(member)
+
+
+def is_unit(words: str) -> bool:
+    """Whether words in brackets are units.
+
+    >>> is_unit("rad/s or m/s"), is_unit("1, 1, m"), is_unit("0, pi")
+    (True, True, False)
+    """
+    try:
+        return all(
+            word in WORDS or bool(si_unit(word.removeprefix("per ")))
+            for word in re.split(", | or |; ", words)
+        )
+    except ValueError:
+        return False
+
+
+def without_unit(text: str) -> bool:
+    """Whether no brackets of a text have a unit in them."""
+    return not any(map(is_unit, re.findall(r"\[([^\]]+)\]", text)))
+
+
+def faults(place: griffe.Object) -> list[str]:
+    """What the docstrings below a module lack, or say of what is not there."""
+    return [f"{one.path}: {fault}" for one in documented(place) for fault in faults_of(one)]
+
+
+def faults_of(one: griffe.Function | griffe.Class) -> Iterator[str]:
+    """The faults of one docstring."""
+    assert one.docstring
+    for section in one.docstring.parse("numpy", warnings=False):
+        if isinstance(section, griffe.DocstringSectionParameters):
+            there = {p.name: p.annotation for p in one.parameters if p.name not in ("self", "cls")}
+            yield from compared(section, there, list(there))
+        elif isinstance(section, griffe.DocstringSectionAttributes):
+            own = re.findall(r"\bself\.(\w+)", one.source)
+            members: dict[str, Annotation] = dict.fromkeys(own)
+            members |= {name: annotation(member) for name, member in one.all_members.items()}
+            yield from compared(section, members, fields(one))
+        elif isinstance(section, griffe.DocstringSectionReturns) and number(one.annotation):
+            text = " ".join(f"{e.name} {e.annotation} {e.description}" for e in section.value)
+            if without_unit(text):
+                yield "Returns has no unit"
+
+
+def compared(
+    section: griffe.DocstringSection, there: Mapping[str, Annotation], needed: list[str]
+) -> Iterator[str]:
+    """The faults of a section of names, beside what there is and what must be named in order."""
+    named = [name.strip() for entry in section.value for name in entry.name.split(",")]
+    named = [name.lstrip("*") for name in named]
+    yield from (f"{name} is not there" for name in named if name not in there)
+    yield from (f"{name} is not named" for name in needed if name not in named)
+    if [n for n in named if n in needed] != [n for n in needed if n in named]:
+        yield f"another order than {', '.join(needed)}"
+    for entry in section.value:
+        names = [name.strip().lstrip("*") for name in entry.name.split(",")]
+        text = f"{entry.annotation} {entry.description}"
+        if any(number(there.get(name)) for name in names) and without_unit(text):
+            yield f"{', '.join(names)}: no unit"
+
+
+def fields(one: griffe.Object) -> list[str]:
+    """What the body of a class annotates: the fields of a dataclass or of a named tuple."""
+    return [
+        name
+        for name, member in one.members.items()
+        if isinstance(member, griffe.Attribute)
+        and member.annotation is not None
+        and "property" not in member.labels
+        and not name.startswith("_")
+    ]
+
+
+def annotation(member: griffe.Object | griffe.Alias) -> Annotation:
+    """What a member of a class is annotated with."""
+    return member.annotation if isinstance(member, griffe.Attribute) else None
+
+
+def number(annotated: Annotation) -> bool:
+    """Whether what is annotated so is a number, or has some; a function is none."""
+    return bool(NUMBERS.search(re.sub(r"Callable\[.*\]", "", str(annotated))))
+
+
+def read(text: str) -> griffe.Module:
+    """A module of this text."""
+    return griffe.visit("text", Path("text.py"), text)
+
+
+def fourbar(old: str, new: str) -> list[str]:
+    """The faults of `proofmass.analytic.linkages.fourbar` after a change of its text."""
+    text = (PACKAGE / "analytic/linkages/fourbar.py").read_text(encoding="utf-8")
+    assert old in text
+    return faults(read(text.replace(old, new, 1)))
+
+
+def test_sections_name_what_is_there_with_units():
+    found = faults(loaded())
+    assert [fault for fault in found if not fault.startswith(LATER)] == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("    gravity : [m/s^2]\n", "", "gravity is not named"),
+        ("rocker_mass : masses", "rocker_masses : masses", "rocker_masses is not there"),
+        ("angle, rate, acceleration :", "angle, acceleration, rate :", "another order than"),
+        ("lengths between pins [m]", "lengths between pins", "ground: no unit"),
+        (
+            "masses of the bars [kg]",
+            "masses of the bars [kq]",
+            "coupler_mass: no unit",
+        ),
+    ],
+)
+def test_a_lost_line_and_a_lost_unit_are_found(old, new, fault):
+    assert fourbar("gravity", "gravity") == []
+    assert any(fault in one for one in fourbar(old, new))
+
+
+CLASS = '''
+class Spring:
+    """A spring.
+
+    Attributes
+    ----------
+    stiffness : float
+        [N/m]
+    name : str
+    """
+
+    stiffness: float
+    name: str = ""
+
+    def force(self, move: float) -> float:
+        """Its force.
+
+        Returns
+        -------
+        float
+            The force [N].
+        """
+'''
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("    name : str\n", "", "text.Spring: name is not named"),
+        ("    name : str\n", "    title : str\n", "text.Spring: title is not there"),
+        ("[N/m]", "As measured.", "text.Spring: stiffness: no unit"),
+        (" [N].", ".", "text.Spring.force: Returns has no unit"),
+    ],
+)
+def test_a_class_is_asked_for_its_fields(old, new, fault):
+    assert faults(read(CLASS)) == []
+    assert fault in faults(read(CLASS.replace(old, new)))
