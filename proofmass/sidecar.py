@@ -5,10 +5,8 @@ and channels, `default_tolerances` how far each engine may be off.  `as_toml` wr
 text of a sidecar that leaves nothing to defaults.
 """
 
-import json
-import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -271,9 +269,9 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     return {part: of_part for part, of_part in units.items() if of_part}
 
 
-INLINE = ("parameters", "channels", "refine")
-"""Tables whose entries stand in one line each."""
-LISTS = ("drive", "tolerance", "view", "chart")
+LINES = ("parameters", "channels", "refine")
+"""Tables whose entries stand in one line each; of other tables each entry has a heading."""
+LISTS = ("tolerance", "view", "chart")
 """Tables of which a sidecar may have several."""
 
 
@@ -287,72 +285,52 @@ def as_toml(case: Case, every: bool = True) -> str:
     every : bool
         Whether keys stand there that change nothing, too, such as ``scale = 1.0``.
     """
+    import tomlkit  # 0.1 s to load
+
     table = case.model_dump(
         by_alias=True, exclude_none=True, exclude_defaults=not every, exclude={"file", "unmatched"}
     )
     if case.unmatched:
         table["channels"]["*"] = {}  # which finds that nothing else matches
-    plain = {key: value for key, value in table.items() if not is_table(key, value)}
-    blocks = ["\n".join(format_lines(plain))]
+    for one in table.get("tolerance", ()):
+        one |= {k: v[0] for k, v in one.items() if isinstance(v, tuple) and len(v) == 1}
+    drives = table.get("drive", ())
+    if len(drives) == 1:
+        (table["drive"],) = drives
+    several = {key for key in (*LISTS, "drive") if isinstance(table.get(key), tuple)}
+    text = tomlkit.document()
+    for key, value in table.items():  # keys of no table first
+        if not isinstance(value, Mapping) and key not in several:
+            text[key] = in_line(value)
     for key, value in table.items():
-        if is_table(key, value):
-            blocks += format_tables(key, value)
-    return "\n\n".join(blocks) + "\n"
+        if key in several and value:
+            tables = tomlkit.aot()
+            tables.extend([in_lines(one) for one in value])
+            text[key] = tables
+        elif isinstance(value, Mapping) and value:
+            single = key in LINES or key == "drive"
+            text[key] = in_lines(value) if single else {k: in_lines(v) for k, v in value.items()}
+    return tomlkit.dumps(text)
 
 
-def is_table(key: str, value: Any) -> bool:
-    """Whether a key of the sidecar has a heading."""
-    return isinstance(value, Mapping) or key in LISTS
+def in_lines(table: Mapping[str, Any]) -> Any:
+    """A table with a line for each key."""
+    import tomlkit
+
+    found = tomlkit.table()
+    found.update({key: in_line(value) for key, value in table.items()})
+    return found
 
 
-def format_tables(key: str, value: Any) -> Iterator[str]:
-    """The tables of a key, with their headings."""
-    if key in LISTS:
-        several = len(value) > 1 or key != "drive"
-        for one in value:
-            if key == "tolerance":
-                one = {
-                    k: v[0] if isinstance(v, tuple) and len(v) == 1 else v for k, v in one.items()
-                }
-            yield "\n".join([f"[[{key}]]" if several else f"[{key}]", *format_lines(one)])
-    elif not value:
-        return
-    elif key in INLINE:
-        yield "\n".join([f"[{key}]", *format_lines(value)])
-    else:
-        for name, one in value.items():
-            yield "\n".join([f"[{key}.{format_key(name)}]", *format_lines(one)])
+def in_line(value: Any) -> Any:
+    """A value that stands in one line, with the tables and lists in it."""
+    import tomlkit
 
-
-def format_lines(table: Mapping[str, Any]) -> Iterator[str]:
-    """A line for each key."""
-    return (f"{format_key(key)} = {format_value(value)}" for key, value in table.items())
-
-
-def format_key(key: str) -> str:
-    """A key, in quotation marks where it needs them.
-
-    >>> format_key("crank"), format_key("pin.x")
-    ('crank', '"pin.x"')
-    """
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else format_value(key)
-
-
-def format_value(value: Any) -> str:
-    """A value in TOML.
-
-    >>> format_value({"equals": "é", "only": ["a", True, 1e-12]})
-    '{ equals = "é", only = ["a", true, 1e-12] }'
-    """
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(format_lines(value))} }}" if value else "{}"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Sequence):
-        return f"[{', '.join(map(format_value, value))}]"
-    return repr(value)
+        found = tomlkit.inline_table()
+        found.update({key: in_line(one) for key, one in value.items()})
+        return found
+    return [in_line(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to where an error is

@@ -72,6 +72,23 @@ def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
         assert "accuracy" not in tomllib.loads(as_toml(case, every))
 
 
+def test_a_shown_case_reads_as_a_sidecar_does(tmp_path):
+    """A channel in one line, keys and headings in the order of the schema, a line between them."""
+    case = load_case(shipped("fourbar.toml"))
+    odd = case.model_copy(update={"title": 'a "b" \\ \x7f\n\t é 😀', "unmatched": ("*",)})
+    lines = as_toml(odd, every=False).splitlines()
+    assert tomllib.loads("\n".join(lines))["title"] == odd.title
+    at = [k for k, line in enumerate(lines) if line.startswith("[")]
+    assert all(not lines[k - 1] for k in at)
+    heads = list(dict.fromkeys(lines[k] for k in at))
+    names = "[parameters]", "[drive]", "[run.sweep]", "[run.dynamics]", "[channels]"
+    assert heads == [*names, "[[tolerance]]", *heads[6:]]
+    assert '"pin.x" = {equals = "pin_x", unit = "m"}' in lines
+    assert '"*" = {}' in lines
+    assert 'unit = ["rad", "m"]' in lines
+    assert "relative_to_range = 1e-12" in lines
+
+
 def test_the_four_bar_is_short_and_shown_whole():
     file = shipped("fourbar.toml")
     assert len(file.read_text(encoding="utf-8").splitlines()) <= 30

@@ -28,7 +28,9 @@ def test_help_loads_no_engine_and_no_numerics() -> None:
 
 
 def test_what_starts_a_check_loads_neither_scipy_nor_figures() -> None:
-    assert not {"scipy", "pymunk", "matplotlib", "pint"} & loaded_by("import proofmass.check")
+    assert not {"scipy", "pymunk", "matplotlib", "pint", "tomlkit"} & loaded_by(
+        "import proofmass.check"
+    )
 
 
 @pytest.mark.parametrize("before", ["", "import proofmass.check, proofmass.compare"])
