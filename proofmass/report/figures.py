@@ -1,6 +1,6 @@
 """The figures: the curves over each other, and their distance to the reference."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 
@@ -262,12 +262,9 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
     return figure
 
 
-def legend(
-    figure: Figure, view: Shown, style: Mapping[str, Look], what: str, height: float
-) -> None:
-    """One legend above the grid, and a note that names the solvers without curves."""
-    handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
-    handles += [
+def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Line2D]:
+    """What a legend has of solvers."""
+    return [
         Line2D(
             [],
             [],
@@ -277,8 +274,12 @@ def legend(
             marker=style[s].marker,
             markerfacecolor="white",
         )
-        for s in view.curves
+        for s in solvers
     ]
+
+
+def legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> None:
+    """One legend in a line above a grid of panels; `height` is that of the figure [inch]."""
     figure.legend(
         handles=handles,
         loc="upper left",
@@ -287,6 +288,14 @@ def legend(
         bbox_to_anchor=(0.0, 1 - 0.02 / height),
         fontsize=8,
     )
+
+
+def legend(
+    figure: Figure, view: Shown, style: Mapping[str, Look], what: str, height: float
+) -> None:
+    """One legend above the grid, and a note that names the solvers without curves."""
+    handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
+    legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
     if view.lost:
         note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.lost.items())
         figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color="#8a1c1c", va="top")

@@ -14,7 +14,7 @@ from proofmass.case import Refine
 from proofmass.compare import Comparison
 from proofmass.refined import RefinedRow, limit, order
 from proofmass.report.data import Shown
-from proofmass.report.figures import FLOOR, PAPER, decades
+from proofmass.report.figures import FLOOR, PAPER, decades, legend_above, solver_handles
 from proofmass.report.style import Look
 from proofmass.report.words import SYMBOLS
 from proofmass.units import si_unit
@@ -167,37 +167,17 @@ def legend(
 ) -> None:
     """The solvers, and what an open diamond is."""
     coarse, fine = refine.last
-    handles = [
-        Line2D(
-            [],
-            [],
-            label=s,
-            color=style[s].colour,
-            linestyle=style[s].dash,
-            marker=style[s].marker,
-            markerfacecolor="white",
-        )
-        for s in dict.fromkeys(row.solver for row in view.refined)
-    ]
-    handles.append(
-        Line2D(
-            [],
-            [],
-            label=f"limit from {coarse} and {fine}",
-            color=INK,
-            marker="D",
-            linestyle="",
-            markerfacecolor="none",
-        )
+    handles = solver_handles(dict.fromkeys(row.solver for row in view.refined), style)
+    limit_of = Line2D(
+        [],
+        [],
+        label=f"limit from {coarse} and {fine}",
+        color=INK,
+        marker="D",
+        linestyle="",
+        markerfacecolor="none",
     )
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=len(handles),
-        handlelength=3.2,
-        bbox_to_anchor=(0.0, 1 - 0.02 / height),
-        fontsize=8,
-    )
+    legend_above(figure, [*handles, limit_of], height)
 
 
 @dataclass(frozen=True)

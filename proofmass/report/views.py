@@ -19,7 +19,7 @@ from matplotlib.ticker import MultipleLocator
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.report.data import Shown, readable, thin, ways
-from proofmass.report.figures import PAPER, difference, overlay, panel
+from proofmass.report.figures import PAPER, difference, overlay, panel, solver_handles
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.seen import Seen, seen
 from proofmass.wording import listed, number, pretty
@@ -337,19 +337,8 @@ def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array)
         )
     else:
         handles += [Line2D([], [], label="reference", **REFERENCE)]
-        handles += [
-            Line2D(
-                [],
-                [],
-                label=s,
-                color=style[s].colour,
-                linestyle=style[s].dash,
-                marker=style[s].marker,
-                markerfacecolor="white",
-            )
-            for s in view.over.curves
-            if any(n in view.over.channels for n in view.view.y)
-        ]
+        shown = any(n in view.over.channels for n in view.view.y)
+        handles += solver_handles(view.over.curves if shown else (), style)
     if view.view.dashed:
         handles.append(Line2D([], [], label=view.view.dashed, **TARGET))
     handles += [
