@@ -151,6 +151,8 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
             "range": float(np.ptp(curve)) / channel.factor,
             "curve": packed(curve[index], "<f8"),
         }
+        if places := run.jumps.of(name):
+            found["channels"][name]["jumps"] = np.searchsorted(index, places).tolist()
     for solver, curves in run.curves.items():
         truth, drawn = run.truth[solver], index[index < len(curves.x)]
         one = found["solvers"][solver]
@@ -164,12 +166,15 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
             "settings": {key: plain(value) for key, value in curves.settings.items()},
             "differences": {},
             "shifts": {},
+            "jumps": {},
         }
         for name in run.channels:
             if name not in curves.channels:
                 continue
             wanted = truth.channels[name]
             one["differences"][name] = packed((curves.channels[name] - wanted)[drawn], "<f4")
+            if places := run.jumps_of[solver].of(name):
+                one["jumps"][name] = np.searchsorted(index, places).tolist()
             shift = wanted - run.longest.channels[name][: len(wanted)]
             if np.nan_to_num(np.abs(shift)).max() > SEEN * (np.ptp(wanted) or np.inf):
                 one["shifts"][name] = packed(shift[drawn], "<f4")
@@ -193,9 +198,11 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
 
 
 def kept(run: Shown, every: int) -> Array:
-    """The samples that are drawn: every so many, the last, all extremes and all worst places."""
+    """The samples that are drawn: every so many, the last, extremes, jumps and worst places."""
     x = run.longest.x
     chosen = {*range(0, len(x), every), len(x) - 1}
+    for jumps in (run.jumps, *run.jumps_of.values()):
+        chosen |= {side for k in jumps.every() for side in (k, k + 1) if side < len(x)}
     for curve in run.longest.channels.values() if every > 1 else ():
         if np.isfinite(curve).any():
             chosen |= {int(np.nanargmin(curve)), int(np.nanargmax(curve))}
@@ -283,6 +290,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
         "places": whole(motion.places[:, rigid]),
         "away": {s: whole(rows[:, rigid]) for s, rows in motion.away.items()},
         "limits": {name: np.flatnonzero(on).tolist() for name, on in motion.at_limit.items()},
+        "jumps": list(motion.jumps),
     }
 
 

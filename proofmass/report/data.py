@@ -14,6 +14,7 @@ from proofmass.compare import ComparedCurves, Comparison, reference_for
 from proofmass.outcome import LOST, Outcome
 from proofmass.reference import compiled, evaluate, grid, laws
 from proofmass.refined import RefinedRow
+from proofmass.report.jumps import Jumps, of_reference, of_solver
 from proofmass.report.words import KINDS
 from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import NATIVE
@@ -43,6 +44,10 @@ class Shown:
     whole : Curves, optional
         The reference over the whole run by the laws of its drives, where a run was lost and no
         other came to its end.
+    jumps : Jumps
+        Where the reference jumps.
+    jumps_of : dict of str to Jumps
+        By solver, where that does.
     """
 
     case: Case
@@ -56,6 +61,8 @@ class Shown:
     refined: list[RefinedRow] = field(default_factory=list)
     verdicts: list[Comparison] = field(default_factory=list)
     whole: Curves | None = None
+    jumps: Jumps = field(default_factory=Jumps)
+    jumps_of: dict[str, Jumps] = field(default_factory=dict)
 
     @property
     def solvers(self) -> list[str]:
@@ -96,6 +103,11 @@ class Shown:
         """Where the run is sampled if no solver stops early."""
         return grid(self.case, self.kind)
 
+    def apart(self, solver: str, channel: str) -> list[int]:
+        """Where a solver's difference to the reference jumps: where either of them does."""
+        jumps = self.jumps_of.get(solver, Jumps())
+        return sorted({*self.jumps.of(channel), *jumps.of(channel)})
+
     def place(self, x: float) -> tuple[float, str]:
         """A place on the run's parameter, as people read it."""
         return x * self.x_scale, self.x_unit
@@ -128,7 +140,13 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
     named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
-    return Shown(case, kind, rows, curves, truth, *named, finer, verdicts, whole)
+    found = Shown(case, kind, rows, curves, truth, *named, finer, verdicts, whole)
+    if not curves:
+        return found
+    farthest = max(curves.values(), key=lambda c: len(c.x))
+    jumps = of_reference(case, kind, found.longest, farthest)
+    of = {s: of_solver(case, kind, c, truth[s], jumps) for s, c in curves.items()}
+    return replace(found, jumps=jumps, jumps_of=of)
 
 
 def compared_with(case: Case, curves: Curves) -> Curves:
@@ -244,17 +262,41 @@ def input_rows(view: Shown, names: list[str]) -> list[list[str]]:
     return [row[k : k + 4] for row in rows for k in range(0, len(row), 4)]
 
 
-def ways(x: Array) -> list[tuple[slice, bool]]:
+def ways(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
     """The stretches of a curve on which x rises or falls, and whether it rises.
+
+    They meet at a sample where x turns, and do not where the curve jumps after a sample.
 
     >>> ways(np.array([0.0, 1.0, 2.0, 2.0, 1.0]))
     [(slice(0, 4, None), True), (slice(3, 5, None), False)]
+    >>> ways(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), [1])
+    [(slice(0, 2, None), True), (slice(2, 5, None), True)]
     """
     steps = np.nan_to_num(np.diff(x))
     moving = np.flatnonzero(np.abs(steps) > 1e-9 * np.nanmax(np.abs(steps), initial=0.0))
     turns = moving[1:][np.diff(np.sign(steps[moving])) != 0]
     edges = [0, *turns.tolist(), len(x) - 1]
-    return [(slice(a, b + 1), bool(x[b] >= x[a])) for a, b in pairwise(edges)]
+    found = list[tuple[slice, bool]]()
+    for a, b in pairwise(edges):
+        rises, first = bool(x[b] >= x[a]), a
+        for jump in sorted(k for k in jumps if a <= k < b):
+            found.append((slice(first, jump + 1), rises))
+            first = jump + 1
+        found.append((slice(first, b + 1), rises))
+    return found
+
+
+def parted(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array, Array]:
+    """A curve as `thin` leaves it, with what is not a number where it jumps after a sample.
+
+    >>> parted(np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0]), [0], 9)
+    (array([ 0., nan,  1.,  2.]), array([ 0., nan,  5.,  6.]))
+    """
+    edges = [0, *(k + 1 for k in sorted(jumps) if k + 1 < len(x)), len(x)]
+    parts = [thin(x[a:b], y[a:b], max(limit * (b - a) // len(x), 4)) for a, b in pairwise(edges)]
+    gap = np.full(1, np.nan)
+    joined = [[column for part in parts for column in (gap, part[k])][1:] for k in (0, 1)]
+    return np.concatenate(joined[0]), np.concatenate(joined[1])
 
 
 def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:

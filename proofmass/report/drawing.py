@@ -11,8 +11,16 @@ from proofmass.case import Case, ChartTable
 from proofmass.chart import chart_of
 from proofmass.report.charts import chart_sheet
 from proofmass.report.data import Shown, beyond_limits
-from proofmass.report.figures import save, sheet, thumbnail
-from proofmass.report.mechanism import distinct, mechanism, path, path_sheet, paths, small
+from proofmass.report.figures import every, save, sheet, thumbnail
+from proofmass.report.mechanism import (
+    distinct,
+    jumps_on,
+    mechanism,
+    path,
+    path_sheet,
+    paths,
+    small,
+)
 from proofmass.report.refinements import refine_sheet
 from proofmass.report.style import RC, Look
 from proofmass.report.thumbnail import Thumbnail, reduced
@@ -27,6 +35,7 @@ from proofmass.worker import isolated
 SECONDS = 300.0  # until the drawings of a case are given up
 SHEETS = ("overlay", "paths", "difference")
 POSES, OTHER_POSES = 121, 73  # of the first run, and of a second one: the page draws between them
+TRACK = 200  # points of a path
 
 
 @dataclass(frozen=True)
@@ -114,6 +123,7 @@ def moving(case: Case, runs: list[Shown]) -> tuple[dict[str, Motion], str]:
                 kind,
                 measured(shown[kind]) if kind in shown else {},
                 OTHER_POSES if number else POSES,
+                jumps_of_mechanism(shown[kind]) if kind in shown else [],
                 timeout=SECONDS,
             )
         except Exception as error:  # whatever is wrong with a model costs its drawing only
@@ -129,9 +139,17 @@ def shape_of(case: Case, motions: Mapping[str, Motion]) -> Picture | None:
     return distinct(first.picture) if first else None
 
 
-def moved_here(case: Case, kind: Kind, curves: Measured, count: int) -> Motion:
+def moved_here(
+    case: Case, kind: Kind, curves: Measured, count: int, keep: list[int] | None = None
+) -> Motion:
     """What `moving` does of a run in the other process."""
-    return motion(case.model_path, plan(case, kind, NATIVE), curves, count)
+    return motion(case.model_path, plan(case, kind, NATIVE), curves, count, keep or [])
+
+
+def jumps_of_mechanism(run: Shown) -> list[int]:
+    """Where the mechanism jumps by the reference or by a solver."""
+    every_one = (run.jumps, *run.jumps_of.values())
+    return sorted({k for jumps in every_one for k in jumps.mechanism})
 
 
 def measured(run: Shown) -> Measured:
@@ -199,7 +217,7 @@ def sheets(view: Shown, shape: Picture | None) -> Iterator[str]:
 def tracks(views: list[Shown], shape: Picture) -> dict[str, Array]:
     """Paths of the points that sensors follow, by the reference of the first run with curves."""
     return {
-        name: path(view.longest, name, shape)[:: max(len(view.longest.x) // 200, 1)]
+        name: every(path(view.longest, name, shape), TRACK, jumps_on(view, name, shape))
         for view in views[:1]
         for name in paths(view, shape)
         if name in shape.tracks

@@ -14,7 +14,7 @@ from PIL import Image
 
 from proofmass.analytic.numerics import Array
 from proofmass.files import write_whole
-from proofmass.report.data import Shown, grouped, input_rows, inputs, readable, thin, ways
+from proofmass.report.data import Shown, grouped, input_rows, inputs, parted, readable, thin, ways
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
 from proofmass.wording import number, pretty
@@ -25,12 +25,14 @@ PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.4}
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 300) -> None:
+def draw(
+    ax: Axes, x: Array, y: Array, look: Look, limit: int = 300, jumps: Iterable[int] = ()
+) -> None:
     """One solver's curve; markers are staggered so that curves on each other all show.
 
-    Where x falls, on the way back of a loop, they are filled.
+    Where x falls, on the way back of a loop, they are filled.  It is open where it jumps.
     """
-    for way, rises in ways(x):
+    for way, rises in ways(x, jumps):
         part_x, part = thin(x[way], np.where(np.isfinite(y[way]), y[way], np.nan), limit)
         every = max(len(part) // 7, 1)
         ax.plot(
@@ -46,12 +48,22 @@ def draw(ax: Axes, x: Array, y: Array, look: Look, limit: int = 300) -> None:
         )
 
 
-def every(points: Array, limit: int) -> Array:
+def every(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
     """At most `limit` of the points (n, 2) of a path, its first and last among them.
+
+    Where it jumps after a point, it has what is not a number.
 
     >>> every(np.zeros((1000, 2)), 400).shape
     (400, 2)
+    >>> every(np.zeros((1000, 2)), 400, [499]).shape
+    (401, 2)
     """
+    edges = [k + 1 for k in sorted(jumps) if k + 1 < len(points)]
+    if edges:
+        gap, parts = np.full((1, points.shape[1]), np.nan), np.split(points, edges)
+        shares = [max(2, limit * len(part) // len(points)) for part in parts]
+        each = [every(*one) for one in zip(parts, shares, strict=True)]
+        return np.concatenate([part for one in each for part in (gap, one)][1:])
     if len(points) <= limit:
         return points
     return np.asarray(points[np.linspace(0, len(points) - 1, limit).round().astype(int)])
@@ -97,7 +109,17 @@ def overlay(
     lines = {
         s: c.channels[channel] * scale for s, c in view.curves.items() if channel in c.channels
     }
-    panel(ax, view, channel, view.longest.channels[channel] * scale, lines, style, unit, others)
+    panel(
+        ax,
+        view,
+        channel,
+        view.longest.channels[channel] * scale,
+        lines,
+        style,
+        unit,
+        others,
+        {s: jumps.of(channel) for s, jumps in {"": view.jumps, **view.jumps_of}.items()},
+    )
 
 
 def panel(
@@ -109,11 +131,17 @@ def panel(
     style: Mapping[str, Look],
     unit: str,
     others: Iterable[Array] = (),
+    jumps: Mapping[str, Iterable[int]] | None = None,
 ) -> None:
-    """A panel of an overlay with room for `others`; `truth` is on the longest x of its solvers."""
-    ax.plot(*thin(view.longest.x * view.x_scale, truth, 300), **REFERENCE)
+    """A panel of an overlay with room for `others`; `truth` is on the longest x of its solvers.
+
+    Of `jumps`, those without a solver are the reference's.
+    """
+    jumps = jumps or {}
+    ax.plot(*parted(view.longest.x * view.x_scale, truth, jumps.get("", ()), 300), **REFERENCE)
     for solver, y in lines.items():
-        draw(ax, view.curves[solver].x * view.x_scale, y, style[solver])
+        own = jumps.get(solver, ())
+        draw(ax, view.curves[solver].x * view.x_scale, y, style[solver], jumps=own)
     limits(ax, np.concatenate([truth, *others]), lines)
     ends(ax, view, style)
     ax.set_title(title)
@@ -143,7 +171,8 @@ def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -
             continue
         floor = FLOOR * (float(np.ptp(view.truth[solver].channels[channel])) or 1.0)
         error = np.where(np.isfinite(error), np.maximum(error, floor), np.nan)
-        draw(ax, view.curves[solver].x * view.x_scale, error, style[solver], 120)
+        jumps = view.apart(solver, channel)
+        draw(ax, view.curves[solver].x * view.x_scale, error, style[solver], 120, jumps)
         solid = error[error > floor]
         levels.append(float(np.nanpercentile(solid, 5)) / 20 if solid.size else floor)
         tops.append(float(np.nanmax(error, initial=floor)))

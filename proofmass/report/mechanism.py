@@ -524,6 +524,12 @@ def path(curves: Curves, name: str, picture: Picture | None) -> Array:
     )
 
 
+def jumps_on(view: Shown, name: str, picture: Picture, solver: str = "") -> set[int]:
+    """Where the path of a point jumps; without a solver that of the reference."""
+    jumps = view.jumps_of[solver] if solver else view.jumps
+    return {k for a in picture.axes for k in jumps.of(f"{name}.{a}")}
+
+
 def path_sheet(view: Shown, picture: Picture, style: Mapping[str, Look]) -> Figure:
     """All paths of a run side by side."""
     names = paths(view, picture)
@@ -548,9 +554,10 @@ def path_panel(
 ) -> None:
     """One path: the reference thick and pale, the solvers thin on top of it; scales are equal."""
     truth = path(view.longest, name, picture)
-    ax.plot(*every(truth, 400).T, **REFERENCE)
+    ax.plot(*every(truth, 400, jumps_on(view, name, picture)).T, **REFERENCE)
     for solver, curves in view.curves.items():
-        found = every(path(curves, name, picture), 400)
+        there = path(curves, name, picture)
+        found = every(there, 400, jumps_on(view, name, picture, solver))
         look, step = style[solver], max(len(found) // 9, 1)
         ax.plot(
             *found.T,

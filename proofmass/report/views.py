@@ -223,7 +223,18 @@ def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) 
         pair[1].set_title("")
         pair[1].set_ylabel(f"|diff.| [{pretty(view.own.units[name])}]")
     else:
-        panel(pair[0], view.over, name, view.readable(name), {}, style, unit, [*others, *target])
+        jumps = {"": view.over.jumps.of(name)}
+        panel(
+            pair[0],
+            view.over,
+            name,
+            view.readable(name),
+            {},
+            style,
+            unit,
+            [*others, *target],
+            jumps,
+        )
     for y, look in [*zip(others, THIN * len(others), strict=False), *((y, TARGET) for y in target)]:
         pair[0].plot(*once(view.x, y), **look)
 

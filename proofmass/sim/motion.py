@@ -6,10 +6,12 @@ measured: a change dq of the joints changes the measured positions and angles s 
 
     ds = J dq,        dq = least squares of ds, with the loops held together much more weakly
 
-so that a loop that a solver leaves open is drawn open.
+so that a loop that a solver leaves open is drawn open.  What is too large for that, as where a
+solver jumps to another equilibrium at another place than the model, is fitted by Newton's method
+from the pose that is nearest in what is measured.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,6 +37,7 @@ RANK = 1e-9  # singular values below this share of the largest tell nothing
 TOUCHES = 1e-3  # [rad, or share of the size] a joint so near to the end of its range stands on it
 ROUNDING = 1e-13  # share of the size, or rad, that poses may be off
 ROUNDS = 4  # of Newton's method, from poses that are near
+NEAR = 0.05  # [rad, or share of the size] beyond it a pose bends visibly: its square is 2e-3
 J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
 FRAMES = {
     OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat"),
@@ -131,6 +134,8 @@ class Motion:
     unfit : float
         How far the bodies so placed are from the reference's curves at most, as a share of the
         size [1].
+    jumps : tuple of int
+        Poses that are reached by a jump to another equilibrium from the pose before.
     """
 
     picture: Picture
@@ -143,10 +148,15 @@ class Motion:
     at_limit: dict[str, Array]
     used: tuple[str, ...]
     unfit: float
+    jumps: tuple[int, ...] = ()
 
 
-def motion(model: Path, run: Run, measured: Measured, count: int = 121) -> Motion:
+def motion(
+    model: Path, run: Run, measured: Measured, count: int = 121, keep: Iterable[int] = ()
+) -> Motion:
     """The mechanism at up to `count` samples of a run, or as far as it comes.
+
+    Samples before and after a jump to another equilibrium are among them.
 
     Parameters
     ----------
@@ -155,6 +165,8 @@ def motion(model: Path, run: Run, measured: Measured, count: int = 121) -> Motio
     measured : mapping
         See `Measured`.  The curves of a solver may end early.
     count : int
+    keep : iterable of int
+        Samples after which a curve jumps.
 
     Raises
     ------
@@ -163,16 +175,24 @@ def motion(model: Path, run: Run, measured: Measured, count: int = 121) -> Motio
     """
     compiled, data = load(model, run)
     scene = MovingScene(compiled, data.qpos, run)
-    index = np.unique(np.linspace(0, run.x.size - 1, min(count, run.x.size)).round().astype(int))
+    start, last = data.qpos.copy(), run.x.size - 1
+    index = np.linspace(0, last, min(count, run.x.size)).round().astype(int)
+    both = [sample for k in keep for sample in (k, k + 1) if sample <= last]
+    index = np.unique([*index.tolist(), *both])
     index = index[:1] if run.kind == "equilibrium" else index
-    x = run.x[index]
-    rows, stopped = follow(compiled, data, replace(run, x=x))
+    rows, jumps, stopped = follow(compiled, data, replace(run, x=run.x[index]))
+    between = [np.arange(index[k - 1], index[k]) for k in jumps if k]
+    if any(samples.size > 1 for samples in between):  # where between two poses does it jump?
+        index = np.unique(np.concatenate([index, *between]))
+        data.qpos[:] = start
+        rows, jumps, stopped = follow(compiled, data, replace(run, x=run.x[index]))
     index = index[: len(rows)]
+    x = run.x[index]
     poses = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     drawn = replace(
         scene.drawn(poses, run),
-        x=x[: len(rows)],
-        inputs=run.motion(x)[0][:, : len(rows)],
+        x=x,
+        inputs=run.motion(x)[0],
         stopped=stopped,
     )
     scene.before = poses["xmat"][0].reshape(-1, 3, 3)
@@ -188,6 +208,7 @@ def motion(model: Path, run: Run, measured: Measured, count: int = 121) -> Motio
         scene.limits(poses),
         used,
         unfit,
+        tuple(jumps),
     )
 
 
@@ -287,26 +308,38 @@ class MovingScene(PictureScene):
         gauges = {name: gauge for name in truth if (gauge := self.gauge(name)) is not None}
         if not self.tells(gauges):
             gauges = {}
+        known = KnownPoses(self, gauges, poses["qpos"])
         for k, sample in enumerate(index.tolist()):
             self.data.qpos[:] = poses["qpos"][k]
-            wanted = {n: float(truth[n][sample]) for n in gauges if sample < len(truth[n])}
-            if wanted and np.isfinite(list(wanted.values())).all():
+            if wanted := at_sample(truth, gauges, sample):
+                self.data.qpos[:] = known.near(wanted, poses["qpos"][k])
                 unfit = max(unfit, self.fit({n: gauges[n] for n in wanted}, wanted))
             self.update()
             places[k] = self.places()
             rates = self.rates()
             for solver, (_, differences) in measured.items():
-                off = {
-                    n: float(differences[n][sample])
-                    for n in gauges
-                    if n in differences and sample < len(differences[n])
-                }
-                if off and np.isfinite(list(off.values())).all():
-                    known = {n: gauges[n] for n in off}
-                    away[solver][k] = rates @ self.change(known, np.array(list(off.values())))
+                if off := at_sample(differences, gauges, sample):
+                    away[solver][k] = self.away(known, off, places[k], rates)
         places[:, :, 2] = np.unwrap(places[:, :, 2], axis=0)
         away = {s: rows for s, rows in away.items() if np.isfinite(rows).any()}
         return places, away, tuple(gauges), unfit
+
+    def away(
+        self, known: "KnownPoses", off: dict[str, float], places: Array, rates: Array
+    ) -> Array:
+        """How far the bodies are from their places where gauges show something else."""
+        gauges = {name: known.gauges[name] for name in off}
+        if max(abs(o) / gauges[n].scale for n, o in off.items()) < NEAR:
+            return np.asarray(rates @ self.change(gauges, np.array(list(off.values()))))
+        pose = self.data.qpos.copy()
+        wanted = {name: gauges[name].read(self.data)[0] + o for name, o in off.items()}
+        self.data.qpos[:] = known.near(wanted, pose)
+        self.fit(gauges, wanted)
+        found = self.places() - places
+        found[:, 2] = turned(found[:, 2])
+        self.data.qpos[:] = pose
+        self.update()
+        return found
 
     def update(self) -> None:
         """Bring all that depends on the joints to their present values."""
@@ -357,7 +390,7 @@ class MovingScene(PictureScene):
         """What the gauges show too little; angles without whole turns."""
         off = np.array([wanted[name] - gauge.read(self.data)[0] for name, gauge in gauges.items()])
         turns = np.array([gauge.turns for gauge in gauges.values()])
-        return np.where(turns, (off + np.pi) % (2 * np.pi) - np.pi, off)
+        return np.where(turns, turned(off), off)
 
     def change(self, gauges: Gauges, off: Array, close: bool = False) -> Array:
         """The change of the joints that the gauges show, and that closes the loops if asked for."""
@@ -425,6 +458,53 @@ class MovingScene(PictureScene):
 
             return Gauge(angle, 1.0, True)
         return None
+
+
+class KnownPoses:
+    """Poses of a model, among which one is looked for that is near to what gauges show."""
+
+    def __init__(self, scene: MovingScene, gauges: Gauges, qpos: Array):
+        self.scene, self.gauges, self.qpos = scene, gauges, qpos
+
+    def near(self, wanted: dict[str, float], pose: Array) -> Array:
+        """The pose itself if it is near to what is wanted, otherwise the nearest that is known.
+
+        The drives of the latter are those of the pose; how far they moved counts as well.
+        """
+        scene, data = self.scene, self.scene.data
+        gauges = {name: self.gauges[name] for name in wanted}
+        scales = np.array([gauge.scale for gauge in gauges.values()])
+        data.qpos[:] = pose
+        scene.update()
+        if np.abs(scene.lacking(gauges, wanted) / scales).max() < NEAR:
+            return pose
+        joints = [scene.model.joint(drive.joint).id for drive in scene.run.drives]
+        drives = scene.model.jnt_qposadr[joints]
+        lengths = np.where(scene.model.jnt_type[joints] == J.mjJNT_SLIDE, scene.size, 1.0)
+        away = list[float]()
+        for known in self.qpos:
+            data.qpos[:] = known
+            scene.update()
+            off = scene.lacking(gauges, wanted) / scales
+            away.append(float(np.linalg.norm([*off, *((known - pose)[drives] / lengths)])))
+        found: Array = self.qpos[int(np.argmin(away))].copy()
+        found[drives] = pose[drives]
+        return found
+
+
+def at_sample(curves: Curve, gauges: Gauges, sample: int) -> dict[str, float]:
+    """What the gauges show at a sample; nothing where a curve ended, or one is no number there."""
+    found = {
+        name: float(curves[name][sample])
+        for name in gauges
+        if name in curves and sample < len(curves[name])
+    }
+    return found if np.isfinite(list(found.values())).all() else {}
+
+
+def turned(angles: Array) -> Array:
+    """Angles without whole turns, from -pi to pi."""
+    return np.asarray((angles + np.pi) % (2 * np.pi) - np.pi)
 
 
 def extent(curves: Curve) -> int:

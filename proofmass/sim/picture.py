@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import anchor_bodies, anchors, connects, pose_of
-from proofmass.sim.mujoco.equilibrium import linkage_of
+from proofmass.sim.mujoco.equilibrium import Resting, Unstable, linkage_of
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
@@ -314,7 +314,7 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
     compiled, data = load(model, run)
     scene = PictureScene(compiled, data.qpos)
     x = run.x[:1] if run.kind == "equilibrium" else np.linspace(run.x[0], run.x[-1], count)
-    rows, stopped = follow(compiled, data, replace(run, x=x))
+    rows, _, stopped = follow(compiled, data, replace(run, x=x))
     drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
     return replace(
         drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)], stopped=stopped
@@ -323,33 +323,48 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
 
 def follow(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
-) -> tuple[list[dict[str, Array]], str]:
-    """Poses along the run, as far as they can be had, and why there are no more.
+) -> tuple[list[dict[str, Array]], list[int], str]:
+    """Poses along the run, those that the model jumps to, and why there are no more.
 
     When not even the first can be had, it is the start pose as it stands in the MJCF.
     """
     mujoco.mj_kinematics(model, data)
-    rows, kept = [], ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
+    rows, jumps = list[dict[str, Array]](), list[int]()
+    kept = ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
     still = run.drives or run.kind == "equilibrium"
     moves = swept(model, data, run) if still else stepped(model, data, run)
     first, stopped = {name: getattr(data, name).copy() for name in kept}, ""
     try:
-        for _ in moves:
+        for jumped in moves:
+            jumps += [len(rows)] * jumped
             rows.append({name: getattr(data, name).copy() for name in kept})
     except (BadModel, Unsupported) as error:
         stopped = str(error)
-    return rows or [first], stopped
+    return rows or [first], jumps, stopped
 
 
-def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[None]:
-    """Put the model into each pose that the drives want."""
+def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
+    """Put the model into each pose that the drives want; whether it fell there from another rest.
+
+    A sweep of the engine ends where its rests become unstable.  What is drawn goes on beyond, as
+    the engine's own steps and the reference do.
+    """
     linkage, tangent = linkage_of(model, data, run), None
     for values in run.motion(run.x)[0].T:
-        tangent = linkage.move(values, tangent)
-        yield
+        fell = False
+        try:
+            tangent = linkage.move(values, tangent)
+        except Unstable as end:
+            if not isinstance(linkage, Resting):
+                raise
+            try:
+                tangent, fell = linkage.fall(values), True
+            except (BadModel, Unsupported):
+                raise end from None
+        yield fell
 
 
-def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[None]:
+def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Let the model move freely from time to time."""
     late, data.time = time.monotonic() + SECONDS, run.x[0]
     for moment in run.x:
@@ -358,4 +373,4 @@ def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[No
         if time.monotonic() >= late or not np.isfinite(data.qpos).all():
             raise Unsupported("the free motion was not followed to its end")
         mujoco.mj_kinematics(model, data)
-        yield
+        yield False

@@ -184,9 +184,8 @@ COLUMNS = {
     "steps": "time steps of dynamics, solved poses otherwise",
     "step": "time step that the engine took in dynamics [s]: the one of `parameter.timestep`, or "
     "the next shorter one of which whole ones lead from sample to sample",
-    "repeats": "all wall times [s], as a JSON array, made in rounds over the settings near the front, of the "
-    "others that of the first run; a short run "
-    "after one to warm up",
+    "repeats": "all wall times [s], as a JSON array, made in rounds over the settings near the "
+    "front, of the others that of the first run; a short run after one to warm up",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
     "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
     "load": "largest load average of the last minute when a timed run began or ended, over all "

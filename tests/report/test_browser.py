@@ -1,5 +1,6 @@
 """The pages of cases in a browser: what they show, and that they fetch nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
@@ -145,6 +146,97 @@ INK_AT_THE_END = """() => {
   for (let i = 0; i < ink.length; i += 4) {
     const near = Math.abs(ink[i] - r) + Math.abs(ink[i + 1] - g) + Math.abs(ink[i + 2] - b);
     if (near < 60 && ink[i + 3] > 60) return true;
+  }
+  return false;
+}"""
+
+
+@pytest.fixture
+def snap_page(edit: Callable[..., Path], tmp_path: Path) -> Path:
+    """The page of the rod that snaps, with few links, in pymunk one sample after the reference."""
+    case = load_case(edit("rod_snap.toml", "segments = 40", "segments = 10"))
+    result = whole_result(case, off=1e-4)
+    key = (case.name, "sweep", "pymunk")
+    late = {}
+    for name, curve in result.curves[key].channels.items():
+        late[name] = curve.copy()
+        late[name][BEYOND] = curve[BEYOND - 1]
+    curves = {**result.curves, key: replace(result.curves[key], channels=late)}
+    write_report(replace(result, curves=curves), tmp_path / "report")
+    return tmp_path / "report" / "rod_snap.html"
+
+
+BEYOND = 16  # the first sample after a snap
+
+
+def test_a_mechanism_plays_through_its_snaps(snap_page: Path, browser: Any) -> None:
+    with CaseVisit(browser, snap_page, "#sweep/mujoco:settled/energy@0") as visit:
+        shapes = visit.run(SHAPES)
+        assert len(shapes) == 43
+        for shape in shapes:
+            assert shape["pale"]
+            assert shape["drawn"]
+            assert "only" not in shape["words"]
+            assert "no pose" not in shape["words"]
+        sides = ["up" if shape["middle"] < shape["ends"] else "down" for shape in shapes]
+        assert sides == 16 * ["up"] + 21 * ["down"] + 6 * ["up"]
+        told = visit.page.inner_text("#ghost")
+        assert "jumps to another equilibrium between 0.7143 s and 0.7619 s and between" in told
+        late = visit.run(SHAPES.replace("mujoco:settled", "pymunk"))
+        assert late[BEYOND]["middle"] < late[BEYOND]["ends"]  # where pymunk has not snapped yet
+        assert late[BEYOND + 1]["middle"] > late[BEYOND + 1]["ends"]
+        assert visit.said == []
+
+
+SHAPES = """() => {
+  state.solver = "mujoco:settled";
+  return current().x.map((_, sample) => {
+    goTo(sample);
+    const paths = ["pale", "drawn"].map((name) => find(`.m-${name} > .m-rod`).getAttribute("d"));
+    const places = paths[1].slice(1).split("L").map((place) => Number(place.split(" ")[1]));
+    return {
+      pale: paths[0].length,
+      drawn: paths[1].length,
+      middle: places[Math.floor(places.length / 2)],
+      ends: places[0],
+      words: find("#mechanism-scale").textContent,
+    };
+  });
+}"""
+
+
+def test_curves_are_open_where_they_jump(snap_page: Path, browser: Any) -> None:
+    with CaseVisit(browser, snap_page, "#sweep/pymunk/tip.angle@0;on=pymunk") as visit:
+        assert visit.run("current().channels['tip.angle'].jumps") == [15, 36]
+        assert visit.run("current().solvers.pymunk.jumps['tip.angle']") == [16, 36]
+        said = visit.page.inner_text("#thinned")
+        assert "The reference jumps between 0.7143 s and 0.7619 s and between 1.714 s" in said
+        assert "pymunk jumps between 0.7619 s and 0.8095 s and" in said
+        assert said.split("drawn.")[1] in visit.run("find('#above').getAttribute('aria-label')")
+        moves = "find('#option-tip\\\\.angle path').getAttribute('d').split('M').length - 1"
+        assert visit.run(moves) == 3
+        assert visit.said == []
+        # between two samples before a snap there is ink; in a snap the reference leaves only the
+        # dots of an upright half-way, and an engine that snaps later a slope elsewhere
+        assert visit.run(f"({INK_BETWEEN})(10, '--pale')")
+        assert visit.run(f"({INK_BETWEEN})(10, '--s1')")
+        assert not visit.run(f"({INK_BETWEEN})(15, '--pale')")
+        assert visit.run(f"({INK_BETWEEN})(15, '--s1')")
+        assert not visit.run(f"({INK_BETWEEN})(16, '--s1')")
+
+
+INK_BETWEEN = """(sample, name) => {
+  const plot = pair.plots[0];
+  const [one, two] = [0.2, 0.4].map((share) => {
+    const { xs } = current();
+    return Math.round(plot.valToPos(xs[sample] + share * (xs[sample + 1] - xs[sample]), "x", true));
+  });
+  const { top, height } = plot.bbox;
+  const ink = plot.ctx.getImageData(one, top, two - one, height).data;
+  const wanted = variable(name);
+  const parts = [1, 3, 5].map((at) => parseInt(wanted.slice(at, at + 2), 16));
+  for (let i = 0; i < ink.length; i += 4) {
+    if (parts.every((part, k) => Math.abs(ink[i + k] - part) < 12) && ink[i + 3] > 200) return true;
   }
   return false;
 }"""

@@ -31,6 +31,7 @@ function decode() {
     run.xs = run.x.map((x) => x * run.scale);
     for (const channel of Object.values(run.channels)) {
       channel.curve = Array.from(unpacked(channel.curve, "f8"));
+      channel.jumps ??= []; // numbers of samples after which it jumps
     }
     for (const solver of Object.values(run.solvers)) {
       for (const curves of [solver.differences ?? {}, solver.shifts ?? {}]) {
@@ -66,12 +67,12 @@ function ordered(run) {
     .sort((a, b) => b.ratio - a.ratio);
 }
 
-function atSample(sample, digits = 4) {
-  const run = current();
-  const value = run.xs[sample];
-  const unit = run.unit === "deg" ? "°" : ` ${run.unit}`;
-  return `${worded(value, digits)}${unit}`;
+// A place on the run's parameter, given in SI, as people read it.
+function placed(run, x, digits = 4) {
+  return `${worded(x * run.scale, digits)}${run.unit === "deg" ? "°" : ` ${run.unit}`}`;
 }
+
+const atSample = (sample) => placed(current(), current().x[sample]);
 
 // Where the curves of a solver end.
 const endOf = (run, name) => `${worded(run.solvers[name].end * run.scale, 4)} ${run.unit}`;
@@ -171,7 +172,13 @@ function drawMechanism() {
 // What the pale mechanism is.
 function ghostWords(own) {
   const motion = own.motion;
-  const stopped = motion.stopped ? ` Drawn as far as it goes: ${motion.stopped}.` : "";
+  const run = current();
+  const jumps = motion.jumps.map(
+    (k) => `between ${placed(run, own.x[k - 1])} and ${placed(run, own.x[k])}`,
+  );
+  const jumped = jumps.length ? ` It jumps to another equilibrium ${listed(jumps)}.` : "";
+  const stopped =
+    jumped + (motion.stopped ? ` Drawn as far as it goes: ${motion.stopped}.` : "");
   if (own.curves && own.has(state.solver)) {
     return "Pale: the rods of the reference. Lines: the engine's." + stopped;
   }
@@ -233,7 +240,9 @@ function drawGap() {
     const known = values.filter(Number.isFinite).sort((a, b) => a - b);
     low = Math.min(low, known[Math.floor(known.length * 0.03)]);
     high = Math.max(high, known[known.length - 1]);
-    lines.push({ solver, values, most: 10 ** known[known.length - 1] });
+    const solvers = run.solvers[solver].jumps;
+    const jumps = parts.flatMap((part) => [...run.channels[part].jumps, ...(solvers[part] ?? [])]);
+    lines.push({ solver, values, jumps, most: 10 ** known[known.length - 1] });
   }
   if (!lines.length) {
     svg.replaceChildren();
@@ -253,13 +262,13 @@ function drawGap() {
     drawing += `<line class="gap-grid" x1="${GAP.left}" x2="${GAP.left + width}" y1="${y}" y2="${y}"/>`;
     drawing += `<text x="${GAP.left - 7}" y="${Number(y) + 4}" text-anchor="end">${worded(10 ** decade, 1)}</text>`;
   }
-  for (const { solver, values } of lines) {
+  for (const { solver, values, jumps } of lines) {
     const steps = values
-      .map((value, i) => (Number.isFinite(value) ? `${across(i).toFixed(1)} ${down(value).toFixed(1)}` : ""))
-      .filter(Boolean);
+      .map((value, i) => ({ value, i, at: `${across(i).toFixed(1)} ${down(value).toFixed(1)}` }))
+      .filter(({ value }) => Number.isFinite(value));
     const one = data.solvers[solver];
     const faint = solver === state.solver ? "" : " gap-faint";
-    drawing += `<path class="${one.css}${faint}" stroke-dasharray="${one.dash.join(" ")}" d="M${steps.join("L")}"/>`;
+    drawing += `<path class="${one.css}${faint}" stroke-dasharray="${one.dash.join(" ")}" d="${strokes(steps, jumps)}"/>`;
   }
   drawing += `<line class="gap-now" y1="0" y2="${GAP.height}"/>`;
   svg.innerHTML = drawing;
@@ -324,6 +333,7 @@ function shownSolvers() {
       name,
       difference: run.solvers[name].differences[state.channel],
       shift: run.solvers[name].shifts[state.channel],
+      jumps: run.solvers[name].jumps[state.channel] ?? [],
       allowed: judged(comparison(name)) ? comparison(name).allowed : null,
       at: comparison(name)?.at ?? null,
       end: run.solvers[name].early ? (run.lost[name] ? "lost" : "ends") : "",
@@ -354,12 +364,15 @@ function drawCurves() {
     tol: "Difference to the reference, in units of the allowance",
   }[state.mode];
   find("#thinned").textContent =
-    run.every > 1
+    (run.every > 1
       ? `Drawn at every ${run.every}${run.every === 2 ? "nd" : run.every === 3 ? "rd" : "th"} of ` +
         `${run.samples} samples; extremes and largest differences are kept.`
-      : `All ${run.samples} samples are drawn.`;
+      : `All ${run.samples} samples are drawn.`) + jumpWords(run, channel, solvers);
   const names = solvers.map((solver) => solver.label).join(", ");
-  find("#above").setAttribute("aria-label", `${state.channel}: reference and ${names || "no solver"}`);
+  find("#above").setAttribute(
+    "aria-label",
+    `${state.channel}: reference and ${names || "no solver"}.${jumpWords(run, channel, solvers)}`,
+  );
   const parts = solvers.map((solver) => {
     const c = comparison(solver.name);
     const allowed = judged(c) ? `, allowed ${worded(c.allowed)}` : "";
@@ -368,6 +381,18 @@ function drawCurves() {
   find("#below").setAttribute("aria-label", `Difference to the reference: ${parts.join("; ")}`);
   reasons();
   readOut(state.sample);
+}
+
+// Where curves jump, in words; those of a solver only where it jumps elsewhere.
+function jumpWords(run, channel, solvers) {
+  const between = (k) => `between ${atSample(k)} and ${atSample(k + 1)}`;
+  const words = (name, jumps) => (jumps.length ? ` ${name} jumps ${listed(jumps.map(between))}.` : "");
+  return [
+    words("The reference", channel.jumps),
+    ...solvers
+      .filter((solver) => solver.jumps.join() !== channel.jumps.join())
+      .map((solver) => words(solver.label, solver.jumps)),
+  ].join("");
 }
 
 // Below the curves: the largest difference of each solver, and why so much is allowed.
@@ -446,7 +471,7 @@ function drawList() {
       ` aria-selected="${name === state.channel}">` +
       `<span class="${known ? (bad ? "bad" : "ok") : "soft"}" role="img" aria-label="${words}">${sign}</span>` +
       `<span class="item-name" title="${escaped(name)}">${escaped(name)} <span class="soft">${escaped(channel.unit)}</span></span>` +
-      `<svg class="spark" viewBox="0 0 56 22" aria-hidden="true"><path d="${spark(channel.curve)}"/></svg>` +
+      `<svg class="spark" viewBox="0 0 56 22" aria-hidden="true"><path d="${spark(channel)}"/></svg>` +
       `<span class="item-ratio ${bad ? "bad" : ""}">${known ? worded(ratio) : "–"}` +
       `<i style="--w:${length(ratio).toFixed(0)}%"></i></span></div>`
     );
@@ -456,7 +481,7 @@ function drawList() {
   find("#list").setAttribute("aria-activedescendant", `option-${state.channel}`);
 }
 
-function spark(curve) {
+function spark({ curve, jumps }) {
   const values = curve.filter(Number.isFinite);
   const low = Math.min(...values);
   const span = Math.max(...values) - low || 1;
@@ -466,10 +491,20 @@ function spark(curve) {
     const x = (56 * i) / (curve.length - 1 || 1);
     const y = 20 - (18 * (curve[i] - low)) / span;
     if (Number.isFinite(y)) {
-      steps.push(`${x.toFixed(1)} ${y.toFixed(1)}`);
+      steps.push({ i, at: `${x.toFixed(1)} ${y.toFixed(1)}` });
     }
   }
-  return steps.length ? `M${steps.join("L")}` : "";
+  return strokes(steps, jumps);
+}
+
+// Places `at` of samples `i` as a path, which is open where something jumps between two of them.
+function strokes(steps, jumps) {
+  return steps
+    .map(({ i, at }, k) => {
+      const open = !k || jumps.some((jump) => steps[k - 1].i <= jump && jump < i);
+      return `${open ? "M" : "L"}${at}`;
+    })
+    .join("");
 }
 
 // The sign of a solver's markers, as a small picture.

@@ -29,6 +29,11 @@ function worded(value, digits = 2) {
   return `${short}e${Number(exponent)}`.replaceAll("-", MINUS);
 }
 
+// Words one after the other: a, b and c.
+function listed(words) {
+  return [words.slice(0, -1).join(", "), ...words.slice(-1)].filter(Boolean).join(" and ");
+}
+
 const ARRAYS = { f8: Float64Array, f4: Float32Array, i2: Int16Array, u1: Uint8Array };
 
 // An array from base64; its numbers are little-endian, as on all machines that browsers run on.

@@ -49,6 +49,38 @@ function plainLabels(plot, values) {
   });
 }
 
+// How uPlot draws a curve that is open after the samples where it jumps; for others its own way.
+function openAt(xs, jumps) {
+  if (!jumps.length) {
+    return {};
+  }
+  const open = new Set(jumps);
+  return {
+    paths: (plot, series, first, last) => {
+      const stroke = new Path2D();
+      let begun = false;
+      for (let k = first; k <= last; k += 1) {
+        const value = plot.data[series][k];
+        if (value === null || value === undefined) {
+          begun = false;
+          continue;
+        }
+        const place = [plot.valToPos(xs[k], "x", true), plot.valToPos(value, "y", true)];
+        if (begun) {
+          stroke.lineTo(...place);
+        } else {
+          stroke.moveTo(...place);
+        }
+        begun = !open.has(k);
+      }
+      return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 1 };
+    },
+  };
+}
+
+// Where the difference of a solver jumps: where the solver does, or its reference.
+const apartAt = (solver, channel) => [...new Set([...solver.jumps, ...channel.jumps])];
+
 class CurvePair {
   // `seen` is told of what happens: point(k), zoomed([low, high] or null), left().
   constructor(above, below, seen) {
@@ -73,14 +105,20 @@ class CurvePair {
     this.letters = variable("--sans");
     const narrow = this.above.clientWidth < 520;
     const { run, channel, solvers } = view;
-    const lines = solvers.map((solver) => ({
+    const line = (solver, jumps) => ({
       label: solver.label,
       stroke: variable(`--${solver.css}`),
       width: 1.7,
       dash: solver.dash,
       points: { show: false },
-    }));
-    const reference = { stroke: variable("--pale"), width: 6, points: { show: false } };
+      ...openAt(run.xs, jumps),
+    });
+    const reference = {
+      stroke: variable("--pale"),
+      width: 6,
+      points: { show: false },
+      ...openAt(run.xs, channel.jumps),
+    };
     const known = (value) => (Number.isFinite(value) ? value * channel.read_factor : null);
     const curves = [run.xs, channel.curve.map(known)];
     for (const solver of solvers) {
@@ -97,8 +135,11 @@ class CurvePair {
         (plot) => this.plots.includes(plot) && this.ends(plot, series),
       ],
     }); // a plot that was taken away may still draw once, when another view is there
+    const whole = hooks(2);
+    whole.draw.unshift((plot) => this.plots.includes(plot) && this.jumps(plot));
+    const found = solvers.map((solver) => line(solver, solver.jumps));
     const top = new uPlot(
-      this.options(narrow ? 190 : 238, [{}, reference, ...lines], {}, hooks(2)),
+      this.options(narrow ? 190 : 238, [{}, reference, ...found], {}, whole),
       curves,
       this.above,
     );
@@ -107,8 +148,9 @@ class CurvePair {
     const more = hooks(1);
     more.drawClear = [(plot) => this.plots.includes(plot) && this.bands(plot)];
     more.draw.push((plot) => this.plots.includes(plot) && this.rings(plot));
+    const apart = solvers.map((solver) => line(solver, apartAt(solver, channel)));
     const bottom = new uPlot(
-      this.options(narrow ? 170 : 214, [{}, ...lines], scale, more),
+      this.options(narrow ? 170 : 214, [{}, ...apart], scale, more),
       this.columns,
       this.below,
     );
@@ -348,6 +390,30 @@ class CurvePair {
       plot.ctx.beginPath();
       paint(plot.ctx, across, down);
     }
+  }
+
+  // A dotted upright between the ends of the reference at a jump: no way that it went.
+  jumps(plot) {
+    const { run, channel } = this.view;
+    const ctx = plot.ctx;
+    const ratio = devicePixelRatio;
+    const { left, top, width, height } = plot.bbox;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    ctx.strokeStyle = this.soft;
+    ctx.lineWidth = ratio;
+    ctx.setLineDash([2 * ratio, 4 * ratio]);
+    for (const k of channel.jumps) {
+      const sides = [k, k + 1].map((at) => plot.valToPos(run.xs[at], "x", true));
+      const across = Math.round((sides[0] + sides[1]) / 2) + 0.5;
+      ctx.beginPath();
+      ctx.moveTo(across, plot.valToPos(plot.data[1][k], "y", true));
+      ctx.lineTo(across, plot.valToPos(plot.data[1][k + 1], "y", true));
+      ctx.stroke();
+    }
+    ctx.restore();
   }
 
   // A few markers on each curve, staggered, that tell solvers apart without colour.

@@ -206,6 +206,10 @@ class Lost(BadModel):
     """No rest close by."""
 
 
+class Unstable(BadModel):
+    """The path of stable rests ends: from there the model falls to another one."""
+
+
 class Resting(Linkage):
     """A linkage with `free` degrees of freedom beside its drives, in stable equilibrium.
 
@@ -253,24 +257,36 @@ class Resting(Linkage):
                 self.data.qpos[:], self.stops.side = pose, side
                 share /= 2.0
                 if share < SHORTEST * longest:
-                    raise BadModel(self.ending(error)) from None
+                    raise self.ending(error) from None
         return tangent
 
-    def ending(self, error: BadModel) -> str:
+    def ending(self, error: BadModel) -> BadModel:
         """Why the path of rests ends at the present pose."""
         here = self.data.qpos[self.adr]
         self.step(here, descend=False)
         if np.abs(self.balance.inverse).max() > LEVER:
             error = BadModel("the loops cannot be closed")
         elif isinstance(error, Lost):
-            error = BadModel(UNSTABLE)
-        return f"{error} beyond {self.spoken(here)}"
+            error = Unstable(UNSTABLE)
+        kind = Unstable if isinstance(error, Unstable) else BadModel
+        return kind(f"{error} beyond {self.spoken(here)}")
+
+    def fall(self, values: Array) -> Array:
+        """Descend from the present pose to another rest, with the drives at `values`.
+
+        Returns the tangent there.  The model falls so from where its path of rests ends, without
+        the swing that inertia would give it: of several rests below, that may choose another one.
+        """
+        tangent = self.rest(values, np.inf, descend=True)
+        if self.balance.least() <= FLAT:
+            raise Unstable(UNSTABLE)
+        return tangent
 
     def follow(self, values: Array) -> Array:
         """Go to the stable rest next to the present pose; returns its tangent."""
         tangent = self.rest(values, STRIDE)
         if self.balance.least() <= FLAT:
-            raise BadModel(UNSTABLE)
+            raise Unstable(UNSTABLE)
         return tangent
 
     def settle(self) -> Array:

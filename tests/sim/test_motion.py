@@ -1,0 +1,85 @@
+"""A mechanism in motion beyond a snap: its poses on both sides, and engines that snap elsewhere."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.reference import evaluate
+from proofmass.sidecar import load_case
+from proofmass.sim.motion import Measured, motion
+from proofmass.solve import plan
+from tests.shipped import shipped
+
+JUMPS = (16, 37)  # the first samples beyond a fold
+LINKS = 10  # whose shapes are off by 1 % of the rod
+PLACES = "middle.x", "middle.y", "tip.angle"
+
+
+@pytest.fixture
+def snap(edit: Callable[..., Path]) -> Path:
+    """The case with a rod of few links."""
+    return edit("rod_snap.toml", "segments = 40", f"segments = {LINKS}")
+
+
+@cache
+def truth() -> dict[str, np.ndarray]:
+    """The reference's curves."""
+    case = load_case(shipped("rod_snap.toml"))
+    run = plan(case, "sweep", "mujoco")
+    return dict(evaluate(case, run.x, run.motion(run.x)).channels)
+
+
+def joints(found, places: np.ndarray) -> np.ndarray:
+    """Where the links of the rod begin, (poses, links, 2)."""
+    return places[:, list(found.rods["rod"]), :2]
+
+
+def moved(file: Path, measured: Measured, count: int = 121):
+    case = load_case(file)
+    return motion(case.model_path, plan(case, "sweep", "mujoco"), measured, count)
+
+
+def test_a_mechanism_is_drawn_on_both_sides_of_its_snaps(snap: Path) -> None:
+    found = moved(snap, {})
+    assert found.picture.stopped == ""
+    assert found.jumps == JUMPS
+    assert found.index.tolist() == list(range(43))
+    way = joints(found, found.places)
+    assert (np.sign(way[:, LINKS // 2, 1]) == np.sign(truth()["middle.y"])).all()
+    back = way[21::-1] * [1.0, -1.0]  # at the opposite angles of the motor
+    for k in range(16, 22):  # beyond the snap the rod is the mirror image of what it was there
+        np.testing.assert_allclose(way[k], back[k], atol=1e-8)  # Newton's last step, squared
+
+
+def test_poses_next_to_a_snap_are_among_few(snap: Path) -> None:
+    found = moved(snap, {}, count=9)
+    assert {15, 16, 36, 37} <= set(found.index.tolist())
+    assert [found.index[k] for k in found.jumps] == list(JUMPS)
+    assert len(found.index) < 25
+
+
+def test_the_reference_is_drawn_beyond_the_snap(snap: Path) -> None:
+    none = {name: 0.0 * truth()[name] for name in PLACES}
+    found = moved(snap, {"pymunk": ({n: truth()[n] for n in PLACES}, none)})
+    assert found.unfit < 1e-3
+    assert np.isfinite(found.away["pymunk"]).all()
+    sides = np.sign(joints(found, found.places)[:, LINKS // 2, 1])
+    assert (sides == np.sign(truth()["middle.y"])).all()
+
+
+def test_an_engine_that_snaps_later_is_drawn_on_its_own_side(snap: Path) -> None:
+    """One that goes on for a sample, as on the shape before, keeps the rod's length."""
+    known = {name: truth()[name] for name in PLACES}
+    late = {name: 0.0 * curve for name, curve in known.items()}
+    for name, curve in known.items():
+        late[name][16] = curve[15] - curve[16]
+    found = moved(snap, {"pymunk": (known, late)})
+    there = joints(found, found.places + found.away["pymunk"])
+    half = there[:, LINKS // 2]
+    assert half[16] == pytest.approx(half[15], abs=5e-3)  # the motor is 7 degrees further
+    assert half[17, 1] == pytest.approx(joints(found, found.places)[17, LINKS // 2, 1], abs=1e-9)
+    lengths = np.linalg.norm(np.diff(there[16], axis=0), axis=1)
+    assert lengths[1:] == pytest.approx(1.0 / LINKS, rel=1e-6)  # by the Jacobian: up to twice that
