@@ -225,19 +225,19 @@ class Frames:
     body : ndarray (bodies,)
         The frame that each body is fixed to.
     turning : ndarray (frames, joints)
-        Turn of each frame by each joint: the sign of a hinge, 0 of a slide.
+        Turn of each frame by each joint: the sign of a hinge, 0 of a slide [1].
     shift : ndarray (frames, frames), complex
         Shift of each frame by the turn of each frame [m].
     slides : ndarray (slides,)
         The joints that slide.
     directions : ndarray (slides, frames), complex
-        Direction of each slide by the turn of each frame.
+        Direction of each slide by the turn of each frame [1].
     sliding : ndarray (frames, slides)
-        1 where a slide moves a frame, else 0.
+        1 where a slide moves a frame, else 0 [1].
     before : ndarray (joints,)
         The frame before each joint.
     places : ndarray (joints, 1), complex
-        Where each hinge is, and the direction of each slide, in the reference pose.
+        Where each hinge is [m], and the direction of each slide [1], in the reference pose.
     """
 
     body: Index
@@ -286,15 +286,16 @@ class Inertia:
     ----------
     bodies : ndarray (k,)
     mass : ndarray (k,)
-        [kg]
+        Masses [kg].
     centre : ndarray (k, 1), complex
         Centres of mass in the reference pose [m].
     moment : ndarray (k,)
-        [kg m2]
+        Moments of inertia about the centres [kg m^2].
     turning : ndarray (k, joints)
-        Turn of each body by each joint.
+        Turn of each body by each joint [1].
     fixed : ndarray (joints, joints)
-        What of the mass matrix is the same in all poses: armatures and moments of inertia.
+        What of the mass matrix is the same in all poses, armatures and moments of inertia
+        [kg m^2 or kg].
     """
 
     bodies: Index
