@@ -12,7 +12,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.studies.measure import deviations, simulate
+from proofmass.studies.measure import channel_errors, simulate
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.trade.series import MeasuredSeries, clear
 from proofmass.studies.trade.varied import list_series
@@ -51,5 +51,9 @@ def everywhere(case: Case, verdict: Verdict, setting: Setting) -> Array:
     model, run = setting.applied(case, verdict.run)
     curves = simulate(setting.engine, model.model_path, run)
     return np.concatenate(
-        [errors for kind, errors in deviations(model, verdict.run, curves) if kind == verdict.kind]
+        [
+            errors
+            for kind, errors in channel_errors(model, verdict.run, curves)
+            if kind == verdict.kind
+        ]
     )

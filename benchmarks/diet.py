@@ -117,7 +117,7 @@ def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[
     scene = scene_of(model, SECONDS)
     with pool() as workers:
         found = DietSearch(
-            scene, rounds=rounds, tune=tune, workers=workers, kept=DietStore(folder / "runs")
+            scene, rounds=rounds, tune=tune, workers=workers, store=DietStore(folder / "runs")
         ).run()
     finish(scene, found, file)
     return read_entries(file.with_suffix(".csv"))

@@ -26,7 +26,7 @@ from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import PRINTED, imposed, written
 
 MORE_STEPS = 8.0  # than the chosen setting has, at most: none of them is cheaper
-PATIENCE = 2.0  # times the chosen setting's wall time, after which a rival is no rival
+LONGEST = 2.0  # times the chosen setting's wall time, after which a rival is no rival
 ROUNDS = 7  # interleaved, of which the least counts
 FINALISTS = 4  # the cheapest, timed once more
 SPARE = 0.1  # s of a run that are no steps: the model, the file
@@ -93,7 +93,7 @@ def duel(
         far = randomly(chosen.engine, sample, chosen, dice, None if k % 2 else dice.randint(1, 3))
         way = dice.choice(ways)
         rival = prepared(case, far, way)
-        off, spent = ran(rival, name, of, PATIENCE * seconds)
+        off, spent = ran(rival, name, of, LONGEST * seconds)
         done += spent < inf
         if off <= error:
             good.append((far, way, rival, off))

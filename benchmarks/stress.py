@@ -23,8 +23,8 @@ from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.figure import NEAR, stress_sheet
-from proofmass.studies.stress.problems import probes
-from proofmass.studies.stress.stress import kept, stress, write_boundaries
+from proofmass.studies.stress.problems import list_problems
+from proofmass.studies.stress.stress import cache_trials, stress, write_boundaries
 from proofmass.wording import number
 
 CASES = (
@@ -120,12 +120,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
         with pool() as workers:
-            known = stress([kept(one, store) for one in islice(probes(), most)], workers)
+            known = stress(
+                [cache_trials(one, store) for one in islice(list_problems(), most)], workers
+            )
             cases = {
                 name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
                 for name in (("pendulum",) if given.quick else CASES)
             }
-            turned = stress([one for sought, _ in cases.values() for one in sought[:most]], workers)
+            turned = stress(
+                [one for searches, _ in cases.values() for one in searches[:most]], workers
+            )
         write_boundaries([*known, *turned], folder / "stress.csv")
         with rc_context(RC):
             save(stress_sheet(known), docs / "stress")

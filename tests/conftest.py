@@ -1,4 +1,4 @@
-"""Shared fixtures: copies of models that may be changed, a stand, a cluster, a browser."""
+"""Shared fixtures: copies of models to change, a case of a stress study, a cluster, a browser."""
 
 import os
 import re
@@ -15,7 +15,7 @@ from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
-from proofmass.studies.stress.stand import Stand
+from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.worker import ALONE
 from tests.shipped import MODELS, models_like, written_out
 
@@ -65,13 +65,13 @@ def models(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def stand(tmp_path: Path, models: Path) -> Callable[..., Stand]:
-    """``stand(name, engine, kind, **parameters)``: a case in one engine and run, with a store."""
+def stressed(tmp_path: Path, models: Path) -> Callable[..., StressedCase]:
+    """``stressed(name, engine, kind, **parameters)``: a case in one engine, with a store."""
 
     def of(
         name: str, engine: str = "mujoco", kind: str = "dynamics", **parameters: object
-    ) -> Stand:
-        return Stand(
+    ) -> StressedCase:
+        return StressedCase(
             load_case(models / f"{name}.toml"),
             kind,
             Setting(engine, parameters),

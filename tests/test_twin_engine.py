@@ -256,7 +256,7 @@ def test_stress_has_the_test_problems_of_the_twin(
 ) -> None:
     def asked(engine: str) -> list[tuple[str, str, str, float]]:
         monkeypatch.setattr(problems, "engine_names", lambda: [engine])
-        found = list(problems.probes())
+        found = list(problems.list_problems())
         assert {one.engine for one in found} == {engine}
         return [(one.what, one.setting, one.parameter, one.theory) for one in found]
 

@@ -24,9 +24,9 @@ from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import key_of
 from proofmass.studies.stress import near_singular
 from proofmass.studies.stress.extremes import energies
-from proofmass.studies.stress.stand import Stand
-from proofmass.studies.stress.ways import farther, followed
+from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.studies.trade.verify import verify
+from proofmass.studies.variants import evaluate_run, with_way
 
 LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
 """A model that takes MuJoCo minutes."""
@@ -86,13 +86,13 @@ def test_a_choice_is_verified_in_workers(name, models, edit, here):
     assert not here
 
 
-def test_changed_models_are_compiled_and_followed_in_workers(models, here, stand, tmp_path):
-    fourbar: Stand = stand("fourbar", kind="sweep")
-    assert fourbar.lost(variants.larger(fourbar.case, fourbar.models, 2.0)) is None
+def test_changed_models_are_compiled_and_followed_in_workers(models, here, stressed, tmp_path):
+    fourbar: StressedCase = stressed("fourbar", kind="sweep")
+    assert fourbar.find_failure(variants.larger(fourbar.case, fourbar.models, 2.0)) is None
     links = near_singular.last_link(fourbar.case)
     assert near_singular.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
-    assert followed(farther(fourbar.case, 1.0), "sweep").x.size == 361
-    assert list(energies(stand("fourbar_released")))
+    assert evaluate_run(with_way(fourbar.case, 1.0), "sweep").x.size == 361
+    assert list(energies(stressed("fourbar_released")))
     names = {Path(file).parent for file in here}
     assert names == {models}  # the cases' own models, which their numbers are asked of
 

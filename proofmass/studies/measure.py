@@ -1,4 +1,4 @@
-"""One run of a study: in the engine, on a processor of its own, held against the reference.
+"""One run of a study: in the engine, on a processor of its own, compared with the reference.
 
 No two timed runs of any study on this machine are on the same processor.
 
@@ -13,13 +13,13 @@ import os
 import platform
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from threading import Lock
-from typing import cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -30,12 +30,12 @@ from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import grid, identity
-from proofmass.sim.protocol import BadModel, Curves, Run
+from proofmass.sim.protocol import BadModel, Curves, NotSolved, Run
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.invariants import invariants
 from proofmass.studies.record import KINDS, NAN, Setting
-from proofmass.worker import isolated
+from proofmass.worker import MEMORY, isolated
 
 try:
     import fcntl
@@ -105,8 +105,8 @@ def pinned(core: int | None) -> Iterator[None]:
 def machine() -> str:
     """This machine's kind of processor, and how many it has."""
     name = platform.processor() or platform.machine()
-    told = Path("/proc/cpuinfo")
-    for line in told.read_text().splitlines() if told.exists() else ():
+    info = Path("/proc/cpuinfo")
+    for line in info.read_text().splitlines() if info.exists() else ():
         if line.startswith("model name"):
             name = line.partition(":")[2].strip()
     return f"{name} x {os.cpu_count()}"
@@ -120,19 +120,20 @@ def load_average() -> float:
         return NAN
 
 
-KEPT = 8  # references; the motions of driven runs differ, and nobody asks for them again
+T = TypeVar("T")
+CACHED = 8  # references; the motions of driven runs differ, and nobody asks for them again
 Key = tuple[str | int | bytes, ...]
-known: dict[Key, dict[str, Array]] = {}
+cached: dict[Key, dict[str, Array]] = {}
 
 
-def truth(case: Case, curves: Curves) -> dict[str, Array]:
+def cached_reference(case: Case, curves: Curves) -> dict[str, Array]:
     """`reference_for`, channel by channel; free motions and exact sweeps have it in common.
 
-    The integration of a free linkage takes longer than most runs that are held against it.
+    The integration of a free linkage takes longer than most runs that are compared with it.
     """
-    if (key := key_of(case, curves)) not in known:
-        keep(key, reference_for(case, curves).channels)
-    return known[key]
+    if (key := key_of(case, curves)) not in cached:
+        cache_reference(key, reference_for(case, curves).channels)
+    return cached[key]
 
 
 def key_of(case: Case, curves: Curves) -> Key:
@@ -141,26 +142,26 @@ def key_of(case: Case, curves: Curves) -> Key:
     return *identity(case), where
 
 
-def keep(key: Key, channels: dict[str, Array]) -> None:
+def cache_reference(key: Key, channels: dict[str, Array]) -> None:
     """Remember a reference in this process, and forget the oldest one."""
-    while len(known) >= KEPT:
-        del known[next(iter(known))]
-    known[key] = channels
+    while len(cached) >= CACHED:
+        del cached[next(iter(cached))]
+    cached[key] = channels
 
 
-def write_truth(case: Case, kind: Kind, file: Path) -> None:
-    """Write the reference of a free motion into a file, for `read_truth` in other processes."""
+def write_reference(case: Case, kind: Kind, file: Path) -> None:
+    """Write the reference of a free motion into a file, for `read_reference` in other processes."""
     packed = io.BytesIO()
-    np.savez(packed, **truth(case, Curves(grid(case, kind), {})))  # type: ignore[arg-type]
+    np.savez(packed, **cached_reference(case, Curves(grid(case, kind), {})))  # type: ignore[arg-type]
     write_whole(file, packed.getvalue())
 
 
-def read_truth(case: Case, kind: Kind, file: Path) -> None:
-    """Remember the reference that `write_truth` wrote, if it did; the case is the same."""
+def read_reference(case: Case, kind: Kind, file: Path) -> None:
+    """Remember the reference that `write_reference` wrote, if it did; the case is the same."""
     key = key_of(case, Curves(grid(case, kind), {}))
-    if key not in known and file.is_file():
+    if key not in cached and file.is_file():
         with np.load(file) as arrays:
-            keep(key, dict(arrays))
+            cache_reference(key, dict(arrays))
 
 
 REFERENCE = 600.0  # s, after which a reference of a free motion is given up
@@ -227,12 +228,44 @@ class Measurement:
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
-def measure(task: StudyRun, again: bool, timeout: float) -> Measurement:
-    """Run a task in a process of its own.
+OUTCOMES: dict[type[Exception], Outcome] = {
+    **FAILURES,
+    NotSolved: Outcome.NOT_SOLVED,
+    BadModel: Outcome.NO_START,
+}
+"""What a worker raises, as an outcome; a pose that was not found is told from a diverged run."""
+
+
+def measure(
+    function: Callable[..., T], *args: Any, timeout: float, memory: float = MEMORY
+) -> T | Measurement:
+    """Call a function in a process of its own.
 
     Parameters
     ----------
-    task : Task
+    function : callable
+        What runs a model; see `proofmass.worker.isolated`.
+    timeout, memory : float
+        Limits of the process [s, GiB].
+
+    Returns
+    -------
+    object
+        What the function returns; if it fails, a `Measurement` with the outcome and the message.
+    """
+    try:
+        return cast(T, isolated(function, *args, timeout=timeout, memory=memory))
+    except tuple(OUTCOMES) as error:
+        kind = next(one for one in type(error).__mro__ if one in OUTCOMES)
+        return Measurement(outcome=OUTCOMES[kind], message=str(error))
+
+
+def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
+    """Run a task in a process of its own, on a processor of its own.
+
+    Parameters
+    ----------
+    task : StudyRun
     again : bool
         Only time it: its errors are known.
     timeout : float
@@ -245,20 +278,20 @@ def measure(task: StudyRun, again: bool, timeout: float) -> Measurement:
     """
     with own_core() as core:
         if task.reference and not again:
-            referred(task, task.reference)
-        try:
-            return isolated(
-                observe, task, again, core, timeout=timeout, memory=task.case.run[task.run].memory
-            )
-        except tuple(FAILURES) as error:
-            return Measurement(outcome=FAILURES[type(error)], message=str(error))
-        except BadModel as error:
-            if "segments" in task.setting.parameters:  # such as a sensor on the tenth link
-                return Measurement(outcome=Outcome.UNSUPPORTED, message=str(error))
-            raise InputError(task.case.model_path, "", str(error)) from None
+            write_missing_reference(task, task.reference)
+        found = measure(
+            observe, task, again, core, timeout=timeout, memory=task.case.run[task.run].memory
+        )
+    if found.outcome == Outcome.NOT_SOLVED:
+        return replace(found, outcome=FAILURES[NotSolved])
+    if found.outcome != Outcome.NO_START:
+        return found
+    if "segments" in task.setting.parameters:  # such as a sensor on the tenth link
+        return replace(found, outcome=Outcome.UNSUPPORTED)
+    raise InputError(task.case.model_path, "", found.message)
 
 
-def referred(task: StudyRun, file: Path) -> None:
+def write_missing_reference(task: StudyRun, file: Path) -> None:
     """Write the reference of a free motion, if nobody did; that is no time of a run.
 
     Where it cannot be evaluated, the run says why.
@@ -266,9 +299,9 @@ def referred(task: StudyRun, file: Path) -> None:
     limits = task.case.run[task.run]
     with writing.setdefault(file, Lock()):
         if not file.is_file():
-            with suppress(InputError, *FAILURES):
-                isolated(
-                    write_truth,
+            with suppress(InputError):
+                measure(
+                    write_reference,
                     task.setting.applied(task.case, task.run)[0],
                     task.run,
                     file,
@@ -282,7 +315,7 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
     with pinned(core):
         case, run = task.setting.applied(task.case, task.run)
         if task.reference and not again:
-            read_truth(case, task.run, task.reference)
+            read_reference(case, task.run, task.reference)
         before = load_average()
         curves, shared = clocked(task.setting.engine, case.model_path, run)
         if again and curves.seconds < SHORT:
@@ -295,30 +328,38 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
             core is not None,
             shared,
             machine(),
-            step=taken(task.run, curves),
+            step=step_taken(task.run, curves),
             load=max(before, load_average()),
         )
-        return cost if again else held(case, run, curves, cost)
+        return cost if again else compare_run(case, run, curves, cost)
 
 
-def taken(kind: Kind, curves: Curves) -> float:
+def simulate_task(task: StudyRun) -> Curves:
+    """Run a task in this process, without a reference."""
+    case, run = task.setting.applied(task.case, task.run)
+    return simulate(task.setting.engine, case.model_path, run)
+
+
+def step_taken(kind: Kind, curves: Curves) -> float:
     """Time step that the engine says it took [s]; NaN where nothing is stepped through time."""
     return float(str(curves.settings.get("timestep", NAN))) if kind == "dynamics" else NAN
 
 
-def held(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement:
-    """A run held against its reference."""
+def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement:
+    """A run compared with its reference."""
     kind = cast(Kind, run.kind)
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}
     cost = replace(cost, curves={"x": curves.x, **channels})
     if wrong := not_finite(curves.channels):
         return replace(cost, outcome=Outcome.NOT_FINITE, message=wrong)
     try:
-        errors = shares(case, kind, curves)
-        asked = shares(case, kind, as_asked(run, curves)) if moved(run, curves) else {}
+        errors = relative_errors(case, kind, curves)
+        asked = (
+            relative_errors(case, kind, as_asked(run, curves)) if drives_moved(run, curves) else {}
+        )
     except InputError as error:  # a pose that the mechanism cannot have
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
-    if wrong := not_finite(truth(case, curves)):
+    if wrong := not_finite(cached_reference(case, curves)):
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=wrong)
     return replace(
         cost,
@@ -330,7 +371,7 @@ def held(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement
     )
 
 
-def moved(run: Run, curves: Curves) -> bool:
+def drives_moved(run: Run, curves: Curves) -> bool:
     """Whether drives moved in time, so that they may be elsewhere than they were asked to be."""
     return run.kind == "dynamics" and bool(run.drives) and curves.drive is not None
 
@@ -357,20 +398,20 @@ def not_finite(channels: dict[str, Array]) -> str:
     return ""
 
 
-def shares(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
+def relative_errors(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
     """Largest error of each kind of channel, as a share of the reference's range."""
     found = dict[str, float]()
-    for what, errors in deviations(case, kind, curves):
+    for what, errors in channel_errors(case, kind, curves):
         found[what] = max(float(errors.max()), found.get(what, 0.0))
     return found
 
 
-def deviations(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Array]]:
+def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Array]]:
     """Kind and errors of one channel after the other, as shares of the reference's range.
 
     Curves that the reference has constant have no range and are left out.
     """
-    wanted = truth(case, curves)
+    wanted = cached_reference(case, curves)
     channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
     widest = dict[str, float]()
     for name, channel in channels.items():

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil, isnan
 from pathlib import Path
 
-from proofmass.studies.measure import Measurement, StudyRun, measure
+from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store, key_of
 from proofmass.worker import stopping
@@ -66,7 +66,7 @@ def run(
     workers: Executor | None = None,
     *,
     repeats: int = 5,
-    patience: float = 2.0,
+    longest_repeated: float = 2.0,
     timeout: float | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
@@ -85,7 +85,7 @@ def run(
         From `pool`; local ones if not given.
     repeats : int
         Most timed runs of a task; 0: errors only, and `StudyRow.seconds` is that of the first run.
-    patience : float
+    longest_repeated : float
         A task whose first run took longer [s] is not repeated; that run is its only timing.
     timeout : float, optional
         After which a run is given up [s]; the sidecar's if not given.
@@ -109,7 +109,7 @@ def run(
                 store,
                 local,
                 repeats=repeats,
-                patience=patience,
+                longest_repeated=longest_repeated,
                 timeout=timeout,
                 progress=progress,
             )
@@ -118,9 +118,9 @@ def run(
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(rounds.tasks))
     timed = {
-        key: needed(one.seconds, repeats)
+        key: repeats_needed(one.seconds, repeats)
         for key in rounds.tasks
-        if (one := rounds.found[key, 0]).complete and one.seconds <= patience
+        if (one := rounds.found[key, 0]).complete and one.seconds <= longest_repeated
     }
     rounds.make(
         [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]
@@ -135,11 +135,11 @@ def run(
     ]
 
 
-def needed(seconds: float, repeats: int) -> int:
+def repeats_needed(seconds: float, repeats: int) -> int:
     """How often a run that takes so long [s] is repeated.
 
-    >>> needed(0.01, 5), needed(0.2, 5), needed(1.5, 5)
-    (5, 3, 2)
+    >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
+    [5, 3, 2]
     """
     return min(repeats, max(2, ceil(SPAN / seconds))) if seconds > 0 else repeats
 
@@ -148,7 +148,7 @@ def reference_of(task: StudyRun, store: Store) -> Path | None:
     """Where the reference of a free motion is kept, which all settings have in common."""
     if task.run != "dynamics" or task.case.drive or task.case.rod:
         return None
-    return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.truth.npz"
+    return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.reference.npz"
 
 
 @dataclass
@@ -173,7 +173,7 @@ class Rounds:
             else:
                 self.found[unit] = one
         futures = {
-            self.workers.submit(measure, self.tasks[key], repeat > 0, self.limit(key)): (
+            self.workers.submit(measure_task, self.tasks[key], repeat > 0, self.limit(key)): (
                 key,
                 repeat,
             )

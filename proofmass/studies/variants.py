@@ -1,4 +1,6 @@
-"""Changed copies of cases whose reference is known: by dimensional analysis, or from the model.
+"""Variants: changed copies of cases whose reference is known.
+
+It is known by dimensional analysis, it is read from the model, or the drive goes elsewhere.
 
 A self-referenced case reads its reference from its own MJCF, so that the MJCF may be changed.
 
@@ -9,6 +11,7 @@ are the same.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -20,15 +23,18 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.files import read_bytes, write_whole
 from proofmass.recorded import decoded
-from proofmass.reference import compiled
+from proofmass.reference import compiled, evaluate, grid, laws
 from proofmass.sim.mjcf import read_tree
+from proofmass.sim.protocol import Curves
+from proofmass.strict import Kind
+from proofmass.studies.bounded import bounded
 from proofmass.studies.store import digest
 
 READS = "planar"
 """The reference that knows the model's own sensors, whatever the model."""
 
 
-def reread(case: Case) -> Case:
+def self_referenced(case: Case) -> Case:
     """The case with its channels held to what the planar reference reads from the model.
 
     Channels that must equal a number still must.  Drives must not take their law from the
@@ -202,11 +208,11 @@ def along(model: mujoco.MjModel, count: int) -> Array:
 
 def loads(model: mujoco.MjModel) -> Array:
     """Powers of the length that the actuators' controls go with: moments 2, forces 1."""
-    powers = [2 if turns(model, a) else 1 for a in range(model.nactuator)]
+    powers = [2 if is_on_hinge(model, a) else 1 for a in range(model.nactuator)]
     return np.repeat(powers, model.actuator_ctrlnum)
 
 
-def turns(model: mujoco.MjModel, actuator: int) -> bool:
+def is_on_hinge(model: mujoco.MjModel, actuator: int) -> bool:
     """Whether an actuator acts on a hinge."""
     joint = int(model.actuator_trnid[actuator, 0])
     on_joint = int(model.actuator_trntype[actuator]) == mujoco.mjtTrn.mjTRN_JOINT
@@ -216,3 +222,113 @@ def turns(model: mujoco.MjModel, actuator: int) -> bool:
 def bodies(case: Case) -> list[Element]:
     """The bodies' own masses that the MJCF states."""
     return list(read_tree(case.model_path).iter("inertial"))
+
+
+ROUNDING = 1e-9  # of a number of steps
+FEWEST = 2  # samples of a run after its first
+
+
+def with_way(case: Case, far: float) -> Case:
+    """The case with its first drive so far, at constant speed, and the others in proportion."""
+    leader = case.drive[0]
+    way = float(leader.to or 0.0) - leader.start
+    times = far / abs(way)
+    first, *others = (
+        drive
+        if drive.to is None
+        else drive.model_copy(update={"to": drive.start + (drive.to - drive.start) * times})
+        for drive in case.drive
+    )
+    steady = first.model_copy(update={"period": None, "rate": float(np.sign(way))})
+    return case.model_copy(update={"drive": (steady, *others)})
+
+
+def with_swing(case: Case, far: float, seconds: float) -> Case:
+    """The case with its dynamics run a swing so far, and back."""
+    leader, *others = with_way(case, far).drive
+    swing = leader.model_copy(update={"rate": None, "period": seconds})
+    return case.model_copy(update={"drive": (swing, *others)})
+
+
+def with_whole_steps(case: Case, seconds: float, step: float) -> Case:
+    """The case with a dynamics run in which an engine takes just the step that is asked for.
+
+    There are whole steps from sample to sample: as many as fit between two samples of the case, or
+    one.  The end is moved to the nearest sample; a drive that may go no further than it does, at
+    constant speed with no whole turns or by a law, ends at the last one before its end.
+
+    Parameters
+    ----------
+    case : Case
+        With a dynamics run, of a reference that can be evaluated anywhere.
+    seconds : float
+        Duration that is asked for [s].
+    step : float
+        Time step [s].
+
+    Returns
+    -------
+    Case
+    """
+    run = case.run["dynamics"]
+    per = max(1, int(seconds / ((run.n or 2) - 1) / step + ROUNDING))
+    samples = seconds / (per * step)
+    samples = max(FEWEST, round(samples) if may_go_on(case) else int(samples + ROUNDING))
+    case = case.model_copy(update={"run": {"dynamics": run.model_copy(update={"n": samples + 1})}})
+    return with_duration(case, samples * per * step)
+
+
+def with_duration(case: Case, seconds: float) -> Case:
+    """The case with a dynamics run of another length [s], and drives that go on as they do."""
+    if case.drive and case.drive[0].steady:
+        leader = case.drive[0]
+        moved, *others = with_way(case, abs(leader.speed) * seconds).drive
+        moved = moved.model_copy(update={"rate": leader.rate})
+        return case.model_copy(update={"drive": (moved, *others)})
+    run = case.run["dynamics"].model_copy(update={"until": seconds})
+    return case.model_copy(update={"run": {"dynamics": run}})
+
+
+def may_go_on(case: Case) -> bool:
+    """Whether a motion may go on: free, to and fro, or in whole turns."""
+    if not case.drive or case.drive[0].period:
+        return True
+    leader = case.drive[0]
+    return leader.steady and makes_whole_turns(case, abs(float(leader.to or 0.0) - leader.start))
+
+
+def with_longer_run(case: Case, factor: float, seconds: float) -> Case:
+    """The case with its dynamics run so many times as long, with as many samples.
+
+    A drive that makes no whole turns goes to and fro instead.
+    """
+    if not may_go_on(case):
+        leader = case.drive[0]
+        case = with_swing(case, abs(float(leader.to or 0.0) - leader.start), 2.0 * seconds)
+    return with_duration(case, seconds * factor)
+
+
+def evaluate_run(case: Case, kind: Kind) -> Curves:
+    """The reference's curves of a run whose drives go just as they should; in a worker."""
+    return cast(Curves, bounded(case, kind, evaluate_run_here, case, kind))
+
+
+def evaluate_run_here(case: Case, kind: Kind) -> Curves:
+    """The same, in this process."""
+    x = grid(case, kind)
+    state = tuple(
+        np.array(part) for part in zip(*(law(x) for law in laws(case, kind)), strict=True)
+    )
+    return evaluate(case, x, state)  # type: ignore[arg-type]
+
+
+def makes_whole_turns(case: Case, way: float) -> bool:
+    """Whether the leader makes whole turns, and may go on."""
+    rest = way / (2 * np.pi) % 1.0
+    return has_hinged_leader(case) and way > 1.0 and min(rest, 1.0 - rest) < 1e-6
+
+
+def has_hinged_leader(case: Case) -> bool:
+    """Whether the leader is a hinge."""
+    kind = int(compiled(case).joint(case.drive[0].joint).type[0])
+    return kind == int(mujoco.mjtJoint.mjJNT_HINGE)

@@ -90,7 +90,7 @@ class Judge:
         place = self.folder / f"{os.getpid()}_{self.count}"
         self.count += 1
         write(files, place)
-        limit, stated = patience(files, name)
+        limit, stated = time_limit(files, name)
         process.stdin.write((json.dumps([str(place), name, limit]) + "\n").encode())
         process.stdin.flush()
         ready, _, _ = select.select([process.stdout], [], [], limit + 5)
@@ -119,7 +119,7 @@ class Judge:
         )
 
 
-def patience(files: Files, name: str) -> tuple[float, bool]:
+def time_limit(files: Files, name: str) -> tuple[float, bool]:
     """Seconds to wait for an input, and whether that covers the limits that it states.
 
     It is read, checked and run, each within a limit of its own.

@@ -16,7 +16,7 @@ from proofmass.check import Result, check
 from tests.fuzz import oracle
 from tests.fuzz.cases import EDITS, Files, small, started, write
 from tests.fuzz.hunt import KEPT, by_command_line, kept, made, numbered
-from tests.fuzz.judge import Judge, patience
+from tests.fuzz.judge import Judge, time_limit
 from tests.fuzz.mutators import MUTATORS, Mutation, mutated
 
 QUICK, BLOCK, BLOCKS = 40, 500, 20
@@ -196,7 +196,7 @@ def test_inputs_through_the_command_line(block, tmp_path):
     for number in range(100_000 + 30 * block, 100_000 + 30 * (block + 1)):
         name, mutations = numbered(number)
         files = made(name, mutations)
-        _, stated = patience(files, name)
+        _, stated = time_limit(files, name)
         answer = by_command_line(files, tmp_path / str(number))
         wrong = [f for f in answer.findings if f not in OPEN and (stated or "hang" not in f)]
         assert not wrong, f"input {number}, {name}, {mutations}: {wrong}\n{answer.detail}"

@@ -85,16 +85,16 @@ def replace(half, file):
 os.replace = replace
 """
 NO_RUNS = {
-    "trade": "from proofmass.studies import run; assert run.measure; run.measure = None",
+    "trade": "from proofmass.studies import run; assert run.measure_task; run.measure_task = None",
     "stress": """
 from proofmass.studies.stress import problems
-assert problems.isolated
-problems.isolated = None
+assert problems.measure
+problems.measure = None
 """,
     "diet": """
 from proofmass.studies.diet.diet import DietSearch
-ran = DietSearch.ran
-DietSearch.ran = lambda self, *what: None if self.kept.folder else ran(self, *what)
+ran = DietSearch.judge_changes
+DietSearch.judge_changes = lambda self, *what: None if self.store.folder else ran(self, *what)
 """,
 }  # a diet tries the model that it has written, and keeps nothing of that
 UNHURRIED = {

@@ -12,11 +12,26 @@ from proofmass.drive import State
 from proofmass.errors import InputError
 from proofmass.reference import evaluate, grid, laws
 from proofmass.sidecar import load_case
-from proofmass.sim.protocol import Curves, Diverged, Unsupported
+from proofmass.sim.protocol import (
+    BadModel,
+    BadSetting,
+    Curves,
+    Diverged,
+    NotSolved,
+    Unsupported,
+)
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies import measure
-from proofmass.studies.measure import StudyRun, not_finite, observe, own_core, pinned, shares, truth
+from proofmass.studies.measure import (
+    StudyRun,
+    cached_reference,
+    not_finite,
+    observe,
+    own_core,
+    pinned,
+    relative_errors,
+)
 from proofmass.studies.record import Setting
 from proofmass.studies.run import row
 from proofmass.worker import Crashed, TimedOut
@@ -44,7 +59,7 @@ def test_errors_are_shares_of_the_range_of_the_reference():
     x = grid(PENDULUM, "dynamics")
     exact = evaluate(PENDULUM, x, None).channels
     off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
-    found = shares(PENDULUM, "dynamics", Curves(x, off))
+    found = relative_errors(PENDULUM, "dynamics", Curves(x, off))
     assert found == {
         "position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # from side to side
         "energy": pytest.approx(0.01, rel=1e-6),
@@ -59,7 +74,7 @@ def test_of_several_channels_of_a_kind_the_worst_counts():
     assert len(places) > 2
     for worst in places:
         off = {n: y + (2e-3 if n == worst else 1e-3) * np.ptp(y) for n, y in exact.items()}
-        found = shares(FOURBAR, "dynamics", Curves(x, off, drive=state))
+        found = relative_errors(FOURBAR, "dynamics", Curves(x, off, drive=state))
         assert found["position"] == pytest.approx(2e-3, rel=1e-9)
         assert found["velocity"] == pytest.approx(1e-3, rel=1e-9)
 
@@ -69,7 +84,7 @@ def test_errors_are_told_at_the_state_the_drive_really_had():
     value, rate, acceleration = driven(FOURBAR, "dynamics", x)
     late = value - 1e-3, rate, acceleration
     exact = evaluate(FOURBAR, x, late).channels
-    assert max(shares(FOURBAR, "dynamics", Curves(x, exact, drive=late)).values()) == 0.0
+    assert max(relative_errors(FOURBAR, "dynamics", Curves(x, exact, drive=late)).values()) == 0.0
 
 
 def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(models, monkeypatch):
@@ -87,11 +102,11 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
     for _ in range(2):
         for one, drive in ((case, state), (settled, state), (case, late), (longer, state)):
             curves = Curves(x, {}, drive=drive)
-            found, fresh = truth(one, curves), reference_for(one, curves).channels
+            found, fresh = cached_reference(one, curves), reference_for(one, curves).channels
             assert all(np.array_equal(found[name], fresh[name]) for name in fresh)
     assert len(asked) == 3
     os.utime(case.model_path, (0, 0))
-    truth(case, curves)
+    cached_reference(case, curves)
     assert len(asked) == 4
 
 
@@ -105,7 +120,7 @@ def test_curves_that_are_constant_have_no_share():
         if isinstance(case.channels[n].equals, float)
     }
     assert curves
-    assert shares(case, "sweep", Curves(x, curves, drive=state)) == {}
+    assert relative_errors(case, "sweep", Curves(x, curves, drive=state)) == {}
 
 
 @pytest.mark.parametrize("step", [0.01, 0.0025])
@@ -182,15 +197,50 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
         raise error
 
     monkeypatch.setattr(measure, "isolated", fail)
-    found = measure.measure(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
+    found = measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
     assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
+
+
+@pytest.mark.parametrize(
+    ("error", "outcome", "of_a_task"),
+    [
+        (NotSolved("why"), "not solved", "diverged"),
+        (BadModel("why"), "no start", "unsupported"),
+        (BadSetting("name", "why"), "no start", "unsupported"),
+        (Diverged("why"), "diverged", "diverged"),
+        (TimedOut("why"), "timed out", "timed out"),
+    ],
+)
+def test_what_fails_in_a_worker_is_an_outcome(monkeypatch, error, outcome, of_a_task):
+    """A table has no poses that were not found, and a model that is no chain's is bad input."""
+
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(measure, "isolated", fail)
+    found = measure.measure(simulate, timeout=5.0)
+    assert found == measure.Measurement(outcome=outcome, message=str(error))
+    task = StudyRun(PENDULUM, "dynamics", EULER.but(segments=9))
+    assert measure.measure_task(task, False, 5.0).outcome == of_a_task
+    if outcome == "no start":
+        with pytest.raises(InputError, match="why"):
+            measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
+
+
+def test_what_a_worker_gives_is_returned_as_it_is(monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        measure, "isolated", lambda *args, **limits: asked.append((args, limits)) or "curves"
+    )
+    assert measure.measure(simulate, "mujoco", timeout=5.0, memory=2.0) == "curves"
+    assert asked == [((simulate, "mujoco"), {"timeout": 5.0, "memory": 2.0})]
 
 
 def test_what_the_model_or_a_parameter_is_to_blame_for_is_bad_input(monkeypatch):
     wrong = StudyRun(PENDULUM, "dynamics", Setting("mujoco", {"speed": 3}))
     monkeypatch.setattr(measure, "isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
-        measure.measure(wrong, False, 60.0)
+        measure.measure_task(wrong, False, 60.0)
     with pytest.raises(InputError):
         observe(wrong, False, None)
 
@@ -217,7 +267,9 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
     x = grid(PENDULUM, "dynamics")
     exact = evaluate(PENDULUM, x, None).channels
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, exact))
-    monkeypatch.setattr(measure, "truth", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)})
+    monkeypatch.setattr(
+        measure, "cached_reference", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)}
+    )
     found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.errors) == ("no reference", {})
     assert found.message == "rate at sample 101"

@@ -17,7 +17,7 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.studies import measure
 from proofmass.studies import run as runs
-from proofmass.studies.measure import Measurement, shares
+from proofmass.studies.measure import Measurement, relative_errors
 from proofmass.studies.record import NAN, Setting, StudyRow, read_table
 from proofmass.studies.run import pool, reference_of, row, run
 from proofmass.studies.store import Store
@@ -69,7 +69,7 @@ def timed(monkeypatch):
 
     def take(*seconds):
         left = iter(seconds)
-        monkeypatch.setattr(runs, "measure", lambda task, again, timeout: found(next(left)))
+        monkeypatch.setattr(runs, "measure_task", lambda task, again, timeout: found(next(left)))
 
     return take
 
@@ -92,7 +92,7 @@ def test_seconds_are_the_least_of_the_repeats_without_the_first_run(tmp_path, ti
 
 def test_a_long_run_is_not_repeated_and_says_so(tmp_path, timed):
     timed(3.0, 1.9, 1.8, 1.7)
-    long, short = run(FEW, Store(tmp_path), Here(), repeats=2, patience=2.0)
+    long, short = run(FEW, Store(tmp_path), Here(), repeats=2, longest_repeated=2.0)
     assert long.repeats == (3.0,)
     assert short.repeats == (1.8, 1.7)
 
@@ -137,7 +137,7 @@ def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
             kept["x"],
             {name.removeprefix("channel."): values for name, values in kept.items() if name != "x"},
         )
-        assert shares(task.case, "dynamics", curves) == one.errors
+        assert relative_errors(task.case, "dynamics", curves) == one.errors
 
 
 def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch):
@@ -149,13 +149,13 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
         return function(*args)
 
     monkeypatch.setattr(measure, "isolated", isolated)
-    plain = [measure.measure(task, False, 9.0).errors for task in FEW]
+    plain = [measure.measure_task(task, False, 9.0).errors for task in FEW]
     limits.clear()
     rows = run(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
     assert [row.errors for row in rows] == plain
-    assert limits == [("write_truth", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
-    (file,) = tmp_path.glob("*.truth.npz")
-    monkeypatch.setattr(measure, "known", {})
+    assert limits == [("write_reference", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
+    (file,) = tmp_path.glob("*.reference.npz")
+    monkeypatch.setattr(measure, "cached", {})
     monkeypatch.setattr(measure, "reference_for", None)
     third = tasks()[2]
     assert run([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
@@ -167,7 +167,9 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
 def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
     lost = Measurement(outcome="diverged", message="lost at 1 s")
     monkeypatch.setattr(
-        runs, "measure", lambda task, again, timeout: found(0.1) if task.value == 0.005 else lost
+        runs,
+        "measure_task",
+        lambda task, again, timeout: found(0.1) if task.value == 0.005 else lost,
     )
     bad, good = run(FEW, Store(tmp_path), Here(), repeats=2)
     assert (bad.outcome, bad.message) == ("diverged", "lost at 1 s")
@@ -270,9 +272,11 @@ def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
     for folder in (torn, whole):
         assert begin(folder, count).communicate()[1] == ""
     assert files(torn).items() >= before.items()
-    curves = {one.stem for one in torn.glob("*.npz") if not one.name.endswith(".truth.npz")}
+    curves = {one.stem for one in torn.glob("*.npz") if not one.name.endswith(".reference.npz")}
     assert curves == {one.split(".")[0] for one in files(torn)}
-    assert len(list(torn.glob("*.truth.npz"))) == 1  # the reference that all runs have in common
+    assert (
+        len(list(torn.glob("*.reference.npz"))) == 1
+    )  # the reference that all runs have in common
     assert files(torn).keys() == files(whole).keys()
     assert len(files(torn)) == 2 * count
     assert untimed(torn) == untimed(whole)

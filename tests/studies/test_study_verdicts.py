@@ -23,6 +23,7 @@ from proofmass.sim.protocol import (
     Unsupported,
 )
 from proofmass.solve import plan
+from proofmass.studies import measure
 from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore
 from proofmass.studies.diet.edits import read
@@ -34,18 +35,24 @@ from proofmass.studies.diet.trial import Cost, Pace
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
-from proofmass.studies.stress import stand
+from proofmass.studies.stress import limit_search
 from proofmass.studies.stress.boundary import (
     Boundary,
     BoundaryKind,
     Failure,
-    Sought,
-    Tried,
-    bisect,
-    told,
+    TrialResult,
+    is_engine_warning,
 )
-from proofmass.studies.stress.stand import NotHere, Stand, judged, known, needs
-from proofmass.studies.stress.stand import observed as observed_run
+from proofmass.studies.stress.limit_search import (
+    LimitSearch,
+    NotApplicable,
+    StressedCase,
+    bisect,
+    find_failure,
+    measure_untimed,
+    reference_follows_masses,
+    require,
+)
 from proofmass.studies.trade.floor import factor, gain, judge, list_perturbations, sampled
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, level, observed, slowed
@@ -452,11 +459,11 @@ def test_what_is_not_known_is_closed_in_to_a_tenth():
 def test_where_theory_has_a_boundary_what_is_not_known_hides_none():
     """An engine leaves its reference behind at 9, and was lost 1 % before."""
 
-    def trial(x: float) -> Tried:
+    def trial(x: float) -> TrialResult:
         late = Failure("no reference", BoundaryKind.OURS)
-        return Tried(late if x >= 9.0 else GONE if x >= 8.9 else None)
+        return TrialResult(late if x >= 9.0 else GONE if x >= 8.9 else None)
 
-    plain = Sought("", "", "", "", "", 1.0, 16.0, trial)
+    plain = LimitSearch("", "", "", "", "", 1.0, 16.0, trial)
     assert plain.find().unknown  # 8.72 held and 9.51 is not known, within a tenth
     found = replace(plain, theory=9.0).find()
     assert found.limit == GONE.limit
@@ -465,7 +472,7 @@ def test_where_theory_has_a_boundary_what_is_not_known_hides_none():
 
 
 def test_what_is_sought_is_told_with_what_failed():
-    sought = Sought(
+    sought = LimitSearch(
         "what",
         "mujoco",
         "RK4",
@@ -473,7 +480,7 @@ def test_what_is_sought_is_told_with_what_failed():
         "m",
         1.0,
         16.0,
-        lambda x: Tried(GONE if x >= 9.0 else None, x / 2),
+        lambda x: TrialResult(GONE if x >= 9.0 else None, x / 2),
         9.0,
         "law",
     )
@@ -496,7 +503,7 @@ def test_what_is_sought_is_told_with_what_failed():
     assert not found.unknown
     assert found.measured == pytest.approx(8.0 * 2**0.25)
     assert found.ratio == pytest.approx(8.0 * 2**0.25 / 9.0)
-    whole = Sought("", "", "", "", "", 1.0, 2.0, lambda x: Tried()).find()
+    whole = LimitSearch("", "", "", "", "", 1.0, 2.0, lambda x: TrialResult()).find()
     assert (whole.failure, whole.silent, whole.found, whole.limit) == ("", False, False, "holds")
     assert isnan(whole.step)
 
@@ -516,8 +523,8 @@ def test_a_limit_of_our_own_is_no_boundary():
 
 
 def test_only_a_warning_of_mujoco_is_the_engine_s_own_word():
-    assert told("MuJoCo warning badqacc")
-    assert not told("no MuJoCo warning")
+    assert is_engine_warning("MuJoCo warning badqacc")
+    assert not is_engine_warning("no MuJoCo warning")
 
 
 def test_the_front_is_of_settings_that_ran():
@@ -717,7 +724,7 @@ OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.O
     ],
 )
 def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
-    assert judged(found) == (None if message is None else Failure(message, limit, silent))
+    assert find_failure(found) == (None if message is None else Failure(message, limit, silent))
 
 
 def test_every_kind_of_limit_has_its_sentence():
@@ -735,12 +742,12 @@ def test_what_keeps_a_run_from_its_answer(monkeypatch):
     task = StudyRun(FOURBAR, "sweep", Setting("mujoco"))
     calls = []
 
-    def answer(function, *args, timeout):
+    def answer(function, *args, timeout, memory):
         calls.append((function.__name__, args, timeout))
         return Measurement(steps=7)
 
-    monkeypatch.setattr(stand, "isolated", answer)
-    assert observed_run(task, 5.0) == Measurement(steps=7)
+    monkeypatch.setattr(measure, "isolated", answer)
+    assert measure_untimed(task, 5.0) == Measurement(steps=7)
     assert calls == [("observe", (task, False, None), 5.0)]
     for error, outcome in (
         (Diverged("why"), "diverged"),
@@ -749,65 +756,65 @@ def test_what_keeps_a_run_from_its_answer(monkeypatch):
         (Unsupported("why"), "unsupported"),
         (NotSolved("why"), "not solved"),
     ):
-        monkeypatch.setattr(stand, "isolated", fails(error))
-        assert observed_run(task, 5.0) == Measurement(outcome=outcome, message="why")
+        monkeypatch.setattr(measure, "isolated", fails(error))
+        assert measure_untimed(task, 5.0) == Measurement(outcome=outcome, message="why")
 
 
 @pytest.mark.parametrize("engine_too", [True, False])
 def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, monkeypatch):
     task, calls = StudyRun(FOURBAR, "sweep", Setting("pymunk", {"iterations": 7})), []
 
-    def late(function, *args, timeout):
+    def late(function, *args, timeout, memory):
         calls.append((function.__name__, args, timeout))
         if engine_too or function.__name__ == "observe":
             raise TimedOut("late")
 
-    monkeypatch.setattr(stand, "isolated", late)
-    assert observed_run(task, 5.0) == (
+    monkeypatch.setattr(measure, "isolated", late)
+    assert measure_untimed(task, 5.0) == (
         Measurement(outcome="timed out", message="late")
         if engine_too
         else Measurement(outcome="no reference", message="late; the engine has its run")
     )
-    assert calls[1] == ("simulated", (task,), 60.0)
+    assert calls[1] == ("simulate_task", (task,), 60.0)
     monkeypatch.setattr(
-        stand, "simulate", lambda engine, model, run: (engine, model, run.kind, run.settings)
+        measure, "simulate", lambda engine, model, run: (engine, model, run.kind, run.settings)
     )
-    assert stand.simulated(task) == ("pymunk", FOURBAR.model_path, "sweep", {"iterations": 7})
+    assert measure.simulate_task(task) == ("pymunk", FOURBAR.model_path, "sweep", {"iterations": 7})
 
 
-def test_a_stand_turns_a_parameter_of_its_case(tmp_path, monkeypatch):
+def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
     asked = []
 
-    def found(task, store, patience):
-        asked.append((task, store, patience))
+    def found(task, store, timeout):
+        asked.append((task, store, timeout))
         return Measurement({"position": 0.5})
 
-    monkeypatch.setattr(stand, "tried", found)
-    own = Stand(
+    monkeypatch.setattr(limit_search, "measure_once", found)
+    own = StressedCase(
         FOURBAR,
         "dynamics",
         Setting("mujoco", {"integrator": "RK4", "timestep": 0.5}),
         Store(tmp_path),
         9.0,
     )
-    assert own.lost(FOURBAR, timestep=0.25) == Failure(
+    assert own.find_failure(FOURBAR, timestep=0.25) == Failure(
         "position off by 0.5 of its range", OFF, True
     )
     setting = Setting("mujoco", {"integrator": "RK4", "timestep": 0.25})
     assert asked == [(StudyRun(FOURBAR, "dynamics", setting, "stress"), own.store, 9.0)]
-    monkeypatch.setattr(stand, "tried", fails(InputError(Path("x"), "key", "why")))
+    monkeypatch.setattr(limit_search, "measure_once", fails(InputError(Path("x"), "key", "why")))
     for compiles, outcome, limit in (
         (True, "no start", OURS),
         (False, "refused", BoundaryKind.REFUSED),
     ):
-        monkeypatch.setattr(stand, "is_compiled", lambda case, answer=compiles: answer)
+        monkeypatch.setattr(limit_search, "is_compiled", lambda case, answer=compiles: answer)
         assert own.run(FOURBAR) == Measurement(outcome=outcome, message="why")
-        assert own.lost(FOURBAR) == Failure(f"{outcome}: why", limit)
+        assert own.find_failure(FOURBAR) == Failure(f"{outcome}: why", limit)
         planar = replace(own, setting=Setting("pymunk"))
-        assert planar.lost(FOURBAR) == Failure("no start: why", OURS)
+        assert planar.find_failure(FOURBAR) == Failure("no start: why", OURS)
 
     def trial(parameters, x):
-        return Tried(Failure(f"{parameters} {x}", LOST))
+        return TrialResult(Failure(f"{parameters} {x}", LOST))
 
     assert [
         (
@@ -820,7 +827,7 @@ def test_a_stand_turns_a_parameter_of_its_case(tmp_path, monkeypatch):
             s.reach,
             s.trial(3.0).failure.message,
         )
-        for s in own.integrated(
+        for s in own.search_schemes(
             "step",
             "s",
             1.0,
@@ -832,8 +839,8 @@ def test_a_stand_turns_a_parameter_of_its_case(tmp_path, monkeypatch):
         ("fourbar", "mujoco", words, "step", "s", 1.0, 2.0, f"{{'integrator': '{words}'}} 3.0")
         for words in ("Euler", "RK4")
     ]
-    planar = Stand(FOURBAR, "dynamics", Setting("pymunk"), Store(tmp_path))
-    (one,) = planar.integrated("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
+    planar = StressedCase(FOURBAR, "dynamics", Setting("pymunk"), Store(tmp_path))
+    (one,) = planar.search_schemes("step", "s", 1.0, 2.0, trial, ("Euler", "RK4"))
     assert (
         one.engine,
         one.setting,
@@ -843,30 +850,32 @@ def test_a_stand_turns_a_parameter_of_its_case(tmp_path, monkeypatch):
         one.reach,
         one.trial(3.0).failure.message,
     ) == ("pymunk", "as in the model", "step", "s", 1.0, 2.0, "{} 3.0")
-    more = own.sought("k", "m", 1.0, 2.0, fails(KeyError()), theory=7.0, law="law")
+    more = own.search("k", "m", 1.0, 2.0, fails(KeyError()), theory=7.0, law="law")
     assert (more.setting, more.theory, more.law) == ("RK4", 7.0, "law")
-    assert planar.sought("k", "m", 1.0, 2.0, fails(KeyError()), "words").setting == "words"
+    assert planar.search("k", "m", 1.0, 2.0, fails(KeyError()), "words").setting == "words"
 
 
 def test_a_run_is_looked_for_in_the_store_first(tmp_path, monkeypatch):
     task = StudyRun(FOURBAR, "sweep", Setting("mujoco"))
-    monkeypatch.setattr(stand, "observed", lambda task, patience: Measurement(steps=int(patience)))
+    monkeypatch.setattr(
+        limit_search, "measure_untimed", lambda task, timeout: Measurement(steps=int(timeout))
+    )
     store = Store(tmp_path)
-    assert stand.tried(task, store, 5.0).steps == 5
-    monkeypatch.setattr(stand, "observed", fails(KeyError()))
-    assert stand.tried(task, store, 5.0).steps == 5
+    assert limit_search.measure_once(task, store, 5.0).steps == 5
+    monkeypatch.setattr(limit_search, "measure_untimed", fails(KeyError()))
+    assert limit_search.measure_once(task, store, 5.0).steps == 5
     with pytest.raises(KeyError):
-        stand.tried(replace(task, run="dynamics"), store, 5.0)
+        limit_search.measure_once(replace(task, run="dynamics"), store, 5.0)
 
 
 def test_what_an_extreme_needs():
-    needs([1], "why")
-    with pytest.raises(NotHere, match=r"^why$"):
-        needs([], "why")
-    assert known(FOURBAR)  # as many drives as freedoms
-    assert known(case_of("fourbar_released"))  # the reference reads the model
-    assert not known(case_of("pendulum"))
-    assert not known(FOURBAR.model_copy(update={"drive": FOURBAR.drive * 2}))
+    require([1], "why")
+    with pytest.raises(NotApplicable, match=r"^why$"):
+        require([], "why")
+    assert reference_follows_masses(FOURBAR)  # as many drives as freedoms
+    assert reference_follows_masses(case_of("fourbar_released"))  # the reference reads the model
+    assert not reference_follows_masses(case_of("pendulum"))
+    assert not reference_follows_masses(FOURBAR.model_copy(update={"drive": FOURBAR.drive * 2}))
 
 
 def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> Watch:
@@ -988,7 +997,7 @@ def cost_of(calls: list, *answers):
     """Stands for `isolated`: keeps what it is asked, and answers in turn or raises."""
     queue = list(answers)
 
-    def call(function, *args, timeout):
+    def call(function, *args, timeout, memory=None):
         calls.append((function.__name__, *args, timeout))
         if isinstance(answer := queue.pop(0), Exception):
             raise answer
@@ -1015,7 +1024,7 @@ def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outc
     slow = replace(slow, before=replace(slow.before, seconds=2.0))
     calls: list = []
     monkeypatch.setattr(
-        diet,
+        measure,
         "isolated",
         cost_of(
             calls,
@@ -1023,7 +1032,7 @@ def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outc
             Curves(np.zeros(1), {"y": np.array([value])}),
         ),
     )
-    found = diet.DietSearch(scene_with(quick, slow)).ran(["one", "two"], Given())
+    found = diet.DietSearch(scene_with(quick, slow)).judge_changes(["one", "two"], Given())
     assert found[0] == outcome
     assert found[1] == {"a": {"y": 0.0}, "b": {"y": pytest.approx((value - 1) / 0.5, nan_ok=True)}}
     assert found[2] == ""
@@ -1041,8 +1050,8 @@ def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
         (Diverged("why"), "diverged"),
         (TimedOut("why"), "timed out"),
     ):
-        monkeypatch.setattr(diet, "isolated", cost_of([], gone, error))
-        assert diet.DietSearch(scene_with(watch, watch)).ran([1, 2], Given()) == (
+        monkeypatch.setattr(measure, "isolated", cost_of([], gone, error))
+        assert diet.DietSearch(scene_with(watch, watch)).judge_changes([1, 2], Given()) == (
             outcome,
             {"a": {"probe": 0.0}},
             "why",
@@ -1078,9 +1087,9 @@ def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
 class Outcomes(diet.DietSearch):
     """Answers by what was cut: that without a harmful feature is harmless."""
 
-    def ran(self, models, draft):
-        self.kept.asked.append(list(draft))
-        self.kept.models.append(models)
+    def judge_changes(self, models, draft):
+        self.store.asked.append(list(draft))
+        self.store.models.append(models)
         return "matters" if "bad" in " ".join(draft) else "harmless", {"a": {"y": 0.5}}, "said"
 
 
@@ -1097,7 +1106,7 @@ class Asked(DietStore):
 
 
 def search(scene: DietScene, **how) -> Outcomes:
-    return Outcomes(scene, rounds=0, kept=Asked(), **how)
+    return Outcomes(scene, rounds=0, store=Asked(), **how)
 
 
 def test_a_feature_is_tried_without_what_went_before():
@@ -1109,8 +1118,8 @@ def test_a_feature_is_tried_without_what_went_before():
     assert draft == ["old", "new"]
     assert found == Entry("geom", "new", "harmless", {"a": {"y": 0.5}}, "said")
     assert said == ["geom new"]
-    assert own.kept.models == [[("model", "old", "new", "rod")] * 2]
-    assert own.kept.keys == [
+    assert own.store.models == [[("model", "old", "new", "rod")] * 2]
+    assert own.store.keys == [
         (
             [("model", "old", "new", "rod")] * 2,
             [("a", watch.run, watch.allowed, watch.before.channels)] * 2,
@@ -1155,10 +1164,10 @@ def test_as_many_go_together_as_can(monkeypatch):
     own = search(scene_with())
     a, b, c = feature("a"), feature("b"), feature("c")
     assert own.together(Cuts(["old"]), [a, b]) == ["old", "a", "b"]
-    assert own.kept.asked == [["old", "a", "b"]]
+    assert own.store.asked == [["old", "a", "b"]]
     monkeypatch.setattr(
         Outcomes,
-        "ran",
+        "judge_changes",
         lambda self, models, draft: ("matters" if {"a", "b"} <= set(draft) else "harmless", {}, ""),
     )
     assert own.together(Cuts(["old"]), [a, b, c]) == ["old", "a", "c"]
@@ -1184,8 +1193,8 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
         ("b", "harmless"),
     ]
     assert found.whole == Entry("all of these", "", "harmless", {"a": {"y": 0.5}}, "said")
-    assert own.kept.asked[:5] == [["bad"], ["a"], ["a"], ["a", "b"], ["a", "b"]]
-    assert ["bad"] not in own.kept.asked[1:]
+    assert own.store.asked[:5] == [["bad"], ["a"], ["a"], ["a", "b"], ["a", "b"]]
+    assert ["bad"] not in own.store.asked[1:]
 
 
 def test_what_is_timed_is_the_model_before_and_after(monkeypatch):
@@ -1234,7 +1243,7 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
         return Pace((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
 
     monkeypatch.setattr(diet, "paced", raced)
-    own = diet.DietSearch(scene_with(short, long), rounds=3, kept=Asked())
+    own = diet.DietSearch(scene_with(short, long), rounds=3, store=Asked())
     now, draft = Cuts(["old"]), Cuts(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
         assert own.timed(now, draft, entry(outcome)) == entry(
@@ -1245,9 +1254,9 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
     models = ("model", "old", "rod"), ("model", "old", "new", "rod")
     # two samples are more than are timed; a limit of 20 times as long, 3 times over
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
-    kept_as, (run, rounds) = own.kept.keys[0]
+    kept_as, (run, rounds) = own.store.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)
-    quick = diet.DietSearch(scene_with(short), rounds=1, kept=Asked())
+    quick = diet.DietSearch(scene_with(short), rounds=1, store=Asked())
     quick.timed(now, draft, entry("drawn"))
     assert asked[-1][-1] == 20 * 30.0
 
@@ -1375,7 +1384,7 @@ def test_a_motion_that_cannot_be_followed_is_bad_input(tmp_path, monkeypatch):
 def test_what_keeps_a_scene_from_running_is_bad_input(monkeypatch):
     calls: list = []
     monkeypatch.setattr(
-        scene, "isolated", cost_of(calls, "curves", Diverged("why"), BadModel("broken"))
+        measure, "isolated", cost_of(calls, "curves", Diverged("why"), BadModel("broken"))
     )
     file = Path("scene.xml")
     assert scene.done(file, "model", "run", 0.5) == "curves"

@@ -195,8 +195,8 @@ BESIDE = 1e-3
 MOST = {True: 1000, False: 200}
 """Steps after which a pose that still moves is given up, with and without free coordinates."""
 LEFT = 1e-3
-"""Share of an error that a more patient solver may leave in a step."""
-PATIENT = 10**6
+"""Share of an error that a solver with more iterations may leave in a step."""
+MOST_ITERATIONS = 10**6
 """Iterations that it may have, in a step and its repetitions."""
 UNSOLVED = 10
 """Steps on the way to a rest that may be left unsolved: beside a straight arm impulses approach
@@ -253,7 +253,7 @@ class Held:
             return
         noise = self.rounding / self.dt
         change = np.nan
-        for _ in range(0, PATIENT, self.space.iterations):
+        for _ in range(0, MOST_ITERATIONS, self.space.iterations):
             last, before = self.velocity, change
             self._solve()
             change = float(sizes(self.links, self.velocity - last))
@@ -265,7 +265,7 @@ class Held:
                 return
         raise NotSolved(
             f"drives at {np.round(target, 4).tolist()}: a step is not solved after "
-            f"{PATIENT} iterations"
+            f"{MOST_ITERATIONS} iterations"
         )
 
     def _solve(self) -> None:
@@ -340,14 +340,14 @@ class Held:
             self.pose = there
 
     def _doubt(self, began: Array, target: Array) -> None:
-        """Ask whether the loops can be closed; if so, begin again with a more patient solver.
+        """Ask whether the loops can be closed; if so, begin again with more iterations.
 
         Free coordinates go on from where they are, since each of their steps is solved.
         """
         there = close(self.links, began, target)
         if not self.free:
             needed = enough(self.links, there[None], LEFT)
-            self.space.iterations = min(max(self.usual, needed), PATIENT)
+            self.space.iterations = min(max(self.usual, needed), MOST_ITERATIONS)
             self.pose = began
 
     def _missed(self, target: Array) -> bool:

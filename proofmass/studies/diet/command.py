@@ -53,7 +53,7 @@ def run_diet(
                 blind,
                 tune=not keep_options,
                 workers=workers,
-                kept=DietStore(file.parent / "runs"),
+                store=DietStore(file.parent / "runs"),
                 progress=lambda what: status.update(what[:70]),
             ).run()
         finish(scene, found, file)
@@ -73,7 +73,9 @@ def finish(scene: DietScene, found: Diet, file: Path) -> None:
         written = read(half, found.slim.rods)
         models = [written.compiled(found.slim.segmented(w.run.rods)) for w in scene.watches]
         search = DietSearch(scene)
-        outcome, _, message = (search.held if found.tuned else search.ran)(models, found.slim)
+        outcome, _, message = (search.judge_errors if found.tuned else search.judge_changes)(
+            models, found.slim
+        )
         if outcome != "harmless":
             raise InputError(
                 scene.draft.file,

@@ -21,9 +21,8 @@ from typing import Any, TypeVar
 import mujoco
 
 from proofmass.fingerprint import saved
-from proofmass.outcome import FAILURES
 from proofmass.sim.mjcf import NATIVE
-from proofmass.sim.protocol import BadModel, Curves, Run
+from proofmass.sim.protocol import Curves, Run
 from proofmass.studies.diet.edits import Draft
 from proofmass.studies.diet.options import (
     CLOCKED,
@@ -40,10 +39,10 @@ from proofmass.studies.diet.options import (
 )
 from proofmass.studies.diet.scene import TIMED, DietScene, Watch, moved, strayed
 from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Displacements, Entry
-from proofmass.studies.diet.trial import Cost, Pace, attempt, paced
+from proofmass.studies.diet.trial import Cost, Pace, attempt, failure_word, paced
+from proofmass.studies.measure import Measurement, measure
 from proofmass.studies.run import pool
 from proofmass.studies.store import digest, once, sources, versions
-from proofmass.worker import isolated
 
 
 class DietStore:
@@ -142,7 +141,7 @@ class DietSearch:
     workers : Executor, optional
         Where runs go, from `proofmass.studies.run.pool`; local ones if not given.  What is timed
         has a processor of its own.
-    kept : Kept
+    store : DietStore
         What was tried before, which is not done again.
     progress : callable
         Called with what is tried.
@@ -153,7 +152,7 @@ class DietSearch:
     rounds: int = ROUNDS
     tune: bool = True
     workers: Executor | None = None
-    kept: DietStore = field(default_factory=DietStore)
+    store: DietStore = field(default_factory=DietStore)
     progress: Callable[[str], None] = lambda _: None
     found: dict[tuple[str, str], Entry] = field(default_factory=dict)
 
@@ -260,12 +259,14 @@ class DietSearch:
                 message=" ".join(str(error).removeprefix("Error: ").split()),
             )
         watches = [(w.name, w.run, w.allowed, w.before.channels) for w in self.scene.watches]
-        judge: Judge = self.held if tuned else self.ran
+        judge: Judge = self.judge_errors if tuned else self.judge_changes
         runs = [*watches, *map(key_of, self.scene.watches)] if tuned else watches
-        outcome, shares, message = self.kept.once(models, runs, lambda: judge(models, draft))
+        outcome, shares, message = self.store.once(models, runs, lambda: judge(models, draft))
         return draft, Entry(feature.kind, feature.name, outcome, shares, message)
 
-    def ran(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Displacements, str]:
+    def judge_changes(
+        self, models: list[mujoco.MjModel], draft: Draft
+    ) -> tuple[str, Displacements, str]:
         """Outcome, changes and message of a draft's models in the runs of the scene."""
         optional = set() if draft.watch else draft.probes
         return self.judged(
@@ -276,7 +277,9 @@ class DietSearch:
             lambda watch, curves: moved(watch, curves, optional),
         )
 
-    def held(self, models: list[mujoco.MjModel], draft: Draft) -> tuple[str, Displacements, str]:
+    def judge_errors(
+        self, models: list[mujoco.MjModel], draft: Draft
+    ) -> tuple[str, Displacements, str]:
         """The same of errors; of changes where there is nothing to hold a run against."""
         optional = set() if draft.watch else draft.probes
         return self.judged(
@@ -299,20 +302,17 @@ class DietSearch:
     ) -> tuple[str, Displacements, str]:
         """Outcome, shares of what is allowed, and message of a draft's models in some runs."""
         shares: Displacements = {}
-        try:
-            for watch, model in zip(self.scene.watches, models, strict=True):
-                curves = self.worked(
-                    isolated,
-                    attempt,
-                    model,
-                    rodded(run_of(watch), draft),
-                    timeout=max(LEAST, slower * watch.before.seconds),
-                )
-                shares[watch.name] = shares_of(watch, curves)
-        except BadModel as error:
-            return "needed", shares, str(error)
-        except tuple(FAILURES) as error:
-            return FAILURES[type(error)], shares, str(error)
+        for watch, model in zip(self.scene.watches, models, strict=True):
+            curves = self.worked(
+                measure,
+                attempt,
+                model,
+                rodded(run_of(watch), draft),
+                timeout=max(LEAST, slower * watch.before.seconds),
+            )
+            if isinstance(curves, Measurement):
+                return failure_word(curves), shares, curves.message
+            shares[watch.name] = shares_of(watch, curves)
         same = all(share <= 1 for each in shares.values() for share in each.values())
         return "harmless" if same else "matters", shares, ""
 
@@ -325,7 +325,7 @@ class DietSearch:
         run = replace(run, rods=draft.segmented(watch.run.rods))
         models = [d.compiled(watch.run.rods) for d in (now, draft)]
         limit = self.rounds * SLOWER * max(LEAST, watch.before.seconds)
-        found = self.kept.once(
+        found = self.store.once(
             models,
             (run, self.rounds),
             lambda: asdict(self.worked(paced, tuple(models), run, self.rounds, limit)),

@@ -17,7 +17,6 @@ from math import ceil
 import mujoco
 import numpy as np
 
-from proofmass.outcome import FAILURES
 from proofmass.studies.diet.edits import (
     Cut,
     Draft,
@@ -34,8 +33,8 @@ from proofmass.studies.diet.edits import (
 from proofmass.studies.diet.scene import DietScene, Watch
 from proofmass.studies.diet.table import OPTION
 from proofmass.studies.diet.trial import STEPPED, by_steps, most_iterations
+from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import number
-from proofmass.worker import isolated
 
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
@@ -364,18 +363,9 @@ def told(value: object) -> str:
 
 def taken(draft: Draft, watch: Watch, tolerance: float) -> int:
     """Iterations that a run takes with a tolerance; all that it may, if it fails."""
-    try:
-        return int(
-            isolated(
-                most_iterations,
-                draft.compiled(watch.run.rods),
-                watch.brief,
-                tolerance,
-                timeout=LATEST,
-            )
-        )
-    except tuple(FAILURES):
-        return int(draft.spec.option.iterations)
+    model = draft.compiled(watch.run.rods)
+    found = measure(most_iterations, model, watch.brief, tolerance, timeout=LATEST)
+    return int(draft.spec.option.iterations) if isinstance(found, Measurement) else found
 
 
 COUNTED: tuple[Rungs, ...] = (tolerances, caps, searches)

@@ -25,14 +25,15 @@ from proofmass.check import LOADING, load
 from proofmass.compare import allowed_error, reference_for
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
-from proofmass.outcome import FAILURES
+from proofmass.outcome import FAILURES, Outcome
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.studies.bounded import bounded
 from proofmass.studies.diet.edits import WATCHED, Draft, read
-from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, groups
+from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, failure_word, groups
+from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import listed, number
 from proofmass.worker import isolated
 
@@ -558,14 +559,13 @@ def scale(curves: Curves, name: str) -> float:
 
 def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
     """A run of the model as it is, or bad input."""
-    try:
-        return isolated(attempt, model, run, nudge, timeout=LATEST)
-    except BadModel as error:
-        raise InputError(file, "", str(error)) from None
-    except tuple(FAILURES) as error:
-        raise InputError(
-            file, "", f"as it is, its run {FAILURES[type(error)]}: {error}; give a model that runs"
-        ) from None
+    found = measure(attempt, model, run, nudge, timeout=LATEST)
+    if not isinstance(found, Measurement):
+        return found
+    if found.outcome == Outcome.NO_START:
+        raise InputError(file, "", found.message)
+    word = failure_word(found)
+    raise InputError(file, "", f"as it is, its run {word}: {found.message}; give a model that runs")
 
 
 def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:

@@ -13,11 +13,12 @@ from random import Random
 import mujoco
 import numpy as np
 
+from proofmass.outcome import Outcome
 from proofmass.sim.mujoco.coupling import independent_groups
 from proofmass.sim.mujoco.engine import follow
 from proofmass.sim.mujoco.model import begin
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
-from proofmass.studies.measure import own_core, pinned
+from proofmass.studies.measure import Measurement, own_core, pinned
 from proofmass.worker import Crashed, isolated
 
 PASSIVE = "passive"
@@ -74,6 +75,16 @@ def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error
+
+
+def failure_word(found: Measurement) -> str:
+    """What a diet calls the outcome of a run that failed.
+
+    >>> failure_word(Measurement(outcome=Outcome.NO_START))
+    'needed'
+    """
+    words = {str(Outcome.NO_START): "needed", str(Outcome.NOT_SOLVED): str(Outcome.DIVERGED)}
+    return words.get(found.outcome, found.outcome)
 
 
 def driven(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves, mujoco.MjData]:

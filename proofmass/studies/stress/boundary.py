@@ -1,19 +1,12 @@
-"""How far something holds: a boundary between what held and what did not, bisected."""
+"""How far something holds: a boundary between the last value that held and one that failed."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
 NAN = float("nan")
-WITHIN = 0.01
-"""A boundary is known when what failed is so little beyond what held."""
-COARSE = 0.1
-"""The same where nothing is known beyond, nor by theory: that value is no property of an engine."""
-STRIDE = 4.0
-"""Factor from one value to the next on the way to the extreme."""
 
 
 class BoundaryKind(StrEnum):
@@ -52,7 +45,7 @@ class Failure(NamedTuple):
     silent: bool = False
 
 
-class Tried(NamedTuple):
+class TrialResult(NamedTuple):
     """What became of one value: a failure or none, and the time step that was taken [s].
 
     `step` is read from the engine after the run; NaN where nothing was stepped, or the run gave no
@@ -63,21 +56,19 @@ class Tried(NamedTuple):
     step: float = NAN
 
 
-def told(message: str) -> bool:
+def is_engine_warning(message: str) -> bool:
     """Whether the engine itself said that a run diverged; otherwise only its curves show it.
 
-    >>> told("MuJoCo warning badqacc; lost at some time"), told("not finite at t = 2 s")
-    (True, False)
+    >>> is_engine_warning("MuJoCo warning badqacc; lost at some time")
+    True
+    >>> is_engine_warning("not finite at t = 2 s")
+    False
     """
     return message.split()[1:2] == ["warning"]
 
 
-Trial = Callable[[float], Tried]
-"""Tries a value."""
-
-
 @dataclass(frozen=True)
-class Turned:
+class VariedRange:
     """A parameter that is varied, and its range.
 
     Attributes
@@ -102,7 +93,7 @@ class Turned:
 
 
 @dataclass(frozen=True)
-class Boundary(Turned):
+class Boundary(VariedRange):
     """How far one parameter can be varied.
 
     Attributes
@@ -179,90 +170,3 @@ class Boundary(Turned):
     def why(self) -> str:
         """What went wrong, without the word for the kind of limit."""
         return self.failure.removeprefix(f"{self.limit}: ")
-
-
-@dataclass(frozen=True)
-class Sought(Turned):
-    """A boundary to be found: how to try a value, and what theory says; see `Boundary`."""
-
-    trial: Trial
-    theory: float = NAN
-    law: str = ""
-
-    def find(self, within: float = WITHIN) -> Boundary:
-        """Bisect the boundary to a share of its value.
-
-        Where theory has one, what is not known is closed in as far: a boundary may be just before
-        it, as of an engine that leaves its reference behind.
-        """
-        steps = dict[float, float]()
-
-        def test(value: float) -> Failure | None:
-            failure, steps[value] = self.trial(value)
-            return failure
-
-        expected = np.isfinite(self.theory) and self.theory > 0
-        coarse = within if expected else COARSE
-        holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
-        known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
-        message, limit, silent = failure or ("", BoundaryKind.HOLDS, False)
-        return Boundary(
-            **known,
-            holds=holds,
-            breaks=breaks,
-            step=steps.get(holds, NAN),
-            limit=limit,
-            failure=message,
-            silent=silent,
-        )
-
-
-def bisect(
-    test: Callable[[float], Failure | None],
-    start: float,
-    reach: float,
-    within: float = WITHIN,
-    coarse: float = COARSE,
-) -> tuple[float, float, Failure | None]:
-    """Turn a parameter from `start` towards `reach`, and close in on where it stops to hold.
-
-    Strides are geometric, so all values are positive.  A boundary is the first one that a stride
-    meets; an island of failure between two strides is not seen.  Where nothing is known beyond,
-    the two are closed in to `coarse` alone.
-
-    Returns
-    -------
-    holds, breaks : float
-        NaN for what there is not.
-    failure : Failure or None
-        Why `breaks` failed, or `start` already.
-
-    Examples
-    --------
-    >>> lost = Failure("beyond", BoundaryKind.UNSTABLE)
-    >>> holds, breaks, _ = bisect(lambda x: None if x < 2 else lost, 0.1, 100.0)
-    >>> holds < 2 <= breaks, breaks / holds < 1.01
-    (True, True)
-    >>> bisect(lambda x: None if x > 1e-3 else lost, 1.0, 1e-2)
-    (0.01, nan, None)
-    """
-    failure = test(start)
-    if failure:
-        return NAN, NAN, failure._replace(message=f"at {start:g} already: {failure.message}")
-    holds, breaks = start, NAN
-    strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE) - 1e-9)))
-    for value in np.geomspace(start, reach, strides + 1)[1:].tolist():
-        failure = test(value)
-        if failure:
-            breaks = value
-            break
-        holds = value
-    while max(holds / breaks, breaks / holds) > 1.0 + (  # not with NaN
-        max(coarse, within) if failure and failure.limit == BoundaryKind.OURS else within
-    ):
-        middle = float(np.sqrt(holds * breaks))
-        if found := test(middle):
-            breaks, failure = middle, found
-        else:
-            holds = middle
-    return holds, breaks, failure

@@ -10,8 +10,8 @@ from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.problems import probes
-from proofmass.studies.stress.stress import kept, stress, write_boundaries
+from proofmass.studies.stress.problems import list_problems
+from proofmass.studies.stress.stress import cache_trials, stress, write_boundaries
 from proofmass.terminal import console
 from proofmass.wording import number
 
@@ -34,17 +34,17 @@ def measured(
 ) -> list[Boundary]:
     """Find boundaries with a progress bar on standard error; say what does not apply."""
     store = Store(folder / "runs")
-    sought = [] if paths else [kept(one, store) for one in probes()]
+    searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
     for case in named(paths) if paths else ():
         ours, skipped = extremes(case, store)
-        sought += ours
+        searches += ours
         for why in skipped:
             errors.print(f"{case.name}: not varied: {why}")
-    sought = [one for one in sought if only in one.parameter]
-    if not sought:
+    searches = [one for one in searches if only in one.parameter]
+    if not searches:
         raise ValueError(f"--only {only}: no such parameter")
-    with pool(jobs, dask) as workers, counting(len(sought), letters=40) as advance:
-        return stress(sought, workers, advance)
+    with pool(jobs, dask) as workers, counting(len(searches), letters=40) as advance:
+        return stress(searches, workers, advance)
 
 
 def shown(found: list[Boundary]) -> Table:

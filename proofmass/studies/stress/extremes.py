@@ -4,14 +4,13 @@ Among it are the energy of a free motion, which needs no reference, since the mo
 the size of the whole mechanism, with which the curves must scale; and a spring in the joint that
 the drives move last, made stiffer over 12 decades.
 
-See `proofmass.studies.stress.stand` for when a run counts as failed.
+See `proofmass.studies.stress.limit_search` for when a run counts as failed.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -19,32 +18,42 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case, Channel
-from proofmass.outcome import FAILURES, Outcome
+from proofmass.outcome import Outcome
 from proofmass.reference import compiled
 from proofmass.strict import Kind
 from proofmass.studies import variants
 from proofmass.studies.bounded import bounded
 from proofmass.studies.invariants import conserved, invariants
-from proofmass.studies.measure import Measurement, StudyRun, taken
+from proofmass.studies.measure import Measurement, StudyRun, measure, simulate_task, step_taken
 from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress import theory
-from proofmass.studies.stress.boundary import NAN, BoundaryKind, Failure, Sought, Tried, told
-from proofmass.studies.stress.near_singular import closings, limits, snaps, stretchings
-from proofmass.studies.stress.stand import (
+from proofmass.studies.stress.boundary import (
+    NAN,
+    BoundaryKind,
+    Failure,
+    TrialResult,
+    is_engine_warning,
+)
+from proofmass.studies.stress.limit_search import (
     LONG,
     TIMEOUT,
-    NotHere,
-    Stand,
-    judged,
-    known,
-    limit_of,
-    needs,
-    simulated,
+    LimitSearch,
+    NotApplicable,
+    StressedCase,
+    find_failure,
+    limit_kind,
+    reference_follows_masses,
+    require,
 )
-from proofmass.studies.stress.ways import in_steps, longer
-from proofmass.studies.variants import movable, reread, with_model
-from proofmass.worker import isolated
+from proofmass.studies.stress.near_singular import closings, limits, snaps, stretchings
+from proofmass.studies.variants import (
+    movable,
+    self_referenced,
+    with_longer_run,
+    with_model,
+    with_whole_steps,
+)
 
 MOST = 2000  # samples
 OFF = 0.01
@@ -52,19 +61,19 @@ OFF = 0.01
 SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
 
 
-def energies(stand: Stand) -> Iterator[Sought]:
+def energies(stressed: StressedCase) -> Iterator[LimitSearch]:
     """More and more steps of a free motion, until its energy is off by a hundredth."""
     why = "energy: something drives, loads or brakes it, or nothing is stepped"
-    needs(stand.kind == "dynamics" and not stand.case.drive, why)
-    watched = weighed(stand.case, stand.models)
-    needs(bounded(watched, stand.kind, conserved, watched), why)
-    yield from stand.integrated(
+    require(stressed.kind == "dynamics" and not stressed.case.drive, why)
+    watched = weighed(stressed.case, stressed.models)
+    require(bounded(watched, stressed.kind, conserved, watched), why)
+    yield from stressed.search_schemes(
         "steps until the energy is off by 1 %",
         "1",
-        stand.seconds / stand.step,
+        stressed.seconds / stressed.step,
         LONG,
-        partial(drifted, stand, watched),
-        [one for one in stand.engine.schemes if one.conserves],
+        partial(drifted, stressed, watched),
+        [one for one in stressed.engine.schemes if one.conserves],
     )
 
 
@@ -91,46 +100,47 @@ def weighed(case: Case, folder: Path) -> Case:
     )
 
 
-def drifted(stand: Stand, case: Case, parameters: dict[str, ParameterValue], steps: float) -> Tried:
+def drifted(
+    stressed: StressedCase, case: Case, parameters: dict[str, ParameterValue], steps: float
+) -> TrialResult:
     """Run for so many steps, and look at the energy."""
     per = int(np.ceil(steps / MOST))
     count = round(steps / per)
     run = case.run["dynamics"].model_copy(
-        update={"n": count + 1, "until": count * per * stand.step}
+        update={"n": count + 1, "until": count * per * stressed.step}
     )
     own = case.model_copy(update={"run": {"dynamics": run}})
-    task = StudyRun(own, "dynamics", stand.setting.but(**parameters), "stress")
-    found = stand.store.once(f"{key_of(task)}-energy", task, TIMEOUT, partial(weighing, task))
+    task = StudyRun(own, "dynamics", stressed.setting.but(**parameters), "stress")
+    found = stressed.store.once(
+        f"{key_of(task)}-energy", task, TIMEOUT, partial(measure_energy, task)
+    )
     if found.outcome != Outcome.RAN:
-        limit = limit_of(found)
-        return Tried(
+        limit = limit_kind(found)
+        return TrialResult(
             Failure(
                 f"{found.outcome}: {found.message}",
                 limit,
-                limit != BoundaryKind.OURS and not told(found.message),
+                limit != BoundaryKind.OURS and not is_engine_warning(found.message),
             )
         )
     off = found.invariants.get("energy", 0.0)
     lost = Failure(f"energy off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return Tried(None if off <= OFF else lost, found.step)
+    return TrialResult(None if off <= OFF else lost, found.step)
 
 
-def weighing(task: StudyRun) -> Measurement:
+def measure_energy(task: StudyRun) -> Measurement:
     """Run a task for its energy alone."""
-    try:
-        return cast(Measurement, isolated(weighed_here, task, timeout=TIMEOUT))
-    except tuple(FAILURES) as error:
-        return Measurement(outcome=FAILURES[type(error)], message=str(error))
+    return measure(simulate_energy, task, timeout=TIMEOUT)
 
 
-def weighed_here(task: StudyRun) -> Measurement:
+def simulate_energy(task: StudyRun) -> Measurement:
     """The same, in this process."""
-    curves = simulated(task)
+    curves = simulate_task(task)
     return Measurement(
         invariants=invariants(task.case, curves),
         seconds=curves.seconds,
         steps=curves.steps,
-        step=taken(task.run, curves),
+        step=step_taken(task.run, curves),
     )
 
 
@@ -138,47 +148,47 @@ ROUNDING = 1e-9  # share of a curve's range that rounding may change, at worst i
 NULL = 1e-6  # [m] `kFrameEps` of MuJoCo's src/user/user_model.cc
 
 
-def sizes(stand: Stand) -> Iterator[Sought]:
+def sizes(stressed: StressedCase) -> Iterator[LimitSearch]:
     """All lengths longer and shorter, beside what MuJoCo compiles at all."""
-    model = compiled(stand.case)
-    driven = [int(model.joint(drive.joint).type[0]) for drive in stand.case.drive]
-    needs(
-        not (stand.case.rod or mujoco.mjtJoint.mjJNT_SLIDE in driven or stand.case.recorded),
+    model = compiled(stressed.case)
+    driven = [int(model.joint(drive.joint).type[0]) for drive in stressed.case.drive]
+    require(
+        not (stressed.case.rod or mujoco.mjtJoint.mjJNT_SLIDE in driven or stressed.case.recorded),
         "size: the reference has its own lengths",
     )
-    needs(
-        len(variants.bodies(stand.case)) >= int((model.body_jntnum > 0).sum()),
+    require(
+        len(variants.bodies(stressed.case)) >= int((model.body_jntnum > 0).sum()),
         "size: masses of geoms",
     )
-    weighs = bool(model.opt.gravity.any()) if stand.kind != "dynamics" else not driven
+    weighs = bool(model.opt.gravity.any()) if stressed.kind != "dynamics" else not driven
     least = smallest(model, weighs)
     limit = least if least > 1e-6 else 0.0
-    if limit and not stand.engine.native:  # of another engine than the one it is read for
+    if limit and not stressed.engine.native:  # of another engine than the one it is read for
         limit = NAN
     for word, reach, expected in (("larger", 1e6, np.inf), ("smaller", 1e-6, limit)):
-        yield stand.sought(
+        yield stressed.search(
             f"all lengths {word}",
             "times",
             1.0,
             reach,
-            partial(resized, stand, least),
+            partial(resized, stressed, least),
             theory=expected,
             law="dimensional analysis, of what MuJoCo compiles",
         )
 
 
-def resized(stand: Stand, least: float, factor: float) -> Tried:
+def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
     """Run at another size, down to the least that MuJoCo compiles for other engines as well."""
-    if factor < least and not stand.engine.native:
-        return Tried(
+    if factor < least and not stressed.engine.native:
+        return TrialResult(
             Failure(
-                f"MuJoCo, which reads the model for {stand.setting.engine}, compiles "
+                f"MuJoCo, which reads the model for {stressed.setting.engine}, compiles "
                 f"the same mechanism down to {least:.3g} times its size",
                 BoundaryKind.OURS,
             )
         )
-    found = stand.run(variants.larger(stand.case, stand.models, factor))
-    return Tried(unlike(found, stand.run(stand.case)), found.step)
+    found = stressed.run(variants.larger(stressed.case, stressed.models, factor))
+    return TrialResult(unlike(found, stressed.run(stressed.case)), found.step)
 
 
 def unlike(found: Measurement, own: Measurement) -> Failure | None:
@@ -186,7 +196,7 @@ def unlike(found: Measurement, own: Measurement) -> Failure | None:
 
     What is ten times as large is another curve; rounding is not that of another size.
     """
-    if failure := judged(found):
+    if failure := find_failure(found):
         return failure
     for kind, error in found.errors.items():
         if error > 10.0 * own.errors[kind] + ROUNDING:
@@ -225,29 +235,32 @@ DECADES = 1e12
 BRIEF = 100  # steps of a free motion: the reference has to follow each swing of the spring
 
 
-def stiffnesses(stand: Stand) -> Iterator[Sought]:
+def stiffnesses(stressed: StressedCase) -> Iterator[LimitSearch]:
     """A stiffer and stiffer spring in the last hinge, from one that swings once in the run."""
-    needs(
-        stand.kind == "dynamics" and movable(stand.case) and not stand.case.rod,
+    require(
+        stressed.kind == "dynamics" and movable(stressed.case) and not stressed.case.rod,
         "stiffness in motion: nothing is stepped, or rods bend in it",
     )
-    free = not stand.case.drive
-    needs(free or known(stand.case), "stiffness in motion: the springs move it as well")
-    joint, inertia = last_hinge(stand.case)
-    seconds = min(stand.seconds, BRIEF * stand.step) if free else stand.seconds
-    case = brief(reread(stand.case), seconds, stand.step) if free else stand.case
+    free = not stressed.case.drive
+    require(
+        free or reference_follows_masses(stressed.case),
+        "stiffness in motion: the springs move it as well",
+    )
+    joint, inertia = last_hinge(stressed.case)
+    seconds = min(stressed.seconds, BRIEF * stressed.step) if free else stressed.seconds
+    case = brief(self_referenced(stressed.case), seconds, stressed.step) if free else stressed.case
     softest = inertia * (2.0 * np.pi / seconds) ** 2
     limit = NAN
-    scheme = stand.engine.scheme_of(stand.setting.parameters, compiled(stand.case))
+    scheme = stressed.engine.scheme_of(stressed.setting.parameters, compiled(stressed.case))
     if free and compiled(case).nv == 1 and scheme:
-        z = theory.stiffest(scheme, seconds / stand.step)
-        limit = inertia * (z / stand.step) ** 2
-    yield stand.sought(
+        z = theory.stiffest(scheme, seconds / stressed.step)
+        limit = inertia * (z / stressed.step) ** 2
+    yield stressed.search(
         f"spring in {joint}",
         "N m/rad",
         softest,
         DECADES * softest,
-        partial(sprung, stand, case, joint),
+        partial(sprung, stressed, case, joint),
         theory=limit,
         law="" if limit != limit else "powers of the step's matrix",
     )
@@ -261,7 +274,7 @@ def last_hinge(case: Case) -> tuple[str, float]:
         for j in range(model.njnt)
         if model.joint(j).name not in driven and model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
     ]
-    needs(hinges, "stiffness in motion: no hinge but those that are driven")
+    require(hinges, "stiffness in motion: no hinge but those that are driven")
     data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     mujoco.mj_resetDataKeyframe(model, data, model.key(case.start).id)
     mujoco.mj_forward(model, data)
@@ -272,12 +285,12 @@ def last_hinge(case: Case) -> tuple[str, float]:
 def brief(case: Case, seconds: float, step: float) -> Case:
     """The case with a shorter dynamics run, looked at after every step."""
     run = case.run["dynamics"].model_copy(update={"n": round(seconds / step) + 1})
-    return in_steps(case.model_copy(update={"run": {"dynamics": run}}), seconds, step)
+    return with_whole_steps(case.model_copy(update={"run": {"dynamics": run}}), seconds, step)
 
 
-def sprung(stand: Stand, case: Case, joint: str, stiffness: float) -> Tried:
+def sprung(stressed: StressedCase, case: Case, joint: str, stiffness: float) -> TrialResult:
     """Run with a spring."""
-    return stand.tried(with_spring(case, stand.models, joint, stiffness))
+    return stressed.try_case(with_spring(case, stressed.models, joint, stiffness))
 
 
 def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
@@ -290,13 +303,13 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
     return with_model(case, folder, change)
 
 
-MANY, PATIENCE = 200, 600.0  # segments, and how long so many may take [s]
+MANY, MANY_TIMEOUT = 200, 600.0  # segments, and how long so many may take [s]
 FEW = 4  # steps of the shortest runs: a way there and back in two of them would look like none
 
 
-def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
+def extremes(case: Case, store: Store) -> tuple[list[LimitSearch], list[str]]:
     """All extremes that apply to a case, and why others do not."""
-    found: list[Sought] = []
+    found: list[LimitSearch] = []
     skipped: list[str] = []
     kind: Kind = next(k for k in ("dynamics", "sweep", "equilibrium") if k in case.run)  # type: ignore
     first = dict[str, str]()
@@ -304,50 +317,58 @@ def extremes(case: Case, store: Store) -> tuple[list[Sought], list[str]]:
         first.setdefault(solver.partition(":")[0], solver)
     for engine, solver in first.items():
         parameters = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
-        stand = Stand(case, kind, Setting(engine, parameters), store)
-        for axis in AXES:
+        stressed = StressedCase(case, kind, Setting(engine, parameters), store)
+        for search in SEARCHES:
             try:
-                found += axis(stand)
-            except NotHere as why:
+                found += search(stressed)
+            except NotApplicable as why:
                 skipped.append(str(why))
     return found, list(dict.fromkeys(skipped))
 
 
-def steps(stand: Stand) -> Iterator[Sought]:
+def steps(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Larger and larger time steps, with every integrator."""
-    needs(stand.kind == "dynamics", "time step: nothing is stepped")
-    needs(not stand.case.recorded, "time step: a recorded curve has its own samples")
-    yield from stand.integrated(
+    require(stressed.kind == "dynamics", "time step: nothing is stepped")
+    require(not stressed.case.recorded, "time step: a recorded curve has its own samples")
+    yield from stressed.search_schemes(
         "time step",
         "s",
-        stand.step,
-        stand.seconds / FEW,
-        partial(stepped, stand),
-        stand.engine.schemes,
+        stressed.step,
+        stressed.seconds / FEW,
+        partial(stepped, stressed),
+        stressed.engine.schemes,
     )
 
 
-def stepped(stand: Stand, parameters: dict[str, ParameterValue], step: float) -> Tried:
+def stepped(
+    stressed: StressedCase, parameters: dict[str, ParameterValue], step: float
+) -> TrialResult:
     """Run with a step, looked at no more often than that."""
-    return stand.stepped(stand.case, stand.seconds, timestep=step, **parameters)
+    return stressed.try_in_steps(stressed.case, stressed.seconds, timestep=step, **parameters)
 
 
-def speeds(stand: Stand) -> Iterator[Sought]:
+def speeds(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Faster and faster drives, until there are but a few steps."""
-    needs(stand.kind == "dynamics" and stand.case.drive, "drive speed: nothing drives in time")
-    leader = stand.case.drive[0]
-    needs(
-        leader.to is not None and not stand.case.recorded,
+    require(
+        stressed.kind == "dynamics" and stressed.case.drive, "drive speed: nothing drives in time"
+    )
+    leader = stressed.case.drive[0]
+    require(
+        leader.to is not None and not stressed.case.recorded,
         "drive speed: a law or a recorded drive has its own",
     )
-    yield stand.sought(
-        "drive speed", "times", 1.0, stand.seconds / (FEW * stand.step), partial(sped, stand)
+    yield stressed.search(
+        "drive speed",
+        "times",
+        1.0,
+        stressed.seconds / (FEW * stressed.step),
+        partial(sped, stressed),
     )
 
 
-def sped(stand: Stand, factor: float) -> Tried:
+def sped(stressed: StressedCase, factor: float) -> TrialResult:
     """Drive so many times as fast."""
-    case, leader = stand.case, stand.case.drive[0]
+    case, leader = stressed.case, stressed.case.drive[0]
     faster = (
         {"period": leader.period / factor} if leader.period else {"rate": leader.speed * factor}
     )
@@ -358,95 +379,103 @@ def sped(stand: Stand, factor: float) -> Tried:
             "run": {"dynamics": run.model_copy(update={"until": run.until and run.until / factor})}
         }
     )
-    return stand.stepped(case, stand.seconds / factor)
+    return stressed.try_in_steps(case, stressed.seconds / factor)
 
 
-def weights(stand: Stand) -> Iterator[Sought]:
+def weights(stressed: StressedCase) -> Iterator[LimitSearch]:
     """More and more gravity."""
-    model = compiled(stand.case)
-    needs(model.opt.gravity.any(), "gravity: there is none")
-    needs(
-        known(stand.case) or "gravity" in stand.case.parameters,
+    model = compiled(stressed.case)
+    require(model.opt.gravity.any(), "gravity: there is none")
+    require(
+        reference_follows_masses(stressed.case) or "gravity" in stressed.case.parameters,
         "gravity: the reference has its own",
     )
-    yield stand.sought(
+    yield stressed.search(
         "gravity",
         "times",
         1.0,
         1e6,
-        lambda factor: stand.tried(variants.weightier(stand.case, stand.models, factor)),
+        lambda factor: stressed.try_case(
+            variants.weightier(stressed.case, stressed.models, factor)
+        ),
     )
 
 
-def masses(stand: Stand) -> Iterator[Sought]:
+def masses(stressed: StressedCase) -> Iterator[LimitSearch]:
     """The last body heavier and heavier, and lighter and lighter, than the others."""
-    bodies = len(variants.bodies(stand.case))
-    needs(bodies > 1, "mass ratio: one body, or masses of geoms")
-    needs(
-        stand.kind == "dynamics" and known(stand.case),
+    bodies = len(variants.bodies(stressed.case))
+    require(bodies > 1, "mass ratio: one body, or masses of geoms")
+    require(
+        stressed.kind == "dynamics" and reference_follows_masses(stressed.case),
         "mass ratio: statics knows no inertia, or the reference has its own masses",
     )
     for word, reach in (("heavier", 1e6), ("lighter", 1e-6)):
-        yield stand.sought(
+        yield stressed.search(
             f"last body {word}",
             "times",
             1.0,
             reach,
-            lambda factor: stand.tried(variants.heavier(stand.case, stand.models, factor)),
+            lambda factor: stressed.try_case(
+                variants.heavier(stressed.case, stressed.models, factor)
+            ),
         )
 
 
-def springs(stand: Stand) -> Iterator[Sought]:
+def springs(stressed: StressedCase) -> Iterator[LimitSearch]:
     """All springs, rods and loads stronger and stronger, and weaker and weaker."""
-    model = compiled(stand.case)
-    needs(model.jnt_stiffness.any(), "stiffness: there is no spring and no rod")
-    needs(
-        stand.kind != "dynamics" and not model.opt.gravity.any(),
-        "stiffness: with weight or inertia its truth is another motion",
+    model = compiled(stressed.case)
+    require(model.jnt_stiffness.any(), "stiffness: there is no spring and no rod")
+    require(
+        stressed.kind != "dynamics" and not model.opt.gravity.any(),
+        "stiffness: with weight or inertia its reference is another motion",
     )
     for word, reach in (("stronger", 1e6), ("weaker", 1e-6)):
-        yield stand.sought(
+        yield stressed.search(
             f"springs and loads {word}",
             "times",
             1.0,
             reach,
-            lambda factor: stand.tried(variants.stiffer(stand.case, stand.models, factor)),
+            lambda factor: stressed.try_case(
+                variants.stiffer(stressed.case, stressed.models, factor)
+            ),
         )
 
 
-def segments(stand: Stand) -> Iterator[Sought]:
+def segments(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Rods in more and more segments."""
-    needs(stand.case.rod, "segments: there is no rod")
-    fewest = min(rod.segments for rod in stand.case.rods)
-    patient = replace(stand, patience=PATIENCE)
-    yield stand.sought(
+    require(stressed.case.rod, "segments: there is no rod")
+    fewest = min(rod.segments for rod in stressed.case.rods)
+    slow = replace(stressed, timeout=MANY_TIMEOUT)
+    yield stressed.search(
         "segments of each rod",
         "1",
         fewest,
         MANY,
-        lambda n: patient.tried(stand.case, segments=round(n)),
+        lambda n: slow.try_case(stressed.case, segments=round(n)),
     )
 
 
-def long(stand: Stand) -> Iterator[Sought]:
+def long(stressed: StressedCase) -> Iterator[LimitSearch]:
     """The same motion on and on, to a million steps."""
-    case = stand.case
-    needs(
-        stand.kind == "dynamics" and not case.recorded,
+    case = stressed.case
+    require(
+        stressed.kind == "dynamics" and not case.recorded,
         "long run: nothing is stepped, or a recorded curve ends",
     )
-    needs(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")
-    own = stand.seconds / stand.step
-    yield stand.sought(
+    require(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")
+    own = stressed.seconds / stressed.step
+    yield stressed.search(
         "steps",
         "1",
         own,
         LONG,
-        lambda count: stand.stepped(longer(case, count / own, stand.seconds), count * stand.step),
+        lambda count: stressed.try_in_steps(
+            with_longer_run(case, count / own, stressed.seconds), count * stressed.step
+        ),
     )
 
 
-AXES: tuple[Callable[[Stand], Iterator[Sought]], ...] = (
+SEARCHES: tuple[Callable[[StressedCase], Iterator[LimitSearch]], ...] = (
     steps,
     speeds,
     weights,

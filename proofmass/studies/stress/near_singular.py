@@ -36,10 +36,27 @@ from proofmass.strict import Kind
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.store import MATTERS, Store, digest, key_of, model_bytes, once, sources
-from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Tried, bisect
-from proofmass.studies.stress.stand import LOST, Stand, judged, known, needs, tried
-from proofmass.studies.stress.ways import farther, followed, hinged, turning
-from proofmass.studies.variants import movable, reread, times, with_model
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult
+from proofmass.studies.stress.limit_search import (
+    LOST,
+    LimitSearch,
+    StressedCase,
+    bisect,
+    find_failure,
+    measure_once,
+    reference_follows_masses,
+    require,
+)
+from proofmass.studies.variants import (
+    evaluate_run,
+    has_hinged_leader,
+    movable,
+    self_referenced,
+    times,
+    with_model,
+    with_swing,
+    with_way,
+)
 
 LONGEST, SHORTEST = (1.1, 1.0), 0.2  # times its length: from where and to where it is shortened
 PACE = 0.02  # change of the link from one closed start pose to the next: none is leapt over
@@ -139,7 +156,7 @@ def unclosed(
 ) -> Failure | None:
     """Why the mechanism does not make its whole way with links so many times as long."""
     try:
-        followed(shortened(case, links, folder, factor), kind)
+        evaluate_run(shortened(case, links, folder, factor), kind)
     except InputError as error:
         return Failure(error.wrong, BoundaryKind.UNSTABLE)
     return None
@@ -152,39 +169,39 @@ PIECES = 10, 20, 40  # segments of a rod that is to snap
 SAMPLES = 41  # there and back; odd: one at the turn
 
 
-def limits(stand: Stand) -> Iterator[Sought]:
+def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
     """The drive further and further, until a limit position, in a sweep."""
-    case = stand.case
-    needs(
+    case = stressed.case
+    require(
         "sweep" in case.run
         and case.leader
         and case.leader.to is not None
         and len(case.drive) == 1
-        and known(case)
-        and hinged(case),
+        and reference_follows_masses(case)
+        and has_hinged_leader(case),
         "limit position: no single crank to turn on",
     )
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
-    swept = replace(stand, kind="sweep", setting=Setting(stand.setting.engine))
+    swept = replace(stressed, kind="sweep", setting=Setting(stressed.setting.engine))
     reach = max(TURNS * 2 * np.pi, 2 * way)
     limit = between(*bisect(partial(unreachable, case), way, reach, LIMIT_WITHIN)[:2])
-    yield swept.sought(
+    yield swept.search(
         "drive's way",
         "rad",
         way,
         reach,
-        lambda far: swept.tried(farther(case, far)),
+        lambda far: swept.try_case(with_way(case, far)),
         "sweep",
         theory=limit,
         law="where the reference has no pose any more",
     )
-    if np.isfinite(limit) and stand.kind == "dynamics":
-        yield stand.sought(
+    if np.isfinite(limit) and stressed.kind == "dynamics":
+        yield stressed.search(
             "drive turns back before its limit",
             "rad",
             limit - way,
             NEAREST,
-            lambda gap: stand.tried(turning(case, limit - gap, stand.seconds)),
+            lambda gap: stressed.try_case(with_swing(case, limit - gap, stressed.seconds)),
         )
 
 
@@ -196,80 +213,93 @@ def between(holds: float, breaks: float) -> float:
 def unreachable(case: Case, far: float) -> Failure | None:
     """Whether the reference has no pose on the way there."""
     try:
-        followed(farther(case, far), "sweep")
+        evaluate_run(with_way(case, far), "sweep")
     except InputError as error:
         return Failure(str(error), BoundaryKind.UNSTABLE)
     return None
 
 
-def closings(stand: Stand) -> Iterator[Sought]:
+def closings(stressed: StressedCase) -> Iterator[LimitSearch]:
     """The last link with less and less to spare, until bars in line are passed the wrong way."""
     yield from spared(
-        stand, "bars in line", "length to spare where bars come in line", last_link(stand.case)
+        stressed,
+        "bars in line",
+        "length to spare where bars come in line",
+        last_link(stressed.case),
     )
 
 
-def stretchings(stand: Stand) -> Iterator[Sought]:
+def stretchings(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Both links of the last loop with less and less to spare, until they are stretched."""
     yield from spared(
-        stand, "stretched arm", "length to spare where an arm is stretched", last_arm(stand.case)
+        stressed,
+        "stretched arm",
+        "length to spare where an arm is stretched",
+        last_arm(stressed.case),
     )
 
 
-def spared(stand: Stand, pose: str, parameter: str, links: BodyNames) -> Iterator[Sought]:
+def spared(
+    stressed: StressedCase, pose: str, parameter: str, links: BodyNames
+) -> Iterator[LimitSearch]:
     """Links with less and less to spare, in each run."""
-    needs(
-        stand.case.drive and movable(stand.case) and known(stand.case) and links,
+    require(
+        stressed.case.drive
+        and movable(stressed.case)
+        and reference_follows_masses(stressed.case)
+        and links,
         f"{pose}: no such links in a driven loop",
     )
-    case = reread(stand.case)
+    case = self_referenced(stressed.case)
     way: Kind = "dynamics" if "dynamics" in case.run else "sweep"
-    length = least_kept(case, links, way, stand.store)
-    needs(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
+    length = least_kept(case, links, way, stressed.store)
+    require(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("dynamics", "sweep") if kind in case.run):
-        own = replace(stand, case=case, kind=kind)
-        yield own.sought(
+        own = replace(stressed, case=case, kind=kind)
+        yield own.search(
             parameter,
             "share",
             SPARE,
             LEAST,
             partial(sparing, own, links, length),
-            own.words if kind == "dynamics" else kind,
+            own.integrator if kind == "dynamics" else kind,
         )
 
 
-def sparing(stand: Stand, links: BodyNames, length: float, share: float) -> Tried:
+def sparing(stressed: StressedCase, links: BodyNames, length: float, share: float) -> TrialResult:
     """Run with links so much longer than what just closes.
 
     The reference has all poses.  A sweep that ends before one of them has not found it, which is a
     limit of our own.
     """
-    found = stand.tried(shortened(stand.case, links, stand.models, length * (1.0 + share)))
+    found = stressed.try_case(
+        shortened(stressed.case, links, stressed.models, length * (1.0 + share))
+    )
     if found.failure and found.failure.message.startswith("stopped"):
         return found._replace(failure=found.failure._replace(limit=BoundaryKind.OURS))
     return found
 
 
-def snaps(stand: Stand) -> Iterator[Sought]:
+def snaps(stressed: StressedCase) -> Iterator[LimitSearch]:
     """The drive further and further, until a rod does not come back the way it went."""
-    case = stand.case
-    needs(
+    case = stressed.case
+    require(
         case.rod and "sweep" in case.run and len(case.drive) == 1 and movable(case),
         "fold: no rod that a single drive bends",
     )
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     fold = between(*bisect(partial(unreturned, case), way / 16, way, LIMIT_WITHIN)[:2])
-    unit = "rad" if hinged(case) else "m"
+    unit = "rad" if has_hinged_leader(case) else "m"
     # an equilibrium that is followed ends at its fold, and need not fall
-    parameters = {k: v for k, v in stand.setting.parameters.items() if k != "settled"}
+    parameters = {k: v for k, v in stressed.setting.parameters.items() if k != "settled"}
     for pieces in PIECES:
         own = replace(
-            stand,
+            stressed,
             kind="sweep",
-            setting=Setting(stand.setting.engine, {**parameters, "segments": pieces}),
-            patience=max(stand.patience, case.run["sweep"].timeout),
+            setting=Setting(stressed.setting.engine, {**parameters, "segments": pieces}),
+            timeout=max(stressed.timeout, case.run["sweep"].timeout),
         )
-        yield own.sought(
+        yield own.search(
             "drive's way until a rod snaps",
             unit,
             way / 16,
@@ -284,22 +314,22 @@ def snaps(stand: Stand) -> Iterator[Sought]:
 def there_and_back(case: Case, far: float) -> Case:
     """The case with a sweep so far, and back, sampled at the same drive values both ways."""
     run = case.run["sweep"].model_copy(update={"n": SAMPLES, "until": None})
-    return turning(case, far, 1.0).model_copy(update={"run": {"sweep": run}})
+    return with_swing(case, far, 1.0).model_copy(update={"run": {"sweep": run}})
 
 
-def snapped(stand: Stand, far: float) -> Tried:
+def snapped(stressed: StressedCase, far: float) -> TrialResult:
     """Whether the engine's rod comes back another way than it went; its error is not asked for."""
-    task = StudyRun(there_and_back(stand.case, far), "sweep", stand.setting, "stress")
-    found = tried(task, stand.store, stand.patience)
+    task = StudyRun(there_and_back(stressed.case, far), "sweep", stressed.setting, "stress")
+    found = measure_once(task, stressed.store, stressed.timeout)
     if found.outcome != Outcome.RAN:
-        return Tried(judged(found))
-    curves = stand.store.curves(key_of(task))
-    return Tried(parted({name: curves[f"channel.{name}"] for name in places(stand.case)}))
+        return TrialResult(find_failure(found))
+    curves = stressed.store.curves(key_of(task))
+    return TrialResult(parted({name: curves[f"channel.{name}"] for name in places(stressed.case)}))
 
 
 def unreturned(case: Case, far: float) -> Failure | None:
     """Whether the reference's rod comes back another way than it went."""
-    wanted = followed(there_and_back(case, far), "sweep").channels
+    wanted = evaluate_run(there_and_back(case, far), "sweep").channels
     return parted({name: wanted[name] for name in places(case)})
 
 

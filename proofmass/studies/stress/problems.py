@@ -14,25 +14,15 @@ import numpy as np
 
 from proofmass.drive import Steady
 from proofmass.engines import engine_names, engine_of
-from proofmass.sim.protocol import (
-    BadModel,
-    Curves,
-    Diverged,
-    Drive,
-    NotSolved,
-    Rod,
-    Run,
-    Scheme,
-    Specimen,
-    Unsupported,
-)
+from proofmass.outcome import Outcome
+from proofmass.sim.protocol import Curves, Drive, Rod, Run, Scheme, Specimen
 from proofmass.sim.specimens import key, mjcf, wheel
 from proofmass.sim.stability import limit
 from proofmass.solve import simulate
-from proofmass.studies.measure import taken
+from proofmass.studies.measure import Measurement, measure, step_taken
 from proofmass.studies.stress import theory
-from proofmass.studies.stress.boundary import BoundaryKind, Failure, Sought, Tried, told
-from proofmass.worker import KILLED, Crashed, TimedOut, isolated
+from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult, is_engine_warning
+from proofmass.studies.stress.limit_search import LimitSearch, limit_kind
 
 STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
 SECONDS = 120.0
@@ -108,12 +98,18 @@ def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: f
     )
 
 
-def ran(engine: str, text: str, run: Run) -> Curves:
-    """Run a model that is written here, in a process of its own."""
+def run_model(engine: str, text: str, run: Run) -> Curves | Measurement:
+    """Run a model that is written here, in a process of its own; the outcome if it fails."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / "specimen.xml"
         file.write_text(text, encoding="utf-8")
-        return isolated(simulate, engine, file, run, timeout=SECONDS)
+        return measure(simulate, engine, file, run, timeout=SECONDS)
+
+
+def failed(found: Measurement) -> TrialResult:
+    """A trial whose run failed."""
+    unseen = found.outcome == Outcome.DIVERGED and not is_engine_warning(found.message)
+    return TrialResult(Failure(found.message, limit_kind(found), silent=unseen))
 
 
 def stepping(
@@ -124,25 +120,19 @@ def stepping(
     channel: str = "place",
     bound: float = 1.0,
     steps: int = STEPS,
-) -> Tried:
+) -> TrialResult:
     """Step a model: a failure when it is lost, or ends beyond a bound in silence."""
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
     settings = {"timestep": step, **settings}
-    try:
-        curves = ran(engine, text, Run("dynamics", x, (channel,), settings=settings))
-    except Diverged as error:
-        return Tried(Failure(str(error), BoundaryKind.UNSTABLE, silent=not told(str(error))))
-    except Unsupported as error:
-        return Tried(Failure(str(error), BoundaryKind.OURS))
-    except (Crashed, TimedOut) as error:
-        aborted = str(error).startswith(KILLED)
-        return Tried(Failure(str(error), BoundaryKind.UNSTABLE if aborted else BoundaryKind.OURS))
+    curves = run_model(engine, text, Run("dynamics", x, (channel,), settings=settings))
+    if isinstance(curves, Measurement):
+        return failed(curves)
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4 :].max())
     grew = Failure(f"grew to {last:.2g}", BoundaryKind.UNSTABLE, silent=True)
-    return Tried(None if last < bound else grew, taken("dynamics", curves))
+    return TrialResult(None if last < bound else grew, step_taken("dynamics", curves))
 
 
-def probes() -> Iterator[Sought]:
+def list_problems() -> Iterator[LimitSearch]:
     """All of them, for all engines."""
     yield from springs()
     yield from chains()
@@ -162,12 +152,12 @@ def schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
                 yield engine, scheme, number
 
 
-def springs() -> Iterator[Sought]:
+def springs() -> Iterator[LimitSearch]:
     """A wheel on a spring and a damper; a slide on a spring."""
     for problem, kind in (("spring", "hinge"), ("slide", "slide")):
         for engine, scheme, zeta in schemes(problem):
             text = wheel(1.0, 2.0 * zeta, kind)
-            yield Sought(
+            yield LimitSearch(
                 f"spring on a {kind}, ζ = {zeta:g}",
                 engine,
                 scheme.name,
@@ -181,14 +171,14 @@ def springs() -> Iterator[Sought]:
             )
 
 
-def chains() -> Iterator[Sought]:
+def chains() -> Iterator[LimitSearch]:
     """Masses in a row: the highest of their frequencies counts.
 
     All modes meet in a run, so that it need not be as long as their slowest one.
     """
     for engine, scheme, masses in schemes("chain"):
         masses = round(masses)
-        yield Sought(
+        yield LimitSearch(
             f"{masses} masses in a row on springs",
             engine,
             scheme.name,
@@ -202,15 +192,15 @@ def chains() -> Iterator[Sought]:
         )
 
 
-def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: float) -> Tried:
+def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: float) -> TrialResult:
     """Step a model with a step."""
     return stepping(engine, text, step, settings, steps=steps)
 
 
-def pendulums() -> Iterator[Sought]:
+def pendulums() -> Iterator[LimitSearch]:
     """A hung pendulum with more and more gravity."""
     for engine, scheme, _ in schemes("pendulum"):
-        yield Sought(
+        yield LimitSearch(
             "hung pendulum",
             engine,
             scheme.name,
@@ -224,17 +214,17 @@ def pendulums() -> Iterator[Sought]:
         )
 
 
-def hung(engine: str, settings: dict[str, Any], gravity: float) -> Tried:
+def hung(engine: str, settings: dict[str, Any], gravity: float) -> TrialResult:
     """Step a pendulum by a second at a time; a thousandfold is lost, and still small."""
     return stepping(engine, pendulum(gravity), 1.0, settings, bound=1e-3)
 
 
-def own_ones() -> Iterator[Sought]:
+def own_ones() -> Iterator[LimitSearch]:
     """Problems of an engine's own."""
     for engine in engine_names():
         for one in engine_of(engine).specimens():
             known = limit(one.step, one.zeta) if one.step else one.theory
-            yield Sought(
+            yield LimitSearch(
                 one.what,
                 engine,
                 one.setting,
@@ -248,16 +238,16 @@ def own_ones() -> Iterator[Sought]:
             )
 
 
-def stepped(engine: str, specimen: Specimen, value: float) -> Tried:
+def stepped(engine: str, specimen: Specimen, value: float) -> TrialResult:
     """Step a problem of an engine's own."""
     text, step, settings, channel = specimen.stepped(value)
     return stepping(engine, text, step, dict(settings), channel)
 
 
-def whirls() -> Iterator[Sought]:
+def whirls() -> Iterator[LimitSearch]:
     """A sprung slider on a wheel flies out when the wheel turns faster than it swings."""
     for engine, scheme, _ in schemes("whirl"):
-        yield Sought(
+        yield LimitSearch(
             "sprung slider on a turning wheel",
             engine,
             scheme.name,
@@ -265,22 +255,22 @@ def whirls() -> Iterator[Sought]:
             "1",
             0.5,
             2.0,
-            partial(turned, engine, scheme.settings),
+            partial(turn_wheel, engine, scheme.settings),
             1.0,
             "Ω² = k/m",
         )
 
 
-def turned(engine: str, settings: dict[str, Any], speed: float) -> Tried:
+def turn_wheel(engine: str, settings: dict[str, Any], speed: float) -> TrialResult:
     """Turn the wheel at a speed, long enough for what flies out slowly."""
     return stepping(engine, whirl(speed), 0.05, settings, steps=6000)
 
 
-def columns() -> Iterator[Sought]:
+def columns() -> Iterator[LimitSearch]:
     """Euler's column, as a chain of links."""
     for engine in engine_names():
         for segments in (4, 12):
-            yield Sought(
+            yield LimitSearch(
                 f"column of {segments} segments",
                 engine,
                 "at rest",
@@ -294,30 +284,30 @@ def columns() -> Iterator[Sought]:
             )
 
 
-def pushed(engine: str, segments: int, load: float) -> Tried:
+def pushed(engine: str, segments: int, load: float) -> TrialResult:
     """Let a column that is bent come to rest."""
     rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
     run = Run("equilibrium", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
-    try:
-        curves = ran(engine, column(load), run)
-    except (NotSolved, Unsupported) as error:
-        return Tried(Failure(str(error), BoundaryKind.OURS))
-    except (BadModel, Diverged) as error:  # an equilibrium that is unstable, for one
-        return Tried(Failure(str(error), BoundaryKind.UNSTABLE))
+    curves = run_model(engine, column(load), run)
+    if isinstance(curves, Measurement):
+        # an equilibrium that is unstable, for one
+        unstable = curves.outcome in (Outcome.NO_START, Outcome.DIVERGED)
+        limit = BoundaryKind.UNSTABLE if unstable else BoundaryKind.OURS
+        return TrialResult(Failure(curves.message, limit))
     bent = float(abs(curves.channels["rod.angle"][-1]))
     # 1e-6 of load beyond the critical one bends the tip by sqrt(8e-6) rad
-    return Tried(
+    return TrialResult(
         None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", BoundaryKind.UNSTABLE)
     )
 
 
-def folds() -> Iterator[Sought]:
+def folds() -> Iterator[LimitSearch]:
     """A four-bar whose crank meets a limit, its coupler and rocker in line."""
     bars = 2.0, 2.0, 2.5, 3.0
     crank, coupler, rocker, ground = bars
     reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
     for engine in engine_names():
-        yield Sought(
+        yield LimitSearch(
             "four-bar 2, 2, 2.5, 3 to its limit position",
             engine,
             "sweep",
@@ -331,21 +321,21 @@ def folds() -> Iterator[Sought]:
         )
 
 
-def swept(engine: str, text: str, end: float) -> Tried:
+def swept(engine: str, text: str, end: float) -> TrialResult:
     """Turn the crank slowly from 0.5 rad."""
     law = Steady(0.0, 1.0, x_is_time=False)
     run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", law),))
-    try:
-        stopped = ran(engine, text, run).stopped
-    except Unsupported as error:
-        return Tried(Failure(str(error), BoundaryKind.OURS))
-    return Tried(Failure(stopped, BoundaryKind.UNSTABLE) if stopped else None)
+    curves = run_model(engine, text, run)
+    if isinstance(curves, Measurement):
+        return failed(curves)
+    stopped = curves.stopped
+    return TrialResult(Failure(stopped, BoundaryKind.UNSTABLE) if stopped else None)
 
 
-def long_runs() -> Iterator[Sought]:
+def long_runs() -> Iterator[LimitSearch]:
     """How long an undamped spring swings on time, and with all its energy."""
     for engine, scheme, z in schemes("swing"):
-        yield Sought(
+        yield LimitSearch(
             f"undamped spring, dt ω = {z:g}, off by 10 %",
             engine,
             scheme.name,
@@ -358,7 +348,7 @@ def long_runs() -> Iterator[Sought]:
             "powers of the step's matrix",
         )
     for engine, scheme, z in schemes("fade"):
-        yield Sought(
+        yield LimitSearch(
             f"undamped spring, dt ω = {z:g}, energy down to 0.9",
             engine,
             scheme.name,
@@ -372,12 +362,14 @@ def long_runs() -> Iterator[Sought]:
         )
 
 
-def fading(engine: str, settings: dict[str, Any], z: float, steps: float) -> Tried:
+def fading(engine: str, settings: dict[str, Any], z: float, steps: float) -> TrialResult:
     """Swing for so many steps, and look at the energy."""
     return swinging(engine, settings, z, "energy", steps * z / (2 * np.pi))
 
 
-def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods: float) -> Tried:
+def swinging(
+    engine: str, settings: dict[str, Any], z: float, what: str, periods: float
+) -> TrialResult:
     """Swing for so many periods, and look at the last of them."""
     steps = int(np.ceil(periods * 2 * np.pi / z))
     per = max(1, steps // 2000)
@@ -385,10 +377,12 @@ def swinging(engine: str, settings: dict[str, Any], z: float, what: str, periods
     run = Run(
         "dynamics", x, ("place", "kinetic", "potential"), settings={"timestep": z, **settings}
     )
-    curves = ran(engine, wheel(1.0), run)
+    curves = run_model(engine, wheel(1.0), run)
+    if isinstance(curves, Measurement):
+        return failed(curves)
     found = curves.channels
-    place, truth = found["place"] / 1e-3, np.cos(x)
+    place, reference = found["place"] / 1e-3, np.cos(x)
     energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
-    off = np.abs(place - truth).max() / 2 if what == "place" else 1 - energy[-1]
+    off = np.abs(place - reference).max() / 2 if what == "place" else 1 - energy[-1]
     lost = Failure(f"off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return Tried(lost if off > 0.1 else None, taken("dynamics", curves))
+    return TrialResult(lost if off > 0.1 else None, step_taken("dynamics", curves))

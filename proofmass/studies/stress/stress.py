@@ -2,11 +2,12 @@
 
     store = Store(folder / "runs")
     with pool() as workers:
-        found = stress([kept(one, store) for one in probes()], workers)  # what theory knows
+        problems = [cache_trials(one, store) for one in list_problems()]  # what theory knows
+        found = stress(problems, workers)
         found += stress(extremes(case, store)[0], workers)
     write_boundaries(found, folder / "stress.csv")
 
-Boundaries are looked for side by side; each trial is kept, so that a killed study goes on.
+Boundaries are looked for side by side; each trial is stored, so that a killed study goes on.
 """
 
 import csv
@@ -23,7 +24,8 @@ from proofmass.studies.record import write_columns
 from proofmass.studies.run import Progress
 from proofmass.studies.store import Store, digest, once, sources, versions
 from proofmass.studies.stress import problems
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, Sought, Trial, Tried
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
+from proofmass.studies.stress.limit_search import LimitSearch, Trial
 
 COLUMNS = {
     "what": "name of the sidecar, or a small model whose limit theory knows, in words",
@@ -51,45 +53,47 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class StoredTrial:
-    """A trial whose outcomes are kept in a folder, a file each."""
+    """A trial whose outcomes are stored in a folder, a file each."""
 
     trial: Trial
     folder: Path
     name: str
 
-    def __call__(self, value: float) -> Tried:
+    def __call__(self, value: float) -> TrialResult:
         """The outcome for a value, found or made."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
-        told, step = once(file, lambda: self.trial(value))
-        return Tried(Failure(told[0], BoundaryKind(told[1]), told[2]) if told else None, step)
+        failure, step = once(file, lambda: self.trial(value))
+        return TrialResult(
+            Failure(failure[0], BoundaryKind(failure[1]), failure[2]) if failure else None, step
+        )
 
 
-def kept(sought: Sought, store: Store) -> Sought:
-    """A boundary of a small model, with its trials kept; those of cases keep their own runs."""
+def cache_trials(search: LimitSearch, store: Store) -> LimitSearch:
+    """A boundary of a small model, with its trials stored; cases store their own runs."""
     code = Path(str(problems.__file__)).read_text(encoding="utf-8")
     name = repr(
         (
-            sought.what,
-            sought.engine,
-            sought.setting,
-            sought.parameter,
-            versions(sought.engine),
+            search.what,
+            search.engine,
+            search.setting,
+            search.parameter,
+            versions(search.engine),
             sources(),
             code,
         )
     )
-    return replace(sought, trial=StoredTrial(sought.trial, store.folder, name))
+    return replace(search, trial=StoredTrial(search.trial, store.folder, name))
 
 
 def stress(
-    sought: Iterable[Sought], workers: Executor, progress: Progress = lambda *_: None
+    searches: Iterable[LimitSearch], workers: Executor, progress: Progress = lambda *_: None
 ) -> list[Boundary]:
     """Find boundaries, side by side.
 
     Parameters
     ----------
-    sought : iterable of Sought
-        From `proofmass.studies.stress.problems.probes` and
+    searches : iterable of LimitSearch
+        From `proofmass.studies.stress.problems.list_problems` and
         `proofmass.studies.stress.extremes.extremes`.
     workers : Executor
         From `proofmass.studies.run.pool`.
@@ -99,9 +103,9 @@ def stress(
     Returns
     -------
     list of Boundary
-        In the order of `sought`.
+        In the order of `searches`.
     """
-    asked = list(sought)
+    asked = list(searches)
     futures = {workers.submit(one.find): k for k, one in enumerate(asked)}
     found: dict[int, Boundary] = {}
     try:

@@ -19,19 +19,16 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
 from proofmass.sim.contents import size
-from proofmass.sim.protocol import BadModel, Curves
+from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
-from proofmass.studies.measure import CONSTANT, StudyRun, span
+from proofmass.studies.measure import CONSTANT, Measurement, StudyRun, measure, simulate_task, span
 from proofmass.studies.record import KINDS, NAN
 from proofmass.studies.store import Store, digest, key_of, once
-from proofmass.studies.stress.stand import simulated
 from proofmass.studies.trade.varied import as_given
 from proofmass.studies.variants import times, with_model
 from proofmass.wording import number
-from proofmass.worker import isolated
 
 NUDGE = 1e-9
 """Of all joints at the start: rad, or times the mechanism's size."""
@@ -48,7 +45,6 @@ LEAST = 11
 """Samples that errors are judged at, at least."""
 ULPS = 4
 """Roundings that masses are changed by, so that each step rounds otherwise."""
-LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
 ROUNDED = 0.3
 """Share of an error that a change by roundings must move it by, to have made it."""
 
@@ -210,15 +206,14 @@ def with_start(
 def parted(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[str, Array]:
     """How far two runs of a setting part, by kind of channel (n,) [share of its range], over x.
 
-    Nothing where either is lost.  Neither is held against a reference.
+    Nothing where either fails.  Neither is compared with a reference.
     """
     twin = replace(task, case=other)
     file = store.folder / f"{key_of(task)}.{digest(key_of(twin).encode())[:16]}.parted.json"
 
     def made() -> dict[str, list[float]]:
-        try:
-            one, two = (isolated(simulated, each, timeout=timeout) for each in (task, twin))
-        except LOST:
+        one, two = (measure(simulate_task, each, timeout=timeout) for each in (task, twin))
+        if isinstance(one, Measurement) or isinstance(two, Measurement):
             return {}
         return {what: values.tolist() for what, values in distances(task, one, two).items()}
 

@@ -16,7 +16,7 @@ from proofmass.sim.protocol import STEP, Perturbation
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.trade.varied import ConvergenceSeries, at_step, studied
-from proofmass.studies.variants import READS, movable, reread, thinned
+from proofmass.studies.variants import READS, movable, self_referenced, thinned
 
 SIGNIFICANT = 1.1
 """Factor on the error from which a cause is one: a fifth of the error, if of first order."""
@@ -97,7 +97,7 @@ def perturb_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Pe
         )
     elif case.reference != READS and movable(case) and not case.rod:
         yield (
-            reread(case),
+            self_referenced(case),
             Perturbation("the reference", "a second reference", setting.parameters, better=None),
         )
 

@@ -23,7 +23,7 @@ from proofmass.engines import engine_of
 from proofmass.files import write_whole
 from proofmass.sim.protocol import Curves, Imposed, Run
 from proofmass.studies.bounded import limited
-from proofmass.studies.measure import own_core, pinned, shares
+from proofmass.studies.measure import own_core, pinned, relative_errors
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store, digest, read, sources, versions
 from proofmass.wording import number
@@ -149,7 +149,7 @@ def run_program(
     lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
     if lost:
         return ProgramRun(failure=f"{lost[0]} is not finite")
-    return ProgramRun(shares(case, "dynamics", curves), float(printed[2]), int(printed[1]))
+    return ProgramRun(relative_errors(case, "dynamics", curves), float(printed[2]), int(printed[1]))
 
 
 def read_curves(file: Path, run: Run) -> Curves:

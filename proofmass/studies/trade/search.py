@@ -21,7 +21,7 @@ from proofmass.reference import grid
 from proofmass.sim.protocol import Curves, Recipe, leading
 from proofmass.solve import plan
 from proofmass.studies.bounded import bounded
-from proofmass.studies.measure import StudyRun, truth
+from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import Progress, reference_of, run
 from proofmass.studies.store import Store, key_of, once
@@ -38,7 +38,8 @@ PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, t
 HOPELESS = 3  # steps in turn with which a family does not run at all
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
-PATIENCE = 5.0  # times what a reference took: each worker evaluates it once, beside others
+REFERENCE_TIMES = 5.0
+"""Times what the reference takes: each worker evaluates it once, beside others."""
 
 
 @dataclass
@@ -212,7 +213,7 @@ def search(
     """
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
     longest = limits.longest
-    timeout = longest + PATIENCE * kept_reference_seconds(case, store)
+    timeout = longest + REFERENCE_TIMES * cached_reference_seconds(case, store)
     while tasks := [
         task
         for family in found
@@ -261,7 +262,7 @@ def search(
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
 
 
-def kept_reference_seconds(case: Case, store: Store) -> float:
+def cached_reference_seconds(case: Case, store: Store) -> float:
     """`reference_seconds`, measured once for a store; 0 where a file keeps the reference."""
     task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].solvers[0].partition(":")[0]))
     if reference_of(task, store):
@@ -275,7 +276,9 @@ def reference_seconds(case: Case) -> float:
     asked = plan(case, "dynamics", case.run["dynamics"].solvers[0])
     began = time.perf_counter()
     with suppress(InputError):  # the runs tell
-        truth(case, Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None))
+        cached_reference(
+            case, Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None)
+        )
     return time.perf_counter() - began
 
 

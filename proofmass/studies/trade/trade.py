@@ -213,7 +213,7 @@ def trade(
             store,
             workers,
             repeats=repeats,
-            patience=budget,
+            longest_repeated=budget,
             timeout=longest,
             progress=progress,
         )

@@ -20,7 +20,7 @@ from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies.bounded import limited
-from proofmass.studies.measure import REFERENCE, StudyRun, shares
+from proofmass.studies.measure import REFERENCE, StudyRun, relative_errors
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.program import ProgramRun, drive_words, imposed, tried
@@ -322,7 +322,7 @@ def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
         return np.nan
     if curves.drive is None and kind == "dynamics" and curves.x[0] > 0.0:
         curves = from_start(case, curves)
-    return shares(case, kind, curves).get(of, np.nan)
+    return relative_errors(case, kind, curves).get(of, np.nan)
 
 
 def from_start(case: Case, curves: Curves) -> Curves:

@@ -94,7 +94,7 @@ def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
 
 def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
     """Iterations are needed by the ten thousands where a joint comes to its stop."""
-    monkeypatch.setattr(quasi_static, "PATIENT", 2000)
+    monkeypatch.setattr(quasi_static, "MOST_ITERATIONS", 2000)
     with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
         light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
 

@@ -293,7 +293,9 @@ def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, mo
     for _ in range(2):
         answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])
         assert answer.exit_code == 0, answer.output
-        monkeypatch.setattr(DietSearch, "ran", None)  # the second time nothing is run again
+        monkeypatch.setattr(
+            DietSearch, "judge_changes", None
+        )  # the second time nothing is run again
         monkeypatch.setattr("proofmass.studies.diet.command.finish", lambda *_: None)
     assert "sun" not in slim.read_text()
     assert not list(slim.parent.glob("*.part*"))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from proofmass.sim.protocol import Curves, Run
+from proofmass.studies import measure
 from proofmass.studies.diet import diet
 from proofmass.studies.diet.diet import DietSearch, DietStore, key_of
 from proofmass.studies.diet.options import Feature
@@ -71,19 +72,19 @@ class Options(DietSearch):
 
     saving: ClassVar[dict[str, tuple]] = {}
 
-    def held(self, models, draft):
+    def judge_errors(self, models, draft):
         return "matters" if "bad" in " ".join(draft) else "harmless", {}, "held"
 
-    def ran(self, models, draft):
+    def judge_changes(self, models, draft):
         raise AssertionError("options are held against what is true")
 
     def timed(self, now, draft, entry, tuned=False):
-        self.kept.asked.append((list(now), list(draft), entry.name, tuned))
+        self.store.asked.append((list(now), list(draft), entry.name, tuned))
         return replace(entry, saved=self.saving.get(entry.name, ()))
 
 
 def options(rounds: int = 0) -> Options:
-    return Options(scene_with(stepping()), rounds=rounds, kept=Asked(), workers="workers")
+    return Options(scene_with(stepping()), rounds=rounds, store=Asked(), workers="workers")
 
 
 def making(*names: str, asked: list | None = None):
@@ -111,7 +112,7 @@ def test_the_first_value_that_holds_is_taken_and_the_last_that_does_not_is_told(
         (["old", "one"], ["old", "one", "bad 3"], "bad 3", "matters"),
     ]
     assert [e.message for *_, e in found] == ["held"] * 2
-    assert len(own.kept.keys) == 4  # "other" is not tried
+    assert len(own.store.keys) == 4  # "other" is not tried
 
 
 def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
@@ -148,7 +149,7 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
         assert seen.pop() == (["old", "counted"], own.scene)
         told = ["counted", order] + ["bad"] * (order == "first")
         assert [e.name for e in entries] == told  # without rounds the clock decides nothing
-        assert own.kept.asked[:2] == [
+        assert own.store.asked[:2] == [
             (["old"], ["old", "counted"], "counted", True),
             (["old", "counted"], ["old", "counted", order], order, True),
         ]
@@ -190,7 +191,7 @@ def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome,
         "no gain",
     ]
     assert entries[1].saved == saved
-    assert own.kept.asked[:2] == [
+    assert own.store.asked[:2] == [
         (["old"], ["old", "bad"], "bad", True),
         (["old"], ["old", "one"], "one", True),
     ]
@@ -201,10 +202,10 @@ def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
     bound = Bound(Run("dynamics", np.zeros(2), ()), {"y": 0.1}, {"y": np.zeros(2)})
     free, held = stepping(name="free"), stepping(name="held", bound=bound)
     for tuned, more in ((True, [None, key_of(held)]), (False, [])):
-        own = (Options if tuned else Outcomes)(scene_with(free, held), rounds=0, kept=Asked())
+        own = (Options if tuned else Outcomes)(scene_with(free, held), rounds=0, store=Asked())
         _, found = own.tried(Cuts(), feature("new"), tuned)
         assert found.message == ("held" if tuned else "said")
-        ((_, runs),) = own.kept.keys
+        ((_, runs),) = own.store.keys
         assert runs == [(w.name, w.run, w.allowed, w.before.channels) for w in (free, held)] + more
 
 
@@ -238,7 +239,7 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
     for draft, shown, outcome in ((Given(), 0.0, "harmless"), (Named(), np.inf, "matters")):
         calls: list = []
         monkeypatch.setattr(
-            diet,
+            measure,
             "isolated",
             cost_of(
                 calls,
@@ -246,7 +247,7 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
                 Curves(np.zeros(1), {"y": np.array([1.25])}),
             ),
         )
-        found = DietSearch(scene_with(one, two)).held(["first", "second"], draft)
+        found = DietSearch(scene_with(one, two)).judge_errors(["first", "second"], draft)
         assert found == (outcome, {"held": {"y": 0.5}, "moved": {"y": 0.5, "probe": shown}}, "")
         assert calls == [
             ("attempt", "first", replace(bound.run, rods=("cut",)), 60.0),
@@ -258,8 +259,8 @@ def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
     """One that a study adds for itself is not, where it never moved."""
     watch = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
     for draft, outcome in ((Given(), "harmless"), (Named(), "matters")):
-        monkeypatch.setattr(diet, "isolated", cost_of([], Curves(np.zeros(1), {})))
-        assert DietSearch(scene_with(watch)).ran(["model"], draft)[0] == outcome
+        monkeypatch.setattr(measure, "isolated", cost_of([], Curves(np.zeros(1), {})))
+        assert DietSearch(scene_with(watch)).judge_changes(["model"], draft)[0] == outcome
 
 
 def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
@@ -280,9 +281,9 @@ def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
         (watch, False, (1.0, 2000)),
         (replace(watch, bound=None), True, (1.0, 2000)),
     ):
-        DietSearch(scene_with(one), rounds=3, kept=Asked()).timed(Cuts(), Cuts(), entry, tuned)
+        DietSearch(scene_with(one), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry, tuned)
         assert asked.pop() == wanted
-    DietSearch(scene_with(watch), rounds=3, kept=Asked()).timed(Cuts(), Cuts(), entry)
+    DietSearch(scene_with(watch), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry)
     assert asked == [(1.0, 2000)]
 
 
@@ -292,15 +293,15 @@ class Tuning(Outcomes):
     lean: ClassVar = Cuts(["lean"])
 
     def optioned(self, slim):
-        self.kept.asked.append(("optioned", slim))
+        self.store.asked.append(("optioned", slim))
         return self.lean or slim, [Entry("option", "step", "harmless")]
 
     def tried(self, now, feature, tuned=False):
-        self.kept.asked.append(("tried", feature.name, tuned))
+        self.store.asked.append(("tried", feature.name, tuned))
         return super().tried(now, feature, False)
 
     def timed(self, now, draft, entry, tuned=False):
-        self.kept.asked.append(("timed", entry.name, tuned))
+        self.store.asked.append(("timed", entry.name, tuned))
         return entry
 
 
@@ -310,17 +311,17 @@ def tuning(monkeypatch, kind: str = "dynamics", **how):
     )
     run = replace(stepping().run, kind=kind)
     scene = replace(scene_with(stepping(run=run), draft=Cuts()), said=("one", "two"))
-    own = Tuning(scene, rounds=0, kept=Asked(), workers="workers", **how)
+    own = Tuning(scene, rounds=0, store=Asked(), workers="workers", **how)
     return own, own.run()
 
 
 def test_options_are_made_cheaper_when_all_features_have_gone(monkeypatch):
     """What is left is held against what is true, and timed so, once its options are others."""
     own, found = tuning(monkeypatch)
-    assert ("optioned", ["a"]) in own.kept.asked
+    assert ("optioned", ["a"]) in own.store.asked
     assert found.tuned is True
     assert found.slim == ["lean"]
-    assert own.kept.asked[-3:] == [("tried", "", True), ["lean"], ("timed", "", True)]
+    assert own.store.asked[-3:] == [("tried", "", True), ["lean"], ("timed", "", True)]
     assert [(e.kind, e.name) for e in found.entries] == [("geom", "a"), ("option", "step")]
     said = [Entry("said", "", "said", message=words) for words in ("one", "two")]
     assert found.said == said
@@ -335,5 +336,5 @@ def test_options_stay_where_nothing_goes_by_steps_or_nobody_wants_them_changed(m
         assert found.tuned is False
         assert found.slim == ["a"]
         assert [e.name for e in found.entries] == ["a"]
-        assert not [asked for asked in own.kept.asked if asked[0] == "optioned"]
-        assert own.kept.asked[-1] == ("timed", "", False)
+        assert not [asked for asked in own.store.asked if asked[0] == "optioned"]
+        assert own.store.asked[-1] == ("timed", "", False)

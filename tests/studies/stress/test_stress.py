@@ -17,12 +17,13 @@ from proofmass.studies.record import Setting
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress import near_singular
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, Sought, Tried, bisect
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
 from proofmass.studies.stress.extremes import extremes, resized, sizes
 from proofmass.studies.stress.figure import stress_sheet
+from proofmass.studies.stress.limit_search import LimitSearch, bisect
 from proofmass.studies.stress.page import write_stress
-from proofmass.studies.stress.stress import kept, read_boundaries, stress, write_boundaries
-from proofmass.studies.stress.ways import longer
+from proofmass.studies.stress.stress import cache_trials, read_boundaries, stress, write_boundaries
+from proofmass.studies.variants import with_longer_run
 from proofmass.worker import TimedOut
 
 
@@ -40,46 +41,55 @@ def test_a_boundary_is_between_its_sides(start, reach, edge):
 
 
 def test_what_never_holds_and_what_always_does():
-    never = Sought(
-        "", "", "", "", "", 1.0, 9.0, lambda x: Tried(Failure("no", BoundaryKind.UNSTABLE))
+    never = LimitSearch(
+        "", "", "", "", "", 1.0, 9.0, lambda x: TrialResult(Failure("no", BoundaryKind.UNSTABLE))
     ).find()
     assert np.isnan(never.measured)
     assert np.isnan(never.ratio)
     assert never.failure == "at 1 already: no"
-    always = Sought("", "", "", "", "", 1.0, 9.0, lambda x: Tried(), theory=np.inf).find()
+    always = LimitSearch(
+        "", "", "", "", "", 1.0, 9.0, lambda x: TrialResult(), theory=np.inf
+    ).find()
     assert (always.holds, always.measured, always.ratio) == (9.0, np.inf, 1.0)
     assert np.isnan(replace(always, theory=2.0).ratio)
-    assert Sought("", "", "", "", "", 1.0, 0.1, lambda x: Tried(), theory=0.0).find().ratio == 1.0
+    assert (
+        LimitSearch("", "", "", "", "", 1.0, 0.1, lambda x: TrialResult(), theory=0.0).find().ratio
+        == 1.0
+    )
 
 
-def test_a_reset_is_heard(stand):
+def test_a_reset_is_heard(stressed):
     """MuJoCo puts everything back and goes on; only its warning tells."""
-    case = stand("pendulum").case
-    failure = stand("pendulum", integrator="Euler").lost(case, timestep=1e-3, tolerance=0.0)
+    case = stressed("pendulum").case
+    failure = stressed("pendulum", integrator="Euler").find_failure(
+        case, timestep=1e-3, tolerance=0.0
+    )
     assert failure is None
-    held = stand("fourbar", integrator="RK4")
+    held = stressed("fourbar", integrator="RK4")
     run = held.case.run["dynamics"].model_copy(update={"n": 3})
     far = held.case.model_copy(update={"run": {"dynamics": run}})
-    failure = held.lost(far, timestep=3.0)
+    failure = held.find_failure(far, timestep=3.0)
     assert failure
     assert "MuJoCo warning" in failure.message
     assert not failure.silent
 
 
-def test_an_open_loop_is_seen_though_all_is_finite(stand):
+def test_an_open_loop_is_seen_though_all_is_finite(stressed):
     """An impedance of a half leaves half of the acceleration that gravity gives the open loop."""
-    failure = stand("fourbar").lost(stand("fourbar").case, solref=(50.0, 1.0), solimp=(0.5, 0.5))
+    failure = stressed("fourbar").find_failure(
+        stressed("fourbar").case, solref=(50.0, 1.0), solimp=(0.5, 0.5)
+    )
     assert failure
     assert "came open" in failure.message
     assert failure.silent
 
 
-def test_a_run_that_is_finite_and_wrong_is_lost(stand):
+def test_a_run_that_is_finite_and_wrong_is_lost(stressed):
     """Steps of half a second on a pendulum of two, in which no loop can come open."""
-    pendulum = stand("pendulum", integrator="Euler")
+    pendulum = stressed("pendulum", integrator="Euler")
     run = pendulum.case.run["dynamics"].model_copy(update={"n": 21})
     coarse = pendulum.case.model_copy(update={"run": {"dynamics": run}})
-    failure = pendulum.lost(coarse, timestep=0.5)
+    failure = pendulum.find_failure(coarse, timestep=0.5)
     assert failure
     assert failure.message.startswith("position off by")
     assert failure.silent
@@ -96,24 +106,24 @@ def test_a_run_that_is_finite_and_wrong_is_lost(stand):
         ("balancer_sine", "sweep"),
     ],
 )
-def test_scaled_mechanisms_have_scaled_curves(stand, name, kind, engine, factor):
+def test_scaled_mechanisms_have_scaled_curves(stressed, name, kind, engine, factor):
     """Masses as they are, gravity with the lengths: errors are those at the mechanism's own size.
 
     Hinges and a slide; a free motion, whose truth reads the larger model itself; springs.
     """
-    held = stand(name, engine, kind)
+    held = stressed(name, engine, kind)
     run = held.case.run[kind]
     brief = {"n": 11, "until": run.until and run.until / 4}
     few = held.case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
     assert resized(replace(held, case=few), 0.0, factor).failure is None
 
 
-def test_places_within_a_micrometre_of_their_body_are_its_origin(stand):
+def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
     """The crank's centre, 0.5 m away, is at 1.9e-6 of its size.
 
     Its weight is gone then, which the holding moment shows, though not by a tenth of its range.
     """
-    held = stand("fourbar", "mujoco", "sweep")
+    held = stressed("fourbar", "mujoco", "sweep")
     few = held.case.run["sweep"].model_copy(update={"n": 11})
     held = replace(held, case=held.case.model_copy(update={"run": {"sweep": few}}))
     smaller = next(s for s in sizes(held) if s.reach < 1)
@@ -126,9 +136,9 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stand):
     assert failure.silent
 
 
-def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stand):
+def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
     """The model is read by MuJoCo for both engines; Chipmunk was not asked."""
-    held = stand("pendulum", "pymunk")
+    held = stressed("pendulum", "pymunk")
     smaller = next(s for s in sizes(held) if s.reach < 1)
     assert np.isnan(smaller.theory)
     found = smaller.find()
@@ -138,39 +148,39 @@ def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stand):
     assert "MuJoCo, which reads the model for pymunk" in found.failure
 
 
-def test_a_scale_that_forgets_something_is_noticed(stand):
+def test_a_scale_that_forgets_something_is_noticed(stressed):
     """Lengths without gravity: the pendulum swings at another pace."""
-    held = stand("pendulum")
+    held = stressed("pendulum")
     larger = variants.larger(held.case, held.models, 4.0)
-    assert held.lost(larger) is None
+    assert held.find_failure(larger) is None
     forgotten = variants.with_model(
         larger,
         held.models,
         lambda root: variants.set_gravity(root, compile_model(larger.model_path), 0.25),
     )
-    assert held.lost(forgotten)
-    assert held.lost(larger.model_copy(update={"channels": held.case.channels})) is None
-    crank = stand("slider_crank")
+    assert held.find_failure(forgotten)
+    assert held.find_failure(larger.model_copy(update={"channels": held.case.channels})) is None
+    crank = stressed("slider_crank")
     larger = variants.larger(crank.case, crank.models, 4.0)
-    assert crank.lost(larger.model_copy(update={"channels": crank.case.channels}))
+    assert crank.find_failure(larger.model_copy(update={"channels": crank.case.channels}))
 
 
 @pytest.mark.parametrize(("engine", "factor"), [("mujoco", 1e6), ("pymunk", 1e-6)])
-def test_stronger_springs_need_proportional_moments(stand, engine, factor):
-    held = stand("balancer_sine", engine, "sweep")
+def test_stronger_springs_need_proportional_moments(stressed, engine, factor):
+    held = stressed("balancer_sine", engine, "sweep")
     few = held.case.model_copy(
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 10})}}
     )
-    assert held.lost(variants.stiffer(few, held.models, factor)) is None
+    assert held.find_failure(variants.stiffer(few, held.models, factor)) is None
     wrong = variants.stiffer(few, held.models, factor).model_copy(update={"channels": few.channels})
-    assert held.lost(wrong).message.startswith("force or torque off by")
+    assert held.find_failure(wrong).message.startswith("force or torque off by")
 
 
-def test_the_least_inertia_bounds_the_size(stand):
+def test_the_least_inertia_bounds_the_size(stressed):
     """1e-14 kg m2 times s^2 against MuJoCo's 1e-15: s = 0.316."""
-    sought, skipped = extremes(stand("pendulum").case, stand("pendulum").store)
+    search, skipped = extremes(stressed("pendulum").case, stressed("pendulum").store)
     smaller = next(
-        s for s in sought if s.parameter == "all lengths smaller" and s.engine == "mujoco"
+        s for s in search if s.parameter == "all lengths smaller" and s.engine == "mujoco"
     )
     assert smaller.theory == pytest.approx(10**-0.5)
     found = smaller.find()
@@ -178,7 +188,7 @@ def test_the_least_inertia_bounds_the_size(stand):
     assert (found.limit, found.silent) == (BoundaryKind.REFUSED, False)
     assert "mjMINVAL" in found.failure
     assert "stiffness: there is no spring and no rod" in skipped
-    assert {s.parameter for s in sought} == {
+    assert {s.parameter for s in search} == {
         "time step",
         "gravity",
         "spring in pivot",
@@ -190,9 +200,9 @@ def test_the_least_inertia_bounds_the_size(stand):
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_limit_positions_come_from_the_reference(stand, engine):
+def test_limit_positions_come_from_the_reference(stressed, engine):
     """The crank of (2, 2, 2.5, 3), at first at -2 rad, stops at arccos((4 + 9 - 4.5^2) / 12)."""
-    held = stand("triple_rocker", engine)
+    held = stressed("triple_rocker", engine)
     case = held.case.model_copy(
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
@@ -204,9 +214,9 @@ def test_limit_positions_come_from_the_reference(stand, engine):
 
 
 @pytest.mark.slow
-def test_a_model_with_another_limit_position_is_noticed(stand):
+def test_a_model_with_another_limit_position_is_noticed(stressed):
     """A rocker longer by 2 % turns on by 1 %; angles and moments are off before that."""
-    held = stand("triple_rocker")
+    held = stressed("triple_rocker")
 
     def change(root):
         next(s for s in root.iter("site") if s.get("name") == "rocker_end").set("pos", "2.55 0 0")
@@ -215,37 +225,37 @@ def test_a_model_with_another_limit_position_is_noticed(stand):
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
     wrong = variants.with_model(case, held.models, change)
-    sought = next(s for s in extremes(wrong, held.store)[0] if s.parameter == "drive's way")
-    found = sought.find()
+    search = next(s for s in extremes(wrong, held.store)[0] if s.parameter == "drive's way")
+    found = search.find()
     assert found.ratio < 0.99
     assert "off by" in found.failure
 
 
-def test_boundaries_that_begin_alike_do_not_meet(stand):
+def test_boundaries_that_begin_alike_do_not_meet(stressed):
     """Eight threads change the same model at once; none finds a file of another gone."""
-    held = stand("fourbar")
+    held = stressed("fourbar")
     for factor in np.linspace(2.0, 3.0, 20).tolist():
         change = partial(variants.heavier, held.case, held.models)
         with ThreadPoolExecutor(8) as threads:
             assert len({case.model for case in threads.map(change, [factor] * 8)}) == 1
 
 
-def test_a_long_run_turns_on_or_goes_to_and_fro(stand):
-    turned = longer(stand("fourbar").case, 3.0, 2 * np.pi)
+def test_a_long_run_turns_on_or_goes_to_and_fro(stressed):
+    turned = with_longer_run(stressed("fourbar").case, 3.0, 2 * np.pi)
     assert turned.drive[0].to == pytest.approx(6 * np.pi)
     assert turned.drive[0].rate == 1.0
-    both = longer(stand("fivebar").case, 3.0, 2 * np.pi)  # which keep their ratio
+    both = with_longer_run(stressed("fivebar").case, 3.0, 2 * np.pi)  # which keep their ratio
     assert [drive.to for drive in both.drive] == pytest.approx([6 * np.pi, 12 * np.pi])
-    slid = longer(stand("threeprr").case, 3.0, 1.0)
-    assert (slid.drive[0].to, slid.drive[0].period) == (stand("threeprr").case.drive[0].to, 2.0)
+    slid = with_longer_run(stressed("threeprr").case, 3.0, 1.0)
+    assert (slid.drive[0].to, slid.drive[0].period) == (stressed("threeprr").case.drive[0].to, 2.0)
     assert slid.run["dynamics"].until == 3.0
 
 
-def test_a_case_is_run_as_its_first_solver_is_set(stand, monkeypatch):
+def test_a_case_is_run_as_its_first_solver_is_set(stressed, monkeypatch):
     """The snapping rod's mujoco:settled falls where its plain sweep ends."""
-    held, stands = stand("rod_snap", kind="sweep"), []
+    held, stands = stressed("rod_snap", kind="sweep"), []
     monkeypatch.setattr(
-        "proofmass.studies.stress.extremes.AXES", (lambda one: stands.append(one) or (),)
+        "proofmass.studies.stress.extremes.SEARCHES", (lambda one: stands.append(one) or (),)
     )
     extremes(held.case, held.store)
     assert [one.setting for one in stands] == [
@@ -254,23 +264,23 @@ def test_a_case_is_run_as_its_first_solver_is_set(stand, monkeypatch):
     ]
 
 
-def test_a_reference_that_is_late_is_not_the_engines_fault(stand, monkeypatch):
-    held, words = stand("pendulum"), "no answer in 60 s"
+def test_a_reference_that_is_late_is_not_the_engines_fault(stressed, monkeypatch):
+    held, words = stressed("pendulum"), "no answer in 60 s"
 
-    def late(function, *arguments, timeout):
+    def late(function, *arguments, **_):
         if function is observe:
             raise TimedOut(words)
         return function(*arguments)
 
-    monkeypatch.setattr("proofmass.studies.stress.stand.isolated", late)
-    failure = held.lost(held.case)
+    monkeypatch.setattr("proofmass.studies.measure.isolated", late)
+    failure = held.find_failure(held.case)
     assert failure.message == f"no reference: {words}; the engine has its run"
 
-    def never(function, *arguments, timeout):
+    def never(function, *arguments, **_):
         raise TimedOut(words)
 
-    monkeypatch.setattr("proofmass.studies.stress.stand.isolated", never)
-    failure = held.lost(held.case, timestep=2e-3)
+    monkeypatch.setattr("proofmass.studies.measure.isolated", never)
+    failure = held.find_failure(held.case, timestep=2e-3)
     assert failure.message == f"timed out: {words}"
 
 
@@ -279,16 +289,18 @@ def test_trials_are_made_once(tmp_path):
 
     def trial(x):
         tried.append(x)
-        return Tried(Failure("beyond", BoundaryKind.UNSTABLE, True) if x > 3.0 else None, x / 2)
+        return TrialResult(
+            Failure("beyond", BoundaryKind.UNSTABLE, True) if x > 3.0 else None, x / 2
+        )
 
-    sought = Sought("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
+    search = LimitSearch("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
     with pool(1) as workers:
-        first = stress([kept(sought, Store(tmp_path))], workers)
+        first = stress([cache_trials(search, Store(tmp_path))], workers)
         assert first[0].step == first[0].holds / 2
         count = len(tried)
-        assert stress([kept(sought, Store(tmp_path))], workers) == first
+        assert stress([cache_trials(search, Store(tmp_path))], workers) == first
         assert len(tried) == count > 5
-        stress([kept(replace(sought, parameter="other"), Store(tmp_path))], workers)
+        stress([cache_trials(replace(search, parameter="other"), Store(tmp_path))], workers)
     assert len(tried) == 2 * count
 
 

@@ -22,13 +22,14 @@ from proofmass.reference import grid
 from proofmass.sim.protocol import Run
 from proofmass.studies.measure import Measurement
 from proofmass.studies.stress import extremes
-from proofmass.studies.stress.boundary import BoundaryKind, Sought
-from proofmass.studies.stress.problems import probes
-from proofmass.studies.stress.ways import in_steps, longer
+from proofmass.studies.stress.boundary import BoundaryKind
+from proofmass.studies.stress.limit_search import LimitSearch
+from proofmass.studies.stress.problems import list_problems
+from proofmass.studies.variants import with_longer_run, with_whole_steps
 
 BARE = Path(__file__).parent / "bare"
 AGREE = 0.02
-PROBES = {f"{p.what}, {p.setting}, {p.parameter}": p for p in probes()}
+PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
 
 
 @cache
@@ -45,10 +46,10 @@ def bare(engine: str, name: str) -> float:
     return float(json.loads(answer.stdout)[name])
 
 
-def agrees(sought: Sought, limit: float) -> None:
+def agrees(search: LimitSearch, limit: float) -> None:
     """Raise AssertionError if a boundary is not within `AGREE` of a limit that is its engine's."""
-    assert sought.trial(limit * (1 - AGREE)).failure is None
-    failure = sought.trial(limit * (1 + AGREE)).failure
+    assert search.trial(limit * (1 - AGREE)).failure is None
+    failure = search.trial(limit * (1 + AGREE)).failure
     assert failure
     assert failure.limit in (BoundaryKind.UNSTABLE, BoundaryKind.INACCURATE)
 
@@ -88,17 +89,17 @@ def test_the_scripts_import_their_engine_and_numpy_alone():
         ),
     ],
 )
-def test_time_steps_of_mujoco(stand, case, integrator):
-    sought = next(s for s in extremes.steps(stand(case)) if s.setting == integrator)
-    agrees(sought, bare("mujoco", f"{case}, {integrator}"))
+def test_time_steps_of_mujoco(stressed, case, integrator):
+    search = next(s for s in extremes.steps(stressed(case)) if s.setting == integrator)
+    agrees(search, bare("mujoco", f"{case}, {integrator}"))
 
 
 @pytest.mark.parametrize(
     "case", ["pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)]
 )
-def test_time_steps_of_chipmunk(stand, case):
-    (sought,) = extremes.steps(stand(case, "pymunk"))
-    agrees(sought, bare("pymunk", f"{case}, step"))
+def test_time_steps_of_chipmunk(stressed, case):
+    (search,) = extremes.steps(stressed(case, "pymunk"))
+    agrees(search, bare("pymunk", f"{case}, step"))
 
 
 def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
@@ -109,29 +110,29 @@ def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_gravity_of_a_pendulum(stand, engine):
-    (sought,) = extremes.weights(stand("pendulum", engine))
-    agrees(sought, bare(engine, "pendulum, gravity"))
+def test_gravity_of_a_pendulum(stressed, engine):
+    (search,) = extremes.weights(stressed("pendulum", engine))
+    agrees(search, bare(engine, "pendulum, gravity"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_springs_in_a_pendulum(stand, engine):
-    (sought,) = extremes.stiffnesses(stand("pendulum", engine))
-    agrees(sought, bare(engine, "pendulum, spring"))
+def test_springs_in_a_pendulum(stressed, engine):
+    (search,) = extremes.stiffnesses(stressed("pendulum", engine))
+    agrees(search, bare(engine, "pendulum, spring"))
 
 
-def test_speed_of_a_driven_four_bar(stand):
-    (sought,) = extremes.speeds(stand("fourbar"))
-    agrees(sought, bare("mujoco", "fourbar, drive speed"))
+def test_speed_of_a_driven_four_bar(stressed):
+    (search,) = extremes.speeds(stressed("fourbar"))
+    agrees(search, bare("mujoco", "fourbar, drive speed"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
-def test_energy_of_a_free_four_bar(stand, integrator):
-    found = extremes.energies(stand("fourbar_released"))
-    sought = next(s for s in found if s.setting == integrator)
-    agrees(sought, bare("mujoco", f"fourbar_released, energy, {integrator}"))
+def test_energy_of_a_free_four_bar(stressed, integrator):
+    found = extremes.energies(stressed("fourbar_released"))
+    search = next(s for s in found if s.setting == integrator)
+    agrees(search, bare("mujoco", f"fourbar_released, energy, {integrator}"))
 
 
 SMALL = {
@@ -170,29 +171,29 @@ QUICK = (
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SMALL],
 )
 def test_small_models_have_the_limits_of_theory_in_the_engines_themselves(name):
-    sought = PROBES[SMALL[name]]
-    limit = bare(sought.engine, name)
-    assert limit == pytest.approx(sought.theory, rel=AGREE)
-    agrees(sought, limit)
+    search = PROBLEMS[SMALL[name]]
+    limit = bare(search.engine, name)
+    assert limit == pytest.approx(search.theory, rel=AGREE)
+    agrees(search, limit)
 
 
 def test_chipmunk_holds_a_damped_spring_everywhere():
     assert (
         bare("pymunk", "spring, ζ = 0.3")
         == np.inf
-        == PROBES["spring on a hinge, ζ = 0.3, pymunk, dt ω"].theory
+        == PROBLEMS["spring on a hinge, ζ = 0.3, pymunk, dt ω"].theory
     )
 
 
 @pytest.mark.parametrize("step", [1e-3, 1.37e-3, 9.99e-3, 0.01, 0.0101, 0.13, 0.77, 2.5])
 @pytest.mark.parametrize("name", ["pendulum", "fourbar", "threeprr", "double_rocker", "hacksaw"])
-def test_samples_are_whole_steps_apart(stand, name, step):
+def test_samples_are_whole_steps_apart(stressed, name, step):
     """As many as fit between those of the case, and one at least; the end moves by half of them."""
-    case = stand(name).case
+    case = stressed(name).case
     x = grid(case, "dynamics")
     if step > x[-1] / 4:
         pytest.skip("fewer than four steps")
-    changed = in_steps(case, float(x[-1]), step)
+    changed = with_whole_steps(case, float(x[-1]), step)
     found = Run("dynamics", grid(changed, "dynamics"), ())
     per, taken = found.steps(step)
     assert taken == pytest.approx(step, rel=1e-12)
@@ -205,10 +206,12 @@ def test_samples_are_whole_steps_apart(stand, name, step):
 
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar", "threeprr"])
-def test_a_long_run_has_the_steps_that_are_told(stand, name):
+def test_a_long_run_has_the_steps_that_are_told(stressed, name):
     """To half of a sample."""
-    held = stand(name)
-    case = in_steps(longer(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step)
+    held = stressed(name)
+    case = with_whole_steps(
+        with_longer_run(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step
+    )
     per, taken = Run("dynamics", grid(case, "dynamics"), ()).steps(held.step)
     assert taken == pytest.approx(held.step, rel=1e-12)
     steps = per * (case.run["dynamics"].n - 1)
@@ -216,27 +219,32 @@ def test_a_long_run_has_the_steps_that_are_told(stand, name):
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_a_step_that_was_not_asked_for_is_an_error(stand, engine, monkeypatch):
+def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch):
     """Two steps a sample, which `Run.steps` takes where one is a little too long."""
-    held = stand("pendulum", engine)
-    assert held.stepped(held.case, 1.0, timestep=0.0137).step == pytest.approx(0.0137, rel=1e-12)
-    whole = in_steps
+    held = stressed("pendulum", engine)
+    assert held.try_in_steps(held.case, 1.0, timestep=0.0137).step == pytest.approx(
+        0.0137, rel=1e-12
+    )
+    whole = with_whole_steps
     monkeypatch.setattr(
-        "proofmass.studies.stress.stand.in_steps",
+        "proofmass.studies.stress.limit_search.with_whole_steps",
         lambda case, seconds, step: whole(case, seconds, 1.01 * step),
     )
     with pytest.raises(RuntimeError, match=r"took steps of 0.0069\d* s where 0.0137 s were asked"):
-        held.stepped(held.case, 1.0, timestep=0.0137)
+        held.try_in_steps(held.case, 1.0, timestep=0.0137)
 
 
-def test_a_run_that_is_lost_has_no_step_to_tell(stand, monkeypatch):
-    held = stand("pendulum")
+def test_a_run_that_is_lost_has_no_step_to_tell(stressed, monkeypatch):
+    held = stressed("pendulum")
     monkeypatch.setattr(
-        "proofmass.studies.stress.stand.tried", lambda *_: Measurement(outcome="diverged")
+        "proofmass.studies.stress.limit_search.measure_once",
+        lambda *_: Measurement(outcome="diverged"),
     )
-    assert np.isnan(held.stepped(held.case, 1.0, timestep=0.01).step)
+    assert np.isnan(held.try_in_steps(held.case, 1.0, timestep=0.01).step)
 
 
-def test_a_recorded_curve_has_its_own_samples(stand):
-    _, skipped = extremes.extremes(stand("hacksaw_recorded").case, stand("hacksaw_recorded").store)
+def test_a_recorded_curve_has_its_own_samples(stressed):
+    _, skipped = extremes.extremes(
+        stressed("hacksaw_recorded").case, stressed("hacksaw_recorded").store
+    )
     assert "time step: a recorded curve has its own samples" in skipped

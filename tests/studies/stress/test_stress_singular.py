@@ -12,18 +12,18 @@ from proofmass.studies import variants
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.stress import extremes, near_singular, theory
-from proofmass.studies.stress.boundary import BoundaryKind, Failure, bisect
-from proofmass.studies.stress.stand import tried
-from proofmass.studies.variants import reread
+from proofmass.studies.stress.boundary import BoundaryKind, Failure
+from proofmass.studies.stress.limit_search import bisect, measure_once
+from proofmass.studies.variants import self_referenced
 
 (PYMUNK,) = engine_of("pymunk").schemes
 RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
 
 
-def test_grashof_knows_the_shortest_rocker(stand):
+def test_grashof_knows_the_shortest_rocker(stressed):
     """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
-    held = stand("fourbar")
-    case = reread(held.case)
+    held = stressed("fourbar")
+    case = self_referenced(held.case)
     link = near_singular.last_link(case)
     assert link == ("rocker_end",)
     assert near_singular.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
@@ -31,13 +31,13 @@ def test_grashof_knows_the_shortest_rocker(stand):
 
 
 @pytest.mark.slow
-def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
+def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
     """They come in line, one on the other, where the crank pins are nearest."""
-    held = stand("fivebar")
+    held = stressed("fivebar")
     left = np.linspace(0.0, 2 * np.pi, 1_000_001)
     nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
     shortest = (3.5 - nearest) / 4.0
-    case, link = reread(held.case), near_singular.last_link(held.case)
+    case, link = self_referenced(held.case), near_singular.last_link(held.case)
     assert near_singular.unclosed(case, link, "dynamics", held.models, shortest * 1.001) is None
     assert near_singular.unclosed(case, link, "dynamics", held.models, shortest * 0.999)
 
@@ -55,28 +55,28 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stand):
         ),
     ],
 )
-def test_arms_reach_as_far_as_their_ends_are_apart(stand, name, kind, farthest):
+def test_arms_reach_as_far_as_their_ends_are_apart(stressed, name, kind, farthest):
     """Both links by the same share shorter, until they are stretched."""
-    held = stand(name)
-    case, arm = reread(held.case), near_singular.last_arm(held.case)
+    held = stressed(name)
+    case, arm = self_referenced(held.case), near_singular.last_arm(held.case)
     model = compiled(case)
     shortest = farthest / sum(np.linalg.norm(model.site(link).pos) for link in arm)
     assert near_singular.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
     assert near_singular.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
 
 
-def test_an_arm_is_what_nothing_else_holds_or_drives(stand):
+def test_an_arm_is_what_nothing_else_holds_or_drives(stressed):
     """Not the legs of a platform that two loops hold, nor the bar of a slide, nor a driven one."""
-    assert near_singular.last_arm(stand("watt").case) == ("output_end", "second_end")
+    assert near_singular.last_arm(stressed("watt").case) == ("output_end", "second_end")
     for name in ("threeprr", "slider_crank", "inverted_slider_crank"):
-        assert not near_singular.last_arm(stand(name).case), name
+        assert not near_singular.last_arm(stressed(name).case), name
 
 
 @pytest.mark.parametrize("name", ["fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
-def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
+def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stressed, name):
     """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
-    held = stand(name)
-    held = replace(held, case=reread(held.case))
+    held = stressed(name)
+    held = replace(held, case=self_referenced(held.case))
     arm = near_singular.last_arm(held.case)
     shortest = {"fourbar": 8 / 9, "fivebar": 2 / 3}[name]
     shares = np.geomspace(2e-3, 3e-5, 4)
@@ -85,17 +85,18 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stand, name):
         for share in shares
     ]
     found = [
-        tried(StudyRun(case, "dynamics", held.setting, "stress"), held.store) for case in cases
+        measure_once(StudyRun(case, "dynamics", held.setting, "stress"), held.store)
+        for case in cases
     ]
     ratio = [one.errors["position"] / one.invariants["violation"] for one in found]
     # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
     assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
 
 
-def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
+def test_a_softer_loop_loses_its_way_further_from_the_change_point(stressed):
     """With 5e-4 of their length to spare; an open loop is then in the other mode for nothing."""
-    held = stand("fourbar")
-    held = replace(held, case=reread(held.case))
+    held = stressed("fourbar")
+    held = replace(held, case=self_referenced(held.case))
     soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
     link, arm = near_singular.last_link(held.case), near_singular.last_arm(held.case)
     for links, length in ((link, 0.8), (arm, 8 / 9)):
@@ -105,29 +106,34 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stand):
         assert failure.silent
 
 
-def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(stand, monkeypatch):
+def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(
+    stressed, monkeypatch
+):
     """We did not find the pose; the drive's own way ends at a limit position, which is none."""
-    held, answer = stand("fourbar", kind="sweep"), Measurement(outcome="stopped", message="no pose")
-    monkeypatch.setattr("proofmass.studies.stress.stand.tried", lambda *_: answer)
-    held = replace(held, case=reread(held.case))
+    held, answer = (
+        stressed("fourbar", kind="sweep"),
+        Measurement(outcome="stopped", message="no pose"),
+    )
+    monkeypatch.setattr("proofmass.studies.stress.limit_search.measure_once", lambda *_: answer)
+    held = replace(held, case=self_referenced(held.case))
     assert near_singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
         "stopped: no pose", BoundaryKind.OURS
     )
-    assert held.tried(held.case).failure == Failure("stopped: no pose", BoundaryKind.UNSTABLE)
+    assert held.try_case(held.case).failure == Failure("stopped: no pose", BoundaryKind.UNSTABLE)
 
 
-def test_the_reference_snaps_at_its_fold(stand):
+def test_the_reference_snaps_at_its_fold(stressed):
     """Found from curves there and back, against the equation of the fold."""
-    case = stand("rod_snap", kind="sweep").case
+    case = stressed("rod_snap", kind="sweep").case
     fold = marks(distance=0.8)["snaps to the left"] + case.drive[0].start
     holds, breaks, _ = bisect(lambda far: near_singular.unreturned(case, far), 0.2, 2.7, 1e-9)
     assert np.sqrt(holds * breaks) == pytest.approx(fold, rel=1e-8)
 
 
 @pytest.mark.slow
-def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
+def test_folds_of_chains_converge_with_the_square_of_their_links(stressed):
     """MuJoCo's chains of 10 and 20 links; Richardson's limit is the rod's own fold."""
-    held = stand("rod_snap", kind="sweep")
+    held = stressed("rod_snap", kind="sweep")
     fold = marks(distance=0.8)["snaps to the left"] + held.case.drive[0].start
     ends = []
     for pieces in (10, 20):
@@ -146,9 +152,9 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stand):
 
 
 @pytest.mark.slow
-def test_a_rod_of_another_length_snaps_elsewhere(stand):
+def test_a_rod_of_another_length_snaps_elsewhere(stressed):
     """2 % longer in the engine alone: its ends are nearer for it, and the fold is elsewhere."""
-    held = stand("rod_snap", kind="sweep", segments=10)
+    held = stressed("rod_snap", kind="sweep", segments=10)
     start = held.case.drive[0].start
     right, wrong = (
         marks(distance=distance)["snaps to the left"] + start for distance in (0.8, 0.8 / 1.02)
@@ -163,11 +169,11 @@ def test_a_rod_of_another_length_snaps_elsewhere(stand):
     )
 
 
-def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
-    (sought,) = extremes.stiffnesses(stand("pendulum", integrator="Euler"))
-    assert sought.reach == pytest.approx(1e12 * sought.start)
-    assert sought.trial(0.95 * sought.theory).failure is None
-    failure = sought.trial(1.05 * sought.theory).failure
+def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stressed):
+    (search,) = extremes.stiffnesses(stressed("pendulum", integrator="Euler"))
+    assert search.reach == pytest.approx(1e12 * search.start)
+    assert search.trial(0.95 * search.theory).failure is None
+    failure = search.trial(1.05 * search.theory).failure
     assert failure
     assert failure.message.startswith("position off by")
 
@@ -176,24 +182,24 @@ def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stand):
     ("swing", "holds", "breaks"),
     [(0.05, 0.98, 1.03), pytest.param(0.5, 1.03, 2.0, marks=pytest.mark.slow)],
 )
-def test_in_chipmunk_small_swings_of_a_spring_are_linear(stand, swing, holds, breaks):
+def test_in_chipmunk_small_swings_of_a_spring_are_linear(stressed, swing, holds, breaks):
     """Its bodies go straight ahead in a step, which is off by the square of its angle, (dt w A)^2.
 
     So small swings hold as far as those of one coordinate, 0.3 % further here, others elsewhere.
     """
-    held = stand("pendulum", "pymunk")
+    held = stressed("pendulum", "pymunk")
 
     def change(root):
         for key in root.iter("key"):
             key.set("qpos", repr(swing))
 
     held = replace(held, case=variants.with_model(held.case, held.models, change))
-    (sought,) = extremes.stiffnesses(held)
+    (search,) = extremes.stiffnesses(held)
     steps = min(held.seconds / held.step, extremes.BRIEF)
     inertia = extremes.last_hinge(held.case)[1]
     theirs = inertia * (theory.stiffest(PYMUNK, steps) / held.step) ** 2
-    assert sought.trial(holds * theirs).failure is None
-    assert sought.trial(breaks * theirs).failure
+    assert search.trial(holds * theirs).failure is None
+    assert search.trial(breaks * theirs).failure
 
 
 def test_stiffest_is_where_the_phase_is_off():
@@ -202,9 +208,9 @@ def test_stiffest_is_where_the_phase_is_off():
     assert 10_000 * z**3 / 24 == pytest.approx(2 * np.arcsin(0.1), rel=0.01)
 
 
-def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
+def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stressed):
     """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
-    held = stand("pendulum", integrator="RK4")
+    held = stressed("pendulum", integrator="RK4")
     case = extremes.with_spring(
         extremes.weighed(held.case, held.models),
         held.models,
@@ -218,12 +224,12 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stand):
     assert failure.message.startswith("energy off by 0.01")
 
 
-def test_what_applies_is_found_from_the_case(stand):
+def test_what_applies_is_found_from_the_case(stressed):
     """No loop, no drive: neither bars in line nor folds; a load: no energy."""
-    held = stand("pendulum")
+    held = stressed("pendulum")
     _, skipped = extremes.extremes(held.case, held.store)
     assert "bars in line: no such links in a driven loop" in skipped
     assert "stretched arm: no such links in a driven loop" in skipped
     assert "fold: no rod that a single drive bends" in skipped
-    _, skipped = extremes.extremes(stand("rod_cantilever").case, held.store)
+    _, skipped = extremes.extremes(stressed("rod_cantilever").case, held.store)
     assert any(why.startswith("energy: ") for why in skipped)

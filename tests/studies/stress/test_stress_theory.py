@@ -9,10 +9,10 @@ from proofmass.sim.mujoco.stability import SCHEMES, discrete, euler, euler_expli
 from proofmass.sim.pymunk.stability import chipmunk
 from proofmass.sim.stability import limit
 from proofmass.studies.stress import problems, theory
-from proofmass.studies.stress.boundary import Sought
-from proofmass.studies.stress.problems import probes, stepping, wheel
+from proofmass.studies.stress.limit_search import LimitSearch
+from proofmass.studies.stress.problems import list_problems, stepping, wheel
 
-PROBES = {f"{p.what}, {p.setting}, {p.parameter}": p for p in probes()}
+PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
 QUICK = [
     "spring on a hinge, ζ = 0.3, Euler, dt ω",
     "spring on a hinge, ζ = 1, implicitfast, dt ω",
@@ -27,33 +27,33 @@ QUICK = [
 ]
 
 
-def near(sought: Sought) -> bool:
+def near(search: LimitSearch) -> bool:
     """Within 2 % of theory, of which bisection takes up to 0.5.
 
     The rest is how long a model is stepped: what grows slowly is lost a little beyond the limit.
     """
-    found = sought.find()
-    if sought.parameter in ("dt ω", "dt √(k/m)", "dt kv/I"):
+    found = search.find()
+    if search.parameter in ("dt ω", "dt √(k/m)", "dt kv/I"):
         assert found.step == pytest.approx(found.holds, rel=1e-12)  # what the engine took
     return abs(found.ratio - 1.0) <= 0.02
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_boundaries_are_where_theory_says(name):
-    assert near(PROBES[name])
+    assert near(PROBLEMS[name])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in PROBES if n not in QUICK])
+@pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in QUICK])
 def test_all_other_boundaries_are_where_theory_says(name):
-    assert near(PROBES[name])
+    assert near(PROBLEMS[name])
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
     """Stiffness enters the limit by its root: 0.8 moves it by 12 %."""
     text = wheel(factor)
-    wrong = Sought(
+    wrong = LimitSearch(
         "",
         "mujoco",
         "",
