@@ -315,11 +315,11 @@ class Refine(Strict):
     """``[refine]``: every rod in so many `segments`, one number after the other, in one `run`.
 
     The largest error of each of the `channels` must fall with `order`, from each number to the next
-    and `within` so much.  A rest is sampled where every number of segments has the same place on
-    its links, for what lies between their ends is off by more or less.  Errors up to `wall`, in the
-    channel's unit, are left to rounding and to the reference, and show no order.  `richardson` is
-    what the limits of places may be off by at the last sample [m]; `between` the two numbers that
-    they are taken from, the last two if left out.
+    and `within` so much. A rest is sampled where every number of segments has the same place on its
+    links, for what lies between their ends is off by more or less. Errors up to `error_floor`, in
+    the channel's unit, are left to rounding and to the reference, and show no order. `richardson`
+    is what the limits of places may be off by at the last sample [m]; `between` the two numbers
+    that they are taken from, the last two if left out.
     """
 
     segments: tuple[Segments, ...] = Field(min_length=2)
@@ -327,7 +327,7 @@ class Refine(Strict):
     channels: tuple[str, ...] = ("*",)
     order: float = Field(gt=0)
     within: float = Field(gt=0)
-    wall: float = Field(1e-9, gt=0)
+    error_floor: float = Field(1e-9, gt=0)
     richardson: float | None = Field(None, gt=0)
     between: tuple[int, int] | None = None
     why: str

@@ -32,6 +32,7 @@ RENAMED = {
     "law": "profile",
     "of_range": "relative_to_range",
     "beside": "compare_with",
+    "wall": "error_floor",
 }
 """Keys of sidecars by their former names."""
 

@@ -132,14 +132,14 @@ def errors(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison
     ]
 
 
-def order(coarse: RefinedRow, fine: RefinedRow, wall: float = 0.0) -> float:
-    """The order that two numbers of segments show; NaN where an error is at the wall.
+def order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> float:
+    """The order that two numbers of segments show; NaN where an error is at the error floor.
 
     >>> one, two = (RefinedRow("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
-    >>> order(one, two), order(one, two, wall=0.3)
+    >>> order(one, two), order(one, two, error_floor=0.3)
     (2.0, nan)
     """
-    if not np.minimum(coarse.error, fine.error) > wall:
+    if not np.minimum(coarse.error, fine.error) > error_floor:
         return float("nan")
     return float(np.log(coarse.error / fine.error) / np.log(fine.segments / coarse.segments))
 
@@ -190,16 +190,16 @@ def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
 
 
 def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
-    """Whether the errors of a channel fall as they should, wherever they are not at the wall."""
+    """Whether the errors of a channel fall as they should, above the error floor."""
     place = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
-    wall = f"errors up to {refine.wall:g} {rows[0].unit} are left to rounding"
+    floor = f"errors up to {refine.error_floor:g} {rows[0].unit} are left to rounding"
     pairs = [
         pair
         for pair in pairwise(rows)
-        if not np.minimum(pair[0].error, pair[1].error) <= refine.wall
+        if not np.minimum(pair[0].error, pair[1].error) <= refine.error_floor
     ]
     if not pairs:
-        return Comparison(**place, message=f"no order shows: {wall}")
+        return Comparison(**place, message=f"no order shows: {floor}")
     orders = [order(*pair) for pair in pairs]
     off = np.abs(np.subtract(orders, refine.order))
     worst = int(np.argmax(off))
@@ -208,7 +208,7 @@ def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
     if outcome == Outcome.DIFFERS:
         message += f", order {orders[worst]:.3g} from {coarse.segments} to {fine.segments} segments"
     elif len(pairs) < len(rows) - 1:
-        message += f"; {wall}"
+        message += f"; {floor}"
     return Comparison(
         **place,
         error_max=float(off[worst]),

@@ -71,6 +71,12 @@ SIDECARS = {
         "of_range = ",
         ["tolerance.0", "'of_range' is called 'relative_to_range' now"],
     ),
+    "former name of a key of refine": (
+        "rod_cantilever.toml",
+        r"(?m)^within = ",
+        "wall = 1e-9\nwithin = ",
+        ["refine", "'wall' is called 'error_floor' now"],
+    ),
     "negative length": (
         "fourbar.toml",
         r"coupler = 2.0",

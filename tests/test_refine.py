@@ -156,7 +156,7 @@ def test_a_higher_order_than_asked_for_differs():
 
 @pytest.mark.parametrize("bad", [10, 80])
 def test_a_nan_differs(bad):
-    """In any of the runs, be the others at the wall."""
+    """In any of the runs, be the others at the error floor."""
 
     def off(n: int, s: Array) -> Array:
         return np.where(s == s[-1], np.nan, 0.0) if n == bad else 0 * s
@@ -182,7 +182,7 @@ def test_errors_at_the_wall_do_not_count():
     found = {c.channel: c for c in studied(off)[1]}["order of rod.x"]
     assert (found.outcome, found.at) == ("agrees", 20)
     assert found.message.endswith("errors up to 1e-09 m are left to rounding")
-    lower = {c.channel: c for c in studied(off, wall=1e-12)[1]}["order of rod.x"]
+    lower = {c.channel: c for c in studied(off, error_floor=1e-12)[1]}["order of rod.x"]
     assert lower.outcome == "differs"
     assert "from 40 to 80" in lower.message
 

@@ -61,8 +61,8 @@ def panel(
     bounds = (
         {"limit": refine.richardson / factor} if (refine.richardson and quantity == "m") else {}
     )
-    if any(value <= refine.wall for value in drawn):
-        bounds["rounding"] = refine.wall
+    if any(value <= refine.error_floor for value in drawn):
+        bounds["rounding"] = refine.error_floor
     good = [v for v in (*drawn, *bounds.values()) if np.isfinite(v)] or [1.0]
     decades(ax, min(good) / 8, max(good) * 4)
     triangle(ax, max(solvers.values(), key=len), refine)
@@ -93,7 +93,7 @@ def lines(
     )
     for a, b in pairwise(rows):
         left = abs(limit(a, b, refine.order))
-        if (a.segments, b.segments) == refine.last and left > refine.wall:
+        if (a.segments, b.segments) == refine.last and left > refine.error_floor:
             ax.plot(
                 b.segments,
                 left,
@@ -109,8 +109,8 @@ def lines(
 
 
 def triangle(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
-    """Falls as errors of the order that is asked for, below the last two that are not at a wall."""
-    above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.wall]
+    """Falls as errors of the asked order, below the last two that are above the error floor."""
+    above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.error_floor]
     if not above:
         return
     (a, b), p = above[-1], refine.order
@@ -216,7 +216,7 @@ def table(view: Shown, refine: Refine) -> dict[str, list[RefinementLine]]:
                     pretty(rows[0].unit),
                     tuple(own),
                     tuple(number(row.error) for row in rows),
-                    pairs(rows, lambda a, b: order(a, b, refine.wall), 4),
+                    pairs(rows, lambda a, b: order(a, b, refine.error_floor), 4),
                     pairs(rows, lambda a, b: abs(limit(a, b, refine.order)), 3),
                 )
             )

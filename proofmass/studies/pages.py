@@ -30,7 +30,7 @@ KINDS = (
         "trade",
         "trade.csv",
         "What accuracy costs",
-        "errors against wall time, orders, walls and what they are",
+        "errors against wall time, orders, error floors and what they are",
         write_trade,
     ),
     StudyKind(

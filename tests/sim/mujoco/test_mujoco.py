@@ -1,4 +1,4 @@
-"""Laws of the MuJoCo side: assembly, virtual work, order of convergence, its wall, lost runs."""
+"""Laws of the MuJoCo side: assembly, virtual work, convergence and its error floor, lost runs."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -376,7 +376,7 @@ def test_a_study_is_written_and_read_again(pendulum):
     assert [repr(v) for v in told] == [repr(v) for v in study.verdicts]
 
 
-@pytest.mark.parametrize("text", ["[{]", '[{"case": "x", "wall": 1e-4}]', "[3]"])
+@pytest.mark.parametrize("text", ["[{]", '[{"case": "x", "line": "x"}]', "[3]"])
 def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
     (tmp_path / "verdicts.json").write_text(text)
     with pytest.raises(InputError, match=r"verdicts\.json: not the verdicts that this version"):
