@@ -32,6 +32,10 @@ from proofmass.studies.trade.varied import as_given, studied
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
 SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
+LONG = 0.5
+"""Wall time [s] from which a run is a long one: single ones tell apart what takes `SURE` times as
+long, and the cheapest of several are run first."""
+SURE = 1.3
 YIELDING = 40.0
 """Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
 PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
@@ -87,9 +91,13 @@ class SettingFamily:
         step = self.step(step)
         if any(abs(row.value - step) < 1e-9 * step for row in rows):
             return None
-        ran = [row for row in rows if isfinite(row.seconds)]
-        cost = ran[-1].seconds * ran[-1].value / step if ran else 0.0
-        return step if cost <= limit else None
+        return step if self.cost(step) <= limit else None
+
+    def cost(self, step: float) -> float:
+        """Wall time that a step promises to take [s], by that of the finest one that ran."""
+        ran = [row for row in self.rows if isfinite(row.seconds)]
+        finest = min(ran, key=lambda row: row.value, default=None)
+        return finest.seconds * finest.value / step if finest else 0.0
 
     def finer(self, rows: list[StudyRow], of: str, needed: float) -> float | None:
         """The step that the order of the last errors says is good enough."""
@@ -223,6 +231,7 @@ def search(
         if limits.spent > limits.budget:
             limits.short = True
             break
+        tasks = cheaper(tasks)
         limits.settings += len(tasks)
         rows = run(
             [task for _, task in tasks],
@@ -338,12 +347,25 @@ def following(
         of,
         needed,
     )
+    slack *= SURE / SLACK if best > LONG else 1.0
     limit = min(longest, (PLAIN if family.plain else slack) * best)
     if (step := family.next(of, needed, limit)) is not None:
         yield (
             family,
             StudyRun(case, "dynamics", family.at(step), "choose", family.name, "timestep", step),
         )
+
+
+def cheaper(
+    tasks: list[tuple[SettingFamily, StudyRun]],
+) -> list[tuple[SettingFamily, StudyRun]]:
+    """The next runs that are made now: short ones, and of long ones the cheapest.
+
+    The others wait until it is known whether one of these is good enough.
+    """
+    costs = [family.cost(task.value) for family, task in tasks]
+    most = max(LONG, SURE * min(costs))
+    return [each for each, cost in zip(tasks, costs, strict=True) if cost <= most]
 
 
 def cheapest(rows: Iterable[StudyRow], of: str, needed: float) -> float:

@@ -255,3 +255,23 @@ def test_few_iterations_come_with_a_bias(fourbar):
     for step in (1e-2, 1e-3):
         bias = found[0].at(step).parameters["error_bias"]
         assert bias**step == pytest.approx(0.99, rel=1e-12)
+
+
+def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_path) -> None:
+    """Of three like families one needs runs of seconds; the dear ones end before theirs.
+
+    Without the order of costs all three would be run with the step that is good enough.
+    """
+    world = World(
+        monkeypatch,
+        cheap=(1.0, 1.0, 0.0, 1e-4),
+        dear=(1.0, 1.0, 0.0, 2e-4),
+        dearer=(1.0, 1.0, 0.0, 3e-4),
+    )
+    rows = search(fourbar, "position", 3e-4, Store(tmp_path))
+    longest = {
+        name: max(row.seconds for row in rows if row.series == name) for name in world.families
+    }
+    assert longest["cheap"] > 2.0
+    assert longest["dear"] < longest["cheap"]
+    assert longest["dearer"] < longest["cheap"]
