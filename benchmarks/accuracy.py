@@ -32,7 +32,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
-from proofmass.studies.trade.trade_command import measured, turnable
+from proofmass.studies.trade.trade_command import measured, has_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import brief
 from proofmass.wording import number, spoken
@@ -87,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         key=lambda file: file.name,
     )
     with folders(given.quick, given.folder) as (folder, docs):
-        cases = [case for case in map(load_case, files) if turnable(case, None)]
+        cases = [case for case in map(load_case, files) if has_series(case, None)]
         study = (
             trade(cases, Store(folder / "runs"), budget=0.01, repeats=1)
             if given.quick

@@ -24,7 +24,7 @@ from proofmass.studies.trade.floor import ROUNDING, halvings
 from proofmass.studies.trade.program import ProgramRun, imposed, tried
 from proofmass.studies.trade.series import alike, halved
 from proofmass.studies.trade.trade import Trade, trade
-from proofmass.studies.trade.trade_command import measured, turnable
+from proofmass.studies.trade.trade_command import measured, has_series
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import as_used
@@ -96,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = parser.parse_args(argv)
     files = sorted((ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"))
     with folders(given.quick, given.folder) as (folder, docs):
-        cases = [case for case in map(load_case, files) if turnable(case, None)]
+        cases = [case for case in map(load_case, files) if has_series(case, None)]
         store = Store(folder / "runs")
         study = (
             trade(cases, store, budget=0.01, repeats=1)

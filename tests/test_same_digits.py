@@ -46,9 +46,9 @@ import numpy as np
 from proofmass import Curves, load_case
 from proofmass.check import Result
 from proofmass.report.case_page import gather
-from proofmass.studies.stress.ways import followed
+from proofmass.studies.variants import evaluate_run
 case = load_case("solved.toml")
-wanted = followed(case, "sweep")
+wanted = evaluate_run(case, "sweep")
 drive = tuple(np.ones((3, 1, 100)))
 found = {("solved", "sweep", "mujoco"): Curves(wanted.x, {}, drive=drive)}
 (run,), _ = gather(Result([case], curves=found), case)
