@@ -16,8 +16,8 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import loop_gap
 from proofmass.sim.mujoco.settling import lost
 from proofmass.sim.protocol import Diverged, Rod
+from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.quasi_static import shape
-from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.space import build
 from proofmass.sim.rods import Chain, chain, compile_with_rods
 from tests.independent.rods.chain_assembly import Standing, settle

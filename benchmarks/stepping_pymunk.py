@@ -13,7 +13,7 @@ from pymunk import batch
 from benchmarks import ROOT, command
 from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.pymunk.dynamics import SURE, prepared, step_through
-from proofmass.sim.pymunk.rebuild import read_links
+from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.space import aim
 
 MODEL = ROOT / "models" / "linkages" / "fourbar.xml"

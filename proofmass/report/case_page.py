@@ -18,11 +18,17 @@ from proofmass.mobility import mobility
 from proofmass.outcome import CHECKED, LOST
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import case_data, embedded, recorded_data
-from proofmass.report.causes import causes
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
-from proofmass.report.first_screen import advice, badge, looks_of, open_lines, texts
-from proofmass.report.noticed import noticed
+from proofmass.report.first_screen import (
+    advice,
+    badge,
+    causes,
+    looks_of,
+    noticed,
+    open_lines,
+    texts,
+)
 from proofmass.report.overview import marks, overview
 from proofmass.report.page import complaint, faults_of, made_with, slug
 from proofmass.report.study import ShownStudy

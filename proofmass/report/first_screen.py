@@ -1,15 +1,29 @@
-"""The panels of a case's first screen: badge, what is not checked, what to do."""
+"""The panels of a case's first screen: badge, what to do, why runs differ, what runs notice."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
+from proofmass.coverage import Coverage, stored_coverage
+from proofmass.coverage_search import Finding
+from proofmass.diagnosis import Diagnosis, Explanation
+from proofmass.errors import InputError
+from proofmass.explain import (
+    TRIED,
+    cells_of,
+    not_noticed,
+    not_tried,
+    refusals,
+    told_of_reference,
+)
 from proofmass.outcome import CHECKED, LOST, Outcome
 from proofmass.report import tables
 from proofmass.report.data import Shown
+from proofmass.report.overview import place
 from proofmass.report.style import PAPERS, Look, legible
 from proofmass.report.words import RUNS, kind_of
 from proofmass.wording import listed, number, spoken
@@ -165,3 +179,192 @@ def texts(case: Case) -> dict[str, str]:
         except (OSError, UnicodeDecodeError):  # the runs have said so
             continue
     return found
+
+
+ROWS = 3  # causes that are shown
+
+
+@dataclass(frozen=True)
+class CauseRow:
+    """One thing that was changed to explain what differs; its place is that of the error left."""
+
+    words: str
+    fitted: str
+    explains: str
+    left: str
+    place: float
+
+
+@dataclass(frozen=True)
+class CausePanel:
+    """What explains the differences of runs, best first, or what happened until a loss.
+
+    Attributes
+    ----------
+    title : str
+    lines : tuple of str
+        Sentences below the title.
+    where : str
+        Which runs it tells of.
+    rows : tuple of CauseRow
+        Of the first of these runs.
+    tried : str
+    """
+
+    title: str
+    lines: tuple[str, ...]
+    where: str
+    rows: tuple[CauseRow, ...] = ()
+    tried: str = ""
+
+
+def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]) -> list[CausePanel]:
+    """What there is to tell of a case: a panel for lost runs, and for each different first cause.
+
+    Runs of which the same is told share a panel.
+    """
+    own = [found for (name, *_), found in diagnoses.items() if name == case.name]
+    lost = [found for found in own if found.lost]
+    differing = [found for found in own if not found.lost]
+    return [
+        *(lost_panel(some) for some in alike(lost, lambda d: tuple(d.lines))),
+        *(cause_panel(some) for some in alike(differing, lambda d: (d.lines[0],))),
+    ]
+
+
+def alike(
+    found: Iterable[Diagnosis], key: Callable[[Diagnosis], tuple[str, ...]]
+) -> list[list[Diagnosis]]:
+    """Those with the same key together, in the order of the first of them."""
+    groups: dict[tuple[str, ...], list[Diagnosis]] = {}
+    for one in found:
+        groups.setdefault(key(one), []).append(one)
+    return list(groups.values())
+
+
+def lost_panel(found: list[Diagnosis]) -> CausePanel:
+    """The panel of lost runs of which the same is told."""
+    return CausePanel("What happened", tuple(found[0].lines), together(found))
+
+
+def cause_panel(found: list[Diagnosis]) -> CausePanel:
+    """The panel of runs with the same first cause; its rows are those of the first run."""
+    first = found[0]
+    if first.fault:
+        return CausePanel("Why it differs was not found out", (first.fault,), together(found))
+    tried = listed(first.tried)
+    rows = tuple(cause_row(first, cause) for cause in first.causes[:ROWS])
+    unchanged = CauseRow("nothing changed", "", "", "1", place(1.0))
+    if not rows or first.causes[0].score <= 0:
+        title = "Cause: none of those that were tried"
+        return CausePanel(
+            title, first.remarks, together(found), (*rows, unchanged) if rows else (), tried
+        )
+    best = first.causes[0]
+    words = [f"as good: {listed(best.same)}"] * bool(best.same)
+    # the first line is the title, and the rows tell the next best
+    effect, *rest = (line for line in first.lines[1:] if not line.startswith("next best: "))
+    lines = (effect, *(line for line in rest if line not in words), *words)
+    return CausePanel(f"Cause: {best.words}", lines, together(found), (*rows, unchanged), tried)
+
+
+def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
+    """A row of the table of causes."""
+    wrong = f", {len(cause.breaks)} wrong" if cause.breaks else ""
+    changes = (f"{n} {number(a, 6)} → {number(b, 6)}" for n, (a, b) in cause.changes.items())
+    return CauseRow(
+        ", ".join(changes) or cause.words,
+        str(cause.fitted),
+        f"{len(cause.explains)} of {len(diagnosis.differing)}{wrong}",
+        number(cause.left, 2),
+        place(cause.left),
+    )
+
+
+def together(found: list[Diagnosis]) -> str:
+    """Which runs a panel tells of, with what their first cause explains of each."""
+    many = f"The same in {len(found)} runs: " if len(found) > 1 else "In one run: "
+    return many + listed(map(run_words, found)) + "."
+
+
+def run_words(found: Diagnosis) -> str:
+    """A run, and how many of its channels its first cause explains."""
+    words = f"{spoken(found.solver)} {RUNS[found.run].where}"
+    if not found.causes or found.causes[0].score <= 0:
+        return words
+    explained, there = len(found.causes[0].explains), len(found.differing)
+    return f"{words} ({explained} of {there} curves)"
+
+
+FIRST = 4  # groups of numbers that the first screen shows; the others open below them
+
+
+@dataclass(frozen=True)
+class NoticedRow:
+    """A number, and the smallest change of it that a run notices, in words."""
+
+    name: str
+    change: str
+    share: str
+    by: str
+
+
+@dataclass(frozen=True)
+class NoticedPanel:
+    """What is told of the coverage of a case.
+
+    Attributes
+    ----------
+    unnoticed, more : tuple of str
+        Groups of numbers of the model that no run notices, with the reason where one can be told.
+    not_tried : str
+        Why no number of the model was tried; empty if they were.
+    reads, tried : str
+        What the reference reads, and what was tried of the model.
+    parameters, numbers : tuple of NoticedRow
+        Of the reference and of the model, the most sensitive first.
+    refused : tuple of str
+        Numbers with which runs are refused or lost.
+    """
+
+    unnoticed: tuple[str, ...]
+    more: tuple[str, ...]
+    not_tried: str
+    reads: str
+    tried: str
+    parameters: tuple[NoticedRow, ...]
+    numbers: tuple[NoticedRow, ...]
+    refused: tuple[str, ...]
+
+
+def noticed(case: Case) -> NoticedPanel | None:
+    """What was found of a case as it is now; None if `proofmass explain` was not asked of it."""
+    with suppress(InputError, OSError):  # which the command says as soon as it is asked
+        found = stored_coverage(case)
+        return None if found is None else panel_of(case, found)
+    return None
+
+
+def panel_of(case: Case, found: Coverage) -> NoticedPanel:
+    """The panel of a coverage."""
+    lines = tuple(not_noticed(case, found))
+    known = sorted(
+        (one for one in found.parameters if one.noticed and not one.refused),
+        key=lambda one: one.measure,
+    )
+    told = [one for one in found.noticed if not one.refused]
+    return NoticedPanel(
+        lines[:FIRST],
+        lines[FIRST:],
+        not_tried(case, found) if found.left_out or not found.numbers else "",
+        told_of_reference(case, found),
+        TRIED,
+        tuple(map(row_of, known)),
+        tuple(map(row_of, told)),
+        tuple(sorted(refusals([one for one in found.noticed if one.refused]))),
+    )
+
+
+def row_of(one: Finding) -> NoticedRow:
+    """The row of a number that is noticed."""
+    return NoticedRow(*cells_of(one), f"{one.channel}, {one.run}, {spoken(one.solver)}")

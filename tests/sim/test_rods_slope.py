@@ -6,7 +6,7 @@ import pytest
 from proofmass import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.pymunk.kinematics import bound, jacobian, potential, slope, values
-from proofmass.sim.pymunk.rebuild import read_links
+from proofmass.sim.pymunk.model import read_links
 from tests.shipped import shipped
 
 NAMES = [

@@ -13,16 +13,18 @@ from proofmass.sim.protocol import (
     Run,
     Scan,
     Studied,
+    left_to_sidecar,
 )
 from proofmass.sim.pymunk import scans, stability
 from proofmass.sim.pymunk.default_tolerances import ACCURACY
-from proofmass.sim.pymunk.dynamics import dynamics
+from proofmass.sim.pymunk.dynamics import SURE, dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.settings import PymunkSettings
-from proofmass.sim.pymunk.snippet import SPACE, snippet
+
+SPACE = ("timestep", "iterations", "error_bias")
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -80,6 +82,26 @@ def simulate(model: Path, run: Run) -> Curves:
     return curves
 
 
+def snippet(parameters: ParameterValues, steps: int) -> str:
+    """What to paste so that pymunk runs with settings, all of which must be known."""
+    own = list(python(parameters, steps)) if set(parameters) >= set(SPACE) else []
+    return "\n".join([*own, *(f"# {line}" for line in left_to_sidecar(parameters, SPACE))])
+
+
+def python(parameters: ParameterValues, steps: int) -> Iterator[str]:
+    """Lines that step a space; the first step has no impulses to start from, so it takes more."""
+    iterations = int(str(parameters["iterations"]))
+    yield from (
+        "for constraint in space.constraints:",
+        f"    constraint.error_bias = {parameters['error_bias']!r}",
+        f"space.iterations = {max(SURE, 10 * iterations)}  # there are no impulses to start from",
+        f"space.step({parameters['timestep']!r})",
+        f"space.iterations = {iterations}",
+        f"for _ in range({steps - 1}):",
+        f"    space.step({parameters['timestep']!r})",
+    )
+
+
 class Pymunk(Engine):
     """pymunk as all commands know it."""
 
@@ -116,7 +138,7 @@ class Pymunk(Engine):
         return scans.recipes(self.title)
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
-        """Python; see `proofmass.sim.pymunk.snippet`."""
+        """Python; see `snippet`."""
         return snippet(parameters, steps)
 
     def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:

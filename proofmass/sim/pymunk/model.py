@@ -1,18 +1,24 @@
-"""What pymunk is given: a planar mechanism read from an MJCF, and channels."""
+"""A planar MJCF as links for pymunk, and its channels; what pymunk lacks is refused by name."""
 
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
+from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import gear_of, joint_of
 from proofmass.sim.mjcf import compile_model
+from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Run, Unsupported
-from proofmass.sim.pymunk.links import Links
+from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
 from proofmass.sim.pymunk.read import Sensor, channel
-from proofmass.sim.pymunk.rebuild import read_links
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
 from proofmass.sim.rods import of_rods
 
+MOST = 1e300  # [kg, kg m^2] of a link; what is computed with it stays finite
 NO_EFFORT = "Chipmunk gives the size of a drive's impulse without its sign: sweeps only"
 
 
@@ -47,3 +53,412 @@ def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
         if drive.joint not in names:
             raise BadModel(f"no joint '{drive.joint}'; the model has {', '.join(names)}")
     return tuple(names.index(drive.joint) for drive in run.drives)
+
+
+def inertias(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, count: int
+) -> tuple[Array, Array, Array]:
+    """Centre, mass and moment of every link; bodies without joints belong to their parent's.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    data : mujoco.MjData
+        With the kinematics of the start pose.
+    plane : MotionPlane
+    of_body : ndarray (bodies,)
+        Link of each body [1]; `count` is the ground.
+    count : int
+        Number of moving links.
+
+    Returns
+    -------
+    centre (count + 1, 2) [m], mass (count,) [kg], moment (count,) [kg m^2]
+
+    Raises
+    ------
+    BadModel
+        A mass or a moment that is not positive or too large, at which Chipmunk would abort.
+    """
+    frames = data.ximat.reshape(-1, 3, 3)
+    about = np.einsum("bij,i->bj", frames, plane.normal) ** 2
+    own = np.einsum("bj,bj->b", about, model.body_inertia)
+    points = plane.flat(data.xipos)
+    centre, mass, moment = np.zeros((count + 1, 2)), np.zeros(count), np.zeros(count)
+    for k in range(count):
+        of = of_body == k
+        m, p = model.body_mass[of], points[of]
+        mass[k], centre[k] = m.sum(), m @ p / m.sum()
+        moment[k] = own[of].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
+    pins = dict[int, Array]()
+    for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
+        k, body = int(of_body[model.jnt_bodyid[j]]), model.jnt_bodyid[j]
+        if of_body[model.body_parentid[body]] == count:
+            moment[k] += model.dof_armature[model.jnt_dofadr[j]]
+            pins[k] = plane.flat(data.xanchor[j])
+    for k in range(count):
+        if not (0 < mass[k] < MOST and 0 < moment[k] < MOST):
+            name = model.body(int(np.flatnonzero(of_body == k)[0])).name
+            raise BadModel(
+                f"body {name!r}: mass {mass[k]:g} kg, moment of inertia with armature "
+                f"{moment[k]:g} kg m2; both must be positive and less than {MOST:g}"
+            )
+    for k, pin in pins.items():
+        _swing(centre, mass, moment, k, pin)
+    return centre, mass, moment
+
+
+def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> None:
+    """Replace a link that is nearly a point mass on a ground hinge by its dynamic equal.
+
+    Such a link only knows its moment about the pin and mass times arm.  Chipmunk divides by the
+    moment about the centre, so 1e-12 kg m2 there would multiply rounding by 1e12.
+    """
+    arm = centre[k] - pin
+    if moment[k] < 0.1 * mass[k] * (arm @ arm):
+        moment[k] += 0.5 * mass[k] * (arm @ arm)
+        mass[k] *= 2.0
+        centre[k] = pin + 0.5 * arm
+
+
+JOINT, EQ = mujoco.mjtJoint, mujoco.mjtEq
+OFF = mujoco.mjtDisableBit
+
+
+def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
+    """Raise `Unsupported` if the model holds something that the rebuild would drop silently.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    driven : tuple of int
+        Ids of the joints with a prescribed motion.
+
+    Raises
+    ------
+    Unsupported
+        With every reason, each naming its element.
+    """
+    reasons = [
+        *_joints(model),
+        *_bodies(model),
+        *_equalities(model),
+        *_actuators(model, driven),
+        *_contacts(model),
+        *_others(model),
+    ]
+    if reasons:
+        raise Unsupported("; ".join(reasons))
+
+
+def refuse_gravity(model: mujoco.MjModel, plane: MotionPlane) -> None:
+    """Raise `Unsupported` if gravity does not lie in the plane of motion."""
+    gravity = model.opt.gravity
+    if abs(gravity @ plane.normal) > PARALLEL * np.linalg.norm(gravity):
+        raise Unsupported(f"option gravity {gravity.tolist()} does not lie in the plane of motion")
+
+
+def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: MotionPlane) -> None:
+    """Raise `Unsupported` if a load (force and moment, (2, 3)) leaves the plane of motion."""
+    across = np.append(wrench[0] @ plane.normal, plane.flat(wrench[1]))
+    if np.abs(across).max() > PARALLEL * np.abs(wrench).max():
+        name = model.actuator(actuator).name
+        raise Unsupported(f"the load of actuator '{name}' leaves the plane of motion")
+
+
+def off(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
+    """Whether a disable flag is set."""
+    return bool(model.opt.disableflags & int(bit))
+
+
+def _joints(model: mujoco.MjModel) -> Iterator[str]:
+    for j in range(model.njnt):
+        name, dof = f"joint '{model.joint(j).name}'", model.jnt_dofadr[j]
+        if int(model.jnt_type[j]) not in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE):
+            yield f"{JOINT(int(model.jnt_type[j])).name[6:].lower()} {name}"
+            continue
+        grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
+        if model.dof_frictionloss[dof] > 0:
+            yield f"frictionloss of {name}"
+        if model.dof_dampingpoly[dof].any():
+            yield f"polynomial damping of {name}"
+        if model.dof_armature[dof] > 0 and not (
+            grounded and model.jnt_type[j] == JOINT.mjJNT_HINGE
+        ):
+            yield f"armature of {name}, which is not a hinge on the ground"
+
+
+def _bodies(model: mujoco.MjModel) -> Iterator[str]:
+    for b in range(1, model.nbody):
+        name = f"body '{model.body(b).name}'"
+        if model.body_jntnum[b] > 1:
+            yield f"{model.body_jntnum[b]} joints on {name}"
+        if model.body_gravcomp[b]:
+            yield f"gravcomp of {name}"
+        if model.body_mocapid[b] >= 0:
+            yield f"mocap {name}"
+
+
+def _equalities(model: mujoco.MjModel) -> Iterator[str]:
+    for e in range(model.neq):
+        if model.eq_active0[e] and model.eq_type[e] != EQ.mjEQ_CONNECT:
+            kind = EQ(int(model.eq_type[e])).name[5:].lower()
+            yield f"{kind} equality '{model.equality(e).name}'"
+
+
+def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
+    for a in range(model.nactuator):
+        joint = joint_of(model, a)
+        if joint in driven:
+            continue
+        plain = (
+            model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
+            and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
+            and not model.actuator_damping[a].any()
+            and not model.actuator_armature[a]
+        )
+        if not plain or (joint < 0 and not dead_load(model, a)):
+            yield (
+                f"actuator '{model.actuator(a).name}', which is no motor on a joint, nor on a "
+                f"site with a refsite of the ground"
+            )
+
+
+def dead_load(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator pulls at a site in a direction of the ground."""
+    if int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
+        return False
+    frame = model.actuator_trnid[actuator, 1]
+    return bool(frame >= 0 and model.body_weldid[model.site_bodyid[frame]] == 0)
+
+
+def _contacts(model: mujoco.MjModel) -> Iterator[str]:
+    if off(model, OFF.mjDSBL_CONTACT) or off(model, OFF.mjDSBL_CONSTRAINT):
+        return
+    pairs = list(_colliding(model))
+    if model.npair or pairs:
+        names = [f"'{model.geom(g).name or g}'" for g in sorted({g for p in pairs for g in p})[:6]]
+        yield f"contact of geoms {', '.join(names) or 'in <pair>'} (contact is not disabled)"
+
+
+def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+    weld, parents = model.body_weldid, not off(model, OFF.mjDSBL_FILTERPARENT)
+    for g in range(model.ngeom):
+        for h in range(g):
+            a, b = sorted((model.geom_bodyid[g], model.geom_bodyid[h]))
+            up = (weld[model.body_parentid[weld[a]]], weld[model.body_parentid[weld[b]]])
+            family = parents and ((weld[a] and up[1] == weld[a]) or (weld[b] and up[0] == weld[b]))
+            mask = (
+                model.geom_contype[g] & model.geom_conaffinity[h]
+                | model.geom_contype[h] & model.geom_conaffinity[g]
+            )
+            if (
+                mask
+                and weld[a] != weld[b]
+                and not family
+                and ((a << 16) + b not in model.exclude_signature)
+            ):
+                yield h, g
+
+
+def _others(model: mujoco.MjModel) -> Iterator[str]:
+    yield from (f"tendon '{model.tendon(t).name}'" for t in range(model.ntendon))
+    yield from (
+        what
+        for what, there in {
+            "flex": model.nflex,
+            "plugin": model.nplugin,
+            "plastic joint springs": model.nplastic,
+            "option density": model.opt.density,
+            "option viscosity": model.opt.viscosity,
+        }.items()
+        if there
+    )
+
+
+OPEN = 0.05
+"""Largest gap of a loop in the start pose, as a share of the mechanism's extent."""
+
+
+def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Links:
+    """Read the links of a compiled planar model in the pose of a keyframe.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    key : str
+        Name of the keyframe.
+    driven : tuple of int
+        Ids of the joints with a prescribed motion.
+
+    Returns
+    -------
+    Links
+
+    Raises
+    ------
+    Unsupported
+        Something that pymunk or this rebuild cannot express.
+    BadModel
+        No such keyframe, or its pose leaves a loop open.
+    """
+    refuse(model, driven)
+    data = _at_key(model, key)
+    plane = find_plane(model, data)
+    refuse_gravity(model, plane)
+    roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
+    of_body = np.array(
+        [len(roots) if w == 0 else int(np.searchsorted(roots, w)) for w in model.body_weldid]
+    )
+    centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
+    pulls = _pulls(model, data, plane, of_body, centre)
+    joints = tuple(
+        _joint(model, data, plane, of_body, centre, j, j in driven) for j in range(model.njnt)
+    )
+    loops = _loops(model, data, plane, of_body, centre)
+    extent = _extent(joints, loops, centre, model)
+    _check_closed(loops, centre, extent, key)
+    return Links(
+        model,
+        data,
+        plane,
+        of_body,
+        centre,
+        mass,
+        moment,
+        joints,
+        driven,
+        loops,
+        pulls,
+        plane.flat(model.opt.gravity),
+        extent,
+    )
+
+
+def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
+    """Frames and motor forces at the keyframe; a model without any starts at its zero pose."""
+    names = [model.key(k).name for k in range(model.nkey)]
+    data = mujoco.MjData(model)
+    if names:
+        if key not in names:
+            raise BadModel(f"no key '{key}'; the model has {', '.join(names)}")
+        mujoco.mj_resetDataKeyframe(model, data, names.index(key))
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdActuation(model, data)
+    return data
+
+
+def _joint(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+    j: int,
+    driven: bool,
+) -> LinkJoint:
+    body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
+    a, b = of_body[model.body_parentid[body]], of_body[body]
+    point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
+    if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
+        axis = plane.flat(data.xaxis[j])
+        point = centre[b] if a == len(centre) - 1 else centre[a]
+        foot = point + axis * (axis @ (centre[b] - point))
+        hold = Hold(model.joint(j).name, a, b, foot - centre[a], foot - centre[b], axis)
+    else:
+        sign = float(np.sign(data.xaxis[j] @ plane.normal))
+        hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
+    limited = model.jnt_limited[j] and not driven
+    return LinkJoint(
+        hold.name,
+        hold,
+        float(data.qpos[at]),
+        sign,
+        float(data.qvel[dof]),
+        _stiffness(model, j),
+        float(model.qpos_spring[at]),
+        float(model.dof_damping[dof]),
+        0.0 if driven else _load(model, data, j),
+        tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None,
+    )
+
+
+def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
+    """What the motors on a joint do, as far as its range of forces lets them."""
+    own = sum(
+        float(data.actuator_force[model.actuator_outadr[a]] * gear_of(model, a)[0])
+        for a in range(model.nactuator)
+        if joint_of(model, a) == j
+    )
+    return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
+
+
+def _pulls(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
+) -> tuple[Pull, ...]:
+    pulls = []
+    for a in filter(partial(dead_load, model), range(model.nactuator)):
+        site, frame = model.actuator_trnid[a]
+        wrench = data.actuator_force[model.actuator_outadr[a]] * (
+            gear_of(model, a).reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T
+        )
+        refuse_wrench(model, a, wrench, plane)
+        link = of_body[model.site_bodyid[site]]
+        if link < len(centre) - 1:
+            pulls.append(
+                Pull(
+                    link,
+                    plane.flat(data.site_xpos[site]) - centre[link],
+                    plane.flat(wrench[0]),
+                    float(plane.normal @ wrench[1]),
+                )
+            )
+    return tuple(pulls)
+
+
+def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
+    square, cube = model.jnt_stiffnesspoly[j].tolist()
+    return float(model.jnt_stiffness[j]), square, cube
+
+
+def _loops(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
+) -> tuple[Hold, ...]:
+    loops = []
+    for e in np.flatnonzero(model.eq_active0):
+        ids = (model.eq_obj1id[e], model.eq_obj2id[e])
+        if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
+            points, bodies = data.site_xpos[list(ids)], model.site_bodyid[list(ids)]
+        else:
+            bodies = np.array(ids)
+            local = model.eq_data[e, :6].reshape(2, 3)
+            points = data.xpos[bodies] + np.einsum(
+                "bij,bj->bi", data.xmat[bodies].reshape(-1, 3, 3), local
+            )
+        a, b = of_body[bodies]
+        flat = plane.flat(points)
+        loops.append(Hold(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b]))
+    return tuple(loops)
+
+
+def _extent(
+    joints: tuple[LinkJoint, ...], loops: tuple[Hold, ...], centre: Array, model: mujoco.MjModel
+) -> float:
+    """Largest distance between two anchors [m]; between any two points if they all coincide."""
+    points = np.array([centre[h.a] + h.on_a for h in (*(j.hold for j in joints), *loops)])
+    for cloud in (points, np.vstack([points, centre])):
+        size = np.linalg.norm(cloud[:, None] - cloud[None], axis=-1).max()
+        if size > 0:
+            return float(size)
+    return float(model.stat.extent)
+
+
+def _check_closed(loops: tuple[Hold, ...], centre: Array, extent: float, key: str) -> None:
+    for h in loops:
+        gap = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
+        if gap > OPEN * extent:
+            raise BadModel(
+                f"start pose of key '{key}' is not assembled: "
+                f"loop '{h.name}' is open by {gap:.2g} m"
+            )

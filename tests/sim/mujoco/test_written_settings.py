@@ -9,10 +9,10 @@ import pytest
 from proofmass.drive import motion_source
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
+from proofmass.sim.mujoco.engine import pasted
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program
 from proofmass.sim.mujoco.settings import PLACES, MujocoSettings, configure, named_values
-from proofmass.sim.mujoco.snippet import pasted
 from proofmass.sim.protocol import Run
 from proofmass.solve import simulate
 from proofmass.studies.record import ParameterValue, Setting

@@ -9,7 +9,7 @@ import pytest
 from proofmass.sim.protocol import BadModel, Drive, Run
 from proofmass.sim.pymunk.dynamics import contraction
 from proofmass.sim.pymunk.engine import simulate
-from proofmass.sim.pymunk.rebuild import read_links
+from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.space import build, put
 from tests.shipped import shipped
 

@@ -17,8 +17,8 @@ from proofmass.case import Case
 from proofmass.cli import app
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.engine import pasted
 from proofmass.sim.mujoco.settings import configure
-from proofmass.sim.mujoco.snippet import pasted
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.record import Setting, StudyRow

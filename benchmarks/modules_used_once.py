@@ -1,0 +1,92 @@
+"""Modules of the package that exactly one other module uses, and which of them are found by name.
+
+    python -m benchmarks.modules_used_once [--quick]
+
+A use is an import, at the top of a module or in a function.  Left out are modules that a table
+names, which users reach by that name: entry points, references of sidecars (`REFERENCES`) and
+names of the package (`PUBLIC`); of packages those count that are more than a docstring.  A module
+is found by name if an example or a benchmark imports it, or a page of the documentation or
+CONTRIBUTING.md names its file.
+"""
+
+import ast
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from pathlib import Path
+
+import grimp
+
+from benchmarks import ROOT, command
+from proofmass import PUBLIC
+from proofmass.analytic import REFERENCES
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    given = command(__doc__).parse_args(argv)
+    users = users_of_modules()
+    once = {name: there[0] for name, there in users.items() if len(there) == 1}
+    named = named_elsewhere(once)
+    print(f"{len(users)} modules, {len(once)} used by one: {len(once) / len(users):.1%}")
+    print(f"{len(once) - len(named)} of these named nowhere else", end="")
+    print(f": {(len(once) - len(named)) / len(users):.1%}")
+    for name, user in once.items() if not given.quick else ():
+        print(f"    {name:42} {lines(name):4}  {user:34} {'named' * (name in named)}")
+
+
+def users_of_modules() -> dict[str, list[str]]:
+    """What imports each module, without the name of the package; nothing of those in tables."""
+    graph = grimp.build_graph("proofmass", cache_dir=None)
+    reached = set(chain.from_iterable(tables()))
+    users: dict[str, list[str]] = {}
+    for name in sorted(filter(has_code, graph.modules)):
+        there = [] if name in reached else sorted(graph.find_modules_that_directly_import(name))
+        users[name.removeprefix("proofmass.")] = [user.removeprefix("proofmass.") for user in there]
+    return users
+
+
+def tables() -> Iterable[Iterable[str]]:
+    """Modules by name: references, names of the package, entry points."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    yield REFERENCES.values()
+    yield (f"proofmass.{module}" for module in set(PUBLIC.values()))
+    for group in (project["scripts"], *project["entry-points"].values()):
+        yield (target.partition(":")[0] for target in group.values())
+
+
+def named_elsewhere(modules: Iterable[str]) -> set[str]:
+    """Those that examples or benchmarks import, or whose file the documentation names."""
+    scripts = [*ROOT.glob("examples/**/*.py"), *ROOT.glob("benchmarks/*.py")]
+    pages = [*ROOT.glob("docs/**/*.md"), ROOT / "CONTRIBUTING.md"]
+    code, words = (
+        "\n".join(file.read_text(encoding="utf-8") for file in files) for files in (scripts, pages)
+    )
+    found = set()
+    for name in modules:
+        parent, _, last = f"proofmass.{name}".rpartition(".")
+        imported = rf"{re.escape(parent)}\.{last}\b|from {re.escape(parent)} import .*\b{last}\b"
+        path = rf"{name.replace('.', '/')}\b|[`/]{last}\.py`"
+        if re.search(imported, code) or re.search(path, words):
+            found.add(name)
+    return found
+
+
+def file_of(name: str) -> Path:
+    """The file of a module."""
+    place = ROOT / name.replace(".", "/")
+    return place.with_suffix(".py") if place.with_suffix(".py").exists() else place / "__init__.py"
+
+
+def has_code(name: str) -> bool:
+    """Whether a module is more than a docstring."""
+    return len(ast.parse(file_of(name).read_text(encoding="utf-8")).body) > 1
+
+
+def lines(name: str) -> int:
+    """How long a module is."""
+    return len(file_of(f"proofmass.{name}").read_text(encoding="utf-8").splitlines())
+
+
+if __name__ == "__main__":
+    main()
