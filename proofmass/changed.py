@@ -22,15 +22,8 @@ from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.reference import compiled, evaluate, grid, reads_model
 from proofmass.sim.contents import mass, size
-from proofmass.sim.numbers import (
-    Number,
-    Sizes,
-    Source,
-    changed_rods,
-    numbers_of,
-    source_of,
-    written,
-)
+from proofmass.sim.elements import Number, Source, changed_rods, source_of, written
+from proofmass.sim.numbers import Sizes, numbers_of
 from proofmass.sim.protocol import BadModel, Curves
 from proofmass.solve import plan, run_here
 from proofmass.strict import Kind

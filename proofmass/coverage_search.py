@@ -27,7 +27,8 @@ from proofmass.case import Case
 from proofmass.changed import Baseline, Changes, Trial, baseline, numbers, stride_of, with_changes
 from proofmass.compare import Comparison, changeable
 from proofmass.outcome import FAILURES, Outcome
-from proofmass.sim.numbers import SHARE, NotWritten, Number
+from proofmass.sim.elements import NotWritten, Number
+from proofmass.sim.numbers import SHARE
 from proofmass.strict import Kind
 from proofmass.worker import isolated
 

@@ -28,7 +28,7 @@ from proofmass.errors import InputError
 from proofmass.explain import explained, not_noticed, phrase, reason
 from proofmass.outcome import FAILURES, Outcome
 from proofmass.sidecar import load_case
-from proofmass.sim.numbers import Number, Place
+from proofmass.sim.elements import Number, Place
 from proofmass.sim.protocol import BadModel
 from proofmass.solve import solve
 from proofmass.terminal import failures

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from proofmass.sidecar import load_case
-from proofmass.sim.mjcf import compile_model
-from proofmass.sim.numbers import (
+from proofmass.sim.elements import (
     NotWritten,
     Number,
-    Sizes,
     Source,
     changed_rods,
-    numbers_of,
     source_of,
     written,
 )
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.numbers import Sizes, numbers_of
 from tests.shipped import models_like, shipped
 
 SIZES = Sizes(1.0, 1.0, 1.0)

@@ -1,0 +1,386 @@
+"""The elements of an MJCF file by their numbers, and the file with some of its numbers changed.
+
+A number stands in an attribute of an element, whether the file states it or leaves it to a default.
+`written` changes the elements' attributes and leaves the rest of the file as it is.  MuJoCo's own
+writer is not used: it rounds to six digits, and does not take a model that waits for its rods.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_tree
+from proofmass.sim.plane import find_plane
+from proofmass.sim.protocol import BadModel, Rod, Unsupported
+from proofmass.sim.rods import without_links_to_rods
+
+LOOSE = 1e-9
+"""Of a unit vector: a part that counts as none."""
+ORIENTATIONS = "quat", "euler", "axisangle", "xyaxes", "zaxis"
+COPIES = "include", "replicate", "attach", "composite", "flexcomp"
+"""Elements by which a file has others than those it states one by one."""
+FIELDS = {
+    ("inertial", "pos"): "body_ipos",
+    ("inertial", "mass"): "body_mass",
+    ("body", "pos"): "body_pos",
+    ("site", "pos"): "site_pos",
+    ("joint", "pos"): "jnt_pos",
+    ("joint", "range"): "jnt_range",
+    ("joint", "solreflimit"): "jnt_solref",
+    ("joint", "solimplimit"): "jnt_solimp",
+    ("equality", "solref"): "eq_solref",
+    ("equality", "solimp"): "eq_solimp",
+    ("key", "qpos"): "key_qpos",
+    ("key", "qvel"): "key_qvel",
+    ("key", "ctrl"): "key_ctrl",
+}
+"""Where the compiled model has the numbers of an attribute."""
+OF_DOFS = {"damping": "dof_damping", "armature": "dof_armature", "frictionloss": "dof_frictionloss"}
+
+
+class NotWritten(BadModel):
+    """The file states its elements in a way that cannot be changed number by number."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a number stands: an attribute of element number `index` of its tag.
+
+    `part` is the component; of ``turn`` and ``inertia``, which are no attributes, it has no
+    meaning: they turn a frame in the plane [rad], and multiply an inertia by 1 + the change.  `rod`
+    is the name of the rod whose key of the sidecar it is.
+    """
+
+    tag: str
+    index: int
+    attribute: str
+    part: int = 0
+    rod: str = ""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a model.
+
+    Attributes
+    ----------
+    kind : str
+        What it is, such as ``mass``: numbers of a kind are tried together.
+    of : str
+        The element that has it, and the part of it.
+    value : float
+        [its unit]; 1 of an inertia, which is changed as a whole.
+    unit : str
+        SI unit; that of a share is 1.
+    step : float
+        The change that is tried [its unit].
+    place : Place
+    """
+
+    kind: str
+    of: str
+    value: float
+    unit: str
+    step: float
+    place: Place
+
+    @property
+    def name(self) -> str:
+        """Kind and element, in words."""
+        return f"{self.kind} of {self.of}" if self.of else self.kind
+
+    @property
+    def relative(self) -> bool:
+        """Whether a change of it is told as a share of its value."""
+        return self.value != 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """An MJCF file and what it compiles to.
+
+    Attributes
+    ----------
+    path : Path
+    full, bare : MjModel
+        With its rods, and without them: the same where it has none.
+    key : str
+        The start pose.
+    rods : tuple of Rod
+        Those that it has as chains.
+    """
+
+    path: Path
+    full: mujoco.MjModel
+    bare: mujoco.MjModel
+    key: str
+    rods: tuple[Rod, ...] = ()
+
+    @cached_property
+    def normal(self) -> Array | None:
+        """The normal of the plane of motion in the world; None if there is none."""
+        try:
+            return find_plane(self.full, self.posed(self.full)).normal if self.full.njnt else None
+        except Unsupported:
+            return None
+
+    @cached_property
+    def data(self) -> mujoco.MjData:
+        """The start pose without rods."""
+        return self.posed(self.bare)
+
+    def posed(self, model: mujoco.MjModel) -> mujoco.MjData:
+        """A model in its start pose."""
+        data = mujoco.MjData(model)
+        names = [model.key(k).name for k in range(model.nkey)]
+        if self.key in names:
+            mujoco.mj_resetDataKeyframe(model, data, names.index(self.key))
+        mujoco.mj_kinematics(model, data)
+        return data
+
+    def parts(self, frame: Array) -> list[int]:
+        """The axes of a frame (3, 3) that are not normal to the plane of motion."""
+        if self.normal is None:
+            return [0, 1, 2]
+        return [k for k in range(3) if abs(abs(frame[:, k] @ self.normal) - 1.0) > LOOSE]
+
+    def frame(self, body: int) -> Array:
+        """Axes of a body's frame in the world (3, 3), as columns."""
+        return np.asarray(self.data.xmat[body]).reshape(3, 3)
+
+    @cached_property
+    def start(self) -> int:
+        """Number of the start key; -1 if there is none."""
+        names = [self.full.key(k).name for k in range(self.full.nkey)]
+        return names.index(self.key) if self.key in names else -1
+
+
+def source_of(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
+    """Compile a file to what its numbers are read from."""
+    full = compile_model(path, rods)
+    if not rods:
+        return Source(path, full, full, key)
+    bare = without_links_to_rods(mujoco.MjSpec.from_file(str(path)))
+    leave_out_disabled(bare)
+    return Source(path, full, bare, key, rods)
+
+
+class Tree:
+    """The elements of a file, by their numbers in the compiled model.
+
+    `found` has None for an element within a ``frame``, whose numbers are not those of the body.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.source, self.path = source, source.path
+        self.root = read_tree(source.path)
+        for tag in COPIES:
+            if self.root.find(f".//{tag}") is not None:
+                raise NotWritten(
+                    f"{self.path.name}: the numbers of a model with <{tag}> are not tried"
+                )
+        compiler = [c.attrib for c in self.root.findall("compiler")]
+        self.compiler: Mapping[str, str] = {k: v for one in compiler for k, v in one.items()}
+        for key in ("settotalmass", "inertiafromgeom", "coordinate"):
+            if self.compiler.get(key, "auto") not in ("auto", "-1", "local"):
+                raise NotWritten(
+                    f"{self.path.name}: the numbers of a model with {key} = "
+                    f"{self.compiler[key]!r} are not tried"
+                )
+        self.found: dict[str, list[Element | None]] = {tag: [] for tag in ("joint", "site")}
+        self.found["body"] = []
+        self.inside: set[int] = set()
+        for world in self.root.findall("worldbody"):
+            self.walk(world, framed=False)
+        sections = {"equality": "equality", "actuator": "actuator", "key": "keyframe"}
+        for tag, section in sections.items():
+            self.found[tag] = [e for part in self.root.findall(section) for e in part]
+        self.refuse_other_counts()
+
+    def walk(self, body: Element, framed: bool) -> None:
+        """Number a body, what it has, and then the bodies that hang on it."""
+        self.found["body"].append(None if framed else body)
+        later: list[tuple[Element, bool]] = []
+
+        def look(place: Element, framed: bool) -> None:
+            for child in place:
+                kept = None if framed else child
+                if child.tag in ("joint", "freejoint"):
+                    self.found["joint"].append(kept)
+                elif child.tag == "site":
+                    self.found["site"].append(kept)
+                elif child.tag == "body":
+                    later.append((child, framed))
+                elif child.tag == "frame":
+                    look(child, True)
+
+        look(body, False)
+        for child, within in later:
+            self.walk(child, within)
+
+    def refuse_other_counts(self) -> None:
+        """Raise NotWritten where the file has others than the compiled model."""
+        bare, full = self.source.bare, self.source.full
+        added = sum(1 + (rod.ends[1] == "clamped") for rod in self.source.rods if rod.end)
+        for tag, count in (
+            ("body", bare.nbody),
+            ("joint", bare.njnt),
+            ("site", bare.nsite),
+            ("equality", full.neq - added),
+            ("actuator", full.nactuator),
+        ):
+            if len(self.found[tag]) != count:
+                raise NotWritten(
+                    f"{self.path.name}: it states {len(self.found[tag])} <{tag}> one by one, and "
+                    f"compiles to {count}; its numbers are not tried"
+                )
+
+    def element(self, place: Place) -> Element:
+        """The element of a number; an ``option`` or ``inertial`` that is missing is added."""
+        if place.tag == "option":
+            option = self.root.find("option")
+            return ElementTree.SubElement(self.root, "option") if option is None else option
+        tag = "body" if place.tag == "inertial" else place.tag
+        element = self.found[tag][place.index]
+        if element is None:
+            raise NotWritten(f"{self.path.name}: the numbers of a <{tag}> in a frame are not tried")
+        if place.tag != "inertial":
+            return element
+        inertial = element.find("inertial")
+        return ElementTree.SubElement(element, "inertial") if inertial is None else inertial
+
+
+def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
+    """The text of the file with numbers changed by so much; those of rods are not in it.
+
+    Raises
+    ------
+    NotWritten
+        Elements come from includes, copies or frames, so that the file does not state them.
+    """
+    tree, by_element = Tree(source), dict[tuple[str, int], dict[tuple[str, int], float]]()
+    for number, change in changes:
+        place = number.place
+        if place.tag != "rod":
+            own = by_element.setdefault((place.tag, place.index), {})
+            own[place.attribute, place.part] = own.get((place.attribute, place.part), 0.0) + change
+    for (tag, index), own in by_element.items():
+        element = tree.element(Place(tag, index, ""))
+        if tag == "inertial":
+            weigh(source.bare, element, index, own)
+            continue
+        for attribute in dict.fromkeys(attribute for attribute, _ in own):
+            parts = {part: by for (name, part), by in own.items() if name == attribute}
+            if attribute == "turn":
+                turn(source, element, tag, index, parts[0])
+            else:
+                add(source, tree, element, Place(tag, index, attribute), parts)
+    for compiler in tree.root.findall("compiler"):
+        for key in ("meshdir", "texturedir", "assetdir"):
+            if key in compiler.attrib:
+                folder = source.path.parent / compiler.attrib[key]
+                compiler.set(key, str(folder.absolute()))
+    return ElementTree.tostring(tree.root, encoding="unicode")
+
+
+def told(values: Iterable[float]) -> str:
+    """Numbers of an attribute, with all digits."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def weigh(
+    model: mujoco.MjModel, element: Element, b: int, by: Mapping[tuple[str, int], float]
+) -> None:
+    """Write mass, centre and inertia of a body, which the file may leave to its geoms."""
+    for key in (*ORIENTATIONS, "fullinertia"):
+        element.attrib.pop(key, None)
+    centre = np.array(model.body_ipos[b])
+    for k in range(3):
+        centre[k] += by.get(("pos", k), 0.0)
+    element.set("pos", told(centre))
+    element.set("quat", told(model.body_iquat[b]))
+    element.set("mass", told([model.body_mass[b] + by.get(("mass", 0), 0.0)]))
+    factor = 1.0 + by.get(("inertia", 0), 0.0)
+    element.set("diaginertia", told(model.body_inertia[b] * factor))
+
+
+def turn(source: Source, element: Element, tag: str, index: int, angle: float) -> None:
+    """Turn a body, a site or the axis of a slide about the normal of the plane."""
+    model, normal = source.bare, source.normal
+    normal = np.array([0.0, 0.0, 1.0]) if normal is None else normal
+    owner = {"body": model.body_parentid, "site": model.site_bodyid, "joint": model.jnt_bodyid}
+    local = source.frame(int(owner[tag][index])).T @ normal
+    about = np.append(math.cos(angle / 2), math.sin(angle / 2) * local)
+    if tag == "joint":
+        axis = np.zeros(3)
+        mujoco.mju_rotVecQuat(axis, np.array(model.jnt_axis[index]), about)
+        element.set("axis", told(axis))
+        return
+    found = np.zeros(4)
+    mujoco.mju_mulQuat(found, about, np.array(getattr(model, f"{tag}_quat")[index]))
+    for key in ORIENTATIONS:
+        element.attrib.pop(key, None)
+    element.set("quat", told(found))
+
+
+def add(
+    source: Source, tree: Tree, element: Element, place: Place, by: Mapping[int, float]
+) -> None:
+    """Add to components of an attribute, which the file may leave to a default."""
+    values = np.array(present(source, element, place), float)
+    for part, change in by.items():
+        values[part] += change
+    if place.tag == "joint" and place.attribute in ("ref", "springref", "range"):
+        hinge = source.bare.jnt_type[place.index] == mujoco.mjtJoint.mjJNT_HINGE
+        if hinge and tree.compiler.get("angle", "degree") == "degree":
+            values = np.degrees(values)
+    if place.tag == "joint" and place.attribute == "range" and "limited" not in element.attrib:
+        element.set("limited", "true")
+    element.set(place.attribute, told(values))
+
+
+def present(source: Source, element: Element, place: Place) -> Any:
+    """The numbers of an attribute as they are compiled, those of a hinge in radians."""
+    tag, i, attribute = place.tag, place.index, place.attribute
+    bare, full = source.bare, source.full
+    if (tag, attribute) in FIELDS:
+        model = full if tag == "equality" or attribute == "ctrl" else bare
+        return getattr(model, FIELDS[tag, attribute])[i]
+    if tag == "option":
+        return full.opt.gravity
+    if tag == "equality":
+        return full.eq_data[i, : 3 if attribute == "anchor" else 5]
+    if attribute == "gear":
+        return full.actuator_gear[full.actuator_outadr[i]]
+    if tag == "actuator":
+        return [float(word) for word in element.get(attribute, "").split()]
+    if attribute in OF_DOFS:
+        return [getattr(bare, OF_DOFS[attribute])[bare.jnt_dofadr[i]]]
+    if attribute == "stiffness":
+        values = [bare.jnt_stiffness[i], *bare.jnt_stiffnesspoly[i]]
+        return values if any(values[1:]) else values[:1]
+    field = {"ref": bare.qpos0, "springref": bare.qpos_spring}[attribute]
+    return [field[bare.jnt_qposadr[i]]]
+
+
+def changed_rods(
+    rods: Sequence[Rod], changes: Sequence[tuple[Number, float]]
+) -> dict[str, dict[str, float]]:
+    """The keys of rods that changes are of, and their new values."""
+    found: dict[str, dict[str, float]] = {}
+    for number, change in changes:
+        if number.place.tag == "rod":
+            (rod,) = (one for one in rods if one.name == number.place.rod)
+            own = found.setdefault(rod.name, {})
+            key = number.place.attribute
+            own[key] = own.get(key, getattr(rod, key)) + change
+    return found
