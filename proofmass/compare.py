@@ -113,6 +113,11 @@ class Comparison:
         """The same for `error_later`."""
         return self._share(self.error_later)
 
+    @property
+    def allowed_of_range(self) -> float:
+        """What is allowed, as such a share; NaN without an error, which has no other measure."""
+        return self.allowed * self.nrmse / self.error_rms if self.error_rms else NAN
+
     def _share(self, error: float) -> float:
         return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 

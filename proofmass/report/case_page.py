@@ -31,9 +31,11 @@ from proofmass.report.first_screen import (
 )
 from proofmass.report.overview import marks, overview
 from proofmass.report.page import complaint, faults_of, made_with, slug
+from proofmass.report.record import History
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.svg import inline
+from proofmass.report.trend import trend_of
 from proofmass.report.views import Viewed, all_viewed, caption
 from proofmass.report.words import RUNS, closeness, from_model, headline, state_of
 from proofmass.wording import spoken
@@ -57,8 +59,9 @@ def render_case(
     drawings: Drawings,
     style: Mapping[str, Look],
     studies: Sequence[ShownStudy] = (),
+    history: History | None = None,
 ) -> str:
-    """The text of a case's page."""
+    """The text of a case's page; the history ends with this report."""
     runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
     tell = partial(told, case, beyond_limits(runs))
@@ -67,12 +70,14 @@ def render_case(
     state = state_of(case, all_rows, faults)
     compared = any(c.outcome in CHECKED for c in rows)
     file = case.file.name if case.file.is_absolute() else case.file
-    data = case_data(case, gathered.recorded, drawings.motions, style)
+    trend = trend_of(history or History(), case, rows)
+    data = case_data(case, gathered.recorded, drawings.motions, style) | {"trend": trend.data}
     return env.get_template("case.html").render(
         case=case,
         state=state,
         headline=headline_of(case, runs, all_rows),
         data=data,
+        trend=trend,
         embedded=embedded(data),
         curves=any(run.curves for run in runs),
         badge=badge(case, rows, state, faults),

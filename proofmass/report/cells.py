@@ -98,7 +98,7 @@ def lane_of(c: Comparison) -> ErrorMark:
         return ErrorMark(
             c.solver, ":" in c.solver, c.outcome not in GOOD, None, None, f"{name}: {c.outcome}"
         )
-    allowed = share * c.allowed / c.error_max if judged and c.error_max else None
+    allowed = c.allowed_of_range if judged and c.error_max else None
     words = f"{name}: {c.channel} {number(share, 2)} of the range"
     words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
     return ErrorMark(

@@ -22,6 +22,7 @@ from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
 from proofmass.report.thumbnail import Thumbnail
+from proofmass.report.trend import FEWEST
 from proofmass.report.words import RUNS, SYMBOLS, by_solver, state_of
 from proofmass.wording import spoken
 
@@ -188,6 +189,7 @@ def render_index(
         },
         about=about(),
         studies=studies,
+        trended=len(history.reports) >= FEWEST,
         errors=[complaint(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel],
         note=note,

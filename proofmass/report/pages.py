@@ -32,7 +32,7 @@ from proofmass.report.thumbnail import Thumbnail
 
 STATIC = (
     *("uPlot.js", "uPlot.css"),
-    *("case.css", "case.js", "curves.js", "mechanism.js"),
+    *("case.css", "case.js", "curves.js", "mechanism.js", "trend.js"),
     *INDEX_STATIC,
 )
 
@@ -78,6 +78,8 @@ def write_report(
     record = record or record_of(result)
     own = read_last(folder)
     last = last or own
+    before = own.record or last.record
+    history = continued(before.history if before else History(), record)
     pictures = dict[str, Thumbnail | Markup | None]()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         gathered = list(pool.map(partial(gather, result), result.cases))
@@ -91,12 +93,10 @@ def write_report(
             drawings = futures[k].result()
             if data:
                 write_curves(folder, case, gathered[k].runs)
-            page = render_case(env, case, result, gathered[k], drawings, style, studies)
+            page = render_case(env, case, result, gathered[k], drawings, style, studies, history)
             write_whole(folder / f"{slug(case.name)}.html", page)
             pictures[case.name] = drawings.moving or still(case.name, drawings)
             progress(case.name, k + 1, len(result.cases))
-    history = own.record or last.record
-    known = continued(history.history if history else History(), record)
     index = folder / "index.html"
     write_whole(
         index,
@@ -107,13 +107,13 @@ def write_report(
             pictures,
             record,
             last,
-            known,
+            history,
             studies,
             {case.name: files_of(folder, case) for case in result.cases} if data else {},
             note_on(data),
         ),
     )
-    write_record(folder, record, known)
+    write_record(folder, record, history)
     return index
 
 

@@ -5,6 +5,7 @@ the last reports, so that a report says what changed since the last one.
 """
 
 import json
+import math
 import os
 import platform
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
@@ -69,7 +70,7 @@ class Made(Part):
     @property
     def day(self) -> str:
         """The date as people read it."""
-        return f"{self.date[:10]} {self.date[11:16]} UTC"
+        return day_of(self.date)
 
 
 class CaseRecord(Part):
@@ -116,17 +117,41 @@ class FaultRecord(Part):
 
 
 class Past(Part):
-    """A report of the history."""
+    """A report of the history; see `Made` for its parts."""
 
     date: str
     commit: str = ""
+    edited: bool = False
+    versions: dict[str, str] = {}
+
+    @field_validator("date")
+    @classmethod
+    def known_date(cls, date: str) -> str:
+        """A date that can be read."""
+        datetime.fromisoformat(date)
+        return date
+
+    @property
+    def day(self) -> str:
+        """The date as people read it."""
+        return day_of(self.date)
 
 
 class History(Part):
-    """Errors of the last reports, as shares of the range: a list a channel, oldest first."""
+    """Errors of the last reports, as shares of the range: a list a channel, oldest first.
+
+    Attributes
+    ----------
+    reports : list of Past
+    errors : dict of str to list
+        By the names of `channel_key`, a share of the range a report [1]; None where it has none.
+    damage : str
+        What of it could not be read and was left out; empty if nothing.
+    """
 
     reports: list[Past] = []
     errors: dict[str, list[float | None]] = {}
+    damage: str = Field(default="", exclude=True)
 
     def trend(self, case: str, run: str, solver: str, channel: str) -> list[float | None]:
         """The errors of a channel in `reports`; None where a report has none."""
@@ -144,10 +169,60 @@ class Record(Part):
     errors: list[FaultRecord]
     history: History = History()
 
+    @field_validator("history", mode="before")
+    @classmethod
+    def mended_history(cls, value: object) -> object:
+        """A damaged part of the history costs itself only."""
+        return value if isinstance(value, History) else mended(value)
+
+
+def mended(value: object) -> History:
+    """A history out of JSON without the reports, rows and errors that cannot be read."""
+    if not isinstance(value, dict):
+        return History(damage="all of it, which is no table")
+    reports, rows = value.get("reports", []), value.get("errors", {})
+    if not isinstance(reports, list) or not isinstance(rows, dict):
+        return History(damage="all of it, whose reports are no list or whose errors are no table")
+    kept, wrong = dict[int, Past](), list[str]()
+    for k, one in enumerate(reports):
+        try:
+            kept[k] = Past.model_validate(one)
+        except ValidationError as error:
+            first = error.errors()[0]
+            what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}".removeprefix(": ")
+            wrong.append(f"report {k + 1} of {len(reports)} ({what})")
+    whole = {
+        key: row for key, row in rows.items() if isinstance(row, list) and len(row) == len(reports)
+    }
+    if lost := len(rows) - len(whole):
+        wrong.append(f"{lost} row{'s' * (lost > 1)} of another length")
+    errors = {key: [row[k] for k in kept] for key, row in whole.items()}
+    if lost := sum(not is_error(one) for row in errors.values() for one in row):
+        wrong.append(f"{lost} error{'s' * (lost > 1)} that {'are' if lost > 1 else 'is'} no number")
+    return History(
+        reports=list(kept.values()),
+        errors={
+            key: [one if is_error(one) else None for one in row] for key, row in errors.items()
+        },
+        damage="; ".join(wrong),
+    )
+
+
+def is_error(value: object) -> bool:
+    """Whether the history can have a value: a share of the range, or none.
+
+    >>> [is_error(value) for value in (1e-9, 0, None, True, -1.0, float("nan"), "1e-9")]
+    [True, True, True, False, False, False, False]
+    """
+    if value is None:
+        return True
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and 0.0 <= value < math.inf  # type: ignore[operator]
+
 
 @dataclass(frozen=True)
 class Last:
-    """The last report: its record, or why its file cannot be read; neither if there is none."""
+    """The last report: its record, and what of its file cannot be read; or neither of both."""
 
     record: Record | None = None
     wrong: str = ""
@@ -157,6 +232,15 @@ class Last:
     def shown(self) -> str:
         """What is wrong without the folders of the machine."""
         return self.wrong.replace(str(self.file), self.file.name)
+
+
+def day_of(date: str) -> str:
+    """A date in ISO 8601 as people read it.
+
+    >>> day_of("2026-11-23T19:08:12+00:00")
+    '2026-11-23 19:08 UTC'
+    """
+    return f"{date[:10]} {date[11:16]} UTC"
 
 
 def channel_key(case: str, run: str, solver: str, channel: str) -> str:
@@ -233,7 +317,10 @@ def read_last(folder: Path) -> Last:
     if not file.exists():
         return Last()
     try:
-        return Last(parsed(read_text(file)), file=file)
+        found = parsed(read_text(file))
+        damage = found.history.damage
+        wrong = f"the history in {file} is damaged; left out: {damage}" if damage else ""
+        return Last(found, wrong, file)
     except InputError as error:
         wrong = f"cannot be read: {error.wrong}"
     except ValidationError as error:
@@ -291,7 +378,8 @@ def as_line(value: Any) -> str:
 
 def continued(history: History, record: Record) -> History:
     """A history with another report at its end, of the last `KEPT`."""
-    past = Past(date=record.made.date, commit=record.made.commit)
+    made = record.made
+    past = Past(date=made.date, commit=made.commit, edited=made.edited, versions=made.versions)
     reports = [*history.reports, past][-KEPT:]
     missing = [None] * len(history.reports)
     now = {c.key: rounded(c.share_of_range) for c in record.comparisons if c.channel}
@@ -300,7 +388,7 @@ def continued(history: History, record: Record) -> History:
         row = [*history.errors.get(key, missing), now.get(key)][-KEPT:]
         if any(value is not None for value in row):
             errors[key] = row
-    return History(reports=reports, errors=errors)
+    return History(reports=reports, errors=errors, damage=history.damage)
 
 
 def rounded(value: float | None) -> float | None:

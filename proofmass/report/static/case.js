@@ -4,6 +4,7 @@
 const data = JSON.parse(find("#data").textContent);
 const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const MODES = ["lin", "log", "tol"];
+const openedAt = location.hash; // the address that was asked for, before it is kept
 const FRAMES = 60; // [1/s] of the engine's poses that are shown
 const SECONDS = 6; // that a whole run takes at least when it plays
 
@@ -507,20 +508,23 @@ function strokes(steps, jumps) {
     .join("");
 }
 
+// Outlines of markers about (0, 0).
+const MARKS = {
+  circle: "M-3.6 0a3.6 3.6 0 1 0 7.2 0a3.6 3.6 0 1 0-7.2 0z",
+  square: "M-3.4-3.4h6.8v6.8h-6.8z",
+  up: "M0-4l4 7.5h-8z",
+  down: "M0 4l4-7.5h-8z",
+  diamond: "M0-4.5l4.5 4.5-4.5 4.5-4.5-4.5z",
+  cross: "M-4-4l8 8M4-4l-8 8",
+};
+
 // The sign of a solver's markers, as a small picture.
 function markerSign(solver) {
-  const shapes = {
-    circle: '<circle cx="6" cy="6" r="3.6"/>',
-    square: '<rect x="2.6" y="2.6" width="6.8" height="6.8"/>',
-    up: '<path d="M6 2l4 7.5H2z"/>',
-    down: '<path d="M6 10l4-7.5H2z"/>',
-    diamond: '<path d="M6 1.5l4.5 4.5L6 10.5 1.5 6z"/>',
-    cross: '<path d="M2 2l8 8M10 2l-8 8"/>',
-  };
   const dash = solver.dash.join(" ");
   return (
     `<svg class="marker ${solver.css}" viewBox="-8 0 28 12" aria-hidden="true">` +
-    `<path d="M-8 6h28" stroke-dasharray="${dash}"/>${shapes[solver.marker]}</svg>`
+    `<path d="M-8 6h28" stroke-dasharray="${dash}"/>` +
+    `<path d="${MARKS[solver.marker]}" transform="translate(6 6)"/></svg>`
   );
 }
 

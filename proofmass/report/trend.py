@@ -1,0 +1,172 @@
+"""The trend of a case: the errors of its channels over the reports of the history."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.compare import Comparison
+from proofmass.outcome import CHECKED
+from proofmass.report.case_data import packed
+from proofmass.report.changes import FACTOR, ROUNDING
+from proofmass.report.record import History
+from proofmass.wording import number, spoken
+
+FEWEST = 2
+"""Reports from which on there is a trend."""
+NONE, ZERO, STEP = -(2**15), -(2**15) + 1, 1000
+"""An error as a whole number: none, exactly zero, or so many steps a decade of it."""
+
+
+@dataclass(frozen=True)
+class TrendRow:
+    """A channel of a solver in a run: its errors as shares of the range, in words.
+
+    Attributes
+    ----------
+    run, channel, solver : str
+        Solver as a sentence calls it.
+    first, before, now, largest, allowed : str
+        Of the history; the last is what is allowed now.  A dash where there is none.
+    growth : str
+        By which factor it is above or below the last report, if by more than two.
+    """
+
+    run: str
+    channel: str
+    solver: str
+    first: str
+    before: str
+    now: str
+    largest: str
+    allowed: str
+    growth: str
+
+
+@dataclass(frozen=True)
+class Trend:
+    """What a page shows of the history.
+
+    Attributes
+    ----------
+    data : dict
+        For the script: reports, versions, and channels with their solvers, worst first; empty
+        where there are too few reports.
+    rows : list of TrendRow
+        Worst first, as `nearness` orders them.
+    count : int
+        Reports of the history, this one among them.
+    damage : str
+        What of the history could not be read.
+    """
+
+    data: dict[str, Any]
+    rows: list[TrendRow]
+    count: int
+    damage: str = ""
+
+
+def trend_of(history: History, case: Case, rows: Iterable[Comparison]) -> Trend:
+    """The trend of a case whose present comparisons are `rows`; the last report is the present."""
+    there = [
+        c
+        for c in rows
+        if c.channel
+        and c.run in case.run
+        and sum(value is not None for value in errors_of(history, c)) >= FEWEST
+    ]
+    if len(history.reports) < FEWEST or not there:
+        return Trend({}, [], len(history.reports), history.damage)
+    there.sort(key=nearness, reverse=True)
+    curves = dict[tuple[str, str], dict[str, dict[str, str]]]()
+    for c in there:
+        errors = errors_of(history, c)
+        curves.setdefault((c.run, c.channel), {})[c.solver] = {
+            "errors": packed(steps(errors), "<i2"),
+            "growth": growth_words(before(errors), errors[-1]),
+        }
+    makes = list(dict.fromkeys(tuple(past.versions.items()) for past in history.reports))
+    data = {
+        "reports": [
+            {
+                "day": past.day,
+                "commit": past.commit[:7] + "+" * (past.edited and bool(past.commit)),
+                "made": makes.index(tuple(past.versions.items())),
+            }
+            for past in history.reports
+        ],
+        "versions": [dict(make) for make in makes],
+        "channels": [
+            {"run": run, "channel": channel, "solvers": solvers}
+            for (run, channel), solvers in curves.items()
+        ],
+        "step": STEP,
+    }
+    found = [row_of(c, errors_of(history, c)) for c in there]
+    return Trend(data, found, len(history.reports), history.damage)
+
+
+def errors_of(history: History, c: Comparison) -> list[float | None]:
+    """The errors of a channel in the reports of the history."""
+    return history.trend(c.case, c.run, c.solver, c.channel)
+
+
+def before(errors: list[float | None]) -> float | None:
+    """The error in the last report before this one that has any."""
+    return next((error for error in reversed(errors[:-1]) if error is not None), None)
+
+
+def nearness(c: Comparison) -> tuple[bool, float]:
+    """What the trend is sorted by: what is judged, by its error over what is allowed."""
+    judged = c.outcome in CHECKED and c.allowed > 0
+    share = c.error_max / c.allowed if judged else c.relative_to_range
+    return judged, share if math.isfinite(share) else math.inf
+
+
+def steps(errors: Iterable[float | None]) -> np.ndarray:
+    """Errors as whole numbers of 16 bits, which keep their three digits.
+
+    >>> steps([None, 0.0, 1.0, 1e-9]).tolist()
+    [-32768, -32767, 0, -9000]
+    """
+    found = [
+        NONE if error is None else round(STEP * math.log10(error)) if error else ZERO
+        for error in errors
+    ]
+    return np.clip(np.array(found), NONE, -NONE - 1).astype("<i2")
+
+
+def row_of(c: Comparison, errors: list[float | None]) -> TrendRow:
+    """A row of the table."""
+    known = [error for error in errors if error is not None]
+    last = before(errors)
+    return TrendRow(
+        c.run,
+        c.channel,
+        spoken(c.solver),
+        number(known[0], 2),
+        number(math.nan if last is None else last, 2),
+        number(math.nan if errors[-1] is None else errors[-1], 2),
+        number(max(known), 2),
+        number(c.allowed_of_range, 2),
+        growth_words(last, errors[-1]),
+    )
+
+
+def growth_words(last: float | None, now: float | None) -> str:
+    """How much an error is above or below the one before; empty where it is the same.
+
+    >>> growth_words(1e-6, 1.2e-5), growth_words(1e-6, 1e-7), growth_words(1e-15, 1e-14)
+    ('× 12', '÷ 10', '')
+    """
+    if last is None or now is None or max(last, now) <= ROUNDING:
+        return ""
+    if min(last, now) == 0.0:
+        return "from 0" if now else "to 0"
+    factor = now / last
+    if 1 / FACTOR <= factor <= FACTOR:
+        return ""
+    return f"× {number(factor, 2)}" if factor > 1 else f"÷ {number(1 / factor, 2)}"
