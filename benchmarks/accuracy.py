@@ -32,7 +32,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
-from proofmass.studies.trade.trade_command import measured, has_series
+from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import brief
 from proofmass.wording import number, spoken

@@ -24,7 +24,7 @@ from proofmass.studies.trade.floor import ROUNDING, halvings
 from proofmass.studies.trade.program import ProgramRun, imposed, tried
 from proofmass.studies.trade.series import alike, halved
 from proofmass.studies.trade.trade import Trade, trade
-from proofmass.studies.trade.trade_command import measured, has_series
+from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import as_used
