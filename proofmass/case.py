@@ -103,7 +103,8 @@ class RunTable(Strict):
     """``[run.sweep]``, ``[run.dynamics]`` or ``[run.equilibrium]``: samples and solvers.
 
     `until` is the last time [s], or the last arc length [m] in equilibrium: the shortest rod's.  A
-    run, its model and its reference have `timeout` [s] and `memory` [GiB].
+    run, its model and its reference have `timeout` [s] and `memory` [GiB].  Samples and solvers
+    that a sidecar leaves out are filled in by `proofmass.sidecar.fill_defaults`.
     """
 
     n: int | None = Field(None, ge=2, le=MOST_SAMPLES)

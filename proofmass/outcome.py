@@ -50,7 +50,12 @@ OPEN = (Outcome.UNCHECKED, Outcome.UNSUPPORTED)
 """Outcomes of channels that were not checked."""
 GOOD = (Outcome.AGREES, *OPEN)
 LOST = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
-"""Outcomes of runs that gave no curves."""
+"""Outcomes of runs that gave no curves.
+
+Three places decide that a run diverged, and raise `Diverged`: `proofmass.drive.check_driven`, if
+a driven joint is far from where it was asked to be; the dynamics of an engine, if a value is not
+finite or a loop is open; and its sweeps and equilibria, if no pose at rest was found.
+"""
 FAILURES: dict[type[Exception], Outcome] = {
     Unsupported: Outcome.UNSUPPORTED,
     Diverged: Outcome.DIVERGED,

@@ -146,7 +146,8 @@ SIGNS = {"hinge": "o", "slide": "s", "pin": "o"}
 WORDS = {"hinge": "hinge", "slide": "slide, dashed: its guide", "pin": "loop (connect)"}
 TURN = np.linspace(0.0, 5 * np.pi, 60)
 FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] where a pivot stands on the ground
-SPIRAL = (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)  # [pt]
+SPIRAL = (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
+"""The drawing of a torsion spring [pt]."""
 Tracks = Mapping[str, Array]
 
 

@@ -1,4 +1,4 @@
-"""A planar mechanism in motion: its bodies at many poses, and how far measured curves move them.
+"""The animation of a planar mechanism: its bodies at many poses, and how far curves move them.
 
 The poses are those of the model: kinematics at the values of the drives, rest, or a free motion.
 What curves say beyond that is small, and is brought to the bodies by the Jacobians J of what is
