@@ -25,7 +25,7 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
         )
         edit(
             "triple_rocker.toml",
-            r'(?m)^("?)([\w.]+)\1 = \{ equals = "\w+"',
+            r'(?m)^("?)([\w.]+)\1 = \{ ?equals = "\w+"',
             r'"\2" = { equals = "\2"',
         )
     result = check([models / "triple_rocker.toml"])
