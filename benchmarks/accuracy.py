@@ -34,7 +34,7 @@ from proofmass.studies.trade.search import search
 from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
 from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.words import brief
+from proofmass.studies.trade.words import format_setting_briefly
 from proofmass.wording import number, spoken
 
 ENGINES = ("mujoco", "pymunk")
@@ -243,7 +243,11 @@ def told(pick: Pick) -> tuple[str, str, str]:
     if not pick.choice:
         return "cannot", "", ""
     row, ratio = pick.choice.row, pick.choice.ratio
-    return (brief(row), number(row.seconds, 2), "never" if pick.never else number(ratio, 2))
+    return (
+        format_setting_briefly(row),
+        number(row.seconds, 2),
+        "never" if pick.never else number(ratio, 2),
+    )
 
 
 def whys(found: Sequence[Pick]) -> Iterator[str]:

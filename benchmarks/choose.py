@@ -29,7 +29,7 @@ from proofmass.studies.trade.program import drive_words, imposed, program
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
-from proofmass.studies.trade.words import told
+from proofmass.studies.trade.words import format_setting
 from proofmass.wording import number
 
 RIVALS = 200  # random settings beside each chosen one
@@ -189,7 +189,7 @@ def line(case: Case, asked: Asked, choice: Choice, drive: Imposed, off: float) -
     return (
         f"| {case.name} | {asked.engine} | {moved(case, drive)} | {asked.of} "
         f"{number(asked.error)} | {number(fresh, 2)} | {number(off, 2)} | {off / fresh:.3f} | "
-        f"{number(ran.seconds, 2)} | {told(choice.row)} |"
+        f"{number(ran.seconds, 2)} | {format_setting(choice.row)} |"
     )
 
 

@@ -126,7 +126,7 @@ class Store:
             "repeat": repeat,
             "timeout": timeout,
             "versions": versions(task.setting.engine),
-            "found": told(found),
+            "found": as_record(found),
         }
         write_whole(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
 
@@ -135,7 +135,7 @@ class Store:
         return self.folder / f"{key}.{repeat}.json"
 
 
-def told(found: Measurement) -> dict[str, Any]:
+def as_record(found: Measurement) -> dict[str, Any]:
     """A record of what a run gave, without curves and without numbers that are none."""
     return {
         k: v

@@ -309,7 +309,7 @@ def integrators(draft: Draft, scene: DietScene) -> list[Feature]:
     """Integrators that evaluate less in a step."""
     now = INTEGRATOR(draft.spec.option.integrator)
     return [
-        rung("integrator", f"integrator {told(now)} to {told(other)}", int(other))
+        rung("integrator", f"integrator {format_option(now)} to {format_option(other)}", int(other))
         for other in CHEAPER.get(now, ())
         if following(scene, "integrator")
     ]
@@ -321,7 +321,7 @@ def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
     if not watches or not taken(draft, watches[0], draft.spec.option.tolerance):
         return []
     return [
-        rung("solver", f"solver {told(now)} to {told(other)}", int(other))
+        rung("solver", f"solver {format_option(now)} to {format_option(other)}", int(other))
         for other in (SOLVER.mjSOL_NEWTON, SOLVER.mjSOL_CG, SOLVER.mjSOL_PGS)
         if other != now
     ]
@@ -334,7 +334,9 @@ def jacobians(draft: Draft, scene: DietScene) -> list[Feature]:
         return []
     sparse = mujoco.mj_isSparse(draft.compiled(watches[0].run.rods))
     other = JACOBIAN.mjJAC_DENSE if sparse else JACOBIAN.mjJAC_SPARSE
-    return [rung("jacobian", f"jacobian {told(now)} to {told(other)}", int(other))]
+    return [
+        rung("jacobian", f"jacobian {format_option(now)} to {format_option(other)}", int(other))
+    ]
 
 
 def cones(draft: Draft, scene: DietScene) -> list[Feature]:
@@ -344,11 +346,11 @@ def cones(draft: Draft, scene: DietScene) -> list[Feature]:
     return [rung("cone", "cone elliptic to pyramidal", int(PYRAMIDAL))]
 
 
-def told(value: object) -> str:
+def format_option(value: object) -> str:
     """What an option's value is called in MJCF, but for Newton, CG, PGS and RK4 in capitals.
 
     >>> import mujoco
-    >>> told(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    >>> format_option(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     'implicitfast'
     """
     word = str(value.name)[6:]  # type: ignore[attr-defined]

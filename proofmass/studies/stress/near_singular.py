@@ -130,7 +130,7 @@ def closed(case: Case, links: BodyNames, factor: float) -> Array:
     return pose
 
 
-def least(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
+def find_shortest_length(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
     """Length of links, in their own, from which on the mechanism makes its whole way.
 
     NaN where the reference has no poses with longer ones, or has them all with shorter ones.
@@ -144,11 +144,13 @@ def least(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
     return float("nan")
 
 
-def least_kept(case: Case, links: BodyNames, kind: Kind, store: Store) -> float:
+def cached_shortest_length(case: Case, links: BodyNames, kind: Kind, store: Store) -> float:
     """The same, found once for both engines: steps of the reference are short at singular poses."""
     name = repr((case.model_dump_json(include=MATTERS), links, kind, sources()))
     file = store.folder / f"{digest(name.encode() + model_bytes(case))}.least.json"
-    return float(once(file, lambda: least(case, links, kind, store.folder / "models")))
+    return float(
+        once(file, lambda: find_shortest_length(case, links, kind, store.folder / "models"))
+    )
 
 
 def unclosed(
@@ -252,7 +254,7 @@ def spared(
     )
     case = self_referenced(stressed.case)
     way: Kind = "dynamics" if "dynamics" in case.run else "sweep"
-    length = least_kept(case, links, way, stressed.store)
+    length = cached_shortest_length(case, links, way, stressed.store)
     require(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("dynamics", "sweep") if kind in case.run):
         own = replace(stressed, case=case, kind=kind)

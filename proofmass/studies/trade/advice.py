@@ -13,7 +13,7 @@ from proofmass.studies.trade.choose import beside, enough, floor_at, would_need
 from proofmass.studies.trade.noise import interval, ties
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.words import brief, floored
+from proofmass.studies.trade.words import format_floor, format_setting_briefly
 from proofmass.wording import number, spoken
 
 ASKED = (1e-3, 1e-5, 1e-7)
@@ -104,14 +104,14 @@ def use(
 ) -> Advice:
     """What to use of one engine, whose settings `able` are close enough, the cheapest first."""
     row = able[0]
-    same = [brief(one) for one in ties(able, row, usual)]
+    same = [format_setting_briefly(one) for one in ties(able, row, usual)]
     words = "; ".join(same[:MOST]) + (f"; and {len(same) - MOST} more" if same[MOST:] else "")
     return Advice(
         spoken(row.engine),
         row.engine,
         place_of(rows, row),
         True,
-        brief(row),
+        format_setting_briefly(row),
         number(row.reached(kind), 2),
         timed(row, usual),
         f"{row.steps} steps" if row.steps else "",
@@ -143,11 +143,11 @@ def short(
         engine,
         place_of(rows, row),
         False,
-        brief(row),
+        format_setting_briefly(row),
         number(row.errors[kind], 2),
         f"{number(row.seconds, 2)} s" if row.seconds > 0 else "",
         f"{row.steps} steps" if row.steps else "",
-        (floored(floor),) if floor else (would_need(ran, kind, wanted, verdicts),),
+        (format_floor(floor),) if floor else (would_need(ran, kind, wanted, verdicts),),
         "",
         pasted(row),
     )

@@ -15,7 +15,7 @@ from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import FALLS, Limits, order, promises
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
-from proofmass.studies.trade.words import cost, floored, off, told
+from proofmass.studies.trade.words import format_cost, format_error, format_floor, format_setting
 from proofmass.wording import number
 
 MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
@@ -110,7 +110,7 @@ def choose(
                 row, of, wanted, check, *beside(rows, row, of, wanted, verdicts), tuple(refused)
             )
         rows.remove(row)
-        refused.append(f"{told(row)} is {off(row, of)}, but {check.words}")
+        refused.append(f"{format_setting(row)} is {format_error(row, of)}, but {check.words}")
     raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits)]))
 
 
@@ -161,12 +161,12 @@ def best(
     row = min(able, key=lambda row: row.errors[of])
     short = (
         f"no measured setting has {format_kind(of)} within {number(wanted, 2)} of its range with a "
-        f"margin of {number(MARGIN)}; the best, {told(row)}, is {off(row, of)}"
+        f"margin of {number(MARGIN)}; the best, {format_setting(row)}, is {format_error(row, of)}"
     )
     more = would_need(able, of, wanted, verdicts, limits)
     if not (floor := floor_at(row, of, verdicts)):
         return short, more
-    return f"{short}: {floored(floor)}", floor.evidence, more
+    return f"{short}: {format_floor(floor)}", floor.evidence, more
 
 
 def would_need(
@@ -211,9 +211,10 @@ def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
         outcomes[f"ran without {format_kind(of)} errors"] = len(rows) - outcomes.total()
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     first = rows[0]
+    why = ": ".join(filter(None, (first.outcome, first.message)))
     return (
         f"no setting ran, of {len(rows)}: {counts}",
-        f"the first, {told(first)}: {': '.join(filter(None, (first.outcome, first.message)))}",
+        f"the first, {format_setting(first)}: {why}",
     )
 
 
@@ -237,13 +238,13 @@ def beside(
         ratio = good[0].seconds / chosen.seconds
         return (
             f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
-            f"error, {cost(good[0])}"
+            f"error, {format_cost(good[0])}"
         ), ratio
     row = min(plain, key=lambda row: row.errors[of])
     own = [verdict for verdict in verdicts if verdict.series == row.series]
     if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
-        return f"the engine's defaults never get there: {floored(floor)}", NAN
-    short = f"the engine's defaults are {off(row, of)} at best, {cost(row)}"
+        return f"the engine's defaults never get there: {format_floor(floor)}", NAN
+    short = f"the engine's defaults are {format_error(row, of)} at best, {format_cost(row)}"
     before = min(
         (one for one in plain if one.value > row.value), key=lambda one: one.value, default=None
     )
@@ -283,7 +284,8 @@ def words(choice: Choice, case: Case) -> list[str]:
     return [
         f"{case.name}, {row.run}: {format_kind(choice.of)} within "
         f"{number(choice.wanted, 2)} of its range",
-        f"{told(row)}: {off(row, choice.of)} in {number(row.seconds, 2)} s, {row.steps} steps",
+        f"{format_setting(row)}: {format_error(row, choice.of)} in {number(row.seconds, 2)} s, "
+        f"{row.steps} steps",
         check.words,
         *check.other_drives(choice.of, choice.wanted),
         choice.beside,

@@ -23,7 +23,7 @@ from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, Verify, choos
 from proofmass.studies.trade.disturbed import motions_of, within
 from proofmass.studies.trade.program import imposed, program
 from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
-from proofmass.studies.trade.series import Limits, known
+from proofmass.studies.trade.series import Limits, list_cached_settings
 from proofmass.studies.trade.trade import chosen
 from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.verdict import Verdict
@@ -73,7 +73,7 @@ def run_choose(
                     slack=slack_for(case, drive),
                     progress=advance,
                 )
-            more = list(known(case, kind, rows, runs, solver))
+            more = list(list_cached_settings(case, kind, rows, runs, solver))
             limits.known, rows = len(more), rows + more
             errors.print(limits.words, markup=False, highlight=False)
         else:

@@ -31,7 +31,7 @@ from proofmass.studies.trade.orders import off
 from proofmass.studies.trade.page_data import TITLES, kinds, page_data
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.words import brief
+from proofmass.studies.trade.words import format_setting_briefly
 from proofmass.wording import number, spoken
 
 FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
@@ -165,7 +165,7 @@ def prices(
             said, ratio = beside(own, able[0], kind, wanted, verdicts)
             same = len(ties(able, able[0], usual))
             cells += [
-                cell(brief(able[0]), f"tied with {same} more" if same else ""),
+                cell(format_setting_briefly(able[0]), f"tied with {same} more" if same else ""),
                 cell(number(able[0].seconds, 2)),
                 cell("never" if "never get there" in said else number(ratio, 2)),
             ]

@@ -21,7 +21,7 @@ from proofmass.studies.trade.figure import LOST, Name, good, letter, name_of, pl
 from proofmass.studies.trade.noise import band, interval, perhaps
 from proofmass.studies.trade.orders import off
 from proofmass.studies.trade.verdict import Verdict, able, front
-from proofmass.studies.trade.words import told
+from proofmass.studies.trade.words import format_setting
 from proofmass.wording import number, spoken
 
 TITLES = {
@@ -99,7 +99,7 @@ def setting_data(
     low, at, high = interval(row, usual)
     return {
         "series": series,
-        "words": told(row),
+        "words": format_setting(row),
         "ran": row.outcome == Outcome.RAN,
         "outcome": f"{row.outcome}: {row.message}" if row.message else str(row.outcome),
         "errors": {

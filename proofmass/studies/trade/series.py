@@ -367,7 +367,7 @@ def scaled(row: StudyRow, step: float) -> Setting:
     return at_step(Setting(row.engine, dict(row.parameters, timestep=row.value)), step)
 
 
-def known(
+def list_cached_settings(
     case: Case, kind: Kind, rows: Iterable[StudyRow], store: Store, only: str = ""
 ) -> Iterator[StudyRow]:
     """Settings that the store has of a case beside those of a study, whoever asked for them; of one

@@ -43,7 +43,7 @@ from proofmass.studies.trade.search import SLACK
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.words import ended, reached, worsened
+from proofmass.studies.trade.words import format_end, format_reached, format_worsened
 from proofmass.wording import number
 
 USUAL = 2.0  # s, of one run, for engines that take much longer than usual
@@ -450,7 +450,7 @@ def verdict(
         else ": ".join(filter(None, judge(rows[odd].errors[kind], perturbed[n, odd], kind)))
     )
     motion = one.motion
-    last = ended(one.measured, budget)
+    last = format_end(one.measured, budget)
     return Verdict(
         one.case.name,
         one.run,
@@ -462,8 +462,8 @@ def verdict(
         cause if known else "",
         evidence if known else "",
         remark,
-        "" if known else reached(one.measured, kind, one.orders(kind)[1], why, last),
-        "" if cause == ROUNDING else worsened(one.measured, kind),
+        "" if known else format_reached(one.measured, kind, one.orders(kind)[1], why, last),
+        "" if cause == ROUNDING else format_worsened(one.measured, kind),
         motion.words if motion else "",
         motion.horizon if motion else NAN,
     )

@@ -110,7 +110,7 @@ def show(study: Trade, kind: str) -> None:
         table.add_row(
             case if case != last else "",
             series,
-            *spoken(verdict),
+            *format_orders(verdict),
             number(verdict.floor),
             number(best),
             *figures,
@@ -121,7 +121,7 @@ def show(study: Trade, kind: str) -> None:
         console().print(table)
 
 
-def spoken(verdict: Verdict) -> tuple[str, str]:
+def format_orders(verdict: Verdict) -> tuple[str, str]:
     """Orders, the observed one with a mark if theory expects another."""
     seen, wanted = verdict.observed, verdict.expected
     return (

@@ -20,10 +20,11 @@ ASKED = 1e-4
 """Share of the range that a series is asked for which did not come so far."""
 
 
-def told(row: StudyRow) -> str:
+def format_setting(row: StudyRow) -> str:
     """A setting in words.
 
-    >>> told(StudyRow("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30))
+    >>> row = StudyRow("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30)
+    >>> format_setting(row)
     'pymunk at 1 ms, iterations 30'
     """
     place = format_varied(row)
@@ -44,31 +45,31 @@ def format_varied(row: StudyRow) -> str:
     return f"{row.varied} {place}"
 
 
-def brief(row: StudyRow) -> str:
+def format_setting_briefly(row: StudyRow) -> str:
     """The same without the engine."""
-    return told(row).removeprefix(spoken(row.engine)).lstrip(", ")
+    return format_setting(row).removeprefix(spoken(row.engine)).lstrip(", ")
 
 
-def off(row: StudyRow, of: str) -> str:
+def format_error(row: StudyRow, of: str) -> str:
     """How large an error is."""
     return f"{number(row.errors[of], 2)} off"
 
 
-def cost(row: StudyRow) -> str:
+def format_cost(row: StudyRow) -> str:
     """What a setting costs, and its place on its series."""
     return f"{number(row.seconds, 2)} s at {format_varied(row)}"
 
 
-def floored(verdict: Verdict) -> str:
+def format_floor(verdict: Verdict) -> str:
     """An error floor in words."""
     return f"the error floor is {number(verdict.floor, 2)}, {verdict.cause}"
 
 
-def needs(error: float, wanted: float, falls: float, row: StudyRow) -> str:
+def format_needed_step(error: float, wanted: float, falls: float, row: StudyRow) -> str:
     """The step that an error would need, and what a run would cost, if an order holds.
 
     >>> row = StudyRow("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
-    >>> needs(4e-4, 1e-4, 2.0, row)
+    >>> format_needed_step(4e-4, 1e-4, 2.0, row)
     '1e-4 would need a step of about 5e-4 s and about 1 s a run'
     """
     times = (error / wanted) ** (1 / falls)
@@ -78,7 +79,9 @@ def needs(error: float, wanted: float, falls: float, row: StudyRow) -> str:
     )
 
 
-def reached(measured: MeasuredSeries, kind: str, expected: float, why: str, ended: str) -> str:
+def format_reached(
+    measured: MeasuredSeries, kind: str, expected: float, why: str, ended: str
+) -> str:
     """How far a series came that shows no error floor, and what it would need for `ASKED`.
 
     Parameters
@@ -116,11 +119,11 @@ def reached(measured: MeasuredSeries, kind: str, expected: float, why: str, ende
             + ", of the last refinement alone" * alone
         ]
         if error > ASKED and row.varied == "timestep" and row.seconds > 0:
-            words.append(needs(error, ASKED, falls, row) + ", if that order holds")
+            words.append(format_needed_step(error, ASKED, falls, row) + ", if that order holds")
     return "; ".join([*words, *filter(None, [ended])])
 
 
-def ended(measured: MeasuredSeries, budget: float) -> str:
+def format_end(measured: MeasuredSeries, budget: float) -> str:
     """What ended a series before its last setting, if not that its errors fall no further."""
     last = measured.rows[-1]
     if last.outcome != Outcome.RAN:
@@ -130,7 +133,7 @@ def ended(measured: MeasuredSeries, budget: float) -> str:
     return ""
 
 
-def worsened(measured: MeasuredSeries, kind: str) -> str:
+def format_worsened(measured: MeasuredSeries, kind: str) -> str:
     """A finer setting that is worse than the one before it, with both; nothing if there is none."""
     if not (pair := worse(measured.every(kind))):
         return ""

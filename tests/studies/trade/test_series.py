@@ -17,8 +17,8 @@ from proofmass.studies.trade.series import (
     ends,
     flat,
     halved,
-    known,
     least,
+    list_cached_settings,
     order,
     placed,
     promises,
@@ -391,7 +391,7 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
     """With all that their runs gave, whoever asked for them, on their lines."""
     own = save(store, Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4"}))
     other = save(store, FINE)
-    found = {row.key: row for row in known(CASE, "dynamics", [], store)}
+    found = {row.key: row for row in list_cached_settings(CASE, "dynamics", [], store)}
     assert set(found) == {own, other}
     assert found[own] == StudyRow(
         "choose",
@@ -417,17 +417,23 @@ def test_repeats_that_a_store_knows_are_timings(store):
     task = StudyRun(CASE, "dynamics", FINE)
     for repeat, seconds in enumerate((9.0, 4.0, 3.0)):
         store.save(key(task), repeat, task, Measurement({"velocity": 1e-3}, seconds=seconds), 5.0)
-    (row,) = known(CASE, "dynamics", [], store)
+    (row,) = list_cached_settings(CASE, "dynamics", [], store)
     assert (row.seconds, row.repeats) == (3.0, (4.0, 3.0))
 
 
 def test_what_a_store_knows_beside_is_told_once_and_of_the_engine_that_is_asked_for(store):
     mujoco, pymunk = save(store, FINE), save(store, Setting("pymunk", {"timestep": 1e-3}))
-    first, second = sorted(known(CASE, "dynamics", [], store), key=lambda row: row.engine)
+    first, second = sorted(
+        list_cached_settings(CASE, "dynamics", [], store), key=lambda row: row.engine
+    )
     assert (first.key, second.key) == (mujoco, pymunk)
-    assert [row.key for row in known(CASE, "dynamics", [first], store)] == [pymunk]
-    assert [row.key for row in known(CASE, "dynamics", [], store, "mujoco")] == [mujoco]
-    assert [row.key for row in known(CASE, "dynamics", [], store, "pymunk")] == [pymunk]
+    assert [row.key for row in list_cached_settings(CASE, "dynamics", [first], store)] == [pymunk]
+    assert [row.key for row in list_cached_settings(CASE, "dynamics", [], store, "mujoco")] == [
+        mujoco
+    ]
+    assert [row.key for row in list_cached_settings(CASE, "dynamics", [], store, "pymunk")] == [
+        pymunk
+    ]
 
 
 def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypatch):
@@ -444,13 +450,13 @@ def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypa
     monkeypatch.setattr(
         series, "versions", lambda engine: now(engine) if engine == "mujoco" else {"pymunk": "0"}
     )
-    assert [row.key for row in known(CASE, "dynamics", [], store)] == [good]
+    assert [row.key for row in list_cached_settings(CASE, "dynamics", [], store)] == [good]
     monkeypatch.setattr(series, "key_of", lambda task: "changed since")
-    assert list(known(CASE, "dynamics", [], store)) == []
+    assert list(list_cached_settings(CASE, "dynamics", [], store)) == []
 
 
 def test_an_engine_without_a_line_of_the_case_is_not_asked(store, monkeypatch):
     """Another installation may have one that is not here."""
     save(store, FINE)
     monkeypatch.setattr(series, "list_series", lambda case, kind: [steps("pymunk")])
-    assert list(known(CASE, "dynamics", [], store)) == []
+    assert list(list_cached_settings(CASE, "dynamics", [], store)) == []

@@ -9,7 +9,7 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.series import known, placed, promises
+from proofmass.studies.trade.series import list_cached_settings, placed, promises
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
@@ -72,17 +72,19 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
     rows = run(
         [StudyRun(own, "dynamics", setting, "choose") for setting in asked], store, repeats=1
     )
-    found = sorted(known(own, "dynamics", [], store), key=lambda row: row.value)
+    found = sorted(list_cached_settings(own, "dynamics", [], store), key=lambda row: row.value)
     assert [row.series for row in found] == ["MuJoCo RK4", "MuJoCo, integrator Euler, solver CG"]
     assert [row.value for row in found] == [4e-4, 1e-3]
     assert [(row.errors, row.key, row.repeats) for row in found] == [
         (row.errors, row.key, row.repeats) for row in rows
     ]
-    assert [row.key for row in known(own, "dynamics", rows[:1], store)] == [rows[1].key]
-    assert list(known(own, "dynamics", [], store, "pymunk")) == []
+    assert [row.key for row in list_cached_settings(own, "dynamics", rows[:1], store)] == [
+        rows[1].key
+    ]
+    assert list(list_cached_settings(own, "dynamics", [], store, "pymunk")) == []
     file = models / "pendulum.xml"
     file.write_text(file.read_text().replace('mass="1"', 'mass="1.5"'))
-    assert list(known(tasks(models)[0].case, "dynamics", [], store)) == []
+    assert list(list_cached_settings(tasks(models)[0].case, "dynamics", [], store)) == []
 
 
 def test_a_setting_finds_its_line_with_what_goes_with_its_step():

@@ -28,7 +28,7 @@ from proofmass.studies.trade.series import (
     worse,
 )
 from proofmass.studies.trade.varied import ConvergenceSeries, list_series, size, studied
-from proofmass.studies.trade.words import ended, reached, worsened
+from proofmass.studies.trade.words import format_end, format_reached, format_worsened
 from tests.shipped import shipped
 
 
@@ -225,32 +225,35 @@ def placed(errors, seconds=0.5, **kinds):
 def test_how_far_a_line_came_is_told_without_a_number_where_no_order_is_seen(
     errors, expected, words
 ):
-    assert reached(placed(errors), "position", expected, "why", "") == words
+    assert format_reached(placed(errors), "position", expected, "why", "") == words
 
 
 def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
     measured = placed([1e-3] * 3, acceleration=[0.13] * 3)
-    assert reached(measured, "acceleration", 1.0, "", "it ends") == (
+    assert format_reached(measured, "acceleration", 1.0, "", "it ends") == (
         "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends"
     )
     far = placed([0.5] * 3, acceleration=[0.13] * 3)
-    assert reached(far, "acceleration", 1.0, "", "").startswith("not yet asymptotic")
+    assert format_reached(far, "acceleration", 1.0, "", "").startswith("not yet asymptotic")
 
 
 def test_a_finer_step_that_is_worse_is_told_with_both():
     measured = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
-    assert worsened(measured, "position") == (
+    assert format_worsened(measured, "position") == (
         "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms"
     )
-    assert worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
+    assert format_worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
 
 
 def test_what_ended_a_line_is_told():
-    assert ended(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
+    assert format_end(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
         "the series ends there, at a run of more than 2 s"
     )
-    assert ended(placed([1e-3, 1e-4]), 2.0) == ""
-    assert ended(measured_series([1e-2], outcomes=["timed out"]), 2.0) == "timestep 0 ms: timed out"
+    assert format_end(placed([1e-3, 1e-4]), 2.0) == ""
+    assert (
+        format_end(measured_series([1e-2], outcomes=["timed out"]), 2.0)
+        == "timestep 0 ms: timed out"
+    )
 
 
 def test_a_slope_that_changes_is_no_order():
