@@ -15,6 +15,9 @@ the energy of a four-bar.
 F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equations, 1991.
 """
 
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex
@@ -33,6 +36,9 @@ from proofmass.analytic.planar.kinematics import (
     scaled_jacobian,
 )
 from proofmass.analytic.planar.mechanism import CannotAssemble, Mechanism, SingularHere
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853
 
 
 def centres(m: Mechanism, motion: BodyMotion) -> Complex:
@@ -174,39 +180,107 @@ class TangentChart:
 
 
 def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
-    """Poses, rates and accelerations (n, joints) of the motion from the start pose at rising times.
+    """Poses, rates and accelerations (n, joints) of the motion from the start at rising times.
 
     Raises
     ------
     CannotAssemble, SingularHere, Overconstrained
-        The start pose; or the motion meets a pose where degrees of freedom appear.
+        The start pose; or the motion meets a pose where degrees of freedom appear, and does not run
+        on smoothly behind it.
     """
     from scipy.integrate import DOP853  # slow to load
 
-    q = nearest(m, m.start)
+    q, end = nearest(m, m.start), float(times[-1])
     if not freedoms(m, q):
         raise SingularHere("the mechanism has no degree of freedom")
     chart, v = TangentChart(m, q), fitting(m, q, m.start_rate)
-    found = [chart.motion(chart.state(v))[:3]]
-    solver = DOP853(chart.slope, times[0], chart.state(v), times[-1], rtol=ACCURACY, atol=ACCURACY)
+    found, longest = [chart.motion(chart.state(v))[:3]], 0.0
+    solver = DOP853(chart.slope, times[0], chart.state(v), end, rtol=ACCURACY, atol=ACCURACY)
     while len(found) < len(times):
         message = solver.step()
         if solver.status == "failed":
             raise SingularHere(f"no further than t = {solver.t:.6g} s: {message}")
+        longest = max(longest, solver.step_size)
+        short = solver.step_size < SHORT * longest and regularity(m, chart.at) < NEAR
+        if short:
+            solver = leap(chart, solver.t, solver.y, longest, end)
         inside = solver.dense_output()
         while len(found) < len(times) and times[len(found)] <= solver.t:
             found.append(chart.motion(inside(times[len(found)]))[:3])
         q, v, _, _ = chart.motion(solver.y)
-        if chart.stretch > TILT and solver.status == "running":
+        if (short or chart.stretch > TILT) and solver.t < end:
             chart = TangentChart(m, q)
             solver = DOP853(
                 chart.slope,
                 solver.t,
                 chart.state(v),
-                times[-1],
+                end,
                 rtol=ACCURACY,
                 atol=ACCURACY,
-                first_step=min(solver.h_abs, times[-1] - solver.t),
+                first_step=min(solver.h_abs, longest, end - solver.t),
             )
     q, v, a = (np.array(part) for part in zip(*found, strict=True))
     return q, v, a
+
+
+SHORT = 0.1
+"""Share of the longest step of a motion below which a step is short: it may end beside a pose where
+the loops lose rank, since rounding grows there."""
+NEAR = 1e-2
+"""Regularity of a pose that may be near such a one."""
+LEAPS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+"""Lengths of one step over such a pose, as shares of the longest step."""
+SMOOTH = 1e-9
+"""Distance, in own units, of two ways over such a pose that still count as one motion."""
+
+
+def regularity(m: Mechanism, q: Array) -> float:
+    """The least singular value of the loops in a pose (joints,) over the largest; 1 without loops."""
+    if not m.rows:
+        return 1.0
+    values = np.linalg.svd(scaled_jacobian(m, q[None])[0], compute_uv=False)
+    return float(values[-1] / values[0])
+
+
+def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) -> "DOP853":
+    """One step over a pose where the loops lose rank, of the length whose stages stay clear of it.
+
+    A motion is smooth there, and only rounding grows.  The next best length must lead to the same
+    motion.
+
+    Raises
+    ------
+    SingularHere
+        It does not, or no length leads over it.
+    """
+    from scipy.integrate import DOP853  # slow to load
+
+    ways = list[tuple[float, DOP853]]()
+    for share in LEAPS:
+        least = 1.0
+
+        def slope(time: float, state: Array) -> Array:
+            nonlocal least
+            rate = chart.slope(time, state)
+            least = min(least, regularity(chart.m, chart.at))
+            return rate
+
+        chart.motion(y)
+        to = min(t + share * longest, end)
+        one = DOP853(slope, t, y, to, rtol=1.0, atol=np.inf, first_step=to - t)
+        with suppress(CannotAssemble, np.linalg.LinAlgError):
+            one.step()
+            one.dense_output()
+            ways.append((least, one))
+    ways.sort(key=lambda way: way[0])
+    if len(ways) > 1:
+        best, other = ways[-1][1], ways[-2][1]
+        early, late = (best, other) if best.t <= other.t else (other, best)
+        on = DOP853(chart.slope, early.t, early.y, late.t, rtol=1e-12, atol=1e-12)
+        with suppress(CannotAssemble, np.linalg.LinAlgError):
+            chart.motion(early.y)
+            while on.status == "running" and on.nfev < 2000:
+                on.step()
+            if on.status == "finished" and np.abs(on.y - late.y).max() < SMOOTH:
+                return best
+    raise SingularHere(f"no further than t = {t:.6g} s: the loops lose rank behind it")
