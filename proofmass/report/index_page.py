@@ -1,4 +1,4 @@
-"""The index: a table with a row a case, what is wrong first."""
+"""The index: a table with a row for each case, failures first."""
 
 import math
 from collections import Counter
@@ -72,16 +72,42 @@ class CaseRow:
 
     Attributes
     ----------
+    name, title : str
+        The case's name, which no other case has, and its title.
+    page : str
+        Link to the page of the case, from the index.
+    family, reference : str
+        The folder that the case is in, and its reference; the filter of the index knows both.
     state : str
         good, open or bad; `symbol` and `word` say it.
+    symbol, word : str
+        The sign and the name of the case's worst outcome.
     remarks : list of str
-        What is wrong with it, in sentences; empty of a good one.
+        Sentences on the failures of the case; none for a good case.
+    cells : dict of str to IndexCell
+        The worst errors of the case, by the `key` of the column.
+    engines, bad_engines : list of str
+        The engines that the case ran in, and those of them with a failure.
     margin : float
-        Largest error over its allowance, of the checked channels.
+        Largest ratio of an error to its tolerance [1], over the channels that have one; infinite
+        where a run failed.
     checked, channels : int
-        Curves that were held against a tolerance, and all that there could be.
+        Number of curves that were compared with a tolerance, and of all curves of the case.
+    seconds : float
+        Wall time of all runs of the case [s].
+    search : str
+        The text that the search field looks through, in small letters.
+    changes : list of Change
+        Changes of the case since the last report.
     worse : int
-        Changes since the last report for the worse, of `changes`.
+        Number of `changes` that are for the worse.
+    picture : Markup
+        The drawing of the mechanism as SVG; empty if there is none.
+    files : list of (str, str)
+        Label and link of each file with curves of the case.
+    trend : Markup
+        A line, as SVG, of the error nearest to its tolerance over the last reports; empty if they
+        are too few or the error stays as it is.
     """
 
     name: str
@@ -144,16 +170,24 @@ def render_index(
 
     Parameters
     ----------
-    pictures : mapping of str to Thumbnail or Markup
-        By case; a drawing without poses stands still.
+    env : Environment
+        From `proofmass.report.page.environment`; it finds the template.
+    result : Result
+        All cases with their comparisons, from `proofmass.check.check`.
+    style : mapping of str to Look
+        The look of each solver, from `proofmass.report.style.looks`.
+    pictures : mapping of str to Thumbnail or Markup or None
+        The drawing of each case, by its name: a `Thumbnail` moves, a `Markup` stands still.
     record, last : Record, Last
-        Of this report and of the one before.
+        The record of this report, and that of the report that it is compared with.
     history : History
-        Up to this report.
-    files : mapping of str to list of tuple
-        Labels and paths of the curves of each case.
+        The errors of the last reports, this one included.
+    studies : sequence of ShownStudy
+        Studies that the index links to.
+    files : mapping of str to list of (str, str), optional
+        Label and link of each file with curves, by the name of the case.
     note : str
-        On the curves; empty if they are written.
+        Why there are no files with curves; empty if they are written.
     """
     found = changes(last.record, record) if last.record else []
     columns = columns_of(result)

@@ -1,4 +1,4 @@
-"""What compiles a changed model or evaluates a reference: in a worker, within a run's limits."""
+"""Calls that compile a changed model or evaluate a reference, in a worker within limits."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +16,7 @@ def limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float
 
 
 def bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
-    """The same for what is no run itself: to reach a limit is bad input of the case."""
+    """`limited` for a call that is no run itself; raises InputError where it reaches a limit."""
     try:
         return limited(case, kind, function, *args)
     except (TimedOut, OutOfMemory, Crashed) as error:

@@ -10,7 +10,7 @@ from proofmass.errors import InputError
 
 
 def named(paths: list[Path]) -> list[Case]:
-    """The cases below the paths; what is wrong with any of them is raised.
+    """The cases below the paths; raises the fault of any of them.
 
     Workers of a cluster, which are in a folder of their own, find them as well.  Models without a
     sidecar are passed over, unless there are no others.

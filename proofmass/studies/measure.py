@@ -55,7 +55,8 @@ def own_core() -> Iterator[int | None]:
     """A processor that nobody else gets meanwhile, waited for; None where there is no pinning.
 
     Locks are on files, so that other processes keep away too, and go with the process that has
-    them.  Who waits does so at the head of a queue, lest a study that needs no pause keeps all.
+    them.  Waiting processes form a queue, so that a study that asks without a pause does not get
+    all processors.
     """
     if not cores():
         yield None
@@ -182,10 +183,13 @@ class StudyRun:
         Which of its runs.
     setting : Setting
         The engine and its parameters.
-    study, series, varied, value
-        See `Row`.
+    study, series, varied : str
+        The study that asks for the run, the convergence series that the run belongs to, and the
+        parameter that differs in this series.
+    value : float
+        Value of that parameter [its unit], such as s of a time step.
     reference : path, optional
-        Where the reference of a free motion is kept, or shall be.
+        File that the reference of a free motion is read from; it is written first if it is missing.
     """
 
     case: Case
@@ -206,7 +210,7 @@ class StudyRun:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one run gave; `Row` tells what the attributes mean, `curves` are channels over x."""
+    """The result of one run: fields as in `StudyRow`, and `curves`, the channels over x."""
 
     errors: dict[str, float] = field(default_factory=dict)
     invariants: dict[str, float] = field(default_factory=dict)
@@ -244,14 +248,16 @@ def measure(
     Parameters
     ----------
     function : callable
-        What runs a model; see `proofmass.worker.isolated`.
+        Function that runs a model; see `proofmass.worker.isolated`.
+    *args
+        Arguments of the function.
     timeout, memory : float
-        Limits of the process [s, GiB].
+        Wall time and memory after which the process is ended [s, GiB].
 
     Returns
     -------
     object
-        What the function returns; if it fails, a `Measurement` with the outcome and the message.
+        The function's result; if it fails, a `Measurement` with the outcome and the message.
     """
     try:
         return cast(T, isolated(function, *args, timeout=timeout, memory=memory))
@@ -267,9 +273,9 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
     ----------
     task : StudyRun
     again : bool
-        Only time it: its errors are known.
+        Whether the run is only timed, since its errors are known.
     timeout : float
-        Seconds until the run is given up.
+        Wall time after which the run is given up [s].
 
     Raises
     ------

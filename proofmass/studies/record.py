@@ -92,24 +92,25 @@ class StudyRow:
         The convergence series that the run belongs to (all parameters but one, in words), and
         the parameter that is varied.
     value : float
-        Of that parameter.
+        Value of that parameter [its unit], such as s of a time step.
     parameters : dict of str to ParameterValue
-        All of them.
+        Values of all parameters.
     errors : dict of str to float
-        Largest error of each kind of channel, as a share of the reference's range, at the state
+        Largest error of each kind of channel, as a share of the reference's range [1], at the state
         that the drives really had.
     invariants : dict of str to float
-        violation [m]; energy, its drift over the largest kinetic energy, where nothing drives or
-        brakes;
-        stretch of rods [1].
+        violation: largest distance of points that a loop should hold together [m]; energy: largest
+        change over the largest kinetic energy [1], where nothing drives or brakes; stretch of
+        rods [1].
     seconds, steps : float, int
-        Least wall time of the repeats [s], of the first run where there are none; time steps.
+        Least wall time of the repeats [s], or that of the first run if there are none; number of
+        time steps.
     repeats : tuple of float
-        All wall times [s], warm-up apart.
+        Wall times of all timed runs [s], without the one that warms up.
     pinned : bool
         Whether its process kept to one processor, which no other run of a study used meanwhile.
     shared : float
-        Share of the time of the run in `seconds` that its processor gave to others.
+        Share of the time of the run in `seconds` that its processor gave to other processes [1].
     machine : str
         Processor that it was on, and how many the machine has.
     outcome, message : str
@@ -119,13 +120,15 @@ class StudyRow:
     key : str
         What its files in the store are called: ``store.curves(row.key)``.
     asked : dict of str to float
-        `errors` at the state that the drives were asked to have; empty without drives in time.
+        The same as `errors` [1], at the state that the drives were asked to have; empty if no drive
+        moves in time.
     step : float
         Time step that the engine took [s], which need not be the one that was asked for: whole
         steps lead from sample to sample.  NaN where nothing was stepped, or the run gave no curves.
     load : float
-        Largest load average of the last minute [processes] when a timed run began or ended; NaN
-        where the system has none, and in tables of earlier versions.
+        Load average, the number of processes that wanted a processor [1] in the last minute: the
+        larger of those when a timed run began and ended.  NaN where the system has none, and in
+        tables of earlier versions.
     """
 
     study: str
@@ -242,7 +245,7 @@ def read_table(file: Path) -> list[StudyRow]:
 
 
 def table(rows: Sequence[StudyRow]) -> str:
-    """CSV with a header; what a row does not have is empty.
+    """CSV with a header; a cell is empty where a row has no value.
 
     >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4", "timestep", 0.01,
     ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])

@@ -7,7 +7,7 @@
     write_table(rows, folder / "trade.csv")
     store.curves(rows[0].key)                            # x, channel.angle, ...
 
-What is in the store is not run again, whichever study asked for it.
+A run that is in the store is not made again, whichever study asked for it.
 """
 
 import os
@@ -77,7 +77,7 @@ def run(
 
     Parameters
     ----------
-    tasks : iterable of Task
+    tasks : iterable of StudyRun
         Equal runs of several tasks are made once.
     store : Store
         Where every finished run is kept at once.
@@ -88,14 +88,14 @@ def run(
     longest_repeated : float
         A task whose first run took longer [s] is not repeated; that run is its only timing.
     timeout : float, optional
-        After which a run is given up [s]; the sidecar's if not given.
+        Wall time after which a run is given up [s]; the sidecar's if not given.
     progress : callable
         Called as ``progress(label, done, total)`` after each run.
 
     Returns
     -------
-    list of Row
-        One a task, in the order of the tasks; failed ones with outcome and message.
+    list of StudyRow
+        One for each task, in the order of the tasks; failed ones with outcome and message.
 
     Raises
     ------
@@ -190,7 +190,7 @@ class Rounds:
                 future.cancel()
 
     def limit(self, key: str) -> float:
-        """After which a run of a task is given up [s]."""
+        """Wall time after which a run of a task is given up [s]."""
         task = self.tasks[key]
         return self.timeout or task.case.run[task.run].timeout
 

@@ -129,7 +129,7 @@ class DietSearch:
 
     Attributes
     ----------
-    scene : Scene
+    scene : DietScene
         From `scene_of`.
     blind : bool
         Whether geoms that are only drawn go as well.
@@ -139,12 +139,14 @@ class DietSearch:
     tune : bool
         Whether options of the engine are made cheaper as well.
     workers : Executor, optional
-        Where runs go, from `proofmass.studies.run.pool`; local ones if not given.  What is timed
-        has a processor of its own.
+        Where runs go, from `proofmass.studies.run.pool`; local ones if not given.  Timed runs have
+        a processor of their own.
     store : DietStore
-        What was tried before, which is not done again.
+        Results of earlier trials, which are not made again.
     progress : callable
-        Called with what is tried.
+        Called with the name of each feature that is tried.
+    found : dict of (str, str) to Entry
+        The result for each feature that was tried so far, by its kind and its name.
     """
 
     scene: DietScene

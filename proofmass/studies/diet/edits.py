@@ -74,12 +74,14 @@ class Draft:
     Parameters
     ----------
     file : Path
+        The MJCF file.
     rods : tuple of Rod
-        What a sidecar completes it with.  Several may complete it with other shapes of them.
+        The rods of a sidecar, which complete the model; several sidecars may give them other
+        shapes.
     probing : bool
         Whether a model without sensors gets one for everything that moves.
     cuts : tuple of callable
-        What was done to it, one after the other; each is given the draft.
+        Functions that change the draft in place; they are called with it, one after the other.
     watch : tuple of str
         Names of joints, bodies, sites and sensors: these alone are read, and nothing else is
         probed.
@@ -87,13 +89,15 @@ class Draft:
     Attributes
     ----------
     spec : MjSpec
-        Without the rods.
+        The model without the rods.
     share : int
-        Of the segments that the rods have, so many times fewer are taken.
+        The number by which the segments of each rod are divided.
     given : set of (str, str)
-        Names given to what had none, after the list of the spec that it is in.
+        Elements that had no name: the list of the spec that each is in, and the name it was given.
     probes : set of str
         Sensors that were added.
+    cuts : tuple of callable
+        Functions that changed the draft so far.
     """
 
     def __init__(
@@ -160,7 +164,7 @@ class Draft:
         return next((e for e in getattr(self.spec, kind) if e.name == name), None)
 
     def drop(self, kind: str, name: str) -> None:
-        """Delete an element, and the probes that read it; what is gone stays gone."""
+        """Delete an element, and the probes that read it; nothing is done where it is gone."""
         if element := self.find(kind, name):
             word = READ_AS.get(kind)
             for sensor in list(self.spec.sensors):
@@ -241,7 +245,7 @@ def probes(spec: mujoco.MjSpec) -> Iterator[str]:
 def probes_of(spec: mujoco.MjSpec, watch: tuple[str, ...]) -> Iterator[str]:
     """Add sensors for the joints, bodies and sites that are called so, and tell their names.
 
-    What is watched of a joint is its value and its rate, of a body or a site its place, its
+    The sensors of a joint read its value and its rate, those of a body or a site its place, its
     attitude and both velocities.
     """
     for kind, word in WATCHED.items():
@@ -285,7 +289,7 @@ def unlimit(draft: Draft, name: str) -> None:
 
 
 def flatten(draft: Draft, name: str) -> None:
-    """Delete a material; what is made of it keeps its colour.
+    """Delete a material; elements that are made of it keep their colour.
 
     Raises
     ------

@@ -1,7 +1,8 @@
 """What may be removed from a scene or made cheaper: features of its `MjSpec`, and engine options.
 
 A feature may have parts, which are tried where it cannot go as a whole; one half of the geoms is an
-example.  So everything that is not needed goes at once, and what matters is found in a few runs.
+example.  So all features that are not needed go at once, and those that matter are found in a few
+runs.
 
 For each engine option a function gives, for a draft as it is, what to try in its place: the
 cheapest first, until one holds.  A longer step, an integrator with fewer evaluations of the forces
@@ -156,7 +157,7 @@ def contacts(draft: Draft) -> Iterator[Feature]:
 
 
 def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
-    """What the solver does beside its task; its options are in `proofmass.studies.diet.options`."""
+    """What the solver does beside its task; see `tolerances` and `solvers` for its options."""
     if not by_steps(watch.run):
         return
     option = draft.spec.option
@@ -288,7 +289,7 @@ def searches(draft: Draft, scene: DietScene) -> list[Feature]:
 
 
 def steps(draft: Draft, scene: DietScene) -> list[Feature]:
-    """Longer steps, as long as what is from sample to sample has room for them."""
+    """Longer steps; in runs through time at most one from sample to sample."""
     if not (watches := following(scene, "timestep")):
         return []
     now = float(draft.spec.option.timestep)

@@ -57,17 +57,19 @@ SPARSE = 50  # samples that are left at least
 
 @dataclass(frozen=True)
 class Bound:
-    """What a run is held against when the engine has other options.
+    """The truth that a run is compared with when the engine has other options.
 
     Attributes
     ----------
     run : Run
+        The run, with as many samples as the comparison needs.
     allowed : dict of str to float
-        The largest error of each channel, in its unit.
+        The largest allowed error of each channel [its unit].
     truth : dict of str to ndarray
-        The fine solution; none where a reference of a case is the truth.
+        The fine solution, channel by channel [its unit]; empty where the reference of a case is the
+        truth.
     case : Case, optional
-        Whose reference is evaluated, at the state that the drives had in the run.
+        The case whose reference is evaluated, at the state that the drives had in the run.
     """
 
     run: Run
@@ -99,15 +101,15 @@ class Watch:
     name : str
         Case, kind of run, and setting if it has a name.
     run : Run
+        The run itself.
     allowed : dict of str to ndarray
-        How far each channel may move at each sample, in its unit.
+        Largest allowed change of each channel at each sample [its unit].
     before : Curves
-        Of the model as it is.
+        The curves of the model as it is.
     level : frozenset of str
         Channels that are known up to a constant, and read as their change: potential energies.
     bound : Bound, optional
-        What other options are held against; without one they may move a channel as little as a
-        feature.
+        The truth for other options; without it they may change a channel as little as a feature.
     """
 
     name: str
@@ -171,13 +173,13 @@ def scene_of(
     file : Path
         The MJCF file.
     seconds : float
-        To follow it without sidecars [s].
+        Length of the run of a model without sidecars [s].
     watch : tuple of str
         Joints, bodies, sites and sensors that alone matter; all that is measured, or moves, if
         empty.
     error : float, optional
-        How far other options may take a channel from the fine solution [share of its range]; of
-        models without sidecars.
+        Largest allowed difference from the fine solution when the engine has other options, as a
+        share of the channel's range [1]; for models without sidecars only.
 
     Raises
     ------
@@ -366,7 +368,7 @@ def compile_elsewhere(file: Path) -> None:
 
 
 def compiles(file: Path) -> bool:
-    """Whether MuJoCo takes a model; who reads it says why it does not."""
+    """Whether MuJoCo compiles a model; the reason is told where the model is read."""
     try:
         return compile_model(file) is not None
     except BadModel:
@@ -571,7 +573,7 @@ def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Cur
 def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
     """How far each channel moved, over what it may: up to 1 is no change.
 
-    What is gone has moved without bound, unless it is an `optional` one that never moved.
+    A channel that is gone has moved without bound, unless it is `optional` and never moved.
     """
     found = {}
     curves = levelled(curves, watch.level)

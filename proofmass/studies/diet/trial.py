@@ -67,7 +67,7 @@ def by_steps(run: Run) -> bool:
 def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
     """One run of a copy of a model, every joint moved by a `nudge` at first [rad or m].
 
-    What nobody meant to raise is a crash of that run.
+    An exception that no engine means to raise counts as a crash of that run.
     """
     try:
         return driven(model, run, nudge)[0]
@@ -116,10 +116,10 @@ def race(
 ) -> Pace:
     """What two models cost, run in pairs after a pair that warms up.
 
-    Who is first in a pair is drawn by lot, so that nothing that comes and goes regularly meets one
-    of them more often, and what disturbs the machine for longer than a pair disturbs both.  Time is
-    the processor's, not that of the clock on the wall, so that other processes count as little as
-    can be.  Short runs get more rounds, a `span` [s] of them.
+    The first model of each pair is drawn by lot, so that a regular disturbance of the machine does
+    not meet one model more often; a disturbance longer than a pair meets both.  Time is that of the
+    processor, not wall time, so that other processes count as little as can be.  Short runs get
+    more rounds, a `span` [s] of them.
     """
     times: list[list[float]] = [[], []]
     sizes, steps, lot = [0, 0], 0, Random(0)
@@ -168,13 +168,14 @@ def median_interval(values: Sequence[float], level: float = LEVEL) -> Interval:
     Parameters
     ----------
     values : sequence of float
+        Independent values of one quantity [its unit].
     level : float
-        Least probability with which the interval holds the median.
+        Least probability [1] with which the interval holds the median.
 
     Returns
     -------
     tuple of float
-        Lower end, median, upper end.
+        Lower end of the interval, median, and upper end [its unit], that of the values.
 
     >>> median_interval(range(1, 16))
     (3, 8.0, 13)

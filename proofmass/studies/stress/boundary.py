@@ -78,9 +78,9 @@ class VariedRange:
     engine, setting : str
         The engine, and its integrator or what else is set, in words.
     parameter, unit : str
-        What was varied.
+        The parameter that is varied, and its unit.
     start, reach : float
-        First and last value.
+        First and last value that is tried [its unit].
     """
 
     what: str
@@ -99,20 +99,21 @@ class Boundary(VariedRange):
     Attributes
     ----------
     holds, breaks : float
-        The furthest value that held, and the next that did not: NaN if all did up to `reach`, and
-        if `start` did not.
+        The furthest value that held, and the next value, which failed [its unit].  `breaks` is NaN
+        if all values up to `reach` held; both are NaN if `start` failed.
     step : float
         Time step that the engine took at `holds` [s]; NaN where nothing was stepped.
     theory : float
-        Where it must be: infinite (or zero, downwards) for nowhere, NaN if nothing is known.
+        The boundary by theory [its unit]: infinite (zero where the parameter is decreased) if there
+        is none, NaN if theory says nothing.
     law : str
-        What the theory says, in words.
-    limit : Limit
-        What kind of limit that is.
+        The theory in words.
+    limit : BoundaryKind
+        The kind of limit.
     failure : str
-        What went wrong at `breaks`.
+        The failure at `breaks`, in words.
     silent : bool
-        Whether the engine itself said nothing of that.
+        Whether the engine itself said nothing of the failure.
     """
 
     holds: float = NAN

@@ -194,7 +194,7 @@ def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
 def unlike(found: Measurement, own: Measurement) -> Failure | None:
     """Why a run at another size is lost: errors must be those at its own, by dimensional analysis.
 
-    What is ten times as large is another curve; rounding is not that of another size.
+    An error ten times as large is that of another curve; rounding differs from size to size.
     """
     if failure := find_failure(found):
         return failure

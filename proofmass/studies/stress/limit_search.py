@@ -77,8 +77,8 @@ class LimitSearch(VariedRange):
     def find(self, within: float = WITHIN) -> Boundary:
         """Bisect the boundary to a share of its value.
 
-        Where theory has one, what is not known is closed in as far: a boundary may be just before
-        it, as of an engine that leaves its reference behind.
+        Where theory has one, the search is as close where proofmass itself gives up: a boundary may
+        be just before it, as of an engine that leaves its reference behind.
         """
         steps = dict[float, float]()
 
@@ -118,9 +118,10 @@ def bisect(
     Returns
     -------
     holds, breaks : float
-        NaN for what there is not.
+        The furthest value that held, and the nearest that failed [its unit], that of `start`; each
+        is NaN if there is none.
     failure : Failure or None
-        Why `breaks` failed, or `start` already.
+        Why `breaks` failed, or `start` already; None if all values held.
 
     Examples
     --------

@@ -52,7 +52,7 @@ def pendulum(gravity: float) -> str:
 def whirl(speed: float) -> str:
     """A mass on a unit spring, on a slide of a heavy wheel that turns; drawn out by a thousandth.
 
-    What stands a metre away gives the model a size, which open joints are judged by.
+    A body a metre away gives the model a size, by which open joints are judged.
     """
     return mjcf(
         """<body><joint name="wheel" axis="0 0 1"/>

@@ -32,22 +32,22 @@ class Choice:
 
     Attributes
     ----------
-    row : Row
-        Its measurement.
+    row : StudyRow
+        The measurement of the setting.
     of, wanted : str, float
-        Kind of error, and what is asked of it [share of range].
+        Kind of error, and the largest that is good enough, as a share of the reference's range [1].
     check : Check
-        How it did when it was run again.
+        The result of running the setting again.
     beside : str
-        What the engine's defaults would cost for the same.
+        What the engine's defaults would cost for the same error, in a sentence.
     ratio : float
-        Their wall time over that of the setting, by their order where no step measured gets there;
-        NaN where they never do.
+        Wall time of the defaults over that of the setting [1], by the order of the defaults where
+        no measured step of theirs is good enough; NaN where none can be.
     refused : tuple of str
-        Cheaper settings that did not hold.
+        Cheaper settings whose second run was not good enough, a sentence for each.
     motion : str
         That a free motion is chaotic or sensitive to its start, and until when errors are judged;
-        nothing of other motions.
+        empty for other motions.
     """
 
     row: StudyRow
@@ -78,28 +78,29 @@ def choose(
 
     Parameters
     ----------
-    case, kind
-        What is run.
-    rows : iterable of Row
+    case, kind : Case, {"sweep", "dynamics", "equilibrium"}
+        The case, and which of its runs.
+    rows : iterable of StudyRow
         Measured settings of that run.
     wanted : float
-        Largest error [share of the range]; the measured one must be half of it.
+        Largest error that is good enough, as a share of the reference's range [1]; the measured one
+        must be half of it.
     of : str
         Kind of channels: position, velocity, acceleration, ...
     engine : str, optional
-        The only one to choose from.
+        The only engine to choose from.
     verdicts : iterable of Verdict
-        What the error floors are.
+        Orders and error floors of the series that the settings belong to.
     verify : callable, optional
-        Runs a setting again, as its program and from a shifted start; both runs must meet what is
-        asked for.
+        Runs a setting again, as its program and from a shifted start; the errors of both runs must
+        be no larger than `wanted`.
     limits : Limits, optional
-        What finer steps might take, and took.
+        Wall time that a search for finer steps may take, and took.
 
     Raises
     ------
     Cannot
-        None does.
+        No measured setting is good enough.
     """
     rows = [row for row in rows if row.engine in (engine or row.engine)]
     verdicts, refused = list(verdicts), list[str]()

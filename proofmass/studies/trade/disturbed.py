@@ -56,11 +56,12 @@ class DisturbedMotion:
     Attributes
     ----------
     growth : float
-        Largest distance from the undisturbed motion [share of the range], over `NUDGE`.
+        Largest distance from the undisturbed motion, as a share of its range, over `NUDGE` [1].
     rate : float
-        Of exponential growth [1/s], fitted up to `LINEAR`; NaN where the growth is not sustained.
+        Rate of exponential growth of the distance [1/s], fitted up to `LINEAR`; NaN where the
+        growth is not sustained.
     horizon : float
-        Until when the distance is less than `SHARE` [s]; NaN if it is so in the whole run.
+        Time until which the distance is less than `SHARE` [s]; NaN if it is so in the whole run.
     until : float
         Length of the run [s].
     """
@@ -101,12 +102,12 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Disturbed
 
     Parameters
     ----------
-    case, kind
-        What is run.
+    case, kind : Case, {"sweep", "dynamics", "equilibrium"}
+        The case, and which of its runs.
     store : Store
-        Keeps what was found, and the changed model.
+        Keeps the results, and the changed model.
     timeout : float
-        After which a run is given up [s].
+        Wall time after which a run is given up [s].
     """
     if kind != "dynamics" or case.drive:
         return None

@@ -266,8 +266,8 @@ def trade_sheet(
 
     Parameters
     ----------
-    rows : sequence of Row
-        Of all settings, those that failed among them.
+    rows : sequence of StudyRow
+        All settings, also those that failed.
     verdicts : iterable of Verdict
         Error floors and expected orders of the series.
     looks : mapping

@@ -136,17 +136,18 @@ def judge(
     Parameters
     ----------
     error : float
-        Before any cause was changed.
+        The error before any cause was changed, as a share of the reference's range [1].
     found : sequence of (Perturbation, StudyRow)
         All changes, and the runs with them.
     kind : str
-        Of error.
+        Kind of error, such as position.
     at_floor : bool
-        Whether the step was shown to leave it, so that it is no cause.
+        Whether halving the step was shown to leave the error, so that the step is no cause.
 
     Returns
     -------
     cause, evidence : str
+        The cause that moves the error most, and the factor of each change, in words.
     """
     gains: dict[str, float] = {}
     words = []

@@ -45,12 +45,15 @@ def page_data(
 
     Parameters
     ----------
-    rows, verdicts
-        Of that run.
-    looks, tones
-        Of the series, from `figure.dressed`, and of their colours.
+    rows, verdicts : sequence of StudyRow, sequence of Verdict
+        The settings of that run, and the verdicts on its series.
+    looks : mapping of (str, str) to Look
+        The look of each series, from `figure.dressed`.
+    tones : mapping of str to Tone
+        Tones of the colours of these looks, for light and dark pages.
     usual : float
-        From `noise.usual_spread`.
+        Usual ratio of the greatest to the least wall time of a setting [1], from
+        `noise.usual_spread`.
     """
     names = list(looks)
     return {
@@ -127,7 +130,7 @@ def kind_data(
     """The fronts and the error floors of a kind of error, settings and series by their numbers.
 
     `front` is that of the least wall times; `tied` are the settings that may be on it as well, for
-    all the clock can tell; `band` is what the front lies in; `fewest` is the front over steps.
+    all the clock can tell; `band` is where the front lies; `fewest` is the front over steps.
     """
     shown = [row for row in rows if good(row, kind)]
     numbers = {id(row): k for k, row in enumerate(rows)}

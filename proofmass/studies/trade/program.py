@@ -55,14 +55,14 @@ PRINTED = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)
 
 @dataclass(frozen=True)
 class ProgramRun:
-    """What the run of a program gave.
+    """The result of running a program.
 
     Attributes
     ----------
     errors : dict of str to float
-        Largest error of each kind of channel, as a share of the reference's range.
+        Largest error of each kind of channel, as a share of the reference's range [1].
     seconds, steps : float, int
-        Wall time of its loop [s], and time steps.
+        Wall time of the program's loop [s], and number of time steps.
     failure : str
         Why there are no errors, in the program's own words.
     """

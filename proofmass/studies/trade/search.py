@@ -3,7 +3,7 @@
 A family is an engine with everything but the time step: an integrator, how hard its loops are held,
 how often its solver goes over them.  Each family starts with one step from sample to sample and
 goes on to the step that the order of its last errors says is good enough, as long as that promises
-to be cheaper than what is good enough already.  What is cheapest is then timed in rounds.
+to be cheaper than what is good enough already.  The cheapest settings are then timed in rounds.
 """
 
 import time
@@ -201,23 +201,30 @@ def search(
     Parameters
     ----------
     case : Case
+        A case with a dynamics run.
     of, needed : str, float
-        Kind of error, and the largest that is good enough [share of range].
-    store, workers, progress
-        See `proofmass.studies.run.run`.
+        Kind of error, and the largest that is good enough, as a share of the reference's range [1].
+    store : Store
+        Where every finished run is kept at once.
+    workers : Executor, optional
+        From `proofmass.studies.run.pool`; local ones if not given.
     engine : str, optional
-        The only one to search.
+        The only engine to search.
     limits : Limits, optional
-        What it may take, of a run without what its reference takes; gets what it took.
+        Wall time that the search and each run may take, a run without its reference; the search
+        writes into it how much it took.
     slack : float
-        How far families are followed: their predicted time over that of the cheapest.
+        Families are followed as long as the wall time that they promise, over that of the cheapest
+        setting so far, is below this [1].
     repeats : int
-        Timed runs of what is cheapest.
+        Timed runs of each of the cheapest settings.
+    progress : callable
+        Called as ``progress(label, done, total)`` after each run.
 
     Returns
     -------
-    list of Row
-        All that was measured.
+    list of StudyRow
+        All settings that were measured.
     """
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
     longest = limits.longest
@@ -299,16 +306,17 @@ def finer_for_drives(
     Parameters
     ----------
     case : Case
-    tried : iterable of (Row, float)
-        Settings, and the errors of their programs [share of range].
+        A case with a dynamics run.
+    tried : iterable of (StudyRow, float)
+        Settings, and the errors of their programs, as shares of the reference's range [1].
     wanted : float
-        What is asked for.
+        Largest error that is good enough, as such a share [1].
 
     Returns
     -------
-    list of Task
-        For the `BEST` whose predicted wall times are least: a drive of a given gain yields by the
-        square of the step.
+    list of StudyRun
+        Runs of the `BEST` settings whose predicted wall times are least: a drive of a given gain
+        yields by the square of the step.
     """
     asked = []
     sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])

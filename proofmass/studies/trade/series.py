@@ -290,15 +290,15 @@ class Limits:
     Attributes
     ----------
     longest, budget : float
-        Of a run, and of all of them together [s].
+        Longest wall time of a run, and of the whole search [s].
     spent : float
-        What was measured took so long [s].
+        Wall time that the search took [s].
     settings : int
-        How many were measured.
+        Number of settings that were measured.
     known : int
-        How many more the store knew.
+        Number of other settings that were in the store.
     short : bool
-        Whether the budget left one out.
+        Whether the budget left a setting out.
     """
 
     longest: float = LONGEST
@@ -363,7 +363,7 @@ def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
 
 
 def scaled(row: StudyRow, step: float) -> Setting:
-    """A setting with another step; what closes loops is scaled with it, as in its series."""
+    """A setting with another step; how hard loops are held goes with it, as in its series."""
     return at_step(Setting(row.engine, dict(row.parameters, timestep=row.value)), step)
 
 

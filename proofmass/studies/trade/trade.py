@@ -161,7 +161,7 @@ def trade(
     budget : float
         Wall time of a run after which its series ends [s].
     longest : float
-        After which a run is given up [s].
+        Wall time after which a run is given up [s].
     repeats : int
         Timed runs of each setting.
     progress : callable
@@ -413,12 +413,18 @@ def verdict(
 
     Parameters
     ----------
-    one, kind, n
-        The series, which is number n, and the kind of error.
-    finer, perturbed, disturbed
-        What halvings, changed causes and roundings did at its settings.
+    one, kind : CaseSeries, str
+        The series, and the kind of error.
+    n : int
+        Number of the series, the first part of the keys of the three mappings.
+    finer, perturbed : mapping of SeriesPlace to list
+        Runs with half and a quarter of the step, and with each possible cause changed, at settings
+        of all series.
+    disturbed : mapping of SeriesPlace to mapping of str to float
+        How far changes by some roundings move the result at a setting, by kind of error, as a share
+        of the range [1].
     budget : float
-        Wall time after which series end [s].
+        Wall time of a run after which its series ends [s].
     """
     rows, odd = one.measured.rows, one.odd(kind)
     why = cause = evidence = ""

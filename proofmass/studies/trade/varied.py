@@ -142,7 +142,7 @@ def at_step(setting: Setting, step: float) -> Setting:
 def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
     """Series over the number of segments of all rods, as multiples that suit the samples of a rest.
 
-    A link is straight, so what lies between its ends is off by more or less.
+    A link is straight, so a point between its ends is off by more or less.
     """
     if not case.rod:
         return

@@ -1,5 +1,5 @@
-"""What a study of work and precision found: of each convergence series its order and its error
-floor, or how far it came; and the front."""
+"""Results of a study of work and precision: the order and the error floor of each convergence
+series, or how far it came; and the front."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,17 +17,19 @@ class Verdict:
 
     Attributes
     ----------
-    case, run, engine, series, kind : str
-        What it is about; see `StudyRow`.
+    case, run, engine, series : str
+        The series and its run, as in `StudyRow`.
+    kind : str
+        The kind of error, such as position.
     observed, expected : float
-        Order of convergence before an error floor, and by theory; NaN where there is none.
+        Order of convergence [1] before an error floor, and by theory; NaN where there is none.
     floor : float
-        Error floor [share of the range]: an asymptotic error that two halvings of the step leave
-        and that a cause moves; NaN where none was shown.
+        Error floor, as a share of the reference's range [1]: an asymptotic error that two halvings
+        of the step leave and that a cause moves; NaN where none was shown.
     cause, evidence : str
-        What the floor is, and the factors that show it.
+        Cause of the floor, and the factors that show it.
     remark : str
-        What moves the error where the observed order is not the expected one.
+        Cause that moves the error where the observed order is not the expected one.
     reached : str
         How far the series came, where no floor was shown, and what it would need for 1e-4.
     worse : str
@@ -35,7 +37,7 @@ class Verdict:
     motion : str
         How a free motion answers to a disturbed start, where that matters.
     horizon : float
-        Until when the errors are judged [s], if that is not the whole run.
+        Time until which the errors are judged [s]; NaN if that is the whole run.
     """
 
     case: str

@@ -39,23 +39,25 @@ class Check:
     Attributes
     ----------
     fresh, shifted : float
-        Errors of the two runs [share of range]; NaN for what is lost.
+        Errors of the run as a program and of that from a shifted start, as shares of the
+        reference's range [1]; NaN for a run without a result.
     note : str
         Why there is no shifted start.
-    lost : str
-        Why the run from the shifted start gave nothing.
     used : Setting
-        As used, with what the engine chose by itself.
-    ran : Ran or None
-        What the program gave; None where there is none, and the setting was run as it is pasted.
+        The setting as used, with the parameters that the engine chose by itself.
+    ran : ProgramRun or None
+        The result of the program; None where there is none, and the setting was run as it is
+        pasted.
     drive : Imposed or None
         How the program moves its drives.
-    others : tuple of (Imposed, Ran)
-        Of each other way to move them the best gain.
+    others : tuple of (Imposed, ProgramRun)
+        Each other way to move the drives, with its best gain and the result.
     reason : str
         Why there is no program.
     again : bool
-        Whether it was run from a shifted start: not where the first run is not good enough.
+        Whether the setting was run from a shifted start: only where the first run is good enough.
+    lost : str
+        Why the run from the shifted start has no result.
     """
 
     fresh: float
@@ -122,22 +124,26 @@ def verify(
     drive: str = "",
     compare: bool = False,
 ) -> Check:
-    """Run a setting as a program, and from a shifted start; NaN for what is lost.
+    """Run a setting as a program, and from a shifted start; the error of a lost run is NaN.
 
     Parameters
     ----------
-    case, kind, row, of
-        What is run, a setting of it, and the kind of error.
+    case, kind : Case, {"sweep", "dynamics", "equilibrium"}
+        The case, and which of its runs.
+    row : StudyRow
+        A setting of that run, as it was measured.
+    of : str
+        Kind of error, such as position.
     wanted : float
-        What is asked for [share of range].
+        Largest error that is good enough, as a share of the reference's range [1].
     store : Store, optional
-        Where what programs gave is kept.
+        Keeps the results of programs.
     longest : float
-        After which a program is ended [s].
+        Wall time after which a program is ended [s].
     drive : str, optional
         How the program moves its drives, a word of the engine's; ideally, if not given.
     compare : bool
-        Whether the other ways are tried as well, if the first is good enough.
+        Whether the other ways to move the drives are tried as well, if the first is good enough.
     """
     setting = Setting(row.engine, row.parameters)
     check = Check(NAN, NAN, "", setting)
@@ -167,8 +173,8 @@ def shifted_once(
 ) -> tuple[float, str, str]:
     """The error from a shifted start, why there is no such start, and why its run gave nothing.
 
-    From the store if it is there.  What took too long is not kept, since another call may have
-    more time.
+    They come from the store if they are there.  A run that took too long is not kept, since
+    another call may have more time.
     """
     least = REFERENCE if kind == "dynamics" and not case.drive else 0.0
 

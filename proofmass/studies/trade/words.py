@@ -86,10 +86,10 @@ def format_reached(
 
     Parameters
     ----------
-    measured, kind
-        The series and its rows, and the kind of error.
+    measured, kind : MeasuredSeries, str
+        The series with its rows, and the kind of error.
     expected : float
-        The order that theory expects: one refinement alone shows an order where it is that.
+        Order of convergence by theory [1]: a single refinement counts as an order only near it.
     why : str
         Why an error that no longer falls is no floor.
     ended : str
