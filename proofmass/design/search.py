@@ -199,7 +199,7 @@ class SavedSearch:
 
     Parameters
     ----------
-    problem : Problem
+    problem : SearchProblem
     effort : Effort
     file : path, optional
         Where its state is kept; a search that finds one there goes on from it.

@@ -57,8 +57,8 @@ def write_report(
         Made when it is not there; pages of the same name are replaced.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each case.
-    studies : sequence of Study
-        That the pages lead to; see `proofmass.studies.pages.write_study_pages`.
+    studies : sequence of ShownStudy
+        Studies that the pages link to; see `proofmass.studies.pages.write_study_pages`.
     figures : bool
         Whether figures for papers of all curves are written as well: overlays, paths, differences.
     record, last : Record, Last, optional

@@ -542,7 +542,7 @@ class Engine:
         constant [s], or a share.
     labels : mapping of str to str
         What `size` is called on the axis of a figure, by setting, where it is not the setting.
-    accuracy : mapping of str to Limit
+    accuracy : mapping of str to AccuracyLimit
         How far it may be off a driven linkage, of a case that states no tolerance.
     """
 
