@@ -65,7 +65,7 @@ def panel(
         bounds["rounding"] = refine.error_floor
     good = [v for v in (*drawn, *bounds.values()) if np.isfinite(v)] or [1.0]
     decades(ax, min(good) / 8, max(good) * 4)
-    triangle(ax, max(solvers.values(), key=len), refine)
+    fall(ax, max(solvers.values(), key=len), refine)
     levels(ax, bounds, pretty(unit))
     ax.xaxis.set_major_locator(FixedLocator(refine.segments))
     ax.xaxis.set_minor_locator(NullLocator())
@@ -108,32 +108,13 @@ def lines(
     return drawn
 
 
-def triangle(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
-    """Falls as errors of the asked order, below the last two that are above the error floor."""
+def fall(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
+    """A triangle of the asked order, below the last two errors that are above the error floor."""
     above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.error_floor]
     if not above:
         return
-    (a, b), p = above[-1], refine.order
-    top = BELOW * a.error
-    foot = top * (a.segments / b.segments) ** p
-    ax.fill(
-        [a.segments, a.segments, b.segments],
-        [top, foot, foot],
-        facecolor="#eeeeee",
-        edgecolor=INK,
-        linewidth=0.8,
-        zorder=2,
-    )
-    ax.annotate(
-        number(p),
-        (a.segments, np.sqrt(top * foot)),
-        xytext=(-3, 0),
-        fontsize=7,
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        color=INK,
-    )
+    a, b = above[-1]
+    foot = triangle(ax, (a.segments, b.segments), BELOW * a.error, refine.order)
     ax.annotate(
         "1",
         (np.sqrt(a.segments * b.segments), foot),
@@ -144,6 +125,47 @@ def triangle(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
         va="top",
         color=INK,
     )
+
+
+def triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float) -> float:
+    """A triangle that falls as errors of an order do, with the order at its upright side.
+
+    Parameters
+    ----------
+    ax : Axes
+        Both axes are logarithmic.
+    sizes : (float, float)
+        Numbers of segments or of steps [1], between which the triangle stands.
+    top : float
+        The error at its upper corner [its unit], that of the axis.
+    order : float
+        The power of the number with which errors fall [1].
+
+    Returns
+    -------
+    float
+        The error at its lower side [its unit].
+    """
+    foot = top * (sizes[0] / sizes[1]) ** order
+    ax.fill(
+        [sizes[0], sizes[0], sizes[1]],
+        [top, foot, foot],
+        facecolor="#eeeeee",
+        edgecolor=INK,
+        linewidth=0.8,
+        zorder=2,
+    )
+    ax.annotate(
+        number(order),
+        (sizes[0], np.sqrt(top * foot)),
+        xytext=(-3, 0),
+        fontsize=7,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=INK,
+    )
+    return foot
 
 
 def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:

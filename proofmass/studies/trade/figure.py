@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from proofmass.engines import NoEngine, engine_of
 from proofmass.outcome import Outcome
 from proofmass.report.figures import decades
+from proofmass.report.refinements import triangle
 from proofmass.report.style import KNOWN, SOLID, Dash, Look
 from proofmass.studies.record import KINDS, StudyRow
 from proofmass.studies.trade.varied import size
@@ -116,7 +117,7 @@ def step(row: StudyRow) -> float:
 
 
 def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
-    """One for each expected order, below the part of a series that is nearest to it."""
+    """A triangle for each expected order, below the part of a series that is nearest to it."""
     orders: dict[float, list[Name]] = {}
     for verdict in verdicts:
         if verdict.expected > 0:
@@ -140,29 +141,6 @@ def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[
 def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
     """Order from one number of steps to the next."""
     return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(work(b) / work(a)))
-
-
-def triangle(ax: Axes, steps: tuple[float, float], top: float, order: float) -> None:
-    """Falls from `top` as errors of that order."""
-    foot = top * (steps[0] / steps[1]) ** order
-    ax.fill(
-        [steps[0], steps[0], steps[1]],
-        [top, foot, foot],
-        facecolor="#eeeeee",
-        edgecolor=INK,
-        linewidth=0.8,
-        zorder=2,
-    )
-    ax.annotate(
-        number(order),
-        (steps[0], np.sqrt(top * foot)),
-        xytext=(-3, 0),
-        fontsize=7,
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        color=INK,
-    )
 
 
 def draw_floors(
