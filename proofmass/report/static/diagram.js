@@ -2,7 +2,6 @@
 // Its words, and what pointer and keyboard do, are in trade.js.
 "use strict";
 
-const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 62, right: 22, top: 18, bottom: 44 };
 const NEAR = 12; // px: ends of series that are no further apart have their letters in one place
 const FAILED = "M-4-4l8 8M4-4l-8 8";
@@ -19,15 +18,6 @@ const state = {
 };
 let hovered = null; // the setting under the pointer
 let view = null; // what was drawn last: scales and places of the settings
-
-function element(name, attributes = {}, ...children) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) {
-    made.setAttribute(key, value);
-  }
-  made.append(...children);
-  return made;
-}
 
 const kind = () => kindOf.get(state.kind);
 const errorOf = (setting) => setting.errors[state.kind];
@@ -63,27 +53,6 @@ function domain() {
 }
 
 const bounded = (error) => Math.min(error, data.top);
-
-function scale(low, high, from, to) {
-  const [first, last] = [Math.log10(low), Math.log10(high)];
-  return {
-    place: (value) => from + ((Math.log10(value) - first) / (last - first)) * (to - from),
-    value: (place) => 10 ** (first + ((place - from) / (to - from)) * (last - first)),
-  };
-}
-
-// Powers of ten between two; where there are fewer than three of them 2 and 5 as well.
-function ticks(low, high, most) {
-  const first = Math.ceil(Math.log10(low) - 1e-9);
-  const last = Math.floor(Math.log10(high) + 1e-9);
-  const step = Math.max(1, Math.ceil((last - first) / most));
-  const found = [];
-  for (let power = first - 1; power <= last; power += 1) {
-    const steps = last - first < 2 ? [1, 2, 5] : (last - power) % step === 0 ? [1] : [];
-    found.push(...steps.map((digit) => digit * 10 ** power));
-  }
-  return found.filter((value) => value >= low * 0.999 && value <= high * 1.001);
-}
 
 const COST_UNITS = [
   [1, "s"],

@@ -78,6 +78,11 @@ function writeAddress(values) {
   history.replaceState(null, "", text ? `#${text}` : location.pathname + location.search);
 }
 
+// Keep some parts of the address, and leave the others as they are.
+function keepInAddress(values) {
+  writeAddress({ ...Object.fromEntries(readAddress()), ...values });
+}
+
 // Rows with data-group are shown if no filter is against it; filters are buttons and a search.
 function wireFilters() {
   const box = find("#filters");
@@ -105,8 +110,9 @@ function wireFilters() {
     }
     count.textContent = `${shown} of ${rows.length} rows`;
     if (keep) {
-      writeAddress({ off: [...hidden].join(","), find: search.value.trim() });
+      keepInAddress({ off: [...hidden].join(","), find: search.value.trim() });
     }
+    document.dispatchEvent(new Event("filtered"));
   };
   for (const button of buttons) {
     button.addEventListener("click", () => {

@@ -20,9 +20,12 @@ from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import RC, looks
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.figure import NEAR, factor_to, stress_sheet
+from proofmass.studies.stress.page_data import KINDS, end, limits_data, measured, solver_of
 from proofmass.studies.stress.stress import read_boundaries
-from proofmass.wording import number, pretty, spoken
+from proofmass.wording import number, spoken
 
+SCRIPTS = ("axes.js", "rows.js", "limits.js")
+"""Of the chart."""
 THEORY = "Small models whose limits theory knows"
 
 
@@ -38,21 +41,27 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
     if not file.is_file():
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
-    prepared(output, (file, file.with_name("stress.columns.md")))
+    prepared(output, (file, file.with_name("stress.columns.md")), SCRIPTS)
     engines = list(dict.fromkeys(one.engine for one in found))
     chosen = looks(engines)
-    colours = tones(look.colour for look in chosen.values())
+    there = list(dict.fromkeys(one.limit for one in found))
+    looked = [look for limit, look in KINDS.items() if limit in there]
+    colours = tones([look.colour for look in chosen.values()] + [look.colour for look in looked])
     dressed = {name: colours[look.colour] for name, look in chosen.items()}
-    parts = [
-        part(name, list(own), output / "figures", dressed)
-        for name, own in groupby(found, lambda one: subject(one))
+    own = [(name, list(some)) for name, some in groupby(found, lambda one: subject(one))]
+    parts = [part(name, some, output / "figures", dressed) for name, some in own]
+    charted = [
+        (one["name"], one["stem"], by_parameter(some))
+        for one, (_, some) in zip(parts, own, strict=True)
     ]
-    page = Pages(output, home).write(
+    page = Pages(output, home, SCRIPTS).write(
         "index.html",
         "stress.html",
+        limits_data(charted, colours),
         parts=parts,
+        kinds=[(MARKS[look.marker], colours[look.colour].css, look.words) for look in looked],
         limits=list(BoundaryKind),
-        there=list(dict.fromkeys(one.limit for one in found)),
+        there=there,
         engines=[(name, spoken(name), dressed[name].css) for name in engines],
         tones=colours.values(),
     )
@@ -100,11 +109,6 @@ def far(one: Boundary) -> float:
     return max((factor_to(one, x) for x in there if isfinite(x) and x > 0), default=1.0)
 
 
-def end(one: Boundary) -> float:
-    """Where a bar ends: the boundary, or the furthest value that held; NaN without any."""
-    return one.measured if one.found else one.holds
-
-
 def labels(reach: float) -> list[tuple[float, str]]:
     """Places on the axis of a part [%], and what stands there."""
     decades = int(log10(max(reach, 10.0)) + 1e-9)
@@ -146,17 +150,6 @@ def first(found: Sequence[Boundary]) -> dict[str, str]:
     return {"value": measured(one), "more": f"{one.setting}: {one.limit}{silence}"}
 
 
-def measured(one: Boundary) -> str:
-    """A boundary in words, with its unit."""
-    unit = "" if one.unit == "1" else f" {pretty(one.unit)}"
-    if one.found:
-        return f"{number(one.measured, 4)}{unit}"
-    if one.unknown:
-        known = one.holds == one.holds
-        return f"not known beyond {number(one.holds)}{unit}" if known else "not known"
-    return f"none to {number(one.reach)}{unit}" if one.holds == one.holds else "nowhere"
-
-
 def words(found: Sequence[Boundary]) -> Iterator[str]:
     """What to make of it."""
     known = [one for one in found if one.theory == one.theory]
@@ -178,12 +171,6 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
                 f"{spoken(one.engine)}, {one.setting}: {one.parameter} cannot be varied, "
                 f"{one.failure}"
             )
-
-
-def solver_of(one: Boundary) -> str:
-    """Engine and setting in words, once where they are the same."""
-    engine = spoken(one.engine)
-    return engine if one.setting == engine else f"{engine}, {one.setting}"
 
 
 def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:

@@ -35,7 +35,7 @@ from proofmass.studies.trade.words import format_setting_briefly
 from proofmass.wording import number, spoken
 
 FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
-SCRIPTS = ("diagram.js", "trade.js")
+SCRIPTS = ("axes.js", "diagram.js", "trade.js")
 FIRST = "position"
 
 

@@ -124,5 +124,5 @@ def test_the_page_holds_its_data_and_says_when_a_machine_was_busy(
     assert found
     assert len(json.loads(found[1])["settings"]) == len(rows)
     names = {file.name for file in (tmp_path / "page" / "static").iterdir()}
-    scripts = {"common.js", "study.js", "diagram.js", "trade.js"}
+    scripts = {"common.js", "study.js", "axes.js", "diagram.js", "trade.js"}
     assert names == {"common.css", "study.css", *scripts}

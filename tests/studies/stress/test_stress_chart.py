@@ -1,0 +1,249 @@
+"""The chart of a stress page: its data in words, and what it does in a browser."""
+
+from dataclasses import replace
+from importlib.metadata import distribution
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from proofmass.report.figures import save
+from proofmass.report.marks import MARKS
+from proofmass.studies.stress import page as stress_page
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
+from proofmass.studies.stress.page import write_stress
+from proofmass.studies.stress.page_data import KINDS, sentence
+from proofmass.studies.stress.stress import write_boundaries
+from tests.visit import PHONE, Visit
+
+STEP = Boundary(
+    *("fourbar", "mujoco", "Euler", "time step", "s", 1e-3, 1.0, 0.1, 0.101),
+    limit=BoundaryKind.INACCURATE,
+    failure="position off by 0.1",
+    silent=True,
+    theory=0.2,
+    law="a law",
+)
+LOST = replace(STEP, setting="RK4", limit=BoundaryKind.UNSTABLE, silent=False, failure="gone")
+HOLDS = replace(
+    STEP, setting="implicit", holds=1.0, breaks=nan, limit=BoundaryKind.HOLDS, failure="",
+    silent=False, theory=inf,
+)  # fmt: skip
+LIGHTER = Boundary(
+    *("fourbar", "pymunk", "as it is", "last body lighter", "times", 1.0, 1e-6, 1e-4, 0.99e-4),
+    limit=BoundaryKind.REFUSED,
+    failure="no <mass>",
+)
+OURS = replace(
+    LIGHTER, engine="mujoco", breaks=1e-5, limit=BoundaryKind.OURS, failure="ours: too slow"
+)
+NEVER = replace(
+    LIGHTER, parameter="gravity", holds=nan, breaks=nan, limit=BoundaryKind.UNSTABLE, failure="no"
+)
+OTHER = replace(STEP, what="pendulum", theory=nan, law="")
+ALL = [STEP, LOST, HOLDS, LIGHTER, OURS, NEVER, OTHER]
+
+
+@pytest.mark.parametrize(
+    ("one", "words"),
+    [
+        (
+            STEP,
+            "Holds up to 0.1 s and fails at 0.101 s: inaccurate, in silence: position off by 0.1."
+            " Theory: 0.2 s, of which it is 0.5025 (a law).",
+        ),
+        (
+            HOLDS,
+            "Holds up to 1 s, the last value that was tried. Theory: no limit (a law).",
+        ),
+        (LIGHTER, "Holds down to × 1e-4 and fails at × 9.9e-5: refused: no <mass>."),
+        (OURS, "Held down to × 1e-4; not known beyond: too slow."),
+        (NEVER, "Does not hold at × 1, the first value: unstable: no."),
+    ],
+)
+def test_a_limit_in_a_sentence(one: Boundary, words: str) -> None:
+    assert sentence(one) == words
+
+
+def test_kinds_differ_in_shape_and_in_colour() -> None:
+    assert set(KINDS) == set(BoundaryKind)
+    for part in ("marker", "colour"):
+        assert len({getattr(look, part) for look in KINDS.values()}) == len(KINDS)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of two cases, without its figures for papers."""
+    out = tmp_path_factory.mktemp("chart")
+    write_boundaries(ALL, out / "stress.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stress_page, save.__name__, lambda figure, file: "")
+        write_stress(out, out)
+    return out / "index.html"
+
+
+ROWS = "findAll('#rows [role=option]').map((row) => row.getAttribute('aria-label'))"
+
+
+def test_a_panel_has_a_parameter_and_an_axis(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        titles = visit.run("findAll('#rows [role=group]').map((one) => one.ariaLabel)")
+        assert titles == ["time step [s]", "last body lighter", "gravity"]
+        rows = visit.run(ROWS)
+        assert len(rows) == 6  # of the first case
+        assert rows[0].startswith("MuJoCo, Euler, time step [s]. Holds up to 0.1 s")
+        assert visit.said == []
+        assert all(url.startswith(page.parent.as_uri()) for url in visit.asked)
+
+
+def test_limits_stand_at_their_places(page: Path, browser: Any) -> None:
+    """On a logarithmic axis: 1 ms, the limit at 0.1005 s, theory at 0.2 s."""
+
+    def places(k: int, part: str, *names: str) -> list[float]:
+        return [
+            float(
+                visit.run(
+                    f"find('#row-fourbar-stress-{k} {part}').getAttribute('{name}')"
+                ).removesuffix("%")
+            )
+            for name in names
+        ]
+
+    with Visit(browser, page) as visit:
+        start, at = places(0, ".held", "x1", "x2")
+        (marker,) = places(0, ".strip svg", "x")
+        (theory,) = places(0, ".theory", "x1")
+        assert marker == at
+        decade = (at - start) / 2.00217  # decades from 1e-3 to 0.1005
+        assert theory - at == pytest.approx(0.29887 * decade, abs=0.02)  # log10(0.2 / 0.1005)
+        lost = places(0, ".lost", "x1", "x2")
+        assert lost == [at, 100.0]  # it fails above
+        assert places(3, ".lost", "x2") == [0.0]  # a lighter body fails below
+        assert places(3, ".held", "x1")[0] > places(3, ".held", "x2")[0]
+        for k, none in ((2, ".lost"), (2, ".theory"), (4, ".lost"), (5, ".held")):
+            assert visit.page.locator(f"#row-fourbar-stress-{k} {none}").count() == 0
+
+
+def test_kinds_are_told_by_shape_and_silence_by_a_hollow_one(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        marks = visit.run("findAll('#rows .dot').map((one) => one.getAttribute('d'))")
+        names = ["o", "D", ">", "s", "X", "D"]
+        assert marks == [MARKS[name] for name in names]
+        hollow = visit.run("findAll('#rows .dot').map((one) => one.classList.contains('hollow'))")
+        assert hollow == [True, False, False, False, False, False]
+        colours = visit.run("findAll('#rows .dot').map((one) => getComputedStyle(one).stroke)")
+        assert len(set(colours)) == 5
+        legend = visit.page.inner_text("#chart .legend")
+        for look in KINDS.values():
+            assert look.words in legend
+
+
+def test_pointing_tells_the_sentence_and_a_click_leads_to_the_row(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        tip = visit.page.locator("#rows .tip")
+        assert tip.is_hidden()
+        row = visit.page.locator("#row-fourbar-stress-3")
+        row.hover()
+        assert sentence(LIGHTER) in tip.inner_text()
+        row.click()
+        led = visit.page.locator("tr.led-to")
+        assert led.get_attribute("id") == "fourbar-stress-3"
+        assert "last body lighter" in led.inner_text()
+        assert "pymunk" in led.inner_text()
+        assert visit.run("document.activeElement.closest('tr').id") == "fourbar-stress-3"
+        top = visit.run("find('tr.led-to').getBoundingClientRect().top")
+        assert 0 < top < 900
+        visit.page.mouse.move(2, 2)
+        assert tip.is_hidden()
+
+
+def test_the_keyboard_goes_from_limit_to_limit(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        for _ in range(30):
+            visit.page.keyboard.press("Tab")
+            if visit.run("document.activeElement.className") == "row-list":
+                break
+        tip = visit.page.locator("#rows .tip")
+        assert sentence(STEP) in tip.inner_text()
+        visit.page.keyboard.press("ArrowDown")
+        active = visit.page.get_attribute(".row-list", "aria-activedescendant")
+        assert active == "row-fourbar-stress-1"
+        assert visit.page.get_attribute(f"#{active}", "aria-selected") == "true"
+        assert sentence(LOST) in tip.inner_text()
+        visit.page.keyboard.press("End")
+        visit.page.keyboard.press("Enter")
+        assert visit.page.get_attribute("tr.led-to", "id") == "fourbar-stress-5"
+
+
+def test_case_and_parameter_are_chosen_and_kept(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        visit.page.select_option("#subject", "")
+        assert len(visit.run(ROWS)) == 7
+        visit.page.select_option("#panel", "time step [s]")
+        rows = visit.run(ROWS)
+        assert [row.split(",")[0] for row in rows] == 3 * ["fourbar: MuJoCo"] + ["pendulum: MuJoCo"]
+        visit.page.click("#filters [data-group='unstable']")
+        assert len(visit.run(ROWS)) == 3  # as the table
+        address = visit.address
+        assert "case=all" in address
+        assert "off=unstable" in address
+    with Visit(browser, page, address) as visit:
+        assert len(visit.run(ROWS)) == 3
+        assert visit.run("find('#panel').value") == "time step [s]"
+    with Visit(browser, page, "#pendulum-stress") as visit:  # as the report leads there
+        assert [row.split(",")[0] for row in visit.run(ROWS)] == ["MuJoCo"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(scheme: str, page: Path, browser: Any) -> None:
+    axe = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
+    with Visit(browser, page, color_scheme=scheme) as visit:
+        visit.page.locator("#row-fourbar-stress-1").hover()
+        visit.run(Path(str(axe)).read_text(encoding="utf-8"))
+        found = visit.run("axe.run('#chart')")
+        assert [(v["id"], v["nodes"][0]["html"][:200]) for v in found["violations"]] == []
+        assert len(found["passes"]) > 10
+
+
+def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
+    with Visit(browser, page, viewport=PHONE) as visit:
+        assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
+        row = "#row-fourbar-stress-0"
+        label, strip = (
+            visit.page.locator(f"{row} {part}").bounding_box() for part in (".row-label", ".strip")
+        )
+        assert strip["y"] >= label["y"] + label["height"] - 1
+        assert strip["width"] > 250
+        small = visit.run(
+            "findAll('#chart *').filter((one) => [...one.childNodes].some((node) =>"
+            " node.nodeType === 3 && node.data.trim())"
+            " && parseFloat(getComputedStyle(one).fontSize) < 12).length"
+        )
+        assert small == 0
+
+
+def test_it_is_readable_in_black_and_white(page: Path, browser: Any) -> None:
+    """Markers keep a contrast of 3 to their paper where only their lightness is left."""
+    for scheme in ("light", "dark"):
+        with Visit(browser, page, color_scheme=scheme) as visit:
+            paper = lightness(visit.run("getComputedStyle(find('#chart')).backgroundColor"))
+            for colour in visit.run(
+                "findAll('#rows .dot').map((one) => getComputedStyle(one).stroke)"
+            ):
+                high, low = sorted([paper, lightness(colour)], reverse=True)
+                assert (high + 0.05) / (low + 0.05) >= 3.0
+
+
+def lightness(colour: str) -> float:
+    """Relative luminance of ``rgb(…)``, as WCAG defines it."""
+    parts = [int(part) / 255 for part in colour[4:-1].split(",")]
+    linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return sum(w * p for w, p in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+
+def test_without_script_there_are_the_tables(page: Path, browser: Any) -> None:
+    with Visit(browser, page, java_script_enabled=False) as visit:
+        assert visit.page.locator("#chart").is_hidden()
+        assert "The chart needs JavaScript" in visit.page.inner_text("main")
+        assert visit.page.locator("#tables tbody tr").count() >= 7
