@@ -235,7 +235,7 @@ SMOOTH = 1e-9
 
 
 def regularity(m: Mechanism, q: Array) -> float:
-    """Least over largest singular value of the loops in a pose (joints,); 1 where there are none."""
+    """The smallest over the largest singular value of the loops in a pose (joints,)."""
     if not m.rows:
         return 1.0
     values = np.linalg.svd(scaled_jacobian(m, q[None])[0], compute_uv=False)
