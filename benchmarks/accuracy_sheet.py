@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from proofmass.analytic.numerics import Array
 from proofmass.report.style import KNOWN
 from proofmass.studies.record import StudyRow
-from proofmass.studies.trade.choose import default
+from proofmass.studies.trade.choose import is_default
 
 ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for
 NAMES = {
@@ -33,7 +33,7 @@ def sheet(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
                 and r.outcome == "ran"
                 and r.seconds > 0
                 and r.case in times
-                and (name == engine or default(r))
+                and (name == engine or is_default(r))
             ]
             curve(
                 ax,

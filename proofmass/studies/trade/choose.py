@@ -227,13 +227,13 @@ def beside(
         row
         for row in rows
         if row.engine == chosen.engine
-        and default(row)
+        and is_default(row)
         and isfinite(row.errors.get(of, NAN))
         and row.outcome == Outcome.RAN
     ]
     if not plain:
         return "the defaults were not measured, or did not run", NAN
-    if default(chosen):
+    if is_default(chosen):
         return "these are the engine's defaults, refined", 1.0
     if good := enough(plain, of, wanted):
         ratio = good[0].seconds / chosen.seconds
@@ -260,7 +260,7 @@ def beside(
     ), ratio
 
 
-def default(row: StudyRow) -> bool:
+def is_default(row: StudyRow) -> bool:
     """Whether nothing but the time step differs from what the engine has by itself."""
     return engine_of(row.engine).is_default(row.parameters)
 

@@ -3,11 +3,12 @@
     study = trade([load_case("models/linkages/fourbar.toml")], Store(folder / "runs"), workers)
     write_study(study, folder)
 
-Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory
-means something. Then every convergence series is refined, each setting run once for its errors,
-until the errors fall no further, and the settings that may be on the Pareto front are timed in
-rounds. Where a series may be at an error floor, its step is halved twice, and each possible cause
-is varied separately; so it is where a series shows another order than theory expects.
+Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory means
+something. Then every convergence series is refined, each setting run once for its errors, until the
+errors fall no further. The settings that may be on the Pareto front, and the engine's defaults,
+with which they are compared, are timed in rounds. Where a series may be at an error floor, its step
+is halved twice, and each possible cause is varied separately; so it is where a series shows another
+order than theory expects.
 """
 
 import json
@@ -29,6 +30,7 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, Setting, StudyRow, write_table
 from proofmass.studies.run import Progress, pool, run
 from proofmass.studies.store import Store
+from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
 from proofmass.studies.trade.floor import (
     ROUNDING,
@@ -207,7 +209,8 @@ def trade(
     rows = [row for one in every for row in one.measured.rows]
     if repeats:
         tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
-        near = near_front(rows)
+        default = {k for k, row in enumerate(rows) if is_default(row)}
+        near = sorted(default.union(near_front(rows)))
         again = run(
             [tasks[k] for k in near],
             store,
