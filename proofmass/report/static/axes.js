@@ -46,3 +46,15 @@ function roundSteps(low, high, most) {
   }
   return found;
 }
+
+const TIMES = [
+  [1, "s"],
+  [1e-3, "ms"],
+  [1e-6, "µs"],
+];
+
+// A time in seconds in the unit that suits it.
+function timeWords(value, digits = 2) {
+  const [size, unit] = TIMES.find(([least]) => value >= least * 0.999) ?? TIMES.at(-1);
+  return `${worded(value / size, digits)} ${unit}`;
+}

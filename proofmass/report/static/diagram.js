@@ -54,18 +54,11 @@ function domain() {
 
 const bounded = (error) => Math.min(error, data.top);
 
-const COST_UNITS = [
-  [1, "s"],
-  [1e-3, "ms"],
-  [1e-6, "µs"],
-];
-
 function costWords(value) {
   if (state.cost !== "seconds") {
     return worded(value, 1).replace(/e(\d)/, "e$1");
   }
-  const [size, unit] = COST_UNITS.find(([least]) => value >= least * 0.999) ?? COST_UNITS.at(-1);
-  return `${worded(value / size, 2)} ${unit}`;
+  return timeWords(value);
 }
 
 // ------------------------------------------------------------------ drawing

@@ -16,6 +16,7 @@ function panels() {
     const rows = shown.filter((row) => row.panel === title);
     return {
       title,
+      head: "limit",
       words: (value) => worded(value, 2),
       values: rows.flatMap((row) => [row.start, row.at, row.theory]),
       rows: rows.map((row) => ({

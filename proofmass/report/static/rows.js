@@ -24,8 +24,8 @@ const tickAt = (name, place) =>
   `<line class="${name}" x1="${place.toFixed(2)}%" x2="${place.toFixed(2)}%" y1="1" y2="21"/>`;
 
 class RowChart {
-  // `panels()` gives the panels: { title, values (for the axis), words(value), rows }; a row has id, label,
-  // value, said, css and strip(place), which draws it.  `act(row)` is what a click or Enter does,
+  // `panels()` gives the panels: { title, head (of the values), values (for the axis), words(value), rows }; a
+  // row has id, label, value, said, css and strip(place), which draws it.  `act(row)` is what a click or Enter does,
   // `hint(row)` says so.
   constructor(box, name, panels, act, hint) {
     Object.assign(this, { box, name, panels, act, hint, rows: new Map(), at: null });
@@ -37,7 +37,10 @@ class RowChart {
     this.tip = document.createElement("div");
     this.tip.className = "tip";
     this.tip.hidden = true;
-    box.append(this.list, this.tip);
+    this.status = document.createElement("span");
+    this.status.className = "unseen";
+    this.status.setAttribute("role", "status");
+    box.append(this.list, this.tip, this.status);
     this.wire();
   }
 
@@ -55,7 +58,7 @@ class RowChart {
     this.tell(null);
   }
 
-  panel({ title, rows, words }, axis) {
+  panel({ title, head, rows, words }, axis) {
     const grid = axis.ticks
       .map((value) => `<line class="grid" x1="${axis.place(value).toFixed(2)}%" x2="${axis.place(value).toFixed(2)}%" y1="0" y2="100%"/>`)
       .join("");
@@ -74,7 +77,7 @@ class RowChart {
     );
     return (
       `<div role="group" aria-label="${escaped(title)}">` +
-      `<div class="row-head" aria-hidden="true"><b>${escaped(title)}</b><svg class="strip" height="18">${labels.join("")}</svg><span></span></div>` +
+      `<div class="row-head" aria-hidden="true"><b>${escaped(title)}</b><svg class="strip" height="18">${labels.join("")}</svg><span class="row-value soft">${escaped(head)}</span></div>` +
       `${lines.join("")}</div>`
     );
   }
@@ -124,6 +127,8 @@ class RowChart {
     if (row) {
       const words = await this.act(row);
       if (words) {
+        this.list.focus({ preventScroll: true }); // which copying may have taken
+        this.status.textContent = words;
         this.tell(id, words);
       }
     }

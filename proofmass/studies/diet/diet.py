@@ -259,12 +259,13 @@ class DietSearch:
                 feature.name,
                 "needed",
                 message=" ".join(str(error).removeprefix("Error: ").split()),
+                edit=feature.edit,
             )
         watches = [(w.name, w.run, w.allowed, w.before.channels) for w in self.scene.watches]
         judge: Judge = self.judge_errors if tuned else self.judge_changes
         runs = [*watches, *map(key_of, self.scene.watches)] if tuned else watches
         outcome, shares, message = self.store.once(models, runs, lambda: judge(models, draft))
-        return draft, Entry(feature.kind, feature.name, outcome, shares, message)
+        return draft, Entry(feature.kind, feature.name, outcome, shares, message, edit=feature.edit)
 
     def judge_changes(
         self, models: list[mujoco.MjModel], draft: Draft

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import ceil
+from typing import SupportsInt
 
 import mujoco
 import numpy as np
@@ -37,6 +38,7 @@ from proofmass.studies.diet.trial import STEPPED, by_steps, most_iterations
 from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import number
 
+ENABLES = "mjENBL_"  # begins the names of flags that MJCF has without it
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
 DRAWN = "drawn geom"
@@ -72,12 +74,15 @@ class Feature:
         Takes it out of a draft, in place; may raise ValueError.
     parts : tuple of Feature
         To try if it cannot go as a whole.
+    edit : str
+        The same as lines of MJCF to paste; empty where elements are taken out.
     """
 
     kind: str
     name: str
     cut: Cut
     parts: tuple["Feature", ...] = ()
+    edit: str = ""
 
 
 def bundle(kind: str, names: list[str], cut: Callable[[Draft, str], None]) -> Iterator[Feature]:
@@ -153,6 +158,7 @@ def contacts(draft: Draft) -> Iterator[Feature]:
             "all",
             partial(switch_off, bit=CONTACT),
             tuple(bundle("contact of geom", masked, masks_off)),
+            '<option><flag contact="disable"/></option>',
         )
 
 
@@ -163,13 +169,22 @@ def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
     option = draft.spec.option
     if option.noslip_iterations:
         yield Feature(
-            "solver", "noslip iterations", partial(set_option, name="noslip_iterations", value=0)
+            "solver",
+            "noslip iterations",
+            partial(set_option, name="noslip_iterations", value=0),
+            edit='<option noslip_iterations="0"/>',
         )
     if option.enableflags & ~int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        flags = [
+            f'{name.removeprefix(ENABLES).lower()}="disable"'
+            for name, bit in mujoco.mjtEnableBit.__members__.items()
+            if name.startswith(ENABLES) and option.enableflags & int(bit)
+        ]
         yield Feature(
             "flag",
             "what is enabled beside the defaults",
             partial(set_option, name="enableflags", value=0),
+            edit=f"<option><flag {' '.join(flags)}/></option>",
         )
 
 
@@ -240,9 +255,16 @@ def following(scene: DietScene, option: str) -> list[Watch]:
     return [watch for watch in stepped(scene) if option not in watch.run.settings]
 
 
-def rung(option: str, words: str, value: float) -> Feature:
-    """One value of an option."""
-    return Feature(OPTION, words, partial(set_option, name=option, value=value))
+def rung(option: str, words: str, value: float, name: str = "") -> Feature:
+    """One value of an option, and its name where MJCF has one for it."""
+    edit = f'<option {option}="{name or repr(value)}"/>'
+    return Feature(OPTION, words, partial(set_option, name=option, value=value), edit=edit)
+
+
+def exchanged(option: str, now: SupportsInt, other: SupportsInt) -> Feature:
+    """Another value of an option that has names for its values."""
+    before, after = format_option(now), format_option(other)
+    return rung(option, f"{option} {before} to {after}", int(other), after)
 
 
 def work(draft: Draft) -> float:
@@ -310,7 +332,7 @@ def integrators(draft: Draft, scene: DietScene) -> list[Feature]:
     """Integrators that evaluate less in a step."""
     now = INTEGRATOR(draft.spec.option.integrator)
     return [
-        rung("integrator", f"integrator {format_option(now)} to {format_option(other)}", int(other))
+        exchanged("integrator", now, other)
         for other in CHEAPER.get(now, ())
         if following(scene, "integrator")
     ]
@@ -322,7 +344,7 @@ def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
     if not watches or not taken(draft, watches[0], draft.spec.option.tolerance):
         return []
     return [
-        rung("solver", f"solver {format_option(now)} to {format_option(other)}", int(other))
+        exchanged("solver", now, other)
         for other in (SOLVER.mjSOL_NEWTON, SOLVER.mjSOL_CG, SOLVER.mjSOL_PGS)
         if other != now
     ]
@@ -335,16 +357,14 @@ def jacobians(draft: Draft, scene: DietScene) -> list[Feature]:
         return []
     sparse = mujoco.mj_isSparse(draft.compiled(watches[0].run.rods))
     other = JACOBIAN.mjJAC_DENSE if sparse else JACOBIAN.mjJAC_SPARSE
-    return [
-        rung("jacobian", f"jacobian {format_option(now)} to {format_option(other)}", int(other))
-    ]
+    return [exchanged("jacobian", now, other)]
 
 
 def cones(draft: Draft, scene: DietScene) -> list[Feature]:
     """Pyramids for elliptic friction cones."""
     if draft.spec.option.cone != ELLIPTIC or not stepped(scene):
         return []
-    return [rung("cone", "cone elliptic to pyramidal", int(PYRAMIDAL))]
+    return [rung("cone", "cone elliptic to pyramidal", int(PYRAMIDAL), "pyramidal")]
 
 
 def format_option(value: object) -> str:

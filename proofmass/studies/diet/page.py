@@ -16,6 +16,7 @@ from proofmass.report.strip import Strip, place
 from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import FIRST, RC
 from proofmass.studies.diet.figure import LARGE, LOOKS, SMALL, diet_sheet
+from proofmass.studies.diet.page_data import WORDS, mark_of, savings_data
 from proofmass.studies.diet.table import (
     NO_GAIN,
     SAID,
@@ -29,6 +30,8 @@ from proofmass.studies.diet.table import (
 )
 from proofmass.wording import number
 
+SCRIPTS = ("axes.js", "rows.js", "savings.js")
+"""Of the chart."""
 MUTED = "#333333"
 """Of what stays."""
 CHANGES = ((SMALL, "0"), (1.0, "allowed"), (LARGE, "more"))
@@ -49,13 +52,29 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
     files = sorted(folder.glob("*.csv"))
     if not files:
         raise InputError(folder, "", "no MODEL.csv there; proofmass diet MODEL.xml writes it")
-    prepared(output, (*files, *(f.with_suffix(".xml") for f in files), folder / "diet.columns.md"))
+    models = (f.with_suffix(".xml") for f in files)
+    prepared(output, (*files, *models, folder / "diet.columns.md"), SCRIPTS)
     colours = tones([FIRST.colour, MUTED])
     css = {colour: tone.css for colour, tone in colours.items()}
-    parts = [part(file, output / "figures", css) for file in files]
-    page = Pages(output, home).write(
+    entries = [read_entries(file) for file in files]
+    parts = [
+        part(file, some, output / "figures", css) for file, some in zip(files, entries, strict=True)
+    ]
+    dressed = {outcome: css[colour_of(outcome)] for outcome in LOOKS}
+    charted = [
+        (one["name"], one["stem"], ranked(some)) for one, some in zip(parts, entries, strict=True)
+    ]
+    data = savings_data(charted, dressed)
+    looks = [
+        (*mark_of(outcome), dressed[outcome], f"{outcome}: {WORDS[outcome]}")
+        for outcome in LOOKS
+        if any(row["outcome"] == outcome for row in data["rows"])
+    ]
+    page = Pages(output, home, SCRIPTS).write(
         "index.html",
         "diet.html",
+        data if data["rows"] else None,
+        looks=looks,
         parts=parts,
         outcomes=list(dict.fromkeys(row["outcome"] for one in parts for row in one["rows"])),
         tones=colours.values(),
@@ -63,9 +82,15 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
-def part(file: Path, folder: Path, css: Mapping[str, str]) -> dict[str, Any]:
+def colour_of(outcome: str) -> str:
+    """The colour of an outcome: of what stays a muted one."""
+    return MUTED if outcome == "matters" else FIRST.colour
+
+
+def part(
+    file: Path, entries: Sequence[Entry], folder: Path, css: Mapping[str, str]
+) -> dict[str, Any]:
     """All that the page shows of one model."""
-    entries = read_entries(file)
     stem = f"{slug(file.stem)}-diet"
     shown = ranked(entries)
     watched = [e.message for e in entries if e.kind == SAID]
@@ -127,7 +152,7 @@ def change_strip(entry: Entry, css: Mapping[str, str]) -> Strip | None:
     at = 100.0 if isnan(share) else change_at(share)
     return Strip(
         f"largest change {number(share, 2)} of what is allowed",
-        css[MUTED if marker == "X" else FIRST.colour],
+        css[colour_of(entry.outcome)],
         [change_at(one) for one, _ in CHANGES],
         mark=MARKS[marker],
         hollow=filling == "white",

@@ -45,6 +45,7 @@ COLUMNS = {
     "bytes_before": "memory of the model and of the state it is stepped with",
     "bytes_after": "the same without the feature",
     "message": "why it is needed, or how the model fails",
+    "edit": "what to paste into the MJCF instead; empty where elements are taken out",
 }
 
 
@@ -67,6 +68,8 @@ class Entry:
         With and without it; none if the model fails.
     saved : Interval
         Share of time that its removal saves: least, median, most; empty without costs.
+    edit : str
+        What to paste into the MJCF instead; empty where elements are taken out.
     """
 
     kind: str
@@ -76,6 +79,7 @@ class Entry:
     message: str = ""
     costs: tuple[Cost, ...] = ()
     saved: Interval | tuple[()] = ()
+    edit: str = ""
 
     @property
     def title(self) -> str:
@@ -140,6 +144,7 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
                     *row,
                     *(costs if entry.costs else EMPTY),
                     entry.message,
+                    entry.edit,
                 )
             )
     write_whole(file, text.getvalue())
@@ -194,6 +199,7 @@ def entry(rows: list[dict[str, str]]) -> Entry:
         first["message"],
         costs,
         saved if len(saved) == 3 else (),
+        first["edit"],
     )
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import pytest
@@ -68,6 +69,59 @@ def test_the_cheapest_value_is_tried_first(tmp_path):
         "solver Newton to CG",
         "solver Newton to PGS",
     ]
+
+
+def pasted(file: Path, edit: str) -> mujoco.MjModel:
+    """A model with what an edit says in place of its own options."""
+    tree = ElementTree.fromstring(file.read_text())
+    own, new = tree.find("option"), ElementTree.fromstring(edit)
+    own.attrib.update(new.attrib)
+    flags = own.find("flag")
+    for flag in new:
+        if flags is None:
+            flags = ElementTree.SubElement(own, "flag")
+        flags.attrib.update(flag.attrib)
+    return mujoco.MjModel.from_xml_string(ElementTree.tostring(tree, encoding="unicode"))
+
+
+def test_what_is_pasted_is_what_was_tried(tmp_path):
+    """Each edit as lines of MJCF sets the options that the cut set."""
+    more = 'tolerance="1e-14" iterations="200" ls_iterations="60" cone="elliptic"'
+    more += ' noslip_iterations="3"><flag energy="enable" fwdinv="enable"/></option'
+    file = falling(tmp_path, more=more)
+    file.write_text(file.read_text().replace("</option/>", "</option>"))
+    text = file.read_text().replace('contype="0" conaffinity="0"', "")
+    file.write_text(text.replace("</worldbody>", '<geom size="1" pos="9 9 9"/></worldbody>'))
+    scene = scene_of(file, 1.0)
+    makers = (
+        *options.COUNTED,
+        *options.ORDERS[0],
+        options.cones,
+        options.jacobians,
+        lambda draft, _: options.features(draft, scene),
+    )
+    tried = [one for make in makers for one in make(scene.draft, scene) if one.edit]
+    assert {one.edit.split("=")[0] for one in tried} == {
+        f"<option {name}" for name in ("tolerance", "iterations", "ls_iterations", "timestep")
+    } | {f"<option {name}" for name in ("integrator", "cone", "jacobian", "noslip_iterations")} | {
+        "<option><flag contact",
+        "<option><flag energy",
+    }
+    for one in tried:
+        cut, own = scene.draft.without(one.cut).compiled().opt, pasted(file, one.edit).opt
+        for name in NUMBERS:
+            assert getattr(cut, name) == getattr(own, name), (one.edit, name)
+    loops = scene_of(model(tmp_path), 0.1)
+    assert [one.edit for one in options.solvers(loops.draft, loops)] == [
+        '<option solver="CG"/>',
+        '<option solver="PGS"/>',
+    ]
+
+
+NUMBERS = (
+    *("timestep", "tolerance", "iterations", "ls_iterations", "noslip_iterations"),
+    *("integrator", "cone", "jacobian", "solver", "disableflags", "enableflags"),
+)
 
 
 def test_steps_fit_between_samples(tmp_path):

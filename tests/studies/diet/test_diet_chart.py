@@ -1,0 +1,206 @@
+"""The chart of a diet page: its data in words, and what it does in a browser."""
+
+from dataclasses import replace
+from importlib.metadata import distribution
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from proofmass.report.figures import save
+from proofmass.studies.diet import page as diet_page
+from proofmass.studies.diet.page import write_diet
+from proofmass.studies.diet.page_data import LEAST, mark_of, sentence, times
+from proofmass.studies.diet.table import NO_GAIN, OPTION, WHOLE, Entry, read_entries, write_entries
+from proofmass.studies.diet.trial import Cost
+from tests.visit import PHONE, Visit
+
+COSTS = (Cost(1e-4, 20_480), Cost(4.9e-5, 10_240))
+MOVED = {"run": {"angle": 0.5}}
+LIGHT = Entry("light", "sun", "harmless", MOVED, "", COSTS, (0.4, 0.5, 0.6))
+CONTACT = replace(
+    LIGHT, kind="contact", name="all", saved=(0.7, 0.8, 0.9), moved={"run": {"angle": 0.0}},
+    edit='<option><flag contact="disable"/></option>',
+)  # fmt: skip
+STEP = replace(
+    LIGHT, kind=OPTION, name="time step 1e-3 to 2e-3 s", outcome="matters",
+    moved={"run": {"angle": 7.0}}, edit='<option timestep="0.002"/>',
+)  # fmt: skip
+SOLVER = replace(
+    LIGHT, kind=OPTION, name="solver Newton to CG", outcome=NO_GAIN, saved=(-0.1, 0.0, 0.1),
+    edit='<option solver="CG"/>',
+)  # fmt: skip
+GEOM = replace(LIGHT, kind="drawn geom", name="cover", outcome="drawn")
+NEEDED = Entry("joint", "pivot", "needed", message="a sensor names it")
+ALL = replace(CONTACT, kind=WHOLE, name="", edit="")
+ENTRIES = [STEP, LIGHT, CONTACT, SOLVER, GEOM, NEEDED, ALL]
+
+
+def test_an_edit_in_a_sentence() -> None:
+    assert sentence(LIGHT) == (
+        "Harmless: it goes. A step takes 100 µs with it, 50 µs without (40 µs to 60 µs with 99 %)."
+        " Memory: 20 KB with it, 10 without. The largest change is 0.5 of what is allowed, angle in"
+        " run."
+    )
+    assert "100 µs before, 100 µs after (90 µs to 110 µs with 99 %), no change" in sentence(SOLVER)
+    assert sentence(CONTACT).endswith("No channel changes.")
+
+
+def test_the_interval_of_a_saving_is_one_of_time_and_never_below_zero() -> None:
+    assert times(LIGHT) == pytest.approx([5e-5, 4e-5, 6e-5])
+    assert times(replace(LIGHT, saved=(0.5, 0.9, 1.2)))[1] == pytest.approx(LEAST * 1e-4)
+    assert times(replace(LIGHT, saved=())) == [4.9e-5]  # as it was measured, of no pairs
+
+
+def test_outcomes_differ_in_their_markers() -> None:
+    outcomes = ("harmless", "drawn", NO_GAIN, "matters")
+    assert len({mark_of(outcome) for outcome in outcomes}) == len(outcomes)
+
+
+def test_a_table_keeps_its_edits(tmp_path: Path) -> None:
+    write_entries(ENTRIES, tmp_path / "model.csv")
+    assert read_entries(tmp_path / "model.csv") == ENTRIES
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of two models, without its figures for papers."""
+    out = tmp_path_factory.mktemp("chart")
+    write_entries(ENTRIES, out / "arm.csv")
+    write_entries([LIGHT, replace(ALL, outcome="harmless")], out / "bob.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diet_page, save.__name__, lambda figure, file: "")
+        write_diet(out, out)
+    return out / "index.html"
+
+
+LABELS = "findAll('#rows .row-label').map((one) => one.textContent)"
+
+
+def row_of(label: str) -> str:
+    """The row of the chart with a label, as a script finds it."""
+    return f"findAll('#rows .row').find((one) => find('.row-label', one).textContent === '{label}')"
+
+
+def places(visit: Visit, label: str, part: str, *names: str) -> list[float]:
+    """Places on the axis [%] of a part of a row."""
+    found = visit.run(
+        f"{list(names)!r}.map((name) => find('{part}', {row_of(label)}).getAttribute(name))"
+    )
+    return [float(text.removesuffix("%")) for text in found]
+
+
+def test_edits_are_sorted_by_what_they_save(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        assert visit.run(LABELS) == [
+            WHOLE,
+            "contact all",  # goes, and saves most
+            "light sun",
+            "drawn geom cover",
+            "option solver Newton to CG",
+            "option time step 1e-3 to 2e-3 s",
+        ]  # what is needed has no costs
+        values = visit.run("findAll('#rows .row .row-value').map((one) => one.textContent)")
+        assert values[1:3] == ["80 % (70 to 90)", "50 % (40 to 60)"]
+        visit.page.click("#costs [data-cost=memory]")
+        assert visit.run("find('#rows .row .row-value').textContent") == "10 KB"
+        assert "cost=memory" in visit.address
+        assert visit.said == []
+        assert all(url.startswith(page.parent.as_uri()) for url in visit.asked)
+
+
+def test_costs_and_intervals_stand_at_their_places(page: Path, browser: Any) -> None:
+    """Logarithmic: 100 µs with the light, 50 µs without, 40 to 60 µs."""
+    with Visit(browser, page) as visit:
+        (before,) = places(visit, "light sun", ".theory", "x1")
+        (after,) = places(visit, "light sun", ".strip svg", "x")
+        octave = before - after
+        assert places(visit, "light sun", ".bar", "x1", "x2") == [before, after]
+        low, high = places(visit, "light sun", ".spread", "x1", "x2")
+        assert after - low == pytest.approx(0.32193 * octave, abs=0.02)  # log2(50 / 40)
+        assert high - after == pytest.approx(0.26303 * octave, abs=0.02)  # log2(60 / 50)
+        hollow = visit.run("findAll('#rows .dot').map((one) => one.classList.contains('hollow'))")
+        assert hollow == [False, False, False, True, True, False]
+
+
+def test_a_click_copies_an_edit_or_leads_to_the_row(page: Path, browser: Any) -> None:
+    allowed = {"permissions": ["clipboard-read", "clipboard-write"]}
+    with Visit(browser, page, **allowed) as visit:
+        tip = visit.page.locator("#rows .tip")
+        contact = visit.page.locator("#rows .row", has_text="contact all")
+        contact.hover()
+        assert f"A click copies {CONTACT.edit}" in tip.inner_text()
+        assert sentence(CONTACT) in tip.inner_text()
+        contact.click()
+        visit.page.wait_for_function("find('#rows [role=status]').textContent !== ''")
+        assert visit.run("navigator.clipboard.readText()") == CONTACT.edit
+        assert f"Copied: {CONTACT.edit}" in tip.inner_text()
+        assert visit.page.locator("tr.led-to").count() == 0
+        visit.page.locator("#rows .row", has_text="light sun").click()
+        assert "light" in visit.page.locator("tr.led-to").inner_text()
+        assert visit.run("navigator.clipboard.readText()") == CONTACT.edit
+
+
+def test_the_keyboard_copies_as_well(page: Path, browser: Any) -> None:
+    allowed = {"permissions": ["clipboard-read", "clipboard-write"]}
+    with Visit(browser, page, **allowed) as visit:
+        for _ in range(30):
+            visit.page.keyboard.press("Tab")
+            if visit.run("document.activeElement.className") == "row-list":
+                break
+        visit.page.keyboard.press("End")
+        visit.page.keyboard.press("Enter")
+        visit.page.wait_for_function("find('#rows [role=status]').textContent !== ''")
+        assert visit.run("navigator.clipboard.readText()") == STEP.edit
+        assert visit.run("document.activeElement.className") == "row-list"
+
+
+def test_model_and_filters_are_kept(page: Path, browser: Any) -> None:
+    with Visit(browser, page) as visit:
+        visit.page.select_option("#subject", "bob-diet")
+        assert visit.run(LABELS) == [WHOLE, "light sun"]
+        visit.page.select_option("#subject", "")
+        assert len(visit.run(LABELS)) == 8
+        visit.page.click("#filters [data-group='harmless']")
+        assert len(visit.run(LABELS)) == 3
+        address = visit.address
+    with Visit(browser, page, address) as visit:
+        assert len(visit.run(LABELS)) == 3
+    with Visit(browser, page, "#bob-diet") as visit:
+        assert len(visit.run(LABELS)) == 2
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(scheme: str, page: Path, browser: Any) -> None:
+    axe = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
+    with Visit(browser, page, color_scheme=scheme) as visit:
+        visit.page.locator("#rows .row").nth(1).hover()
+        visit.run(Path(str(axe)).read_text(encoding="utf-8"))
+        found = visit.run("axe.run('#chart')")
+        assert [(v["id"], v["nodes"][0]["html"][:200]) for v in found["violations"]] == []
+        assert len(found["passes"]) > 10
+
+
+def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
+    with Visit(browser, page, viewport=PHONE) as visit:
+        assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
+        row = visit.page.locator("#rows .row").first
+        label, strip = (row.locator(part).bounding_box() for part in (".row-label", ".strip"))
+        assert strip["y"] >= label["y"] + label["height"] - 1
+        small = visit.run(
+            "findAll('#chart *').filter((one) => [...one.childNodes].some((node) =>"
+            " node.nodeType === 3 && node.data.trim())"
+            " && parseFloat(getComputedStyle(one).fontSize) < 12).length"
+        )
+        assert small == 0
+
+
+def test_a_diet_without_times_has_no_chart(browser: Any, tmp_path: Path) -> None:
+    write_entries([NEEDED, replace(ALL, costs=(), saved=())], tmp_path / "arm.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diet_page, save.__name__, lambda figure, file: "")
+        write_diet(tmp_path, tmp_path)
+    with Visit(browser, tmp_path / "index.html") as visit:
+        assert visit.page.locator("#chart").count() == 0
+        assert visit.said == []
+        assert not any("savings" in url for url in visit.asked)
