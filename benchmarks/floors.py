@@ -43,7 +43,9 @@ for, as shares of the range.
 
 A floor is *confirmed* where the two halvings each change the program's error by less than 5 %, and
 the error is within 5 % of the stated one. Of a floor by rounding, finer steps must be worse, or as
-before.
+before. `trade` states floors of loops at the motion that a drive really had; in a program the error
+of the drive is added where the drive changes its speed. Then the program must have, within 5 %, the
+error that `trade` itself measured at the motion that was asked for.
 
 | result | floors |
 |---|---|
@@ -61,10 +63,12 @@ TABLE = """
 class BareFloor:
     """A floor that a study states, and what programs gave with the step, half and a quarter of it.
 
-    `why` says why there are no programs.
+    `asked` is the study's own error at the motion that was asked for, NaN where no drive moves in
+    time [share of range]; `why` says why there are no programs.
     """
 
     verdict: Verdict
+    asked: float = NAN
     runs: tuple[ProgramRun, ...] = ()
     why: str = ""
 
@@ -84,9 +88,11 @@ class BareFloor:
         if self.verdict.cause == ROUNDING:
             worse = all(fine > 0.95 * errors[0] for fine in errors[1:])
             return "confirmed" if worse else "a finer step is better"
-        if not halved(errors):
-            return "a halving of the step changes the error"
-        return "confirmed" if alike(self.verdict.floor, errors[0]) else "another error"
+        if halved(errors) and alike(self.verdict.floor, errors[0]):
+            return "confirmed"
+        if alike(self.asked, errors[0]):
+            return "the error of the drive is added"
+        return "another error" if halved(errors) else "a halving of the step changes the error"
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -122,7 +128,7 @@ def confirm(study: Trade, store: Store) -> Iterator[BareFloor]:
         }
         for verdict, row in floors.items():
             runs, why = futures[row.key].result()
-            yield BareFloor(verdict, runs, why)
+            yield BareFloor(verdict, row.asked.get(verdict.kind, NAN), runs, why)
 
 
 def row_of(study: Trade, verdict: Verdict) -> StudyRow:

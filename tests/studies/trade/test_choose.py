@@ -29,7 +29,6 @@ from proofmass.studies.trade.choose import (
     beside,
     best,
     choose,
-    default,
     enough,
     floor_at,
     printed,
