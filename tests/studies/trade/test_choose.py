@@ -31,6 +31,7 @@ from proofmass.studies.trade.choose import (
     choose,
     enough,
     floor_at,
+    is_default,
     printed,
     words,
 )
@@ -114,8 +115,8 @@ def test_beside_the_defaults(fourbar: Case) -> None:
     """First order, 0.05 h: 2.5e-5 at 0.5 ms, where 100 h^2 is 1.6e-3: nothing to compare yet."""
     plain = series_rows("plain", order=1.0, scale=0.05, defaults=True, integrator="Euler")
     tuned = series_rows("tuned", cost=1e-6)
-    assert all(map(default, plain))
-    assert not any(map(default, tuned))
+    assert all(map(is_default, plain))
+    assert not any(map(is_default, tuned))
     found = chosen(fourbar, [*plain, *tuned], 1e-4)  # both at h with error 2.5e-5
     assert found.row.series == "tuned"
     assert found.ratio == pytest.approx(5.0, rel=0.01)  # 1 ms against 0.5 ms, a tenth of the price
@@ -675,11 +676,11 @@ def test_what_the_defaults_would_cost() -> None:
 
 
 def test_only_the_step_may_differ_from_the_defaults() -> None:
-    assert default(at(defaults=True))
-    assert default(at(defaults=True, integrator="Euler"))
-    assert not default(at(defaults=True, integrator="RK4"))
-    assert not default(at(defaults=True, iterations=3))
-    assert not default(at())
+    assert is_default(at(defaults=True))
+    assert is_default(at(defaults=True, integrator="Euler"))
+    assert not is_default(at(defaults=True, integrator="RK4"))
+    assert not is_default(at(defaults=True, iterations=3))
+    assert not is_default(at())
 
 
 def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
