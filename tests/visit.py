@@ -1,5 +1,6 @@
 """A page that is open in a browser, for the tests of all pages."""
 
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,28 @@ class Visit:
 
     def run(self, script: str) -> Any:
         return self.page.evaluate(script)
+
+    def axe(self, within: str = "", options: str = "{}") -> tuple[list[tuple[str, str]], int]:
+        """What axe finds wrong in the page or a part of it, and how many of its rules are met."""
+        script = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
+        self.run(Path(str(script)).read_text(encoding="utf-8"))
+        found = self.run(f"axe.run({repr(within) if within else 'document'}, {options})")
+        wrong = [(one["id"], one["nodes"][0]["html"][:200]) for one in found["violations"]]
+        return wrong, len(found["passes"])
+
+    def small_text(self, within: str, shown: str = "true") -> list[str]:
+        """Elements in a part of the page whose letters are smaller than 12 px.
+
+        `shown` is a condition in JavaScript on the element `one`; others do not count.
+        """
+        found: list[str] = self.run(
+            f"findAll({within + ' *'!r}).filter((one) => {shown})"
+            ".filter((one) => [...one.childNodes].some((node) =>"
+            " node.nodeType === 3 && node.data.trim())"
+            " && parseFloat(getComputedStyle(one).fontSize) < 12)"
+            ".map((one) => one.outerHTML.slice(0, 80))"
+        )
+        return found
 
     @property
     def address(self) -> str:

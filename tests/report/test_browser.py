@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
@@ -375,13 +374,7 @@ def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
 def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / f"{name}.html", viewport=PHONE) as visit:
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
-        small = visit.run(
-            "findAll('main *').filter((one) => one.childNodes.length && one.offsetParent"
-            " && !one.closest('.paper') && [...one.childNodes].some((node) => node.nodeType === 3"
-            " && node.data.trim()) && parseFloat(getComputedStyle(one).fontSize) < 12)"
-            ".map((one) => one.outerHTML.slice(0, 80))"
-        )
-        assert small == []
+        assert visit.small_text("main", "one.offsetParent && !one.closest('.paper')") == []
 
 
 @pytest.mark.parametrize(
@@ -394,14 +387,11 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
     ],
 )
 def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
-    axe = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
     with CaseVisit(browser, folder / f"{name}.html", color_scheme=scheme) as visit:
         visit.run("findAll('.more > details').forEach((one) => one.setAttribute('open', ''))")
-        visit.run(Path(str(axe)).read_text(encoding="utf-8"))
-        found = visit.run("axe.run()")
-        wrong = [(v["id"], v["nodes"][0]["html"][:200]) for v in found["violations"]]
+        wrong, met = visit.axe()
         assert wrong == []
-        assert len(found["passes"]) > 15
+        assert met > 15
 
 
 def test_dark_pages_are_dark_and_their_curves_light(folder: Path, browser: Any) -> None:

@@ -2,10 +2,10 @@
 "use strict";
 
 const data = JSON.parse(find("#data").textContent);
-const several = data.parts.length > 1;
-const state = { case: several ? data.parts[0].stem : "", of: "" };
+const subject = new Subject("case", data.parts);
+const state = { of: "" };
 
-const ofCase = () => data.rows.filter((row) => !state.case || row.part === state.case);
+const ofCase = () => data.rows.filter((row) => !subject.chosen || row.part === subject.chosen);
 const nameOf = new Map(data.parts.map((part) => [part.stem, part.name]));
 
 // The rows that are shown, parameter by parameter.
@@ -21,7 +21,7 @@ function panels() {
       values: rows.flatMap((row) => [row.start, row.at, row.theory]),
       rows: rows.map((row) => ({
         ...row,
-        label: state.case || !several || row.named ? row.label : `${nameOf.get(row.part)}: ${row.label}`,
+        label: subject.chosen || !subject.several || row.named ? row.label : `${nameOf.get(row.part)}: ${row.label}`,
         strip: (place) => stripOf(row, place),
       })),
     };
@@ -54,51 +54,23 @@ function show() {
   state.of = titles.includes(state.of) ? state.of : "";
   fillChoices(find("#panel"), "all", titles.map((title) => [title, title]));
   find("#panel").value = state.of;
-  if (several) {
-    find("#subject").value = state.case;
-  }
+  subject.show();
   chart.draw();
 }
 
-function recall() {
-  const address = readAddress();
-  const anchor = decodeURIComponent(location.hash.slice(1));
-  const asked = address.get("case") ?? anchor;
-  if (nameOf.has(asked) && several) {
-    state.case = asked;
-  } else if (asked === "all") {
-    state.case = "";
-  }
-  state.of = address.get("of") ?? state.of;
-}
-
 function keep() {
-  const first = several ? data.parts[0].stem : "";
-  keepInAddress({ case: state.case === first ? "" : state.case || "all", of: state.of });
+  keepInAddress({ ...subject.kept, of: state.of });
 }
 
-function wire() {
-  if (several) {
-    fillChoices(find("#subject"), "all", data.parts.map((part) => [part.stem, part.name]));
-  }
-  for (const [id, key] of [
-    ["#subject", "case"],
-    ["#panel", "of"],
-  ]) {
-    find(id)?.addEventListener("change", (event) => {
-      state[key] = event.target.value;
-      show();
-      keep();
-    });
-  }
-  document.addEventListener("filtered", () => chart.draw());
-  addEventListener("hashchange", () => {
-    recall();
-    show();
-  });
-}
-
-find("#chart").hidden = false;
-recall();
-wire();
-show();
+find("#panel")?.addEventListener("change", (event) => {
+  state.of = event.target.value;
+  show();
+  keep();
+});
+begin(chart, subject, {
+  recall: (address) => {
+    state.of = address.get("of") ?? state.of;
+  },
+  show,
+  keep,
+});

@@ -218,3 +218,57 @@ function fillChoices(select, all, choices) {
     ...[["", all], ...choices].map(([value, words]) => new Option(words, value)),
   );
 }
+
+// What the chart of a study is of: one of the study's parts, or all of them (""), by its list of choices and the address.
+class Subject {
+  constructor(key, parts) {
+    Object.assign(this, { key, parts, several: parts.length > 1 });
+    this.first = this.several ? parts[0].stem : "";
+    this.chosen = this.first;
+    if (this.several) {
+      fillChoices(find("#subject"), "all", parts.map((part) => [part.stem, part.name]));
+    }
+  }
+
+  recall(address) {
+    const asked = address.get(this.key) ?? decodeURIComponent(location.hash.slice(1));
+    if (this.several && this.parts.some((part) => part.stem === asked)) {
+      this.chosen = asked;
+    } else if (asked === "all") {
+      this.chosen = "";
+    }
+  }
+
+  show() {
+    if (this.several) {
+      find("#subject").value = this.chosen;
+    }
+  }
+
+  // What the address keeps of it.
+  get kept() {
+    return { [this.key]: this.chosen === this.first ? "" : this.chosen || "all" };
+  }
+}
+
+// Show a chart as the address says, and again when its subject, the filters or the address change.
+function begin(chart, subject, { recall, show, keep }) {
+  const recallAll = () => {
+    const address = readAddress();
+    subject.recall(address);
+    recall(address);
+  };
+  find("#chart").hidden = false;
+  find("#subject")?.addEventListener("change", (event) => {
+    subject.chosen = event.target.value;
+    show();
+    keep();
+  });
+  document.addEventListener("filtered", () => chart.draw());
+  addEventListener("hashchange", () => {
+    recallAll();
+    show();
+  });
+  recallAll();
+  show();
+}

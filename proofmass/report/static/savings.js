@@ -2,12 +2,12 @@
 "use strict";
 
 const data = JSON.parse(find("#data").textContent);
-const several = data.parts.length > 1;
+const subject = new Subject("model", data.parts);
 const COSTS = {
   seconds: { title: "time of a step", words: (value) => timeWords(value), told: "time" },
   memory: { title: "memory", words: (value) => `${worded(value, 2)} KB`, told: "kilobytes" },
 };
-const state = { model: several ? data.parts[0].stem : "", cost: "seconds" };
+const state = { cost: "seconds" };
 
 // What is saved: of time a share, since what a step takes falls from trial to trial.
 function savedBy(row) {
@@ -17,7 +17,7 @@ function savedBy(row) {
 
 // The rows that are shown, model by model: all together first, then what goes, could go and stays.
 function panels() {
-  const shown = data.rows.filter((row) => (!state.model || row.part === state.model) && isLeft(row.id));
+  const shown = data.rows.filter((row) => (!subject.chosen || row.part === subject.chosen) && isLeft(row.id));
   return data.parts
     .map((part) => ({ part, rows: shown.filter((row) => row.part === part.stem) }))
     .filter(({ rows }) => rows.length)
@@ -61,55 +61,25 @@ function show() {
   for (const button of findAll("#costs button")) {
     button.setAttribute("aria-pressed", String(button.dataset.cost === state.cost));
   }
-  if (several) {
-    find("#subject").value = state.model;
-  }
+  subject.show();
   chart.draw();
 }
 
-function recall() {
-  const address = readAddress();
-  const asked = address.get("model") ?? decodeURIComponent(location.hash.slice(1));
-  if (several && data.parts.some((part) => part.stem === asked)) {
-    state.model = asked;
-  } else if (asked === "all") {
-    state.model = "";
-  }
-  state.cost = address.get("cost") in COSTS ? address.get("cost") : state.cost;
-}
-
 function keep() {
-  const first = several ? data.parts[0].stem : "";
-  keepInAddress({
-    model: state.model === first ? "" : state.model || "all",
-    cost: state.cost === "seconds" ? "" : state.cost,
-  });
+  keepInAddress({ ...subject.kept, cost: state.cost === "seconds" ? "" : state.cost });
 }
 
-function wire() {
-  if (several) {
-    fillChoices(find("#subject"), "all", data.parts.map((part) => [part.stem, part.name]));
-  }
-  find("#subject")?.addEventListener("change", (event) => {
-    state.model = event.target.value;
+for (const button of findAll("#costs button")) {
+  button.addEventListener("click", () => {
+    state.cost = button.dataset.cost;
     show();
     keep();
   });
-  for (const button of findAll("#costs button")) {
-    button.addEventListener("click", () => {
-      state.cost = button.dataset.cost;
-      show();
-      keep();
-    });
-  }
-  document.addEventListener("filtered", () => chart.draw());
-  addEventListener("hashchange", () => {
-    recall();
-    show();
-  });
 }
-
-find("#chart").hidden = false;
-recall();
-wire();
-show();
+begin(chart, subject, {
+  recall: (address) => {
+    state.cost = address.get("cost") in COSTS ? address.get("cost") : state.cost;
+  },
+  show,
+  keep,
+});
