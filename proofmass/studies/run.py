@@ -11,7 +11,7 @@ A run that is in the store is not made again, whichever study asked for it.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -66,6 +66,7 @@ def run(
     workers: Executor | None = None,
     *,
     repeats: int = 5,
+    repeated: Collection[int] | None = None,
     longest_repeated: float = 2.0,
     timeout: float | None = None,
     progress: Progress = lambda *_: None,
@@ -85,6 +86,9 @@ def run(
         From `pool`; local ones if not given.
     repeats : int
         Most timed runs of a task; 0: errors only, and `StudyRow.seconds` is that of the first run.
+    repeated : collection of int, optional
+        Numbers of the tasks that are repeated, all if not given; of the others the first run is the
+        only timing.
     longest_repeated : float
         A task whose first run took longer [s] is not repeated; that run is its only timing.
     timeout : float, optional
@@ -109,6 +113,7 @@ def run(
                 store,
                 local,
                 repeats=repeats,
+                repeated=repeated,
                 longest_repeated=longest_repeated,
                 timeout=timeout,
                 progress=progress,
@@ -116,11 +121,14 @@ def run(
     tasks = [replace(task, reference=reference_of(task, store)) for task in tasks]
     keys = [key_of(task) for task in tasks]
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
-    rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(rounds.tasks))
+    again = set(keys) if repeated is None else {keys[k] for k in repeated}
+    rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(again))
     timed = {
         key: repeats_needed(one.seconds, repeats)
         for key in rounds.tasks
-        if (one := rounds.found[key, 0]).complete and one.seconds <= longest_repeated
+        if key in again
+        and (one := rounds.found[key, 0]).complete
+        and one.seconds <= longest_repeated
     }
     rounds.make(
         [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]

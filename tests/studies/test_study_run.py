@@ -74,6 +74,12 @@ def timed(monkeypatch):
     return take
 
 
+def test_only_the_named_tasks_are_repeated_and_the_others_keep_their_first_timing(tmp_path, timed):
+    timed(1.0, 1.5, 1.2, 1.1)
+    rows = run(FEW, Store(tmp_path), Here(), repeats=2, repeated=[1])
+    assert [row.repeats for row in rows] == [(1.0,), (1.2, 1.1)]
+
+
 def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, timed):
     timed(*[1.0] * 6)
     workers = Here()

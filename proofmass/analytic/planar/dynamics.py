@@ -179,6 +179,17 @@ class TangentChart:
         return np.concatenate([y[y.size // 2 :], self.motion(y)[3]])
 
 
+SHORT = 0.1
+"""Share of the longest step of a motion below which a step is short: it may end beside a pose where
+the loops lose rank, since rounding grows there."""
+NEAR = 1e-2
+"""Regularity of a pose that may be near such a one."""
+LEAPS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+"""Lengths of one step over such a pose, as shares of the longest step."""
+SMOOTH = 1e-9
+"""Distance, in own units, of two ways over such a pose that still count as one motion."""
+
+
 def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
     """Poses, rates and accelerations (n, joints) of the motion from the start at rising times.
 
@@ -188,14 +199,12 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
         The start pose; or the motion meets a pose where degrees of freedom appear, and does not run
         on smoothly behind it.
     """
-    from scipy.integrate import DOP853  # slow to load
-
     q, end = nearest(m, m.start), float(times[-1])
     if not freedoms(m, q):
         raise SingularHere("the mechanism has no degree of freedom")
     chart, v = TangentChart(m, q), fitting(m, q, m.start_rate)
     found, longest = [chart.motion(chart.state(v))[:3]], 0.0
-    solver = DOP853(chart.slope, times[0], chart.state(v), end, rtol=ACCURACY, atol=ACCURACY)
+    solver = begin(chart, times[0], v, end)
     while len(found) < len(times):
         message = solver.step()
         if solver.status == "failed":
@@ -210,28 +219,21 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
         q, v, _, _ = chart.motion(solver.y)
         if (short or chart.stretch > TILT) and solver.t < end:
             chart = TangentChart(m, q)
-            solver = DOP853(
-                chart.slope,
-                solver.t,
-                chart.state(v),
-                end,
-                rtol=ACCURACY,
-                atol=ACCURACY,
-                first_step=min(solver.h_abs, longest, end - solver.t),
-            )
+            step = min(solver.h_abs, longest, end - solver.t)
+            solver = begin(chart, solver.t, v, end, step)
     q, v, a = (np.array(part) for part in zip(*found, strict=True))
     return q, v, a
 
 
-SHORT = 0.1
-"""Share of the longest step of a motion below which a step is short: it may end beside a pose where
-the loops lose rank, since rounding grows there."""
-NEAR = 1e-2
-"""Regularity of a pose that may be near such a one."""
-LEAPS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-"""Lengths of one step over such a pose, as shares of the longest step."""
-SMOOTH = 1e-9
-"""Distance, in own units, of two ways over such a pose that still count as one motion."""
+def begin(
+    chart: TangentChart, t: float, v: Array, end: float, first_step: float | None = None
+) -> "DOP853":
+    """The integrator of a motion from the pose of a chart at rates v (joints,)."""
+    from scipy.integrate import DOP853  # slow to load
+
+    return DOP853(
+        chart.slope, t, chart.state(v), end, rtol=ACCURACY, atol=ACCURACY, first_step=first_step
+    )
 
 
 def regularity(m: Mechanism, q: Array) -> float:
@@ -282,5 +284,6 @@ def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) ->
             while on.status == "running" and on.nfev < 2000:
                 on.step()
             if on.status == "finished" and np.abs(on.y - late.y).max() < SMOOTH:
+                chart.motion(best.y)
                 return best
     raise SingularHere(f"no further than t = {t:.6g} s: the loops lose rank behind it")

@@ -14,7 +14,8 @@ order than theory expects.
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
+from itertools import product
 from math import inf, isnan, nan
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from proofmass.sim.protocol import Perturbation, leading
 from proofmass.strict import Kind
 from proofmass.studies import LONGEST
 from proofmass.studies.measure import StudyRun
-from proofmass.studies.record import NAN, Setting, StudyRow, write_table
+from proofmass.studies.record import KINDS, NAN, Setting, StudyRow, write_table
 from proofmass.studies.run import Progress, pool, run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import is_default
@@ -44,7 +45,7 @@ from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.search import SLACK
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
-from proofmass.studies.trade.verdict import Verdict
+from proofmass.studies.trade.verdict import Verdict, able
 from proofmass.studies.trade.words import format_end, format_reached, format_worsened
 from proofmass.wording import number
 
@@ -207,22 +208,17 @@ def trade(
         for one, row in zip(batch, rows, strict=True):
             one.measured.rows.append(row)
     rows = [row for one in every for row in one.measured.rows]
-    if repeats:
-        tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
-        default = {k for k, row in enumerate(rows) if is_default(row)}
-        near = sorted(default.union(near_front(rows)))
-        again = run(
-            [tasks[k] for k in near],
-            store,
-            workers,
-            repeats=repeats,
-            longest_repeated=budget,
-            timeout=longest,
-            progress=progress,
-        )
-        rows = [replace(row, repeats=(row.seconds,)) if row.seconds > 0 else row for row in rows]
-        for k, row in zip(near, again, strict=True):
-            rows[k] = row
+    default = {k for k, row in enumerate(rows) if is_default(row)}
+    rows = run(
+        [one.task(k) for one in every for k in range(len(one.measured.rows))],
+        store,
+        workers,
+        repeats=repeats,
+        repeated=default.union(near_front(rows)),
+        longest_repeated=budget,
+        timeout=longest,
+        progress=progress,
+    )
     finer = halve(every, store, workers, longest, progress)
     perturbed = perturb(every, finer, store, workers, longest, progress)
     disturbed = disturb(every, finer, perturbed, store, workers, longest)
@@ -252,19 +248,17 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
     ...                      outcome=Outcome.RAN) for e, s in times])
     [0, 1, 3]
     """
-    groups: dict[tuple[str, str, str], list[tuple[float, float, int]]] = {}
-    for k, row in enumerate(rows):
-        for kind, error in row.errors.items():
-            if row.outcome == Outcome.RAN:
-                place = row.case, row.engine, kind
-                groups.setdefault(place, []).append((error, row.seconds, k))
+    numbers = {id(row): k for k, row in enumerate(rows)}
+    groups: dict[tuple[str, str], list[StudyRow]] = {}
+    for row in rows:
+        groups.setdefault((row.case, row.engine), []).append(row)
     found = set[int]()
-    for group in groups.values():
+    for group, kind in product(groups.values(), KINDS):
         least = inf
-        for _, seconds, k in sorted(group):
-            least = min(least, seconds)
-            if seconds <= SLACK * least:
-                found.add(k)
+        for row in sorted(able(group, kind), key=lambda row: (row.errors[kind], row.seconds)):
+            least = min(least, row.seconds)
+            if row.seconds <= SLACK * least:
+                found.add(numbers[id(row)])
     return sorted(found)
 
 

@@ -16,6 +16,7 @@ from proofmass.studies.record import Setting, StudyRow, read_table
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade, varied
+from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.orders import WITHIN, expected, off
 from proofmass.studies.trade.series import (
     MeasuredSeries,
@@ -330,9 +331,16 @@ def pendulum(tmp_path_factory):
             ],
         )
         folder = tmp_path_factory.mktemp("pendulum")
-        study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=1)
+        study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=2)
         trade.write_study(study, folder)
     return study, folder
+
+
+def test_defaults_and_settings_near_the_front_are_timed_again_and_no_others(pendulum):
+    rows = pendulum[0].rows
+    again = {k for k, row in enumerate(rows) if len(row.repeats) == 2}
+    assert again > {k for k, row in enumerate(rows) if is_default(row)}
+    assert len(again) < len(rows)
 
 
 @pytest.mark.parametrize("name", ORDERS)
