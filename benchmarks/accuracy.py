@@ -128,11 +128,20 @@ def refined_rows(
 ) -> dict[str, list[StudyRow]]:
     """Settings of each case, with those that `choose` searches."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
-    with pool() as workers:
-        for case, engine, wanted in product(cases, ENGINES, errors):
-            found[case.name] += search(
-                case, "position", wanted / MARGIN, Store(folder / "runs"), workers, engine
-            )
+    store, jobs = Store(folder / "runs"), os.cpu_count() or 1
+
+    def one(what: tuple[Case, str]) -> list[StudyRow]:
+        case, engine = what
+        return [
+            row
+            for wanted in errors
+            for row in search(case, "position", wanted / MARGIN, store, workers, engine)
+        ]
+
+    with pool() as workers, ThreadPoolExecutor(jobs) as searches:
+        asked = list(product(cases, ENGINES))
+        for (case, _), rows in zip(asked, searches.map(one, asked), strict=True):
+            found[case.name] += rows
     return found
 
 
