@@ -103,8 +103,10 @@ class RunTable(Strict):
     """``[run.sweep]``, ``[run.dynamics]`` or ``[run.equilibrium]``: samples and solvers.
 
     `until` is the last time [s], or the last arc length [m] in equilibrium: the shortest rod's.  A
-    run, its model and its reference have `timeout` [s] and `memory` [GiB].  Samples and solvers
-    that a sidecar leaves out are filled in by `proofmass.sidecar.fill_defaults`.
+    run, its model and its reference have `timeout` [s] and `memory` [GiB].  With `inertia` moments
+    and forces of a sweep are those at the rates and accelerations of its drives, else those at
+    rest.  Samples and solvers that a sidecar leaves out are filled in by
+    `proofmass.sidecar.fill_defaults`.
     """
 
     n: int | None = Field(None, ge=2, le=MOST_SAMPLES)
@@ -112,6 +114,7 @@ class RunTable(Strict):
     solvers: tuple[str, ...] = Field(min_length=1)
     timeout: float = Field(120.0, gt=0)
     memory: float = Field(MEMORY, gt=0)
+    inertia: bool = False
 
 
 class Channel(Strict):
@@ -488,6 +491,11 @@ class Case(Strict):
                         else "is missing: samples"
                     )
                 )
+            if run.inertia and kind != "sweep":
+                raise ValueError(
+                    f"run.{kind}.inertia: leave it out; inertia acts in dynamics always, and in "
+                    f"equilibrium never"
+                )
             if kind == "dynamics" and not (self.drive or run.until or self.recorded):
                 raise ValueError(f"run.{kind}.until is missing: the last time [s]")
             for solver in run.solvers:
@@ -595,6 +603,10 @@ class Case(Strict):
                     f"{len(hits)} tolerances cover channel {name!r} of {solver} in "
                     f"{kind}; exactly one may"
                 )
+
+    def has_inertia(self, kind: str) -> bool:
+        """Whether moments and forces of a run are those of a motion, and not those at rest."""
+        return kind == "dynamics" or self.run[kind].inertia  # type: ignore[index]
 
     def channels_of(self, kind: str) -> dict[str, Channel]:
         """The channels that a run records."""

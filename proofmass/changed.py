@@ -245,10 +245,10 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
     if curves.stopped:
         raise InputError(changed.file, "drive", f"it ends early: {curves.stopped}")
     if reads_model(case):
-        truth = evaluate(changed, curves.x, curves.drive)
+        truth = evaluate(changed, kind, curves.x, curves.drive)
     else:
         truth = run_reference(case, kind, curves).as_driven(curves.drive)
-    check_branch(case, curves, truth)
+    check_branch(case, kind, curves, truth)
     missing = [name for name in own.errors if name not in curves.channels]
     if missing:
         why = curves.missing.get(missing[0], "it is not delivered")

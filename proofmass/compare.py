@@ -143,9 +143,9 @@ def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
     return ComparedCurves(**vars(curves), reference=found.asked[1].channels)
 
 
-def reference_for(case: Case, curves: Curves) -> Curves:
+def reference_for(case: Case, run: Kind, curves: Curves) -> Curves:
     """The reference at the state the drive really had in that run."""
-    return evaluate(case, curves.x, curves.drive)
+    return evaluate(case, run, curves.x, curves.drive)
 
 
 def compare(
@@ -178,7 +178,7 @@ def compare(
     """
     reference = run_reference(case, run, curves)
     truth = reference.as_driven(curves.drive)
-    check_branch(case, curves, truth)
+    check_branch(case, run, curves, truth)
     check_views(case, run, curves)
     check_charts(case)
     changes = (
@@ -381,7 +381,7 @@ class RunReference:
     """
 
     def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
-        self.case, self.x, self.parameters = case, curves.x, changeable(case)
+        self.case, self.run, self.x, self.parameters = case, run, curves.x, changeable(case)
         self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
         drives = () if curves.drive is None else [Drive("", law) for law in laws(case, run)]
         self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
@@ -394,7 +394,7 @@ class RunReference:
         """The channels, from the memory of searches; nothing where there is no reference."""
         try:
             with memory_in_use(self.memory, more):
-                return evaluate(self.case, self.x, self.state, **changed).channels
+                return evaluate(self.case, self.run, self.x, self.state, **changed).channels
         except InputError:  # the changed mechanism cannot be assembled everywhere
             return {}
 
@@ -407,7 +407,7 @@ class RunReference:
             found = Curves(self.x, self.unchanged)
         else:
             with memory_in_use(self.memory, more=False):
-                found = evaluate(self.case, self.x, state)
+                found = evaluate(self.case, self.run, self.x, state)
         self.asked = state, found
         return found
 
@@ -514,7 +514,7 @@ def worst(sides: Differences, name: str) -> float:
     return max((size for size in sizes if np.isfinite(size)), default=NAN)
 
 
-def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
+def check_branch(case: Case, run: Kind, curves: Curves, truth: Curves) -> None:
     """Refuse a model that is assembled in another mode than the sidecar says."""
     if "mode" not in case.parameters or curves.drive is None:
         return
@@ -522,7 +522,7 @@ def check_branch(case: Case, curves: Curves, truth: Curves) -> None:
         return
     for mode in modes(case):
         try:
-            other = evaluate(case, curves.x, curves.drive, mode=mode)
+            other = evaluate(case, run, curves.x, curves.drive, mode=mode)
         except InputError:  # a mode that is not there at these poses
             continue
         if misfit(case, curves, other) < 0.01:

@@ -250,7 +250,7 @@ class Residuals:
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         begin = time.perf_counter()
         with memory_in_use(self.memory, more=True):
-            truth = evaluate(case, curves.x, curves.drive).channels
+            truth = evaluate(case, run, curves.x, curves.drive).channels
         self.seconds = time.perf_counter() - begin
         self.allowed = {
             name: allowed
@@ -276,7 +276,9 @@ class Residuals:
         """The differences to the reference at other parameters; nothing where there is none."""
         try:
             with memory_in_use(self.memory, more=False), np.errstate(all="ignore"):
-                found = evaluate(self.case, self.curves.x, self.curves.drive, **changed).channels
+                found = evaluate(
+                    self.case, self.run, self.curves.x, self.curves.drive, **changed
+                ).channels
         except InputError:  # the changed mechanism cannot be assembled everywhere
             return {}
         differences = self.less(self.scaled(found))
@@ -546,7 +548,7 @@ def offsets(there: Residuals) -> Iterator[Explanation]:
 def other_quantities(there: Residuals) -> Iterator[Explanation]:
     """Channels that carry another quantity of the reference than the sidecar says."""
     case, curves = there.case, there.curves
-    known = quantities(case, curves.x, curves.drive, dict(case.parameters))
+    known = quantities(case, there.run, curves.x, curves.drive, dict(case.parameters))
     right, words = Known(), []
     for name in there.differing:
         channel, allowed = case.channels[name], there.allowed[name]

@@ -48,6 +48,14 @@ def reads_model(case: Case) -> bool:
     return not isinstance(truth, Recorded) and "model" in inspect.signature(truth.solve).parameters
 
 
+def knows_inertia(case: Case) -> bool:
+    """Whether moments and forces of the reference may be those of a motion, and not at rest."""
+    truth = module_of(case)
+    return (
+        not isinstance(truth, Recorded) and "inertia" in inspect.signature(truth.solve).parameters
+    )
+
+
 def grid(case: Case, kind: Kind) -> Array:
     """Where a run is sampled."""
     truth, run, leader = module_of(case), case.run[kind], case.leader
@@ -109,8 +117,8 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     return Steady(drive.start, drive.speed, x_is_time=kind == "dynamics")
 
 
-def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Curves:
-    """The reference curves of a case, channel by channel.
+def evaluate(case: Case, kind: Kind, x: Array, state: State | None, **changed: float) -> Curves:
+    """The reference curves of a run of a case, channel by channel.
 
     They are evaluated in this process: without limits, and with as many threads as BLAS has here.
     Workers have one thread, so that last digits may differ from theirs.
@@ -119,6 +127,8 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     ----------
     case : Case
         Names the reference and holds its parameters.
+    kind : str
+        The run.
     x : ndarray (n,)
         Time [s] or drive value.
     state : tuple of three ndarray (drives, n), or None
@@ -131,12 +141,13 @@ def evaluate(case: Case, x: Array, state: State | None, **changed: float) -> Cur
     Curves
         One curve a channel, under the channel's name, in SI units.
     """
-    known = quantities(case, x, state, {**case.parameters, **changed})
+    known = quantities(case, kind, x, state, {**case.parameters, **changed})
     return Curves(x, channels(case, x, known))
 
 
 def quantities(
     case: Case,
+    kind: Kind,
     x: Array,
     state: State | None,
     parameters: dict[str, float | str],
@@ -144,11 +155,11 @@ def quantities(
 ) -> dict[str, Array]:
     """All that the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
 
-    `x` and `state` are those of `evaluate`.
+    `kind`, `x` and `state` are those of `evaluate`.
     """
     truth = module_of(case)
     if not isinstance(truth, Recorded):
-        return call(case, truth, x, state, parameters, key)
+        return call(case, kind, truth, x, state, parameters, key)
     if parameters:
         raise InputError(case.file, key, "the reference is a recorded curve, which has none")
     return {name: values[: np.size(x)] for name, values in truth.columns.items()}
@@ -177,6 +188,7 @@ def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
 
 def call(
     case: Case,
+    kind: Kind,
     truth: ModuleType,
     x: Array,
     state: State | None,
@@ -187,6 +199,7 @@ def call(
 
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
+    One that asks for ``inertia`` is told whether moments and forces are those of a motion.
     """
     known = [
         p.name
@@ -197,6 +210,7 @@ def call(
         "model": lambda: compiled(case),
         "start": lambda: case.start,
         "joints": lambda: tuple(d.joint for d in case.drive),
+        "inertia": lambda: case.has_inertia(kind),
     }
     there = [k for k in known if k not in own]
     for name in parameters:

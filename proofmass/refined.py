@@ -71,7 +71,7 @@ class RefinementStudy:
         kept = {n: (found, curves) for n, (found, curves) in self.runs.items() if curves}
         if not kept:
             return []
-        truth = reference_for(self.case, max(kept.items())[1][1]).channels
+        truth = reference_for(self.case, self.refine.run, max(kept.items())[1][1]).channels
         factors = {name: channel.factor for name, channel in self.case.channels.items()}
         return [
             RefinedRow(
@@ -122,9 +122,9 @@ def refinements(case: Case) -> Iterator[Finer]:
                 yield Finer(finer, refine.run, solver, n, study)
 
 
-def errors(case: Case, run: str, solver: str, curves: Curves) -> list[Comparison]:
+def errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Comparison]:
     """`compare` for one run among many: only channels that are refined, and only their errors."""
-    truth = reference_for(case, curves).channels
+    truth = reference_for(case, run, curves).channels
     return [
         one(case, run, solver, name, curves, truth[name], {})
         for name in case.channels_of(run)

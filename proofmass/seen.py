@@ -64,7 +64,7 @@ def seen(
     there = {**moved, **(truth.channels if truth else {})}
     asked = {name for some in named(view).values() for name in some}
     if truth is None or beside is not None or not asked <= there.keys():
-        known = quantities(case, curves.x, state, parameters, key)
+        known = quantities(case, case.run_of(view), curves.x, state, parameters, key)
         there = {**known, **moved, **channels(case, curves.x, known)}
     values, units = {}, {}
     for key, names in named(view).items():

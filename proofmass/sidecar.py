@@ -16,12 +16,12 @@ from proofmass.case import Case, Tolerance
 from proofmass.engines import NoEngine, engine_names, engine_of, own_engines
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
-from proofmass.reference import compiled, quantities
+from proofmass.reference import compiled, knows_inertia, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import AccuracyLimit
 from proofmass.solve import plan
 from proofmass.strict import Kind, Strict
-from proofmass.units import KINDS, si_unit
+from proofmass.units import FORCES, KINDS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
 SAMPLES = 361  # of a sweep or dynamics: a turn in degrees
@@ -36,13 +36,15 @@ TomlTable = dict[str, Any]
 class Accuracy(Strict):
     """``accuracy.ENGINE``: shares of the range instead of those that the engine states.
 
-    `sweep` is of all channels of a sweep, the others of the channels of dynamics.
+    `sweep` is of all channels of a sweep, the others of the channels of dynamics; `force` is of
+    moments as well.
     """
 
     sweep: float | None = Field(None, gt=0)
     position: float | None = Field(None, gt=0)
     velocity: float | None = Field(None, gt=0)
     acceleration: float | None = Field(None, gt=0)
+    force: float | None = Field(None, gt=0)
 
 
 class Levels(Strict):
@@ -139,14 +141,15 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
     sensors = channel_names(model, bare.start) if others is not None else {}
     named = {name.partition(".")[0] for name in found}
     for sensor in (one for one in sensors if one not in named):
-        only = {"only": "sweep"} if measures_actuator(model, sensor) else {}
+        at_rest = measures_actuator(model, sensor) and not knows_inertia(bare)
+        only = {"only": "sweep"} if at_rest else {}
         there = {
             name: {"equals": equals, "unit": unit, **only}
             for name in sensors[sensor]
             if (unit := delivered_unit(bare, model, name))
             and (equals := match_quantity(name, unit, known))
         }
-        if not there or (only and "sweep" not in bare.run):
+        if not there or (at_rest and "sweep" not in bare.run):
             unmatched.append(sensor)
         else:
             found |= there
@@ -164,7 +167,7 @@ def quantities_of(case: Case) -> list[str]:
     """The names of what the reference knows."""
     kind = next(iter(case.run))
     few = first_samples(case, plan(case, kind, case.run[kind].solvers[0]))
-    return list(quantities(case, few.x, few.drive, case.parameters))
+    return list(quantities(case, kind, few.x, few.drive, case.parameters))
 
 
 def si_or_none(unit: str) -> str | None:
@@ -264,7 +267,7 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
             for unit in dict.fromkeys([*si, *there])
             if unit in there and si_unit(unit)[0] in si
         )
-        for part, si in KINDS.items()
+        for part, si in {**KINDS, "force": FORCES}.items()
     }
     return {part: of_part for part, of_part in units.items() if of_part}
 

@@ -69,7 +69,8 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     settings = settings_of(case, kind, solver)
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
-    run = Run(kind, grid(case, kind), channels, drives, case.start, settings, case.rods)
+    own = case.rods, case.run[kind].inertia
+    run = Run(kind, grid(case, kind), channels, drives, case.start, settings, *own)
     try:
         check_drives(case, run)
     except (InputError, MemoryError):

@@ -33,6 +33,8 @@ KINDS = {
     "acceleration": ("rad/s^2", "m/s^2"),
 }
 """Kinds of motion, by their SI units."""
+FORCES = ("N", "N m")
+"""SI units of forces and moments."""
 WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")  # SI words that stay as they are written
 EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
 

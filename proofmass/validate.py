@@ -35,7 +35,7 @@ def validate(case: Case) -> None:
     for kind, table in case.run.items():
         runs = [plan(case, kind, solver) for solver in table.solvers]
         few = first_samples(case, runs[0])
-        reference_for(case, few)
+        reference_for(case, kind, few)
         check_views(case, kind, few)
     check_charts(case)
 

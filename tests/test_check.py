@@ -505,7 +505,7 @@ def test_curves_have_the_reference_that_they_were_compared_with(models, keep_sol
     case = load_case(keep_solver("fourbar.toml", "mujoco"))
     for kind in case.run:  # a sweep's drives have their law's values, and dynamics' have not
         rows, curves = measured(case, kind, "mujoco", compare)
-        truth = evaluate(case, curves.x, curves.drive).channels
+        truth = evaluate(case, kind, curves.x, curves.drive).channels
         assert list(curves.reference) == list(case.channels)
         for c in rows:
             error = np.abs(curves.channels[c.channel] - curves.reference[c.channel])

@@ -189,23 +189,27 @@ def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
     case = load_case(shipped("triple_rocker.toml"))
     x = grid(case, "sweep")
     state = plan(case, "sweep", "mujoco").motion(x)
-    own, other = (evaluate(case, x, state, mode=mode).channels[channel] for mode in (1, -1))
+    own, other = (
+        evaluate(case, "sweep", x, state, mode=mode).channels[channel] for mode in (1, -1)
+    )
     assert 0.2 < abs(own[0] - other[0]) / np.ptp(own) < 0.5
-    truth = evaluate(case, x, state)
-    check_branch(case, Curves(x, {channel: own}, drive=state), truth)
+    truth = evaluate(case, "sweep", x, state)
+    check_branch(case, "sweep", Curves(x, {channel: own}, drive=state), truth)
     with pytest.raises(InputError, match=r"in mode -1, parameters\.mode says \+1"):
-        check_branch(case, Curves(x, {channel: other}, drive=state), truth)
+        check_branch(case, "sweep", Curves(x, {channel: other}, drive=state), truth)
 
 
 def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
     case = load_case(shipped("triple_rocker.toml"))
     x = grid(case, "sweep")
     state = plan(case, "sweep", "mujoco").motion(x)
-    truth, other = (evaluate(case, x, state, mode=mode) for mode in (1, -1))
+    truth, other = (evaluate(case, "sweep", x, state, mode=mode) for mode in (1, -1))
     curves = Curves(x, other.channels, drive=state)
     parameters = {k: v for k, v in case.parameters.items() if k != "mode"}
-    check_branch(case.model_copy(update={"parameters": parameters}), curves, truth)
-    check_branch(case, Curves(x, other.channels), truth)  # a free motion: nothing to evaluate with
+    check_branch(case.model_copy(update={"parameters": parameters}), "sweep", curves, truth)
+    check_branch(
+        case, "sweep", Curves(x, other.channels), truth
+    )  # a free motion: nothing to evaluate with
 
     def evaluated(case, x, state, mode):
         if mode != -1:  # a mode that is not there at these poses hides no other
@@ -216,7 +220,7 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
     monkeypatch.setattr(module, "modes", lambda case: (1, -1))
     monkeypatch.setattr(module, "evaluate", evaluated)
     with pytest.raises(InputError, match="mode -1") as error:
-        check_branch(case, curves, truth)
+        check_branch(case, "sweep", curves, truth)
     assert error.value.key == "start"
 
 
@@ -285,8 +289,8 @@ def test_closed_form_is_the_recorded_hacksaw_curve():
     """Two computations of the same mechanism that know nothing of each other."""
     closed, recorded = (load_case(shipped(f"{n}.toml")) for n in ("hacksaw", "hacksaw_recorded"))
     x = grid(recorded, "sweep")
-    ours = evaluate(closed, x, plan(closed, "sweep", "mujoco").motion(x))
-    theirs = evaluate(recorded, x, None)
+    ours = evaluate(closed, "sweep", x, plan(closed, "sweep", "mujoco").motion(x))
+    theirs = evaluate(recorded, "sweep", x, None)
     for name in closed.channels:
         span = np.ptp(theirs.channels[name])
         error = np.abs(ours.channels[name] - theirs.channels[name]).max()
@@ -502,7 +506,7 @@ def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, 
     case = load_case(shipped(f"{name}.toml"))
     x = grid(case, kind)
     state = plan(case, kind, "mujoco").motion(x) if case.drive else None
-    truth = evaluate(case, x, state)
+    truth = evaluate(case, kind, x, state)
     found = compare(case, kind, "mujoco", Curves(x, truth.channels, drive=state))
     value, checked = case.parameters[key], 0
     for c in found:
@@ -511,7 +515,7 @@ def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, 
         if change.size < 1e-9:  # or rounding is part of the error
             continue
         by = change.size * (value or 1.0)
-        off = evaluate(case, x, state, **{key: value + by}).channels[c.channel]
+        off = evaluate(case, kind, x, state, **{key: value + by}).channels[c.channel]
         assert np.abs(off - truth.channels[c.channel]).max() == pytest.approx(c.allowed, rel=rel)
         checked += 1
     assert checked
@@ -519,7 +523,7 @@ def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, 
 
 def test_detectable_change_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
     x = np.linspace(0.0, 1.0, 5)
-    curves = Curves(x, evaluate(PENDULUM, x, None).channels)
+    curves = Curves(x, evaluate(PENDULUM, "dynamics", x, None).channels)
 
     def angle(case, solver: str = "mujoco") -> Comparison:
         return next(c for c in compare(case, "dynamics", solver, curves) if c.channel == "angle")
@@ -535,7 +539,7 @@ def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
     case = load_case(shipped("fourbar.toml"))
     x = np.linspace(0.0, 1.0, 5)
     state = plan(case, "dynamics", "mujoco").motion(x)
-    curves = Curves(x, evaluate(case, x, state).channels, drive=state)
+    curves = Curves(x, evaluate(case, "sweep", x, state).channels, drive=state)
     view = View(title="two units", x="rocker", y="rocker", dashed="rocker_rate", run="dynamics")
     with pytest.raises(InputError, match="one axis, but units"):
         compare(case.model_copy(update={"view": (view,)}), "dynamics", "mujoco", curves)
@@ -548,11 +552,11 @@ def test_a_recorded_curve_is_not_asked_at_the_drives_state():
     x = grid(case, "sweep")
     state = plan(case, "sweep", "mujoco").motion(x)
     off = tuple(part + 0.1 for part in state)
-    found = reference_for(case, Curves(x, {}, drive=off)).channels
-    truth = evaluate(case, x, None).channels
+    found = reference_for(case, "sweep", Curves(x, {}, drive=off)).channels
+    truth = evaluate(case, "sweep", x, None).channels
     assert all(np.array_equal(found[name], truth[name]) for name in truth)
     closed = load_case(shipped("hacksaw.toml"))
     assert not np.array_equal(
-        reference_for(closed, Curves(x, {}, drive=off)).channels["r1"],
-        reference_for(closed, Curves(x, {}, drive=state)).channels["r1"],
+        reference_for(closed, "sweep", Curves(x, {}, drive=off)).channels["r1"],
+        reference_for(closed, "sweep", Curves(x, {}, drive=state)).channels["r1"],
     )

@@ -50,7 +50,7 @@ def exact(case: Case, kind) -> Curves:
     x = grid(case, kind)
     state = plan(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
     state = None if kind == "equilibrium" else state
-    return Curves(x, evaluate(case, x, state).channels, drive=state)
+    return Curves(x, evaluate(case, "sweep", x, state).channels, drive=state)
 
 
 def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
@@ -64,7 +64,7 @@ def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list
 def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -> set[str] | None:
     """The channels that differ from the reference at changed parameters; None: there is none."""
     try:
-        other = evaluate(case, curves.x, curves.drive, **changed)
+        other = evaluate(case, "sweep", curves.x, curves.drive, **changed)
     except InputError:
         return None
     return {c.channel for c in judged(case, kind, solver, curves, other) if c.outcome == "differs"}
@@ -294,7 +294,7 @@ def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
     case = load_case(shipped("fivebar.toml"))
     asked = []
 
-    def evaluated(case, x, state, **changed):
+    def evaluated(case, kind, x, state, **changed):
         asked.append(changed)
         key, value = next(iter(changed.items()), ("none", 0.0))
         return Curves(x, {"y": np.array([value if key == "none" else 2.0 * (value + 5.0)])})

@@ -346,7 +346,7 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
                 notice.size * 1e-3 / factor / known.allowed, rel=1e-6
             )
     x = np.linspace(0, 2 * np.pi, 37)
-    truth = evaluate(case, x, plan(case, "sweep", "mujoco").motion(x)).channels
+    truth = evaluate(case, "sweep", x, plan(case, "sweep", "mujoco").motion(x)).channels
     plain = evaluate(
         load_case(shipped("fourbar.toml")), x, plan(case, "sweep", "mujoco").motion(x)
     ).channels

@@ -391,7 +391,7 @@ def test_another_error_of_a_reference_is_no_bad_input():
 def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch):
     told = []
     monkeypatch.setattr(reference, "module_of", lambda case: listening(told, a=X))
-    assert quantities(FOURBAR, X, None, {"length": 2.0}) == {"a": X}
+    assert quantities(FOURBAR, "sweep", X, None, {"length": 2.0}) == {"a": X}
     assert told[0][1] == 2.0
     for key in ("parameters", "compare_with.'x'.parameters"):
         named = {} if key == "parameters" else {"key": key}
@@ -400,7 +400,7 @@ def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch
 
 def test_the_quantities_of_a_recorded_curve_are_its_columns_as_far_as_a_run_came(monkeypatch):
     made(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0))
-    found = quantities(RECORDED, X[:2], None, {})
+    found = quantities(RECORDED, "sweep", X[:2], None, {})
     assert {name: values.tolist() for name, values in found.items()} == {
         "a": [1.0, 2.0],
         "b": [4.0, 5.0],
@@ -471,10 +471,10 @@ def test_a_column_is_asked_for_with_its_quantity_or_without(monkeypatch):
 
 def test_a_reference_is_evaluated_at_its_parameters_and_at_changed_ones():
     """A light pendulum and a heavy one swing alike; their energies are as their masses."""
-    once = evaluate(PENDULUM, X, None)
+    once = evaluate(PENDULUM, "dynamics", X, None)
     assert once.x is X
     mass = PENDULUM.parameters["mass"]
-    twice = evaluate(PENDULUM, X, None, mass=2 * mass)
+    twice = evaluate(PENDULUM, "dynamics", X, None, mass=2 * mass)
     np.testing.assert_allclose(twice.channels["angle"], once.channels["angle"], rtol=1e-15)
     np.testing.assert_allclose(twice.channels["kinetic"], 2 * once.channels["kinetic"], rtol=1e-14)
 

@@ -56,7 +56,7 @@ def studied(
     for task in refinements(case):
         if task.solver == "mujoco":
             s = grid(task.case, "equilibrium")
-            truth = evaluate(task.case, s, None).channels
+            truth = evaluate(task.case, "equilibrium", s, None).channels
             curves = Curves(
                 s,
                 {name: y + off(task.segments, s) for name, y in truth.items()},

@@ -34,7 +34,7 @@ def same(one: dict, other: dict) -> bool:
 def test_its_drives_are_where_their_laws_lead_them_whatever_a_solver_did():
     reference = of_fourbar(LATE)
     assert np.array_equal(reference.state, LED)
-    assert same(reference.unchanged, evaluate(FOURBAR, X, LED).channels)
+    assert same(reference.unchanged, evaluate(FOURBAR, "sweep", X, LED).channels)
 
 
 def test_a_run_whose_solver_has_no_drive_is_a_free_one():
@@ -43,11 +43,11 @@ def test_a_run_whose_solver_has_no_drive_is_a_free_one():
     reference = RunReference(case, "dynamics", Curves(x, {}))
     assert reference.state is None
     assert reference.x is x
-    assert same(reference.as_driven(None).channels, evaluate(case, x, None).channels)
+    assert same(reference.as_driven(None).channels, evaluate(case, "sweep", x, None).channels)
     held = load_case(shipped("rfr3.toml"))  # its motors stand, and no engine tells of them
     curves = Curves(np.zeros(2), {})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(MODULE, "evaluate", lambda case, x, state, **changed: Curves(x, {}))
+        patch.setattr(MODULE, "evaluate", lambda case, kind, x, state, **changed: Curves(x, {}))
         assert RunReference(held, "equilibrium", curves).state is None
 
 
@@ -63,23 +63,23 @@ def test_a_solver_that_does_not_is_held_against_the_reference_where_it_was():
     reference = of_fourbar()
     found = reference.as_driven(LATE)
     assert found.x is X
-    assert same(found.channels, evaluate(FOURBAR, X, LATE).channels)
+    assert same(found.channels, evaluate(FOURBAR, "sweep", X, LATE).channels)
     assert not np.array_equal(found.channels["rocker"], reference.unchanged["rocker"])
 
 
 def test_laws_that_lead_out_of_the_reference_cost_only_what_is_found_there(monkeypatch):
     """A lagging solver may still be where there is a reference."""
 
-    def up_to_here(case, x, state, **changed):
+    def up_to_here(case, kind, x, state, **changed):
         if state is LED or np.array_equal(state, LED):
             raise InputError(case.file, "drive", "out of reach")
-        return evaluate(case, x, state, **changed)
+        return evaluate(case, kind, x, state, **changed)
 
     monkeypatch.setattr(MODULE, "evaluate", up_to_here)
     reference = of_fourbar()
     assert reference.unchanged == {}
     assert reference.differences("crank", 1e-6) == []
-    assert same(reference.as_driven(LATE).channels, evaluate(FOURBAR, X, LATE).channels)
+    assert same(reference.as_driven(LATE).channels, evaluate(FOURBAR, "sweep", X, LATE).channels)
     with pytest.raises(InputError, match="out of reach"):
         reference.as_driven(LED)
 
@@ -88,7 +88,7 @@ def test_searches_are_kept_from_the_unchanged_reference_alone(monkeypatch):
     """Else last digits would depend on which changes another solver asked for."""
     used = []
 
-    def evaluated(case, x, state, **changed):
+    def evaluated(case, kind, x, state, **changed):
         used.append((in_use.get(), changed))
         return Curves(x, {"y": np.zeros(x.size)})
 
@@ -109,7 +109,7 @@ def test_a_change_is_evaluated_once(monkeypatch):
     first = reference.differences("crank", 1e-6)
     monkeypatch.setattr(MODULE, "evaluate", None)
     assert same(reference.differences("crank", 1e-6)[0], first[0])
-    changed = evaluate(FOURBAR, X, LED, crank=FOURBAR.parameters["crank"] * (1.0 + 1e-6))
+    changed = evaluate(FOURBAR, "sweep", X, LED, crank=FOURBAR.parameters["crank"] * (1.0 + 1e-6))
     rocker = changed.channels["rocker"] - reference.unchanged["rocker"]
     assert np.array_equal(first[0]["rocker"], rocker)
 

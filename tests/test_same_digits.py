@@ -88,7 +88,7 @@ run = plan(case, "sweep", "mujoco")
 x = run.x[:3]
 state = run.motion(x)
 if sys.argv[2:]:
-    evaluate(case, x, state, stiffness=case.parameters["stiffness"] * (1.0 + 1e-7))
+    evaluate(case, "sweep", x, state, stiffness=case.parameters["stiffness"] * (1.0 + 1e-7))
 near = tuple(part + 1e-12 for part in state)
 reference = run_reference(case, "sweep", Curves(x, {}, drive=near))
 print([curve.tobytes().hex() for at in (state, near)

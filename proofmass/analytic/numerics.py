@@ -46,6 +46,16 @@ def one_of(modes: tuple[int, ...], **mode: float) -> None:
             raise ValueError(f"{name} must be one of {modes}, got {value}")
 
 
+def dot(a: Complex | complex, b: Complex | complex) -> Array:
+    """Scalar product of vectors as complex numbers."""
+    return np.asarray(a.real * b.real + a.imag * b.imag)
+
+
+def cross(a: Complex | complex, b: Complex | complex) -> Array:
+    """a x b of vectors as complex numbers: positive where b lies left of a."""
+    return np.asarray(a.real * b.imag - a.imag * b.real)
+
+
 def unwrapped(angle: Array) -> Array:
     """Angles [rad] made continuous along the last axis by whole turns; the first stays.
 

@@ -128,7 +128,7 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         for s in case.run[kind].solvers
         if (case.name, kind, s) in result.curves
     }
-    truth = {s: compared_with(case, c) for s, c in curves.items()}
+    truth = {s: compared_with(case, kind, c) for s, c in curves.items()}
     lost, beside = until_loss(result, case, kind)
     whole = None
     if lost and max((c.x.size for c in curves.values()), default=0) < grid(case, kind).size:
@@ -149,11 +149,11 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
     return replace(found, jumps=jumps, jumps_of=of)
 
 
-def compared_with(case: Case, curves: Curves) -> Curves:
+def compared_with(case: Case, kind: Kind, curves: Curves) -> Curves:
     """The reference that curves were compared with; evaluated where they do not have it."""
     if isinstance(curves, ComparedCurves):
         return Curves(curves.x, curves.reference)
-    return reference_for(case, curves)
+    return reference_for(case, kind, curves)
 
 
 def until_loss(
@@ -165,7 +165,7 @@ def until_loss(
         found = result.lost.get((case.name, kind, solver))
         if found is not None and found.x.size:
             with suppress(Exception):  # a state before a loss may be one that no reference covers
-                truth[solver] = reference_for(case, found)
+                truth[solver] = reference_for(case, kind, found)
                 curves[solver] = found
     return curves, truth
 
@@ -174,7 +174,7 @@ def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
     """The reference over a whole run whose drives move as their laws say; None without one."""
     with suppress(Exception):
         run = plan(case, kind, NATIVE)
-        return evaluate(case, run.x, run.motion(run.x) if run.drives else None)
+        return evaluate(case, kind, run.x, run.motion(run.x) if run.drives else None)
     return None
 
 

@@ -113,7 +113,7 @@ def finer(case: Case, kind: Kind, x: Array, suspected: Iterable[int]) -> Curves:
     more = [np.linspace(x[k], x[k + 1], FINER + 1) for k in suspected]
     fine = np.unique(np.concatenate([x, *more]))
     run = plan(case, kind, NATIVE)
-    return evaluate(case, fine, run.motion(fine) if run.drives else None)
+    return evaluate(case, kind, fine, run.motion(fine) if run.drives else None)
 
 
 def stays(x: Array, curve: Array, fine: Curves, name: str, k: int) -> bool:

@@ -75,7 +75,7 @@ def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
             found[name] = [f"{name}.angle"]
         elif model.sensor_dim[s] == 3:
             parts = {"linear": "xyz".replace(across, ""), "angular": across or "xyz"}
-            turns = UNITS.get(kind, "").startswith("rad")
+            turns = UNITS.get(kind, "").startswith("rad") or kind == S.mjSENS_TORQUE
             found[name] = [f"{name}.{part}" for part in parts["angular" if turns else "linear"]]
         else:
             found[name] = [name] if model.sensor_dim[s] == 1 else []
@@ -96,7 +96,7 @@ def normal_part(model: mujoco.MjModel, key: str) -> str:
 
 
 def measures_actuator(model: mujoco.MjModel, sensor: str) -> bool:
-    """Whether a sensor shows the force of an actuator, which sweeps alone have."""
+    """Whether a sensor shows the force of an actuator, which may be the moment of a drive."""
     return S(int(model.sensor_type[sensors(model).index(sensor)])) == S.mjSENS_ACTUATORFRC
 
 

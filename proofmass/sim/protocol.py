@@ -35,7 +35,8 @@ class AccuracyLimit(NamedTuple):
     """How far an engine may be off, as a share of the reference's range, and why.
 
     The `accuracy` of an engine has one for ``sweep`` (all channels), and for ``position``,
-    ``velocity`` and ``acceleration`` (channels of dynamics), as far as the engine states them.
+    ``velocity``, ``acceleration`` and ``force`` (channels of dynamics), as far as the engine states
+    them.
     """
 
     relative_to_range: float
@@ -222,6 +223,9 @@ class Run:
         Engine settings that replace those of the model: ``timestep``, ``iterations``, ...
     rods : tuple of Rod
         What the model is completed with before it is compiled.
+    inertia : bool
+        Whether moments and forces of a sweep are those at the rates and accelerations of its
+        drives, and not those at rest; those of dynamics are always.
     """
 
     kind: str
@@ -231,6 +235,7 @@ class Run:
     start: str = "start"
     settings: Mapping[str, object] = field(default_factory=dict)
     rods: tuple[Rod, ...] = ()
+    inertia: bool = False
 
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""

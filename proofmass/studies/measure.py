@@ -127,20 +127,20 @@ Key = tuple[str | int | bytes, ...]
 cached: dict[Key, dict[str, Array]] = {}
 
 
-def cached_reference(case: Case, curves: Curves) -> dict[str, Array]:
+def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]:
     """`reference_for`, channel by channel; free motions and exact sweeps have it in common.
 
     The integration of a free linkage takes longer than most runs that are compared with it.
     """
-    if (key := key_of(case, curves)) not in cached:
-        cache_reference(key, reference_for(case, curves).channels)
+    if (key := key_of(case, kind, curves)) not in cached:
+        cache_reference(key, reference_for(case, kind, curves).channels)
     return cached[key]
 
 
-def key_of(case: Case, curves: Curves) -> Key:
+def key_of(case: Case, kind: Kind, curves: Curves) -> Key:
     """What a reference depends on."""
     where = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
-    return *identity(case), where
+    return *identity(case), kind, where
 
 
 def cache_reference(key: Key, channels: dict[str, Array]) -> None:
@@ -153,13 +153,13 @@ def cache_reference(key: Key, channels: dict[str, Array]) -> None:
 def write_reference(case: Case, kind: Kind, file: Path) -> None:
     """Write the reference of a free motion into a file, for `read_reference` in other processes."""
     packed = io.BytesIO()
-    np.savez(packed, **cached_reference(case, Curves(grid(case, kind), {})))  # type: ignore[arg-type]
+    np.savez(packed, **cached_reference(case, kind, Curves(grid(case, kind), {})))  # type: ignore[arg-type]
     write_whole(file, packed.getvalue())
 
 
 def read_reference(case: Case, kind: Kind, file: Path) -> None:
     """Remember the reference that `write_reference` wrote, if it did; the case is the same."""
-    key = key_of(case, Curves(grid(case, kind), {}))
+    key = key_of(case, kind, Curves(grid(case, kind), {}))
     if key not in cached and file.is_file():
         with np.load(file) as arrays:
             cache_reference(key, dict(arrays))
@@ -365,7 +365,7 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
         )
     except InputError as error:  # a pose that the mechanism cannot have
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
-    if wrong := not_finite(cached_reference(case, curves)):
+    if wrong := not_finite(cached_reference(case, kind, curves)):
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=wrong)
     return replace(
         cost,
@@ -417,7 +417,7 @@ def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str
 
     Curves that the reference has constant have no range and are left out.
     """
-    wanted = cached_reference(case, curves)
+    wanted = cached_reference(case, kind, curves)
     channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
     widest = dict[str, float]()
     for name, channel in channels.items():

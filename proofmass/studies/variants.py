@@ -319,7 +319,7 @@ def evaluate_run_here(case: Case, kind: Kind) -> Curves:
     state = tuple(
         np.array(part) for part in zip(*(law(x) for law in laws(case, kind)), strict=True)
     )
-    return evaluate(case, x, state)  # type: ignore[arg-type]
+    return evaluate(case, kind, x, state)  # type: ignore[arg-type]
 
 
 def makes_whole_turns(case: Case, way: float) -> bool:

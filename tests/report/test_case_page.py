@@ -79,7 +79,7 @@ def test_curves_on_the_page_are_those_of_the_run(page: str, result: Result, four
         for solver in fourbar.run[kind].solvers:
             curves = result.curves[fourbar.name, kind, solver]
             assert np.array_equal(x, curves.x)
-            truth = evaluate(fourbar, curves.x, curves.drive).channels
+            truth = evaluate(fourbar, "sweep", curves.x, curves.drive).channels
             for name in fourbar.channels_of(kind):
                 reference = unpacked(run["channels"][name]["curve"], "<f8")
                 assert np.array_equal(reference, truth[name])
@@ -182,7 +182,7 @@ def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) 
     kind = next(iter(case.run))
     run = plan(case, kind, "mujoco")
     state = run.motion(run.x) if run.drives else None
-    truth = evaluate(case, run.x, state).channels
+    truth = evaluate(case, "sweep", run.x, state).channels
     off = change(run.x)
     known = {name: truth[name] for name in off}
     return motion(case.model_path, run, {"mujoco": (known, off)}, 31)
@@ -322,7 +322,7 @@ def test_a_reference_that_was_compared_is_not_evaluated_again(
 
     known = {
         key: ComparedCurves(
-            **vars(curves), reference=evaluate(fourbar, curves.x, curves.drive).channels
+            **vars(curves), reference=evaluate(fourbar, "sweep", curves.x, curves.drive).channels
         )
         for key, curves in result.curves.items()
     }
@@ -451,7 +451,7 @@ def test_a_lost_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alone
     own = data["solvers"]["mujoco"]
     assert len(unpacked(own["differences"]["pin.x"], "<f4")) == 100
     assert (own["early"], own["end"]) == (True, exact.x[99])
-    truth = evaluate(fourbar, exact.x, exact.drive).channels["pin.x"]
+    truth = evaluate(fourbar, "sweep", exact.x, exact.drive).channels["pin.x"]
     assert np.array_equal(unpacked(data["channels"]["pin.x"]["curve"], "<f8"), truth)
     assert set(run.without_lost.curves) == set(fourbar.run["dynamics"].solvers) - set(solvers)
 

@@ -40,7 +40,7 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
     """What a solver would find that is off by that share of each curve's range."""
     run = plan(case, kind, "mujoco")
     x, state = run.x, run.motion(run.x) if run.drives else None
-    truth = evaluate(case, x, state)
+    truth = evaluate(case, "sweep", x, state)
     channels = {
         n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x)
         for n, v in truth.channels.items()
@@ -125,7 +125,7 @@ def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
     """Each kind of quantity apart, and the first samples apart from what follows."""
     case = case_of("fourbar")
     curves = curves_of(case, "dynamics", 0.0)
-    truth = reference_for(case, curves).channels
+    truth = reference_for(case, "sweep", curves).channels
     off = {"rocker": 1e-4, "rocker_rate": 1e-3, "rocker_acceleration.z": 2e-3}
     channels = {name: truth[name] + share * np.ptp(truth[name]) for name, share in off.items()}
     channels["rocker_acceleration.z"][0] += 0.5 * np.ptp(truth["rocker_acceleration.z"])

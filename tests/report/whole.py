@@ -20,7 +20,7 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
         for kind, run in case.run.items():
             planned = plan(case, kind, "mujoco")
             state = planned.motion(planned.x) if planned.drives else None
-            truth = evaluate(case, planned.x, state).channels
+            truth = evaluate(case, kind, planned.x, state).channels
             for number, solver in enumerate(run.solvers):
                 wave = np.cos((3 + number) * np.linspace(0, 2, len(planned.x)) + number)
                 curves = Curves(

@@ -29,7 +29,7 @@ def truth() -> dict[str, np.ndarray]:
     """The reference's curves."""
     case = load_case(shipped("rod_snap.toml"))
     run = plan(case, "sweep", "mujoco")
-    return dict(evaluate(case, run.x, run.motion(run.x)).channels)
+    return dict(evaluate(case, "sweep", run.x, run.motion(run.x)).channels)
 
 
 def joints(found, places: np.ndarray) -> np.ndarray:

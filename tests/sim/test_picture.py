@@ -42,7 +42,9 @@ def test_poses_are_those_of_the_closed_form() -> None:
     assert shape is not None
     assert note == ""
     assert np.degrees(shape.inputs[0]) == pytest.approx([0, 60, 120, 180, 240, 300])
-    truth = evaluate(case, shape.x, (shape.inputs, np.ones_like(shape.inputs), 0 * shape.inputs))
+    truth = evaluate(
+        case, "sweep", shape.x, (shape.inputs, np.ones_like(shape.inputs), 0 * shape.inputs)
+    )
     pin = next(m for m in shape.marks if m.kind == "pin")
     # Newton closes the loop to 1e-13 m
     assert pin.at == pytest.approx(

@@ -279,4 +279,4 @@ def test_what_a_comparison_can_detect():
         "force_y",
     }
     assert max(least.values()) < 0.02
-    assert evaluate(case, np.array([0.0, 1.0]), None).channels["phi"][0] > 1.0
+    assert evaluate(case, "equilibrium", np.array([0.0, 1.0]), None).channels["phi"][0] > 1.0

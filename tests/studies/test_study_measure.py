@@ -57,7 +57,7 @@ def seen(step: float, setting: Setting = EULER) -> measure.Measurement:
 
 def test_errors_are_shares_of_the_range_of_the_reference():
     x = grid(PENDULUM, "dynamics")
-    exact = evaluate(PENDULUM, x, None).channels
+    exact = evaluate(PENDULUM, "dynamics", x, None).channels
     off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
     found = relative_errors(PENDULUM, "dynamics", Curves(x, off))
     assert found == {
@@ -69,7 +69,7 @@ def test_errors_are_shares_of_the_range_of_the_reference():
 def test_of_several_channels_of_a_kind_the_worst_counts():
     x = grid(FOURBAR, "dynamics")
     state = driven(FOURBAR, "dynamics", x)
-    exact = evaluate(FOURBAR, x, state).channels
+    exact = evaluate(FOURBAR, "dynamics", x, state).channels
     places = [name for name, c in FOURBAR.channels.items() if c.unit in ("rad", "m")]
     assert len(places) > 2
     for worst in places:
@@ -83,14 +83,14 @@ def test_errors_are_told_at_the_state_the_drive_really_had():
     x = grid(FOURBAR, "dynamics")
     value, rate, acceleration = driven(FOURBAR, "dynamics", x)
     late = value - 1e-3, rate, acceleration
-    exact = evaluate(FOURBAR, x, late).channels
+    exact = evaluate(FOURBAR, "dynamics", x, late).channels
     assert max(relative_errors(FOURBAR, "dynamics", Curves(x, exact, drive=late)).values()) == 0.0
 
 
 def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(models, monkeypatch):
-    def count(case, curves):
+    def count(case, kind, curves):
         asked.append(case.parameters)
-        return reference_for(case, curves)
+        return reference_for(case, kind, curves)
 
     asked: list[dict] = []
     monkeypatch.setattr(measure, "reference_for", count)
@@ -102,11 +102,14 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
     for _ in range(2):
         for one, drive in ((case, state), (settled, state), (case, late), (longer, state)):
             curves = Curves(x, {}, drive=drive)
-            found, fresh = cached_reference(one, curves), reference_for(one, curves).channels
+            found, fresh = (
+                cached_reference(one, "dynamics", curves),
+                reference_for(one, "dynamics", curves).channels,
+            )
             assert all(np.array_equal(found[name], fresh[name]) for name in fresh)
     assert len(asked) == 3
     os.utime(case.model_path, (0, 0))
-    cached_reference(case, curves)
+    cached_reference(case, "dynamics", curves)
     assert len(asked) == 4
 
 
@@ -116,7 +119,7 @@ def test_curves_that_are_constant_have_no_share():
     state = driven(case, "sweep", x)
     curves = {
         n: y + 1.0
-        for n, y in evaluate(case, x, state).channels.items()
+        for n, y in evaluate(case, "dynamics", x, state).channels.items()
         if isinstance(case.channels[n].equals, float)
     }
     assert curves
@@ -265,7 +268,7 @@ def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypat
 
 def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
     x = grid(PENDULUM, "dynamics")
-    exact = evaluate(PENDULUM, x, None).channels
+    exact = evaluate(PENDULUM, "dynamics", x, None).channels
     monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, exact))
     monkeypatch.setattr(
         measure, "cached_reference", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)}
@@ -277,7 +280,7 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
 
 def test_a_sweep_that_ends_early_is_told(monkeypatch):
     x = grid(PENDULUM, "dynamics")[:9]
-    part = Curves(x, evaluate(PENDULUM, x, None).channels, stopped="a limit")
+    part = Curves(x, evaluate(PENDULUM, "dynamics", x, None).channels, stopped="a limit")
     monkeypatch.setattr(measure, "simulate", lambda *_: part)
     found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.message, found.complete) == ("stopped", "a limit", True)

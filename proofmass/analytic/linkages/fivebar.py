@@ -21,9 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.linkages.bars import asked_of_drive
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    cross,
+    dot,
     finite,
     not_negative,
     one_of,
@@ -224,16 +227,6 @@ def inputs(*values: ArrayLike) -> list[Array]:
         raise ValueError(f"inputs must have two rows on the first axis, got shape {first.shape}")
     padded = (x.reshape(x.shape + (1,) * (first.ndim - x.ndim)) if x.ndim else x for x in others)
     return [first, *(np.broadcast_to(x, first.shape) for x in padded)]
-
-
-def dot(a: Complex, b: Complex) -> Array:
-    """Scalar product of plane vectors written as complex numbers."""
-    return np.asarray(a.real * b.real + a.imag * b.imag)
-
-
-def cross(a: Complex, b: Complex) -> Array:
-    """Cross product of plane vectors written as complex numbers: > 0 if b is left of a."""
-    return np.asarray(a.real * b.imag - a.imag * b.real)
 
 
 def margin(
@@ -446,6 +439,7 @@ def solve(
     gravity: float = 9.81,
     force_x: float = 0.0,
     force_y: float = 0.0,
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of a five-bar linkage whose two crank motions are given (direct kinematics).
 
@@ -472,7 +466,8 @@ def solve(
     The tip moves by t = -(p x a) J b/C for a unit rate of the left crank, by (q x b) J a/C for
     one of the right. Half a uniform bar's weight hangs at each of its ends, so with the load F at
     the tip, the force less half of both couplers' weight, virtual work gives the moment that holds
-    a crank: gravity/2 (crank_mass + coupler_mass) p_x - F . t.
+    a crank: gravity/2 (crank_mass + coupler_mass) p_x - F . t; with inertia, plus what the bars'
+    accelerations do along the motion of a unit rate of that crank alone.
 
     Parameters
     ----------
@@ -485,12 +480,13 @@ def solve(
     left_crank_mass, left_coupler_mass, right_coupler_mass, right_crank_mass : of the bars [kg]
     gravity : along -y [m/s^2]
     force_x, force_y : constant force on the tip [N]
+    inertia : whether moments are those of the motion, and not those at rest
 
     Returns
     -------
     dict of (n,) arrays, or of scalars: tip_x, tip_y [m], tip_vx, tip_vy, tip_ax, tip_ay;
     left_coupler_angle, right_coupler_angle [rad], each with _rate and _acceleration; left_moment,
-    right_moment that hold the cranks still [N m]; pin_distance D [m]. Sines of the angles
+    right_moment [N m] of the cranks' drives; pin_distance D [m]. Sines of the angles
     between bars, whose signs are those of the modes and whose zeros are the singular poses:
     assembly, a x b/(c r), type 2; left_working and right_working, coupler x crank, type 1. Angles
     start in [-pi, pi] and are unwrapped, which needs steps below pi between samples.
@@ -554,11 +550,12 @@ def solve(
         rest = 0.5 * (left_coupler**2 + right_coupler**2 - square)
         ddalpha = (dot(dvq - dvp, b) + alpha**2 * rest - beta**2 * right_coupler**2) / area
         ddbeta = (dot(dvq - dvp, a) + alpha**2 * left_coupler**2 - beta**2 * rest) / area
+        by_left, by_right = -1j * b * left_lever / area, 1j * a * right_lever / area
         left_moment, right_moment = _moments(
             p,
             q,
-            -1j * b * left_lever / area,
-            1j * a * right_lever / area,
+            by_left,
+            by_right,
             force_x + 1j * force_y,
             gravity,
             left_crank_mass=left_crank_mass,
@@ -568,6 +565,20 @@ def solve(
         )
         tip, v = left_x + p + a, vp + 1j * alpha * a
         dv = dvp + (1j * ddalpha - alpha**2) * a
+        if inertia:
+            rest, left, right = np.zeros_like(p), (dvp, dv), (dvq, dv)
+            left_moment = (
+                left_moment
+                + asked_of_drive(left_crank_mass, (rest, dvp), (rest, 1j * p))
+                + asked_of_drive(left_coupler_mass, left, (1j * p, by_left))
+                + asked_of_drive(right_coupler_mass, right, (rest, by_left))
+            )
+            right_moment = (
+                right_moment
+                + asked_of_drive(right_crank_mass, (rest, dvq), (rest, 1j * q))
+                + asked_of_drive(right_coupler_mass, right, (1j * q, by_right))
+                + asked_of_drive(left_coupler_mass, left, (rest, by_right))
+            )
     curves = {
         "tip_x": tip.real,
         "tip_y": tip.imag,

@@ -7,9 +7,11 @@ transmission angles.
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.linkages.bars import Ends, asked_of_drive, asked_of_pins, in_frame
 from proofmass.analytic.numerics import (
     TURN,
     Array,
+    Complex,
     finite,
     not_negative,
     one_of,
@@ -38,6 +40,7 @@ def solve(
     rocker_mass: float = 0.0,
     rocker_load: float = 0.0,
     gravity: float = 9.81,
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of a four-bar linkage whose crank motion is given.
 
@@ -62,7 +65,14 @@ def solve(
         b1 = ((y C' - C y')/r^2 + d x d')/D,  b2 = ((y C'' - C y'')/r^2 + D'/2 - b1 D')/D
 
     The moment that holds the crank still is gravity * sum(mass * dy/dangle) over the three
-    mid-lengths (uniform bars, gravity along -y), less rocker_load * b1.
+    mid-lengths (uniform bars, gravity along -y), less rocker_load * b1; with inertia, plus what
+    the bars' accelerations do along the motion of a unit crank rate. The pin at Q gives the
+    coupler, whose weight and inertia need the moment m1 about P, and the rocker, m2 about B, the
+    force R, -R with a x R = m1, -b x R + rocker_load = m2::
+
+        R = (m1 b + (m2 - rocker_load) a)/C
+
+    and the balance of forces the other three pins.
 
     A linkage with s + l = p + q has a **change point**, where all four bars are in line and the
     two modes meet. One of the roots, sqrt(k^2 cos^2(angle/2)) at crank + ground = coupler + rocker
@@ -82,12 +92,17 @@ def solve(
     crank_mass, coupler_mass, rocker_mass : masses of the bars [kg]
     rocker_load : constant moment on the rocker, counter-clockwise positive [N m]
     gravity : [m/s^2]
+    inertia : whether moment and forces are those of the motion, and not those at rest
 
     Returns
     -------
     dict of (...) arrays: coupler_angle, rocker_angle [rad], each with _rate and _acceleration;
     pin_x, pin_y [m], pin_vx, pin_vy, pin_ax, pin_ay of Q and the same of X, point_x ...;
-    transmission_angle [rad], between coupler and rocker, in [0, pi]; holding_moment [N m];
+    transmission_angle [rad], between coupler and rocker, in [0, pi]; holding_moment [N m] of the
+    crank's drive; forces of pins [N] in the frame of a bar, _x along it towards its second letter
+    above and _y to the left of that: crank_force_x, crank_force_y of the ground on the crank,
+    coupler_force_.. of the crank on the coupler, rocker_force_.. of the ground on the rocker, and
+    pin_force_.. of the coupler on the rocker, in the coupler's frame;
     mechanical_advantage 1/b1, the moment that a rocker without masses gives out over the moment
     put into the crank. Angles start in [-pi, pi] and are unwrapped along the last axis, which
     needs steps below pi between samples.
@@ -102,7 +117,8 @@ def solve(
     Notes
     -----
     Loop residual below 1e-14 of the lengths. At a limit of the crank, where coupler and rocker are
-    in line, the rates are not finite; next to it they lose digits like 1/C^2, and like 1/D where P
+    in line, the rates are not finite, nor are the forces at a change point; next to it they lose
+    digits like 1/C^2, and like 1/D where P
     comes near B. Lengths make a change point to within 4 eps of their sum. Source: loop and example
     of B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines 1142-2288, solved there by
     Newton-Raphson. Its accelerations (text line 2054), labelled +1 rad/s^2, are those of -1.
@@ -122,7 +138,7 @@ def solve(
     inputs = np.broadcast_arrays(*(np.asarray(x, float) for x in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
-    with np.errstate(divide="ignore", invalid="ignore"):  # in line: inf or nan, as documented
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # in line: as documented
         (ax, ay, a1, a2), (bx, by, b1, b2), cross, dot = _close(
             theta, ground - px, -py, **lengths, mode=mode
         )
@@ -134,6 +150,17 @@ def solve(
             * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
             - rocker_load * b1
         )
+        bars = px + 1j * py, ax + 1j * ay, bx + 1j * by
+        rest = np.zeros_like(bars[0])
+        accelerations = 3 * ((rest, rest),)
+        if inertia:
+            at_p = (1j * dw - w**2) * bars[0]
+            at_q = (1j * b_motion[1] - b_motion[0] ** 2) * bars[2]
+            accelerations = (rest, at_p), (at_p, at_q), (rest, at_q)
+            p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
+            moved = (rest, p1), (p1, q1), (rest, q1)
+            for each in zip(masses.values(), accelerations, moved, strict=True):
+                moment = moment + asked_of_drive(*each)
         curves = {
             "coupler_angle": unwrapped(np.arctan2(ay, ax)),
             "coupler_rate": a_motion[0],
@@ -149,9 +176,34 @@ def solve(
             ),
             "transmission_angle": np.arctan2(np.abs(cross), dot),
             "holding_moment": moment,
+            **_pin_forces(bars, accelerations, cross, masses, rocker_load, gravity),
             "mechanical_advantage": 1.0 / b1,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
+
+
+def _pin_forces(
+    bars: tuple[Complex, Complex, Complex],
+    accelerations: tuple[Ends, Ends, Ends],
+    area: Array,
+    masses: dict[str, float],
+    rocker_load: float,
+    gravity: float,
+) -> dict[str, Array]:
+    """Forces of the pins, of bars A-P, P-Q, B-Q whose ends accelerate; `area` is C."""
+    crank, coupler, rocker = bars
+    lift = 1j * gravity
+    (f0, _), (f1, m1), (f2, m2) = (
+        asked_of_pins(mass, bar, (one + lift, two + lift))
+        for mass, bar, (one, two) in zip(masses.values(), bars, accelerations, strict=True)
+    )
+    at_q = (m1 * rocker + (m2 - rocker_load) * coupler) / area  # on the coupler
+    return {
+        **in_frame("crank_force", f0 + f1 - at_q, crank),
+        **in_frame("coupler_force", f1 - at_q, coupler),
+        **in_frame("rocker_force", f2 + at_q, rocker),
+        **in_frame("pin_force", -at_q, coupler),
+    }
 
 
 def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple[float, float]:

@@ -6,8 +6,17 @@ The classic form, in which the slider turns on a fixed pivot, is in `swinging_bl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from proofmass.analytic.linkages.bars import asked_of_drive
 from proofmass.analytic.linkages.slider_crank import _slack
-from proofmass.analytic.numerics import Array, finite, not_negative, one_of, positive, unwrapped
+from proofmass.analytic.numerics import (
+    Array,
+    dot,
+    finite,
+    not_negative,
+    one_of,
+    positive,
+    unwrapped,
+)
 
 ComplexPoints = NDArray[np.complex128]
 MODES = (1, -1)
@@ -28,7 +37,9 @@ def solve(
     bar_mass: float = 0.0,
     rod_mass: float = 0.0,
     slider_mass: float = 0.0,
+    slider_inertia: float = 0.0,
     gravity: float = 9.81,
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of an inverted slider-crank whose crank and bar motions are given.
 
@@ -48,7 +59,8 @@ def solve(
         D'/u = s' + i s w,   D''/u = (s'' - s w^2) + i (s dw + 2 s' w)
 
     The moments that hold crank and bar still are gravity * sum(mass * dy/dangle) over the
-    mid-lengths of crank, bar and rod and over the slider.
+    mid-lengths of crank, bar and rod and over the slider; with inertia, plus what the
+    accelerations do along the motion of a unit rate of that drive alone.
 
     Parameters
     ----------
@@ -60,7 +72,9 @@ def solve(
     mode : +1 the rod points from the crank pin to the slider, s > 0; -1 away from it, s < 0, and
         the slider sits on the rod's extension behind the pin
     crank_mass, bar_mass, rod_mass, slider_mass : uniform bars and slider [kg]
+    slider_inertia : moment of inertia of the slider, which turns with the rod, about S [kg m^2]
     gravity : along -y [m/s^2]
+    inertia : whether moments are those of the motion, and not those at rest
 
     Returns
     -------
@@ -101,7 +115,7 @@ def solve(
         "slider_mass": slider_mass,
     }
     positive(crank=crank, rod=rod)
-    not_negative(**masses)
+    not_negative(**masses, slider_inertia=slider_inertia)
     finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
     one_of(MODES, mode=mode)
     if bar < 0.0:
@@ -117,6 +131,8 @@ def solve(
     v, w = slip.real, slip.imag / s
     rod_angle, dw = unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
     end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
+    turned = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
+    moments = _inertia(pin[::2], tip[::2], rod * u, end[2], turned, **masses)
     swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
     curves = {
         "slide": s,
@@ -126,15 +142,42 @@ def solve(
         "rod_rate": w,
         "rod_acceleration": dw,
         "slide_margin": np.minimum(s, rod - s),
-        "holding_moment": gravity
-        * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
-        "holding_moment_bar": gravity
-        * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
+        "holding_moment": inertia * (moments[0] + slider_inertia * dw * turned[0])
+        + gravity * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
+        "holding_moment_bar": inertia * (moments[1] + slider_inertia * dw * turned[1])
+        + gravity * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
     }
     for name, point in (("end", end), ("slider", slider)):
         for part, value in zip(("", "v", "a"), point, strict=True):
             curves |= {f"{name}_{part}x": value.real, f"{name}_{part}y": value.imag}
     return {name: curve.reshape(inputs[0].shape[1:]) for name, curve in curves.items()}
+
+
+def _inertia(
+    pin: tuple[ComplexPoints, ...],
+    tip: tuple[ComplexPoints, ...],
+    rod: ComplexPoints,
+    at_end: ComplexPoints,
+    turned: tuple[Array, Array],
+    *,
+    crank_mass: float,
+    bar_mass: float,
+    rod_mass: float,
+    slider_mass: float,
+) -> tuple[Array, Array]:
+    """Moments that the inertia of bars and slider asks of crank and bar.
+
+    `pin` and `tip` are the vectors of crank and bar with the accelerations of their ends, `rod` is
+    the vector of the rod and `at_end` the acceleration of its end; unit rates of crank and bar turn
+    the rod as in `turned`.
+    """
+    (p, at_p), (s, at_s), rest = pin, tip, np.zeros_like(rod)
+    by_crank, by_bar = (1j * turn * rod for turn in turned)
+    of_crank = asked_of_drive(crank_mass, (rest, at_p), (rest, 1j * p))
+    of_crank = of_crank + asked_of_drive(rod_mass, (at_p, at_end), (1j * p, 1j * p + by_crank))
+    of_bar = asked_of_drive(bar_mass, (rest, at_s), (rest, 1j * s))
+    of_bar = of_bar + asked_of_drive(rod_mass, (at_p, at_end), (rest, by_bar))
+    return of_crank, of_bar + slider_mass * dot(at_s, 1j * s)
 
 
 def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:

@@ -3,7 +3,17 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, finite, not_negative, one_of, positive, unwrapped
+from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins, in_frame
+from proofmass.analytic.numerics import (
+    Array,
+    Complex,
+    dot,
+    finite,
+    not_negative,
+    one_of,
+    positive,
+    unwrapped,
+)
 
 MODES = (1, -1)
 
@@ -24,6 +34,7 @@ def solve(
     slider_mass: float = 0.0,
     slider_load: float = 0.0,
     gravity: float = 9.81,
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of a slider-crank whose crank motion is given.
 
@@ -52,7 +63,11 @@ def solve(
     changes its sign. So the motion runs smoothly on, as inertia would have it, with finite rates;
     a branch of an offset linkage then closes after two turns. The moment that holds the crank
     still is gravity * sum(mass * dy/dangle) over bars' mid-lengths and slider, less
-    slider_load * ds/dangle.
+    slider_load * ds/dangle; with inertia, plus what the accelerations do along the motion of a unit
+    crank rate. The pin gives the coupler a, whose weight and inertia need the moment m1 about P,
+    the force R of which the slider's balance tells the part along the guide's direction u::
+
+        R = ((R . u) a + m1 J u)/q
 
     Parameters
     ----------
@@ -66,6 +81,7 @@ def solve(
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
     slider_load : force on the slider along the guide [N]
     gravity : along -y [m/s^2]
+    inertia : whether moment and forces are those of the motion, and not those at rest
 
     Returns
     -------
@@ -73,7 +89,11 @@ def solve(
     slider_vx, slider_vy, slider_ax, slider_ay; coupler_angle [rad] from P to S, coupler_rate,
     coupler_acceleration; transmission_angle [rad] in [0, pi], between coupler and the guide's
     normal, into which the rocker of a four-bar turns as it grows beyond all bounds: pi/2 is best;
-    holding_moment [N m]. coupler_angle starts in [-pi, pi] and is unwrapped along the last axis.
+    holding_moment [N m] of the crank's drive; forces [N] in the frame of a bar, or of the guide,
+    _x along it and _y to the left: crank_force_x, crank_force_y of the ground on the crank,
+    coupler_force_.. of the crank on the coupler, pin_force_.. of the coupler on the slider, in the
+    coupler's frame, and guide_force_.. of guide and load on the slider. coupler_angle starts in
+    [-pi, pi] and is unwrapped along the last axis.
 
     Raises
     ------
@@ -107,7 +127,7 @@ def solve(
     theta, w, dw = (np.atleast_1d(v) for v in inputs)
     cos, sin = np.cos(guide_angle), np.sin(guide_angle)
     along, across = crank * np.cos(theta - guide_angle), crank * np.sin(theta - guide_angle)
-    with np.errstate(divide="ignore", invalid="ignore"):  # across: inf or nan, as documented
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # across: as documented
         q, k1, k2 = _couple(theta, guide_angle, crank, coupler, offset, mode, slack)
         h = across - offset
         s, s1, s2 = along + q - start, h * k1 - across, h * k2 - q * k1**2 - along
@@ -115,6 +135,17 @@ def solve(
         ax, ay = q * cos + h * sin, q * sin - h * cos
         lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
         lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
+        moment = gravity * lift - slider_load * s1
+        guide = complex(cos, sin)
+        bars = np.asarray(crank * np.exp(1j * theta), complex), np.asarray(ax + 1j * ay, complex)
+        rest = np.zeros_like(bars[0])
+        at_p = at_s = rest
+        if inertia:
+            at_p, at_s = (1j * dw - w**2) * bars[0], np.asarray(guide * a)
+            p1, slid = 1j * bars[0], np.asarray(guide * s1)
+            moment = moment + asked_of_drive(crank_mass, (rest, at_p), (rest, p1))
+            moment = moment + asked_of_drive(coupler_mass, (at_p, at_s), (p1, slid))
+            moment = moment + slider_mass * a * s1
         curves = {
             "slide": s,
             "slide_rate": v,
@@ -129,9 +160,38 @@ def solve(
             "coupler_rate": k1 * w,
             "coupler_acceleration": k1 * dw + k2 * w**2,
             "transmission_angle": np.arctan2(np.abs(q), -h),
-            "holding_moment": gravity * lift - slider_load * s1,
+            "holding_moment": moment,
+            **_forces(bars, (rest, at_p, at_s), q, guide, slider_load, gravity, **masses),
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
+
+
+def _forces(
+    bars: tuple[Complex, Complex],
+    accelerations: tuple[Complex, Complex, Complex],
+    q: Array,
+    guide: complex,
+    slider_load: float,
+    gravity: float,
+    *,
+    crank_mass: float,
+    coupler_mass: float,
+    slider_mass: float,
+) -> dict[str, Array]:
+    """Forces of pins and guide, of points A, P, S that accelerate; `guide` is its direction."""
+    crank, coupler = bars
+    at_a, at_p, at_s = (each + 1j * gravity for each in accelerations)
+    f0, _ = asked_of_pins(crank_mass, crank, (at_a, at_p))
+    f1, m1 = asked_of_pins(coupler_mass, coupler, (at_p, at_s))
+    slider = np.asarray(slider_mass * at_s, complex)
+    push = slider_load - dot(slider, guide)
+    on_coupler = np.asarray((push * coupler + 1j * guide * m1) / q, complex)
+    return {
+        **in_frame("crank_force", f0 + f1 - on_coupler, crank),
+        **in_frame("coupler_force", f1 - on_coupler, coupler),
+        **in_frame("pin_force", -on_coupler, coupler),
+        **in_frame("guide_force", slider + on_coupler, guide),
+    }
 
 
 def dead_points(

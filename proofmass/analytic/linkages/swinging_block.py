@@ -21,7 +21,9 @@ def solve(
     mode: int = 1,
     crank_mass: float = 0.0,
     rod_mass: float = 0.0,
+    block_inertia: float = 0.0,
     gravity: float = 9.81,
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of a swinging-block linkage whose crank motion is given.
 
@@ -45,7 +47,9 @@ def solve(
     pivot_x, pivot_y : the block's pivot S [m]
     mode : +1 the rod points from the crank pin to the block, -1 away from it
     crank_mass, rod_mass : uniform bars [kg]
+    block_inertia : moment of inertia of the block about its pivot [kg m^2]
     gravity : along -y [m/s^2]
+    inertia : whether the moment is that of the motion, and not that at rest
 
     Returns
     -------
@@ -80,7 +84,9 @@ def solve(
         mode=mode,
         crank_mass=crank_mass,
         rod_mass=rod_mass,
+        slider_inertia=block_inertia,
         gravity=gravity,
+        inertia=inertia,
     )
     return {
         name: curve

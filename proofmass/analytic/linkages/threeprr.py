@@ -8,9 +8,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from proofmass.analytic.linkages.bars import asked_of_drive
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    cross,
+    dot,
     finite,
     not_negative,
     one_of,
@@ -140,16 +143,6 @@ def reachable(
 def origins(guide2_x: float, guide3_x: float, guide3_y: float) -> Complex:
     """Where the guides start, (3, 1)."""
     return np.array([[0.0], [guide2_x], [guide3_x + 1j * guide3_y]])
-
-
-def dot(a: Complex, b: Complex | complex) -> Array:
-    """Scalar product of plane vectors."""
-    return (np.conj(a) * b).real
-
-
-def cross(a: Complex, b: Complex) -> Array:
-    """Vector product of plane vectors."""
-    return (np.conj(a) * b).imag
 
 
 def determinant(e: Complex, moment: Array) -> Array:
@@ -423,6 +416,7 @@ def solve(
     load_y: float = 0.0,
     load_moment: float = 0.0,
     gravity: float = 9.81,
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of the platform whose three slider motions are given.
 
@@ -444,7 +438,8 @@ def solve(
         e . v + w (b x e)   = s' e . g
         e . v' + w' (b x e) = s'' e . g + w^2 e . b - |e'|^2
 
-    The forces that hold the sliders still follow from the transposed matrix (virtual work).
+    The forces that hold the sliders still follow from the transposed matrix (virtual work), with
+    inertia those that move them.
 
     Parameters
     ----------
@@ -460,6 +455,7 @@ def solve(
     platform_mass, leg_mass, slider_mass : uniform platform and each leg, each slider [kg]
     load_x, load_y, load_moment : constant load on the platform at P [N], [N m]
     gravity : along -y [m/s^2]
+    inertia : whether forces are those of the motion, and not those at rest
 
     Returns
     -------
@@ -511,6 +507,19 @@ def solve(
         dde = a + (1j * dw - w**2) * arm - dds * GUIDES
         hold = -slide * (dot(move, force) + turn * moment)
         hold += gravity * (slider_mass + 0.5 * leg_mass) * GUIDES.imag
+        if inertia:
+            spin = 1j * dw - w**2
+            centre = arm.mean(axis=0)
+            corners, ends = a + spin * arm, dds * GUIDES
+            hold += slider_mass * dds
+            for k in range(3):  # the motion of a unit rate of slider k
+                way, turned = move[k] * slide[k], 1j * turn[k] * slide[k]
+                hold[k] += platform_mass * dot(a + spin * centre, way + turned * centre)
+                hold[k] += platform_mass * side**2 / 12.0 * dw * turned.imag
+                feet = np.where(np.arange(3)[:, None] == k, GUIDES, 0.0)
+                hold[k] += asked_of_drive(
+                    leg_mass, (ends, corners), (feet, way + turned * arm)
+                ).sum(axis=0)
     curves = {
         "x": point.real,
         "x_rate": v.real,

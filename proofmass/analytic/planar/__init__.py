@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.planar.branch import SHARE, Branch, Knot
-from proofmass.analytic.planar.dynamics import free_motion, holding, kinetic, potential
+from proofmass.analytic.planar.dynamics import free_motion
+from proofmass.analytic.planar.forces import Forces, kinetic, potential, solve_forces, transmitted
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, condition, move, rates
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
@@ -49,7 +50,8 @@ ends at a round number, or beside one, has the same ends."""
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PLACES = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
-FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
+MOTORS = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
+INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
 REACH = SHARE * (1 + 1e-9)
 """Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
 
@@ -62,6 +64,7 @@ def solve(
     model: Any,
     start: str = "start",
     joints: tuple[str, ...] = (),
+    inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
@@ -74,8 +77,10 @@ def solve(
 
     Driven joints are held at their values, the others follow by Newton's method along one branch
     (`proofmass.analytic.planar.branch`); rates and accelerations are the solutions of the loop
-    equations differentiated once and twice, holding moments follow from virtual work.  Without
-    driven joints the motion is free and `value` is time (`proofmass.analytic.planar.dynamics`).
+    equations differentiated once and twice.  Moments of drives and forces in joints follow from
+    the loop equations' multipliers (`proofmass.analytic.planar.forces`): of the mechanism at rest,
+    or with `inertia` of the motion.  Without driven joints the motion is free and `value` is time
+    (`proofmass.analytic.planar.dynamics`).
 
     Parameters
     ----------
@@ -87,6 +92,9 @@ def solve(
         Key with the start pose, which chooses the branch.
     joints : tuple of str
         The driven joints.
+    inertia : bool
+        Whether moments and forces are those at the rates and accelerations of the drives, and not
+        those at rest; those of a free motion are always.
 
     Returns
     -------
@@ -123,6 +131,7 @@ def solve(
     [1.4375, 1.95156187, -0.5]
     """
     mechanism, reader = _read(model, start)
+    own = dict[str, Array]()
     if joints:
         values = np.atleast_2d(np.asarray(value, float))
         q, d = _swept(mechanism, joints, values.shape, values.tobytes())
@@ -130,12 +139,11 @@ def solve(
             np.broadcast_to(np.asarray(x, float), values.shape).T for x in (rate, acceleration)
         )
         v, a = rates(mechanism, q, d, *moving)
-        moments = dict(zip(joints, holding(mechanism, q, d).T, strict=True))
-        own = {"condition": condition(mechanism, q, d)}
+        own["condition"] = condition(mechanism, q, d)
     else:
         refuse_contacts(model)
         q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
-        moments, own = {}, {}
+        d = Drives.of(mechanism, ())
     for k, joint in enumerate(mechanism.joints):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
@@ -143,7 +151,10 @@ def solve(
                 f"joint {joint.name!r} leaves its range {joint.range} at sample "
                 f"{int(np.argmax(out))}; stops are not covered"
             )
-    found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a), moments)
+    found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
+    if joints and not inertia:
+        v = a = np.zeros_like(q)
+    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 
@@ -202,13 +213,11 @@ _read = lru_cache(maxsize=32)(read)
 
 
 def quantities(
-    reader: Reader,
-    m: Mechanism,
-    motion: BodyMotion,
-    joint: tuple[Array, Array, Array],
-    moments: dict[str, Array],
+    reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array]
 ) -> dict[str, Array]:
-    """Curves (n,) by channel name: ``sensor``, ``sensor.x``, ``.y``, ``.z``, ``sensor.angle``.
+    """Curves (n,) of places, motions and energies.
+
+    By channel name: ``sensor``, ``sensor.x``, ``.y``, ``.z``, ``sensor.angle``.
 
     Parameters
     ----------
@@ -218,8 +227,6 @@ def quantities(
     motion : BodyMotion
     joint : three ndarray (n, joints)
         Joint values, rates, accelerations [rad or m, per s, per s^2].
-    moments : dict of str to ndarray (n,)
-        Holding moment of each driven joint [N m or N].
     """
     found: dict[str, Array] = {}
     for s in range(reader.model.nsensor):
@@ -227,8 +234,6 @@ def quantities(
         value: Array | None = None
         if kind in PLACES or kind in TURNS or kind == S.mjSENS_FRAMEXAXIS:
             found |= {f"{name}.{part}": curve for part, curve in frame(reader, motion, s).items()}
-        elif kind in FORCES:
-            value = effort(reader, m, s, moments)
         elif kind == S.mjSENS_E_POTENTIAL:
             value = potential(m, motion, joint[0])
         elif kind == S.mjSENS_E_KINETIC:
@@ -285,10 +290,50 @@ def spread(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]
     }
 
 
-def effort(reader: Reader, m: Mechanism, s: int, moments: dict[str, Array]) -> Array | None:
-    """A force sensor: the holding moment of a driven joint, the constant load of another."""
+def forces(
+    reader: Reader,
+    m: Mechanism,
+    motion: BodyMotion,
+    joint: tuple[Array, Array, Array],
+    d: Drives,
+) -> dict[str, Array]:
+    """Curves (n,) of the sensors of forces and moments, by channel name as in `quantities`."""
+    sensors = {s: S(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)}
+    sensors = {s: kind for s, kind in sensors.items() if kind in MOTORS or kind in INTERACTIONS}
+    if not sensors:
+        return {}
+    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d)
+    for s, kind in sensors.items():
+        name = reader.model.sensor(s).name
+        if kind in MOTORS:
+            found[name] = of_motor(reader, m, s, solved.drives, d)
+        else:
+            parts = interaction(reader, m, motion, s, solved)
+            found |= {f"{name}.{part}": curve for part, curve in parts.items()}
+    return found
+
+
+def of_motor(reader: Reader, m: Mechanism, s: int, drives: Array, d: Drives) -> Array:
+    """The moment of a driven joint (n,), the constant load of another."""
     model, i = reader.model, reader.model.sensor_objid[s]
     actuator = S(model.sensor_type[s]) == S.mjSENS_ACTUATORFRC
-    joint = m.joints[model.actuator_trnid[i, 0] if actuator else i]
-    moment = moments.get(joint.name, np.array([joint.load]))
-    return moment / model.actuator_gear[i, 0] if actuator else moment
+    joint = int(model.actuator_trnid[i, 0] if actuator else i)
+    place = np.flatnonzero(d.driven == joint)
+    moment = drives[:, place[0]] if place.size else np.array([m.joints[joint].load])
+    return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
+
+
+def interaction(
+    reader: Reader, m: Mechanism, motion: BodyMotion, s: int, solved: Forces
+) -> dict[str, Array]:
+    """Parts of the force or moment of a site's body's parent on it, in the frame of the site."""
+    body, at, turn = seat(reader, s)
+    place = motion.point(body, reader.flat(at))
+    force, moment = transmitted(m, motion, solved.loops, body, place)
+    if S(reader.model.sensor_type[s]) == S.mjSENS_TORQUE:
+        return {part: moment * (reader.normal @ turn[:, k]) for k, part in enumerate("xyz")}
+    own = force * motion.w[0][body].conj()
+    return {
+        part: own.real * (reader.e1 @ turn[:, k]) + own.imag * (reader.e2 @ turn[:, k])
+        for k, part in enumerate("xyz")
+    }

@@ -1,8 +1,7 @@
-r"""Forces on the joints of a mechanism, and its free motion in independent coordinates.
+r"""Free motion of a mechanism, in independent coordinates.
 
-Joint forces and masses are sums over bodies of force times Jacobian.  The coordinates z are those
-of the tangent plane of the loop equations at a reference pose, which changes whenever the motion
-has turned away from it:
+The coordinates z are those of the tangent plane of the loop equations at a reference pose, which
+changes whenever the motion has turned away from it:
 
     G(q) = 0,  Nᵀ (q - q_r) = z        q̇ = V ż,   q̈ = V z̈ + γ
 
@@ -20,15 +19,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.planar.forces import applied, centres, inertial, mass
 from proofmass.analytic.planar.kinematics import (
     CLOSED,
     BodyMotion,
-    Drives,
     bias,
     fitting,
     freedoms,
-    jacobian,
     loop_jacobian,
     move,
     nearest,
@@ -39,68 +37,6 @@ from proofmass.analytic.planar.mechanism import CannotAssemble, Mechanism, Singu
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
-
-
-def centres(m: Mechanism, motion: BodyMotion) -> Complex:
-    """Derivatives of the centres of the bodies that have inertia by the joints (n, k, joints)."""
-    own = m.inertia
-    return jacobian(m, motion, own.bodies, motion.points(own.bodies, own.centre))
-
-
-def applied(m: Mechanism, centre: Complex, q: Array, v: Array | float = 0.0) -> Array:
-    """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
-    rest, stiffness, damping, _, load = m.springs
-    weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
-    return np.asarray(load - stiffness * (q - rest) - damping * v + weight)
-
-
-def mass(m: Mechanism, centre: Complex) -> Array:
-    """Mass matrix of the joints, loops open (n, joints, joints)."""
-    weighted = np.sqrt(m.inertia.mass)[:, None] * centre
-    x, y = weighted.real, weighted.imag
-    return np.asarray(m.inertia.fixed + x.swapaxes(1, 2) @ x + y.swapaxes(1, 2) @ y)
-
-
-def inertial(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
-    """What turns and guides the bodies of a motion whose joints do not accelerate, as forces on the
-    joints (n, joints)."""
-    own = m.inertia
-    pull = own.mass * motion.points(own.bodies, own.centre, 2).T
-    bent = pull.real[:, None] @ centre.real + pull.imag[:, None] @ centre.imag
-    return np.asarray(bent[:, 0])
-
-
-def holding(m: Mechanism, q: Array, d: Drives) -> Array:
-    """Moments (or forces) that hold the drives at rest in closed poses (n, drives).
-
-    Virtual work: for each drive, what the applied forces do along the motion that it allows.
-    """
-    motion = move(m, q)
-    force = applied(m, centres(m, motion), q)
-    force[:, d.driven] -= [m.joints[j].load for j in d.driven]  # its own motor is the drive
-    matrix = loop_jacobian(m, motion, q)
-    tangent = -np.linalg.solve(matrix[..., d.following], matrix[..., d.driven])
-    return np.asarray(-force[:, d.driven] - np.einsum("nfd,nf->nd", tangent, force[:, d.following]))
-
-
-def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
-    """Energy of gravity and joint springs [J] (n,)."""
-    energy = sum(0.5 * j.stiffness * (q[:, k] - j.rest) ** 2 for k, j in enumerate(m.joints))
-    for b, body in enumerate(m.bodies):
-        energy = energy - body.mass * (motion.point(b, body.centre).conj() * m.gravity).real
-    return np.asarray(energy)
-
-
-def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
-    """Energy of motion [J] (n,)."""
-    energy = sum(0.5 * j.armature * v[:, k] ** 2 for k, j in enumerate(m.joints))
-    for b, body in enumerate(m.bodies):
-        energy = energy + 0.5 * (
-            body.mass * np.abs(motion.point(b, body.centre, 1)) ** 2
-            + body.moment * motion.turn[1][b] ** 2
-        )
-    return np.asarray(energy)
-
 
 ACCURACY = 3e-14
 """Relative and absolute tolerance of a step, in `Mechanism.scale`."""

@@ -21,4 +21,7 @@ ACCURACY = {
         "gravity would give the open loops remains; and RK4's own error in the "
         "spring and damper that holds a loop, 4th order in step over solref",
     ),
+    "force": AccuracyLimit(
+        1e-3, "forces go with accelerations, of which the softness of the loops leaves a part"
+    ),
 }

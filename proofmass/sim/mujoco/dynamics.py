@@ -10,6 +10,7 @@ Loops are neither closed nor checked and no motion is prescribed.
 
 import re
 import time
+from collections.abc import Mapping
 from typing import cast
 
 import mujoco
@@ -20,7 +21,12 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder
-from proofmass.sim.mujoco.sensors import withhold_drives
+from proofmass.sim.mujoco.sensors import (
+    drive_moments,
+    drive_sensors,
+    withhold_drives,
+    withhold_interactions,
+)
 from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.mujoco.settling import lost
 from proofmass.sim.protocol import Curves, Diverged, Run
@@ -65,7 +71,8 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
 def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Step through ``run.x`` (time) and read every sensor at every sample.
 
-    The moments of drives are not delivered: what is applied here moves the flywheels.
+    The moment of a drive is what the mechanism asks of it: what is applied here moves the
+    flywheels.
 
     What a step computes belongs to its beginning, one step before the state it leaves behind.  A
     sample is therefore read after the first step that starts from it; only RK4, which leaves the
@@ -80,24 +87,29 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
-    torque, instant = start(linkage, run, times)
     record = Recorder(model, data, run.channels, run.x.size)
-    missing = withhold_drives(model, linkage, record)
+    missing = withhold_interactions(record) | withhold_drives(model, linkage, record)
+    dofs = linkage.dofs
+    own = model.dof_armature[dofs], model.dof_damping[dofs]
+    torque, instant = start(linkage, run, times)
+    if drive_sensors(model, linkage, record):
+        record.keep_forces()
     data.time = run.x[0]
     began = time.perf_counter()
-    dofs = linkage.dofs
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
     with collected_warnings() as said:
         step_through(model, data, record, torque, instant[::count], dofs)
     seconds = time.perf_counter() - began
-    state = None
+    state, channels, rows = None, record.curves(), record.rows
     if run.drives:
-        rows = record.rows
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
+    if "qfrc_inverse" in rows:
+        moments = asked_of_drives(rows, dofs, *own)
+        channels |= drive_moments(model, linkage, record, moments)
     gaps = record.gaps()
     curves = Curves(
         run.x,
-        record.curves(),
+        channels,
         missing,
         drive=state,
         violation=float(gaps.max(initial=0.0)),
@@ -108,6 +120,22 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     )
     check(model, data, record, curves, said)
     return curves
+
+
+def asked_of_drives(
+    rows: Mapping[str, Array], dofs: NDArray[np.int32], armature: Array, damping: Array
+) -> Array:
+    """What the mechanism asks of its drives [N m or N] (samples, drives).
+
+    The balance of each driven joint, with its own armature and damping and without the flywheel.
+    """
+    own = {
+        name: block[:, dofs]
+        for name, block in rows.items()
+        if name.startswith("q") and name != "qpos"
+    }
+    given = own["qfrc_passive"] + own["qfrc_constraint"] + own["qfrc_actuator"]
+    return np.asarray(own["qfrc_inverse"] + armature * own["qacc"] + damping * own["qvel"] - given)
 
 
 def step_through(

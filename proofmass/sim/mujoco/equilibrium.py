@@ -403,3 +403,8 @@ class Resting(Linkage):
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """None: a path of rests has no accelerations, and no channel may show them."""
         return np.zeros(self.model.nv)
+
+    def loop_forces(self, needed: Array) -> Array:
+        """Forces in the rows of the active equalities at rest, beside drives and stops."""
+        rows = self.driven.start
+        return np.asarray((self.balance.inverse.T @ needed)[:rows])

@@ -218,10 +218,30 @@ class Linkage:
         mujoco.mj_jacDot(self.model, self.data, rate, None, point, body)
         return rate
 
-    def holding_moments(self, tangent: Array) -> Array:
-        """Moment (or force) that each drive must apply at rest, by virtual work (drives,)."""
-        self.data.qvel[:] = 0
-        self.data.qacc[:] = 0
-        mujoco.mj_inverse(self.model, self.data)
-        mujoco.mj_fwdActuation(self.model, self.data)
-        return np.asarray((self.data.qfrc_inverse - self.data.qfrc_actuator) @ tangent)
+    def needed(self) -> Array:
+        """What must act on the joints for the present rates and accelerations, loops open (nv,)."""
+        model, data, force = self.model, self.data, np.empty(self.model.nv)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_rne(model, data, 1, force)
+        return force + model.dof_armature * data.qacc - data.qfrc_passive - data.qfrc_actuator
+
+    def loop_forces(self, needed: Array) -> Array:
+        """Forces in the rows of the active equalities [N or N m], of the pose last closed."""
+        rows = self.inverse.shape[1] - self.dofs.size
+        return np.asarray(self.inverse[:, :rows].T @ needed)
+
+    def balance_forces(self, tangent: Array, sensors: bool) -> Array:
+        """Moments (or forces) of the drives for the present rates and accelerations (drives,).
+
+        By virtual work.  The engine's ``qfrc_inverse`` at a drive is not it: on a closed loop that
+        leaves out what the loop carries.  `sensors`: the engine's sensors of forces then show what
+        rigid loops transmit, and not what its soft ones would.
+        """
+        model, data, needed = self.model, self.data, self.needed()
+        if sensors:
+            data.efc_force[:] = 0.0
+            data.efc_force[data.efc_type == EQUALITY] = self.loop_forces(needed)
+            mujoco.mj_rnePostConstraint(model, data)
+            mujoco.mj_sensorAcc(model, data)
+        return needed @ tangent

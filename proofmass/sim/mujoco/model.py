@@ -134,6 +134,7 @@ class Recorder:
         self.rows = {name: np.empty((samples, *view.shape)) for name, view in views.items()}
         pairs = [(view, self.rows[name]) for name, view in views.items()]
         self.state, self.shown = pairs[:2], pairs[2:]
+        self.data, self.inverse = data, np.empty(0)
 
     def _resolve(self, channel: str) -> tuple[int, str]:
         name, _, part = channel.partition(".")
@@ -154,8 +155,31 @@ class Recorder:
         for view, rows in self.state:
             rows[k] = view
 
+    def keep_forces(self) -> None:
+        """Keep from now on what acts on the joints, too.
+
+        ``qfrc_inverse`` is then what the accelerations of the bodies need: that of an open tree
+        without armatures.
+        """
+        self.inverse = np.empty(self.model.nv)
+        views = {
+            "qfrc_inverse": self.inverse,
+            **{
+                name: getattr(self.data, name)
+                for name in ("qfrc_passive", "qfrc_constraint", "qfrc_actuator")
+            },
+        }
+        for name, view in views.items():
+            self.rows[name] = np.empty((self.samples, self.model.nv))
+            self.shown.append((view, self.rows[name]))
+
     def sample_shown(self, k: int) -> None:
         """Keep sensors, accelerations and places of the state that the last step began with."""
+        if self.inverse.size:
+            velocity = self.data.qvel.copy()
+            self.data.qvel[:] = self.rows["qvel"][k]
+            mujoco.mj_rne(self.model, self.data, 1, self.inverse)
+            self.data.qvel[:] = velocity
         for view, rows in self.shown:
             rows[k] = view
 

@@ -1,10 +1,10 @@
-"""Quasi-static sweep in MuJoCo: poses, rates, accelerations and holding moments without time steps.
+"""Quasi-static sweep in MuJoCo: poses, rates, accelerations and forces without time steps.
 
-The holding moment is virtual work: the engine's inverse dynamics at rest, projected on the motion
-that the drive allows.  The engine's own ``qfrc_inverse`` at the drive is not it: on a closed loop
-it leaves out what the loop carries.  Freedoms that the drives leave come to rest between springs,
-weights and stops; see `proofmass.sim.mujoco.equilibrium`, and `proofmass.sim.mujoco.settling` for
-the engine's own way there.
+Moments of drives and forces between bodies are those at rest, or with `Run.inertia` those at the
+drives' rates and accelerations: the engine's inverse dynamics with rigid loops.  Freedoms that the
+drives leave come to rest between springs, weights and stops; see
+`proofmass.sim.mujoco.equilibrium`, and `proofmass.sim.mujoco.settling` for the engine's own way
+there.
 
 A run `equilibrium` finds one pose and the shapes that its rods have in it.  The start shapes may be
 far from rest: Newton's method descends in bounded steps, as many as it needs.
@@ -17,7 +17,12 @@ import numpy as np
 
 from proofmass.sim.mujoco.equilibrium import Resting, linkage_of
 from proofmass.sim.mujoco.model import Recorder
-from proofmass.sim.mujoco.sensors import drive_moments, withhold
+from proofmass.sim.mujoco.sensors import (
+    drive_moments,
+    interactions,
+    withhold,
+    withhold_interactions,
+)
 from proofmass.sim.mujoco.settling import settled
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
@@ -50,15 +55,20 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     state = run.motion(run.x)
     linkage = linkage_of(model, data, run)
     record = Recorder(model, data, run.channels, run.x.size)
-    missing = withhold(record, ACC, NO_ACC) if isinstance(linkage, Resting) else {}
+    missing = withhold_interactions(record)
+    missing |= withhold(record, ACC, NO_ACC) if isinstance(linkage, Resting) else {}
     moments, stopped, done = np.empty((run.x.size, len(run.drives))), "", run.x.size
+    shown = interactions(record)
     began = time.perf_counter()
     tangent = None
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in state), strict=True)):
         try:
             tangent = linkage.move(values, tangent)
             linkage.check_limits()
-            moments[k] = linkage.holding_moments(tangent)
+            if not run.inertia:
+                data.qvel[:] = data.qacc[:] = 0.0
+                moments[k] = linkage.balance_forces(tangent, bool(shown))
+                forces = data.sensordata[shown]
             data.qvel[:] = tangent @ rates
             data.qacc[:] = linkage.acceleration(data.qvel, accelerations)
         except (BadModel, Unsupported) as error:
@@ -69,6 +79,10 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         mujoco.mj_inverse(model, data)
         if data.ncon:
             raise Unsupported(f"{data.ncon} contact(s) in a sweep, at {linkage.spoken(values)}")
+        if run.inertia:
+            moments[k] = linkage.balance_forces(tangent, bool(shown))
+        else:
+            data.sensordata[shown] = forces
         record.sample(k)
     seconds = time.perf_counter() - began
     record.cut(done)
@@ -109,12 +123,12 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage.check_limits()
     sensors = tuple(c for c in run.channels if c not in of_rods(run))
     record = Recorder(model, data, sensors, 1)
-    missing = withhold(record, VELOCITY, NO_ACC)
+    missing = withhold_interactions(record) | withhold(record, VELOCITY, NO_ACC)
     mujoco.mj_forward(model, data)
+    data.qvel[:] = data.qacc[:] = 0.0
+    moments = linkage.balance_forces(tangent, bool(interactions(record)))
     record.sample(0)
-    curves = record.curves() | drive_moments(
-        model, linkage, record, linkage.holding_moments(tangent)[None]
-    )
+    curves = record.curves() | drive_moments(model, linkage, record, moments[None])
     curves = {name: np.repeat(values, run.x.size) for name, values in curves.items()}
     curves |= shapes(run, lambda one: pose(model, data, one))
     return Curves(

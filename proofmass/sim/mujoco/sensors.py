@@ -9,15 +9,20 @@ from proofmass.sim.mujoco.model import Recorder, is_acceleration
 
 S = mujoco.mjtSensor
 MOMENTS = (int(S.mjSENS_ACTUATORFRC), int(S.mjSENS_JOINTACTFRC))
-NO_MOMENT = "the moment that moves a drive in time is not computed: sweeps only, at rest"
+NO_MOMENT = (
+    "dry friction or polynomial damping of a driven joint is not added to its drive's moment"
+)
+LEFT_OUT = "MuJoCo's sensors of forces leave out {}"
 NO_ENERGY = "MuJoCo counts the flywheels of the drives as kinetic energy"
+INTERACTIONS = (int(S.mjSENS_FORCE), int(S.mjSENS_TORQUE))
 LIMITS = (int(S.mjSENS_JOINTLIMITPOS), int(S.mjSENS_JOINTLIMITVEL), int(S.mjSENS_JOINTLIMITFRC))
 
 
 def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
     """Take the channels out of a record that need that stage or a later one; which, and why.
 
-    Moments of actuators belong to the pose; limits are the engine's soft ones.
+    Moments of actuators and forces between bodies are those at rest; limits are the engine's soft
+    ones.
     """
     model = record.model
     missing = {
@@ -25,11 +30,47 @@ def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
         for channel, (index, _) in record.sensors.items()
         if model.sensor_type[index] in LIMITS
         or is_acceleration(model, index)
-        or (model.sensor_needstage[index] >= stage and model.sensor_type[index] not in MOMENTS)
+        or (
+            model.sensor_needstage[index] >= stage
+            and model.sensor_type[index] not in (*MOMENTS, *INTERACTIONS)
+        )
     }
     for channel in missing:
         del record.sensors[channel]
     return missing
+
+
+def withhold_interactions(record: Recorder) -> dict[str, str]:
+    """Take sensors of forces between bodies out of a record if the engine leaves a force out."""
+    model = record.model
+    kinds = [mujoco.mjtTrn(int(kind)) for kind in model.actuator_trntype]
+    on_joints = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    others = [k for k, kind in enumerate(kinds) if kind not in on_joints]
+    what = (
+        f"actuator {model.actuator(others[0]).name!r}, which acts on no joint"
+        if others
+        else f"tendon {model.tendon(0).name!r}"
+        if model.ntendon
+        else ""
+    )
+    missing = {
+        channel: LEFT_OUT.format(what)
+        for channel, (index, _) in record.sensors.items()
+        if what and model.sensor_type[index] in INTERACTIONS
+    }
+    for channel in missing:
+        del record.sensors[channel]
+    return missing
+
+
+def interactions(record: Recorder) -> list[int]:
+    """Where the sensors of forces and moments between bodies stand in ``sensordata``."""
+    model, found = record.model, set[int]()
+    for index, _ in record.sensors.values():
+        if model.sensor_type[index] in INTERACTIONS:
+            first = int(model.sensor_adr[index])
+            found.update(range(first, first + int(model.sensor_dim[index])))
+    return sorted(found)
 
 
 def drive_sensors(
@@ -60,8 +101,13 @@ def drive_moments(
 
 
 def withhold_drives(model: mujoco.MjModel, linkage: Linkage, record: Recorder) -> dict[str, str]:
-    """Take out of a record what flywheels and torques of ideal drives falsify; which, and why."""
-    missing = dict.fromkeys(drive_sensors(model, linkage, record), NO_MOMENT)
+    """Take out of a record what flywheels of ideal drives falsify; which, and why."""
+    missing = {
+        channel: NO_MOMENT
+        for channel, (drive, _) in drive_sensors(model, linkage, record).items()
+        if model.dof_frictionloss[linkage.dofs[drive]]
+        or model.dof_dampingpoly[linkage.dofs[drive]].any()
+    }
     if linkage.joints:
         missing |= {
             channel: NO_ENERGY

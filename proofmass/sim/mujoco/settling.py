@@ -23,7 +23,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.equilibrium import DEPENDENT, Resting
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
-from proofmass.sim.mujoco.sensors import drive_moments, withhold
+from proofmass.sim.mujoco.sensors import drive_moments, withhold, withhold_interactions
 from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.protocol import Curves, Diverged, NotSolved, Run
 
@@ -116,7 +116,7 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
     weigh(linkage)
     record = Recorder(model, data, run.channels, run.x.size)
-    missing = withhold(record, VELOCITY, NO_RATE)
+    missing = withhold_interactions(record) | withhold(record, VELOCITY, NO_RATE)
     value, rate, acceleration = run.motion(run.x)
     moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
     for k, values in enumerate(value.T):

@@ -20,4 +20,7 @@ ACCURACY = {
         3e-5, "second order: mean of the velocities before and after the sample"
     ),
     "acceleration": AccuracyLimit(1e-4, "second order: central difference of those velocities"),
+    "force": AccuracyLimit(
+        3e-4, "second order: what the impulses of a step do to the velocities before and after it"
+    ),
 }

@@ -27,7 +27,8 @@ from proofmass.sim.pymunk.kinematics import (
     values,
 )
 from proofmass.sim.pymunk.links import Links
-from proofmass.sim.pymunk.read import Sensor, kinetic, moving, unwrapped
+from proofmass.sim.pymunk.reactions import SampledMotion
+from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, moving, unwrapped
 from proofmass.sim.pymunk.space import FIELDS, Motor, Settings, add_drives, aim, build, put, taken
 
 CLEAR = 1e-9
@@ -275,7 +276,11 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         states = stepped(links, run, per, used)
     gaps, lost = _lost(links, states[0])
     with np.errstate(all="ignore"):  # beyond the loss of a run, which is cut off
-        found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in channels.items()}
+        shown = {n: c for n, c in channels.items() if c.order > -2}
+        found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in shown.items()}
+        pose, before, after = states
+        motion = SampledMotion(pose, 0.5 * (before + after), (after - before) / dt)
+        found |= force_curves(links, channels, motion)
         drive = _drive_state(links, states, dt)
     steps = (len(run.x) - 1) * per + 1
     curves = Curves(

@@ -83,9 +83,10 @@ class LinkJoint:
 class Pull:
     """A dead load: constant in the world, at a point of a link seen from its centre at the start.
 
-    ``force`` in the plane [N], ``moment`` about its normal [N m].
+    ``body`` is that of the MJCF, ``force`` in the plane [N], ``moment`` about its normal [N m].
     """
 
+    body: int
     link: int
     at: Array
     force: Array

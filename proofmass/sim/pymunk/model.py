@@ -19,7 +19,6 @@ from proofmass.sim.pymunk.space import Settings
 from proofmass.sim.rods import of_rods
 
 MOST = 1e300  # [kg, kg m^2] of a link; what is computed with it stays finite
-NO_EFFORT = "Chipmunk gives the size of a drive's impulse without its sign: sweeps only"
 
 
 def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
@@ -34,9 +33,6 @@ def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, 
     found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
     wanted = {name: c for name, c in found.items() if isinstance(c, Sensor)}
-    if run.kind == "dynamics":
-        missing |= {name: NO_EFFORT for name, c in wanted.items() if c.order == -2}
-        wanted = {name: c for name, c in wanted.items() if c.order != -2}
     return wanted, missing
 
 
@@ -408,6 +404,7 @@ def _pulls(
         if link < len(centre) - 1:
             pulls.append(
                 Pull(
+                    int(model.site_bodyid[site]),
                     link,
                     plane.flat(data.site_xpos[site]) - centre[link],
                     plane.flat(wrench[0]),

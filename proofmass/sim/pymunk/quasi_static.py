@@ -49,7 +49,8 @@ from proofmass.sim.pymunk.kinematics import (
     values,
 )
 from proofmass.sim.pymunk.links import HAIR, LinkJoint, Links
-from proofmass.sim.pymunk.read import Sensor, kinetic, unwrapped
+from proofmass.sim.pymunk.reactions import SampledMotion
+from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, unwrapped
 from proofmass.sim.pymunk.space import (
     FIELDS,
     STOPS,
@@ -452,6 +453,7 @@ def _step(links: Links, pose: Array) -> float:
 
 
 NO_ACC = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
+NO_INERTIA = "Chipmunk has no inverse dynamics: moments and forces of a sweep are those at rest"
 NO_RATE = "Chipmunk gives no quasi-static rates of coordinates that springs or gravity hold"
 
 
@@ -470,13 +472,18 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
     if held.free:
         missing |= {name: NO_RATE for name, c in channels.items() if c.order in (1, -1)}
+    if run.inertia:
+        missing |= {name: NO_INERTIA for name, c in channels.items() if c.order <= -2}
     wanted = {name: c for name, c in channels.items() if name not in missing}
     read, stopped = _follow(held, laws, {c.order for c in wanted.values()})
     pose, velocity, effort = (np.array(part) for part in zip(*read, strict=True))
     curves = {
         name: unwrapped(name, _curve(c, links, pose, velocity, effort))
         for name, c in wanted.items()
+        if c.order != -3
     }
+    between = {name: c for name, c in wanted.items() if c.order == -3}
+    curves |= force_curves(links, between, SampledMotion.at_rest(pose))
     n = len(pose)
     state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
     return Curves(
@@ -549,6 +556,9 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
         if c.order in (0, -2)
     }
     curves = {name: unwrapped(name, curve) for name, curve in curves.items()}
+    between = {name: c for name, c in channels.items() if c.order == -3}
+    at_rest = force_curves(links, between, SampledMotion.at_rest(pose[None]))
+    curves |= {name: np.full(run.x.size, curve[0]) for name, curve in at_rest.items()}
     curves |= shapes(run, lambda one: shape(links, pose, one))
     missing = {name: NO_MOTION for name in channels if name not in curves}
     return Curves(

@@ -1,6 +1,6 @@
 """Sensors of the MJCF as functions of the engine's poses, and their first two time derivatives."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -12,6 +12,7 @@ from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, turned
 from proofmass.sim.pymunk.links import LinkJoint, Links
+from proofmass.sim.pymunk.reactions import Interaction, SampledMotion, solve_forces, transmitted
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 ORDER = {
@@ -23,6 +24,7 @@ ORDER = {
     S.mjSENS_FRAMEANGACC: 2,
 }
 FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
+INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
 PoseFunction = Callable[[Array], Array]
 
 
@@ -30,14 +32,16 @@ PoseFunction = Callable[[Array], Array]
 class Sensor:
     """One channel: a function of the pose and how often to differentiate it by time.
 
-    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy and -2 for the effort of a drive,
-    given by its place among the drives, which `factor` turns into the sensor's.
+    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy, -2 for the effort of a drive, given by
+    its place among the drives, which `factor` turns into the sensor's, and -3 for what is
+    `transmitted` between two bodies.
     """
 
     order: int
     function: PoseFunction
     drive: int = 0
     factor: float = 1.0
+    transmitted: Interaction | None = None
 
 
 @dataclass(frozen=True)
@@ -185,6 +189,8 @@ def channel(links: Links, name: str) -> Sensor | str:
         return "a sensor with a reference frame is not rebuilt for pymunk"
     if kind in ORDER:
         return Sensor(ORDER[kind], _frame(links, s, part))
+    if kind in INTERACTIONS:
+        return _interaction(links, s, "xyz".index(part))
     return _scalar(links, s)
 
 
@@ -217,6 +223,38 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor:
         else float(links.data.actuator_force[model.actuator_outadr[obj]])
     )
     return Sensor(0, Level(force))
+
+
+def _interaction(links: Links, s: int, part: int) -> Sensor:
+    """Component `part` of a sensor of the force or moment between a site's body and its parent."""
+    link, local, _, turn = _frame_at(links, s)
+    plane, axis = links.plane, turn[:, part]
+    sensor = Interaction(
+        int(links.model.site_bodyid[links.model.sensor_objid[s]]),
+        link,
+        local,
+        plane.flat(axis),
+        float(plane.normal @ axis),
+        S(int(links.model.sensor_type[s])) == S.mjSENS_TORQUE,
+    )
+    return Sensor(-3, Level(), transmitted=sensor)
+
+
+def force_curves(
+    links: Links, channels: Mapping[str, Sensor], motion: SampledMotion
+) -> dict[str, Array]:
+    """Curves of the channels that show forces or moments, in some motion of a motion."""
+    wanted = {name: c for name, c in channels.items() if c.order <= -2}
+    if not wanted:
+        return {}
+    forces = solve_forces(links, motion)
+    drives = forces[:, forces.shape[1] - len(links.drives) :]
+    return {
+        name: transmitted(links, c.transmitted, motion, forces)
+        if c.transmitted
+        else drives[:, c.drive] * c.factor
+        for name, c in wanted.items()
+    }
 
 
 def _frame(links: Links, s: int, part: str) -> PoseFunction:

@@ -293,7 +293,9 @@ def reference_seconds(case: Case) -> float:
     began = time.perf_counter()
     with suppress(InputError):  # the runs tell
         cached_reference(
-            case, Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None)
+            case,
+            "dynamics",
+            Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None),
         )
     return time.perf_counter() - began
 

@@ -327,16 +327,16 @@ def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
     if curves.stopped or not all(np.isfinite(part).all() for part in curves.channels.values()):
         return np.nan
     if curves.drive is None and kind == "dynamics" and curves.x[0] > 0.0:
-        curves = from_start(case, curves)
+        curves = from_start(case, kind, curves)
     return relative_errors(case, kind, curves).get(of, np.nan)
 
 
-def from_start(case: Case, curves: Curves) -> Curves:
+def from_start(case: Case, kind: Kind, curves: Curves) -> Curves:
     """Curves of a free motion with the reference's own start before them.
 
     The general planar solver takes the first time for that of the start pose.
     """
-    truth = evaluate(case, np.array([0.0, curves.x[0]]), None).channels
+    truth = evaluate(case, kind, np.array([0.0, curves.x[0]]), None).channels
     return replace(
         curves,
         x=np.append(0.0, curves.x),

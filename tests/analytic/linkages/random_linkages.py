@@ -38,13 +38,13 @@ class Linkage:
 
 
 def bar(name: str, length: float, at: str = "0 0 0", inside: str = "", mass: float = 1.0) -> str:
-    """A uniform bar along x on a hinge, with a site at its end."""
+    """A uniform bar along x on a hinge, with a site at each end."""
     inertia = mass * length**2 / 12
     return (
         f'<body name="{name}" pos="{at}"><joint name="{name}"/>'
         f'<inertial pos="{length / 2!r} 0 0" mass="{mass!r}" '
         f'diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
-        f'<site name="{name}_end" pos="{length!r} 0 0"/>{inside}</body>'
+        f'<site name="{name}_root"/><site name="{name}_end" pos="{length!r} 0 0"/>{inside}</body>'
     )
 
 
@@ -56,8 +56,12 @@ def compiled(
     joints: tuple[str, ...],
     key: list[float],
     ctrl: str = "",
+    forces: tuple[str, ...] = (),
 ) -> mujoco.MjModel:
-    """The model, with sensors of position, rate and acceleration on sites and joints."""
+    """The model, with sensors of position, rate and acceleration on sites and joints.
+
+    And of what bodies get from the ones before them, at their roots.
+    """
     sensors = "".join(
         f'<{kind} name="{name}{suffix}" objtype="site" objname="{site}"/>'
         for name, site in frames.items()
@@ -69,6 +73,7 @@ def compiled(
         for j in joints
     )
     sensors += "".join(f'<actuatorfrc name="{d}_hold" actuator="{d}"/>' for d in drives)
+    sensors += "".join(f'<force name="{one}_force" site="{one}_root"/>' for one in forces)
     motors = "".join(f'<motor name="{d}" joint="{d}"/>' for d in drives)
     connects = "".join(f'<connect name="{a}" site1="{a}" site2="{b}"/>' for a, b in loops)
     qpos = " ".join(f"{q:.7g}" for q in key)
@@ -96,6 +101,11 @@ def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
         f"{joint}_rate": f"{rate}_rate",
         f"{joint}_acceleration": f"{rate}_acceleration",
     }
+
+
+def force(*names: str) -> dict[str, str]:
+    """Parts of the forces of pins and guides."""
+    return {f"{name}_force.{x}": f"{name}_force_{x}" for name in names for x in "xy"}
 
 
 def feasible(solve: Callable, way: np.ndarray, **parameters: float) -> dict[str, np.ndarray]:
@@ -143,16 +153,23 @@ def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linka
     bodies += bar("rocker", p["rocker"], f"{p['ground']!r} 0 0", mass=3.0)
     key = [first, float(start["coupler_angle"]) - first, float(start["rocker_angle"])]
     model = compiled(
-        bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"}, ("rocker",), key
+        bodies,
+        [("coupler_end", "rocker_end")],
+        ("crank",),
+        {"pin": "rocker_end"},
+        ("rocker",),
+        key,
+        forces=("crank", "coupler", "rocker"),
     )
     return Linkage(
         model,
         ("crank",),
         way,
-        lambda *s: fourbar.solve(*s, **p),
+        lambda *s, **more: fourbar.solve(*s, **p, **more),
         {
             **tip("pin", "pin"),
             **turning("rocker", "rocker_angle", "rocker"),
+            **force("crank", "coupler", "rocker"),
             "crank_hold": "holding_moment",
         },
     )
@@ -177,6 +194,7 @@ def slider_cranks(draw: st.DrawFn) -> Linkage:
     assume(np.sin(feasible(slider_crank.solve, way, **p)["transmission_angle"]).min() > CLEAR)
     start = slider_crank.solve(first, **p)
     u = np.exp(1j * p["guide_angle"])
+    ahead, left = (f"{float(z.real)!r} {float(z.imag)!r} 0" for z in (u, 1j * u))
     bodies = bar(
         "crank",
         p["crank"],
@@ -185,8 +203,9 @@ def slider_cranks(draw: st.DrawFn) -> Linkage:
     )
     bodies += (
         f'<body pos="{p["guide_x"]!r} {p["guide_y"]!r} 0"><joint name="slider" type="slide" '
-        f'axis="{float(u.real)!r} {float(u.imag)!r} 0"/><inertial pos="0 0 0" mass="3" '
-        f'diaginertia="1 1 1"/><site name="slider_pin"/></body>'
+        f'axis="{ahead}"/><inertial pos="0 0 0" mass="3" '
+        f'diaginertia="1 1 1"/><site name="slider_pin"/>'
+        f'<site name="guide_root" xyaxes="{ahead} {left}"/></body>'
     )
     key = [first, float(start["coupler_angle"]) - first, float(start["slide"])]
     model = compiled(
@@ -197,15 +216,17 @@ def slider_cranks(draw: st.DrawFn) -> Linkage:
         ("slider",),
         key,
         f'ctrl="0 {p["slider_load"]!r}"',
+        ("crank", "coupler", "guide"),
     )
     return Linkage(
         model,
         ("crank",),
         way,
-        lambda *s: slider_crank.solve(*s, **p),
+        lambda *s, **more: slider_crank.solve(*s, **p, **more),
         {
             **tip("pin", "slider"),
             **turning("slider", "slide", "slide"),
+            **force("crank", "coupler", "guide"),
             "crank_hold": "holding_moment",
         },
     )
@@ -224,6 +245,7 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
         "bar_mass": 2.0,
         "rod_mass": 3.0,
         "slider_mass": 0.5,
+        "slider_inertia": 1.0,
     }
     first, second = draw(angles), draw(angles)
     way = straight((first, first + 1.2), (second, second + draw(st.floats(-1.5, 1.5))))
@@ -249,7 +271,7 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
         model,
         ("crank", "bar"),
         way,
-        lambda *s: inverted_slider_crank.solve(*s, **p),
+        lambda *s, **more: inverted_slider_crank.solve(*s, **p, **more),
         {
             **tip("end", "end"),
             **turning("slide", "slide", "slide"),
@@ -303,7 +325,7 @@ def five_bars(draw: st.DrawFn) -> Linkage:
         model,
         ("left_crank", "right_crank"),
         way,
-        lambda *s: fivebar.solve(*s, **p),
+        lambda *s, **more: fivebar.solve(*s, **p, **more),
         {**tip("tip", "tip"), "left_crank_hold": "left_moment", "right_crank_hold": "right_moment"},
     )
 
@@ -334,7 +356,7 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
     platform = (
         f'<body name="platform" pos="{leg!r} 0 0"><joint name="platform"/>'
         f'<inertial pos="{side / 2!r} {side / 12**0.5!r} 0" mass="2" '
-        f'diaginertia="1 1 1"/><site name="P"/><site name="P2" pos="{side!r} 0 0"/>'
+        f'diaginertia="1 1 {side**2 / 6!r}"/><site name="P"/><site name="P2" pos="{side!r} 0 0"/>'
         f'<site name="P3" pos="{float(third.real)!r} {float(third.imag)!r} 0"/></body>'
     )
     guides = (
@@ -362,7 +384,7 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
         model,
         ("s1", "s2", "s3"),
         way,
-        lambda *s: threeprr.solve(*s, **p),
+        lambda *s, **more: threeprr.solve(*s, **p, **more),
         {
             "P.x": "x",
             "P_v.x": "x_rate",

@@ -24,7 +24,8 @@ def test_two_turns_are_one_smooth_period(link, mode):
 
 def test_butterfly_is_smooth():
     pose = check_laws(BUTTERFLY, -1, TWO_TURNS)
-    assert not np.isnan(list(pose.values())).any()
+    motion = [curve for name, curve in pose.items() if "_force_" not in name]
+    assert not np.isnan(motion).any()
 
 
 @settings(derandomize=True, max_examples=40, deadline=None)

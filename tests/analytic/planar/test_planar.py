@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from proofmass.analytic.planar import solve
 from tests.analytic.linkages.random_linkages import FAMILIES, Linkage
@@ -10,13 +11,20 @@ from tests.analytic.linkages.random_linkages import FAMILIES, Linkage
 RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
-def agrees(linkage: Linkage) -> None:
-    """Hold the general solver to the closed form, at rates and accelerations of their own."""
+def agrees(linkage: Linkage, inertia: bool) -> None:
+    """Hold the general solver to the closed form, at rates and accelerations of their own.
+
+    Moments and forces of closed forms are balances of bodies and virtual work, those here are
+    multipliers of the loops.
+    """
     inputs = linkage.way.T
     rate, acceleration = 1.0 + 0.0 * inputs, np.cos(inputs)
     one = len(inputs) == 1
-    truth = linkage.solve(*(part[0] if one else part for part in (inputs, rate, acceleration)))
-    found = solve(inputs, rate, acceleration, model=linkage.model, joints=linkage.joints)
+    state = (part[0] if one else part for part in (inputs, rate, acceleration))
+    truth = linkage.solve(*state, inertia=inertia)
+    found = solve(
+        inputs, rate, acceleration, model=linkage.model, joints=linkage.joints, inertia=inertia
+    )
     for channel, quantity in linkage.channels.items():
         error = np.abs(found[channel] - truth[quantity])
         if quantity.endswith("angle"):
@@ -29,8 +37,8 @@ def agrees(linkage: Linkage) -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_it_agrees_with_the_closed_form(family, mechanisms):
     @settings(RELAXED, max_examples=mechanisms)
-    @given(FAMILIES[family])
-    def run(linkage):
-        agrees(linkage)
+    @given(FAMILIES[family], st.booleans())
+    def run(linkage, inertia):
+        agrees(linkage, inertia)
 
     run()

@@ -7,7 +7,8 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.linkages import fourbar, pendulum
 from proofmass.analytic.planar import SingularHere, read, solve
-from proofmass.analytic.planar.dynamics import free_motion, kinetic, potential
+from proofmass.analytic.planar.dynamics import free_motion
+from proofmass.analytic.planar.forces import kinetic, potential
 from proofmass.analytic.planar.kinematics import move
 from tests.shipped import shipped
 

@@ -18,7 +18,7 @@ def worst(name: str, kind: str, units: tuple[str, ...], **settings) -> float:
     """Largest error over the range, of the channels in those units."""
     case = load_case(shipped(f"{name}.toml"))
     curves = simulate(case.model_path, replace(plan(case, kind, "mujoco"), settings=settings))
-    truth = evaluate(case, curves.x, curves.drive)
+    truth = evaluate(case, kind, curves.x, curves.drive)
     return max(
         float(np.abs(curves.channels[n] - truth.channels[n]).max() / np.ptp(truth.channels[n]))
         for n in curves.channels
@@ -41,7 +41,7 @@ def test_a_stride_that_ends_on_a_change_point_is_taken_with_the_next(samples):
     case = load_case(shipped("change_point.toml"))
     run = plan(case, "sweep", "mujoco")
     curves = simulate(case.model_path, replace(run, x=np.linspace(0, 4 * np.pi, samples)))
-    truth = evaluate(case, curves.x, curves.drive)
+    truth = evaluate(case, "sweep", curves.x, curves.drive)
     for name in ("rocker", "coupler.angle"):  # rounding over the sine of 0.06
         assert np.abs(curves.channels[name] - truth.channels[name]).max() < 1e-12
 

@@ -57,7 +57,7 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     run = plan(case, "dynamics", "mujoco")
     for c in compare(case, "dynamics", "mujoco", simulate("mujoco", file, run)):
         before = scene.watches[0].before.channels[c.channel]
-        truth = reference_for(case, scene.watches[0].before).channels[c.channel]
+        truth = reference_for(case, "dynamics", scene.watches[0].before).channels[c.channel]
         error = float(np.abs(before - truth).max())
         assert c.outcome == "agrees"
         # by a tenth of what is left of the tolerance, or by rounding of a number where it is 1e-10

@@ -389,7 +389,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     run = replace(
         run_of(case, 101), settings={"timestep": 2e-4, "iterations": 100, "error_bias": 0.0}
     )
-    truth = reference.evaluate(case, run.x, None).channels
+    truth = reference.evaluate(case, "dynamics", run.x, None).channels
     text = write_program(case.model_path, run, "", "")
     place = "for body, ((x, y, angle)"
     plain = "START = [((*body.position, 0.0), (0.0, 0.0, 0.0)) for body in bodies[:-1]]\n"

@@ -1,0 +1,152 @@
+"""Forces in a mechanism: on its joints, of its drives and loops, and between its bodies.
+
+Joint forces and masses are sums over bodies of force times Jacobian.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array, Complex, cross
+from proofmass.analytic.planar.kinematics import BodyMotion, Drives, jacobian, loop_jacobian
+from proofmass.analytic.planar.mechanism import Mechanism
+
+
+def centres(m: Mechanism, motion: BodyMotion) -> Complex:
+    """Derivatives of the centres of the bodies that have inertia by the joints (n, k, joints)."""
+    own = m.inertia
+    return jacobian(m, motion, own.bodies, motion.points(own.bodies, own.centre))
+
+
+def applied(m: Mechanism, centre: Complex, q: Array, v: Array | float = 0.0) -> Array:
+    """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
+    rest, stiffness, damping, _, load = m.springs
+    weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
+    return np.asarray(load - stiffness * (q - rest) - damping * v + weight)
+
+
+def mass(m: Mechanism, centre: Complex) -> Array:
+    """Mass matrix of the joints, loops open (n, joints, joints)."""
+    weighted = np.sqrt(m.inertia.mass)[:, None] * centre
+    x, y = weighted.real, weighted.imag
+    return np.asarray(m.inertia.fixed + x.swapaxes(1, 2) @ x + y.swapaxes(1, 2) @ y)
+
+
+def inertial(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
+    """What turns and guides the bodies of a motion whose joints do not accelerate, as forces on the
+    joints (n, joints)."""
+    own = m.inertia
+    pull = own.mass * motion.points(own.bodies, own.centre, 2).T
+    bent = pull.real[:, None] @ centre.real + pull.imag[:, None] @ centre.imag
+    return np.asarray(bent[:, 0])
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What drives and loops do in n poses of a motion.
+
+    Attributes
+    ----------
+    drives : ndarray (n, drives)
+        Moment of each drive on its joint [N m, or N of a slide].
+    loops : ndarray (n, rows)
+        Lagrange multipliers of the loop equations: x and y of the force of each pin on its first
+        body [N], then the couplings' [N m, or N].
+    """
+
+    drives: Array
+    loops: Array
+
+
+def solve_forces(
+    m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], d: Drives
+) -> Forces:
+    r"""Forces that a motion asks of its drives and loops, by inverse dynamics.
+
+    ::
+
+        M(q) q'' + h(q, q') - Q(q, q') = A^T lambda + S^T tau
+
+    With A the Jacobian of the loops and S the rows of the drives.  The joints that follow give
+    lambda, then the drives' own rows tau.  At rest this is virtual work: tau is what the applied
+    forces do along the motion that the drive allows.
+
+    Parameters
+    ----------
+    m : Mechanism
+    motion : BodyMotion
+        With rates and accelerations.
+    joint : three ndarray (n, joints)
+        Joint values, rates, accelerations [rad or m, per s, per s^2].
+    d : Drives
+        All joints follow in a free motion.
+    """
+    q, v, a = joint
+    centre = centres(m, motion)
+    needed = inertial(m, centre, motion) + a @ m.inertia.fixed - applied(m, centre, q, v)
+    needed[:, d.driven] += [m.joints[j].load for j in d.driven]  # its own motor is the drive
+    matrix = loop_jacobian(m, motion, q)
+    across = matrix[..., d.following].swapaxes(1, 2)
+    right = needed[:, d.following, None]
+    square = across.shape[1] == across.shape[2]  # it is higher than wide in a free motion
+    solved = np.linalg.solve(across, right) if square else np.linalg.pinv(across) @ right
+    loops = np.asarray(solved[..., 0], float)
+    drives = needed[:, d.driven] - (loops[:, None] @ matrix[..., d.driven])[:, 0]
+    return Forces(drives, loops)
+
+
+def transmitted(
+    m: Mechanism, motion: BodyMotion, loops: Array, body: int, at: Complex
+) -> tuple[Complex, Array]:
+    """Force [N] and moment about points `at` (n,) [N m] of a body's parent on it (n,).
+
+    Newton and Euler for the body and all that it carries: its inertia and weight, less what loops
+    do to it.
+
+    Parameters
+    ----------
+    m : Mechanism
+    motion : BodyMotion
+        With rates and accelerations.
+    loops : ndarray (n, rows)
+        See `Forces`.
+    body : int
+    at : ndarray (n,), complex
+        Points in the plane [m].
+    """
+    carried = {body}
+    for b, one in enumerate(m.bodies):
+        if b and one.parent in carried:
+            carried.add(b)
+    force, moment = np.zeros(at.shape, complex), np.zeros(at.shape)
+    for b in carried:
+        one = m.bodies[b]
+        part = one.mass * (motion.point(b, one.centre, 2) - m.gravity)
+        arm = motion.point(b, one.centre) - at
+        force, moment = force + part, moment + one.moment * motion.turn[2][b] + cross(arm, part)
+    for k, pin in enumerate(m.pins):
+        pull = loops[:, 2 * k] + 1j * loops[:, 2 * k + 1]
+        for b, on, sign in ((pin.one, pin.on_one, 1.0), (pin.two, pin.on_two, -1.0)):
+            if b in carried:
+                force = force - sign * pull
+                moment = moment - sign * cross(motion.point(b, on) - at, pull)
+    return force, moment
+
+
+def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
+    """Energy of gravity and joint springs [J] (n,)."""
+    energy = sum(0.5 * j.stiffness * (q[:, k] - j.rest) ** 2 for k, j in enumerate(m.joints))
+    for b, body in enumerate(m.bodies):
+        energy = energy - body.mass * (motion.point(b, body.centre).conj() * m.gravity).real
+    return np.asarray(energy)
+
+
+def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
+    """Energy of motion [J] (n,)."""
+    energy = sum(0.5 * j.armature * v[:, k] ** 2 for k, j in enumerate(m.joints))
+    for b, body in enumerate(m.bodies):
+        energy = energy + 0.5 * (
+            body.mass * np.abs(motion.point(b, body.centre, 1)) ** 2
+            + body.moment * motion.turn[1][b] ** 2
+        )
+    return np.asarray(energy)

@@ -1,0 +1,143 @@
+"""Forces of loops and drives, and between bodies, from what Chipmunk's step does to velocities.
+
+Chipmunk tells the size of an impulse and not its direction.  But impulses are all that changes
+velocities in a step beside the loads, so that they follow from the engine's own accelerations,
+
+    M a = loads(pose, v) + J(pose)^T f,        a = (v_after - v_before) / dt,
+
+with J the Jacobian of holds and drives.  At rest a is zero.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import anchor_bodies
+from proofmass.sim.pymunk.kinematics import along, bound, potential, turned, values
+from proofmass.sim.pymunk.links import Links
+
+BLOCK = 256
+"""Samples whose Jacobians are computed at once."""
+DEPENDENT = 1e-12
+"""Share of the largest singular value below which a hold repeats others."""
+
+
+@dataclass(frozen=True)
+class SampledMotion:
+    """Poses (n, links + 1, 3) [m, m, rad], and their rates and accelerations."""
+
+    pose: Array
+    velocity: Array
+    acceleration: Array
+
+    @classmethod
+    def at_rest(cls, pose: Array) -> "SampledMotion":
+        """Poses in which nothing moves."""
+        return cls(pose, np.zeros_like(pose), np.zeros_like(pose))
+
+
+def solve_forces(links: Links, motion: SampledMotion) -> Array:
+    """Forces in the holds and of the drives, in the order of `bound` (n, rows + drives).
+
+    A hold pushes its second link with its force, and its first link against it.
+    """
+    n = len(motion.pose)
+    blocks = [_forces(links, motion, slice(k, k + BLOCK)) for k in range(0, n, BLOCK)]
+    return np.concatenate(blocks)
+
+
+def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
+    pose, velocity = motion.pose[block, None], motion.velocity[block]
+    size = 3 * len(links.mass)
+    units = np.zeros((size, *pose.shape[2:]))
+    units.reshape(size, -1)[:, :size] = np.eye(size)
+    rows = along(lambda p: bound(links, p), pose, units)
+    damping = np.array([joint.damping for joint in links.joints])
+    joints = along(lambda p: values(links.joints, p), pose, units)
+    rates = along(lambda p: values(links.joints, p), pose[:, 0], velocity)
+    moved = (links.weights * motion.acceleration[block])[:, :-1].reshape(-1, size)
+    load = along(lambda p: potential(links, p), pose, units)
+    needed = moved + load + (joints @ (damping * rates)[..., None])[..., 0]
+    inverse = np.linalg.pinv(rows * links.sizes[:, None] / links.bounds, rcond=DEPENDENT)
+    return np.asarray((inverse @ (needed * links.sizes)[..., None])[..., 0] / links.bounds)
+
+
+@dataclass(frozen=True)
+class Interaction:
+    """A sensor of the force or moment that a body gets from its parent in the MJCF.
+
+    Attributes
+    ----------
+    body : int
+    link : int
+        That it belongs to.
+    at : ndarray (2,)
+        The sensor's place, from the link's centre in the start pose [m].
+    axis : ndarray (2,)
+        In-plane part of the sensor's axis in the start pose [1], for a force.
+    across : float
+        Part of that axis along the plane's normal [1], for a moment.
+    """
+
+    body: int
+    link: int
+    at: Array
+    axis: Array
+    across: float
+    moment: bool
+
+
+def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces: Array) -> Array:
+    """What a sensor of forces between bodies shows (n,) [N or N m].
+
+    Newton and Euler for the body and all that it carries in the MJCF.
+    """
+    model, data, plane = links.model, links.data, links.plane
+    carried = _carried(model, sensor.body)
+    place = motion.pose[:, sensor.link, :2] + turned(motion.pose[:, sensor.link, 2], sensor.at)
+    force, moment = np.zeros_like(place), np.zeros(len(place))
+
+    def add(link: int, at: Array, pull: Array) -> None:
+        nonlocal force, moment
+        body = motion.pose[:, link]
+        arm = body[:, :2] + turned(body[:, 2], at) - place
+        force = force + pull
+        moment = moment + arm[:, 0] * pull[:, 1] - arm[:, 1] * pull[:, 0]
+
+    for b in carried:
+        link = int(links.of_body[b])
+        at = plane.flat(data.xipos[b]) - links.centre[link]
+        spin, bend = motion.velocity[:, link, 2:], motion.acceleration[:, link, 2:]
+        arm = turned(motion.pose[:, link, 2], at)
+        quarter = np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
+        acceleration = motion.acceleration[:, link, :2] + bend * quarter - spin**2 * arm
+        add(link, at, model.body_mass[b] * (acceleration - links.gravity))
+        frame = data.ximat[b].reshape(3, 3)
+        moment = moment + (plane.normal @ frame) ** 2 @ model.body_inertia[b] * bend[:, 0]
+    first = 2 * len(links.joints)
+    for k, (e, loop) in enumerate(zip(np.flatnonzero(model.eq_active0), links.loops, strict=True)):
+        pull = forces[:, first + 2 * k : first + 2 * k + 2]
+        one, two = anchor_bodies(model, int(e))
+        if one in carried:
+            add(loop.a, loop.on_a, pull)
+        if two in carried:
+            add(loop.b, loop.on_b, -pull)
+    for load in links.pulls:
+        if load.body in carried:
+            add(load.link, load.at, np.broadcast_to(-load.force, place.shape))
+            moment = moment - load.moment
+    if sensor.moment:
+        return moment * sensor.across
+    return np.asarray((force * turned(motion.pose[:, sensor.link, 2], sensor.axis)).sum(axis=-1))
+
+
+def _carried(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
+    """A body, and all that hang on it in the tree of the MJCF."""
+    found = np.zeros(model.nbody, bool)
+    found[body] = True
+    for b in range(body + 1, model.nbody):
+        found[b] = found[model.body_parentid[b]]
+    return np.flatnonzero(found)
