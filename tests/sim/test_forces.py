@@ -1,0 +1,246 @@
+"""Moments of drives and forces between bodies in both engines, at rest and in motion."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic.linkages import pendulum
+from proofmass.analytic.planar import solve
+from proofmass.drive import Steady, Swing
+from proofmass.engines import engine_of
+from proofmass.sim.protocol import Curves, Drive, Run
+from proofmass.sim.pymunk import dynamics, model, quasi_static
+from proofmass.sim.pymunk.kinematics import values
+from proofmass.sim.pymunk.reactions import SampledMotion, solve_forces
+from tests.shipped import shipped
+
+BOTH = pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+FORCES = tuple(
+    f"{name}_force.{part}" for name in ("crank", "coupler", "pin", "rocker") for part in "xy"
+)
+CHANNELS = ("holding_moment", *FORCES)
+FILE = shipped("fourbar_forces.xml")
+G = 9.81
+
+
+def simulate(engine: str, file: Path, run: Run) -> Curves:
+    """A run in an engine, in this process."""
+    return engine_of(engine).simulate(file, run)
+
+
+def run_of(kind: str, law, n: int = 61, **settings: object) -> Run:
+    """A run of the four-bar with its drive."""
+    return Run(kind, np.linspace(0.0, 6.0, n), CHANNELS, (Drive("crank", law),), settings=settings)
+
+
+def by_multipliers(curves: Curves, file: Path = FILE, **inertia: bool) -> dict[str, np.ndarray]:
+    """The general solver at the state that the drive really had."""
+    assert curves.drive is not None
+    compiled = mujoco.MjModel.from_xml_path(str(file))
+    return solve(*curves.drive, model=compiled, joints=("crank",), **inertia)
+
+
+def off(curves: Curves, truth: dict[str, np.ndarray]) -> float:
+    """The largest error of all channels, as a share of their ranges."""
+    return max(
+        float(np.abs(y - truth[n]).max() / np.ptp(truth[n])) for n, y in curves.channels.items()
+    )
+
+
+def written(folder: Path, text: str, option: str = "") -> Path:
+    """A model of that text, with gravity along -y."""
+    file = folder / "model.xml"
+    file.write_text(
+        f'<mujoco><compiler angle="radian"/><option gravity="0 -{G} 0" {option}>'
+        f'<flag contact="disable"/></option>{text}</mujoco>'
+    )
+    return file
+
+
+@BOTH
+def test_a_sweep_at_rest_has_the_forces_of_rigid_loops(engine):
+    curves = simulate(engine, FILE, run_of("sweep", Steady(0.0, 6.0, False)))
+    assert not curves.missing
+    assert off(curves, by_multipliers(curves)) < 1e-13  # rounding of the pose
+
+
+@BOTH
+def test_the_ground_carries_all_weight_at_rest(engine):
+    """In the frames of crank and rocker; 5.5 kg hang on A and B, and nothing pushes sidewards."""
+    run = run_of("sweep", Steady(0.0, 6.0, False))
+    run = Run(run.kind, run.x, (*CHANNELS, "rocker"), run.drives)
+    found = simulate(engine, FILE, run).channels
+    crank, rocker = (
+        (found[f"{name}_force.x"] + 1j * found[f"{name}_force.y"]) * np.exp(1j * angle)
+        for name, angle in (("crank", run.x), ("rocker", found["rocker"]))
+    )
+    np.testing.assert_allclose(crank + rocker, 5.5j * G, atol=1e-11)  # rounding of 50 N
+
+
+def test_a_sweep_with_inertia_has_the_forces_of_the_motion():
+    run = run_of("sweep", Swing(0.3, 4.0, 3.0))
+    run = Run(run.kind, run.x, run.channels, run.drives, inertia=True)
+    curves = simulate("mujoco", FILE, run)
+    assert off(curves, by_multipliers(curves, inertia=True)) < 1e-13  # rounding of the pose
+    assert off(curves, by_multipliers(curves)) > 0.1
+
+
+def test_chipmunk_has_no_forces_of_a_motion_in_a_sweep():
+    run = run_of("sweep", Steady(0.0, 6.0, False), 3)
+    run = Run(run.kind, run.x, run.channels, run.drives, inertia=True)
+    curves = simulate("pymunk", FILE, run)
+    assert curves.missing.keys() == set(CHANNELS)
+    assert "those at rest" in curves.missing["pin_force.x"]
+
+
+def test_chipmunk_is_of_second_order_in_the_step():
+    errors = []
+    for step in (4e-3, 2e-3, 1e-3):
+        curves = simulate("pymunk", FILE, run_of("dynamics", Swing(0.3, 4.0, 3.0), timestep=step))
+        errors.append(off(curves, by_multipliers(curves, inertia=True)))
+    ratios = np.array(errors[:-1]) / errors[1:]
+    np.testing.assert_allclose(ratios, 4.0, rtol=0.05)  # the next order, of steps of 2 and 1 ms
+
+
+def test_softness_is_the_floor_of_forces_in_mujoco():
+    """A tenth of the impedance that is left open leaves a tenth of the error."""
+    errors = []
+    for soft in (1e-3, 1e-4):
+        run = run_of("dynamics", Swing(0.3, 4.0, 3.0), solimp=(1 - soft, 1 - soft, 1e-3))
+        curves = simulate("mujoco", FILE, run)
+        errors.append(off(curves, by_multipliers(curves, inertia=True)))
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.02)  # solimp is linear in it
+
+
+def test_forces_of_loops_are_as_large_as_the_impulses_that_chipmunk_tells():
+    """It tells their sizes alone, of pins and of the drive."""
+    run = run_of("sweep", Steady(0.0, 6.0, False), 5)
+    links, settings = model.read_model(FILE, run)
+    held = quasi_static.hold(links, settings)
+    for value in run.x:
+        held.settle(np.array([value]))
+        held.step(values(links.drives, held.pose))
+        told = np.array([each.impulse for each in held.space.constraints]) / held.dt
+        found = solve_forces(links, SampledMotion.at_rest(held.pose[None]))[0]
+        own = [*np.hypot(*found[:-1].reshape(-1, 2).T), abs(found[-1])]
+        np.testing.assert_allclose(sorted(told), sorted(own), rtol=1e-9)  # its iterations
+
+
+@BOTH
+def test_a_pendulum_pulls_as_its_closed_form_says(engine, tmp_path):
+    """Tension along the rod, and nothing across it where all mass is in a point."""
+    file = written(
+        tmp_path,
+        '<worldbody><body name="rod"><joint name="rod"/><inertial pos="1 0 0" mass="2" '
+        'diaginertia="1e-9 1e-9 1e-9"/><site name="pin"/></body></worldbody>'
+        '<sensor><force name="pull" site="pin"/><torque name="twist" site="pin"/></sensor>'
+        '<keyframe><key name="start" qpos="0"/></keyframe>',
+        'integrator="RK4" timestep="2e-4"',
+    )
+    times = np.linspace(0.0, 2.0, 41)
+    found = simulate(engine, file, Run("dynamics", times, ("pull.x", "pull.y", "twist.z"))).channels
+    truth = pendulum.solve(times, length=1.0, mass=2.0, gravity=G, amplitude=np.pi / 2)
+    # Chipmunk's phase lags by (omega dt)^2 / 24 a radian, 4e-7 here; moments of 1e-9 kg m^2
+    np.testing.assert_allclose(-found["pull.x"], truth["tension"], atol=1e-4)
+    np.testing.assert_allclose(found["pull.y"], 0.0, atol=1e-5)
+    np.testing.assert_allclose(found["twist.z"], 0.0, atol=1e-6)
+
+
+SPRUNG = """<worldbody><body name="arm">
+<joint name="arm" damping="{damping}" armature="{armature}"/>
+<inertial pos=".5 0 0" mass="2" diaginertia=".1 .1 .1"/><site name="root"/>
+<body name="end" pos="1 0 0"><joint name="end" stiffness="30"/>
+<inertial pos=".3 0 0" mass="1" diaginertia=".02 .02 .02"/><site name="elbow"/></body></body>
+</worldbody>
+<sensor><jointactuatorfrc name="moment" joint="arm"/><torque name="twist" site="root"/>
+<torque name="bend" site="elbow"/><force name="hang" site="elbow"/>
+<jointpos name="end" joint="end"/></sensor><keyframe><key name="start" qpos="0 0"/></keyframe>"""
+
+
+@BOTH
+def test_a_spring_held_arm_hangs_on_its_elbow_at_rest(engine, tmp_path):
+    """The elbow's moment is the spring's; its force is the weight, seen from the arm's end."""
+    file = written(tmp_path, SPRUNG.format(damping=0, armature=0))
+    channels = ("moment", "twist.z", "bend.z", "hang.x", "hang.y", "end")
+    run = Run("sweep", np.linspace(0.0, 1.0, 5), channels, (Drive("arm", Steady(0, 1, False)),))
+    curves = simulate(engine, file, run)
+    found, angle = curves.channels, run.x + curves.channels["end"]
+    np.testing.assert_allclose(found["bend.z"], -30 * found["end"], atol=1e-9)  # rest to 1e-11 rad
+    hang = (found["hang.x"] + 1j * found["hang.y"]) * np.exp(1j * angle)
+    np.testing.assert_allclose(hang, 1j * G, atol=1e-12)
+    moment = G * (2 * 0.5 * np.cos(run.x) + np.cos(run.x) + 0.3 * np.cos(angle))
+    np.testing.assert_allclose(found["moment"], moment, atol=1e-9)
+    np.testing.assert_allclose(found["twist.z"], moment, atol=1e-9)
+
+
+@BOTH
+def test_a_drive_moves_its_own_armature_and_damper(engine, tmp_path):
+    """Neither reaches the sensor of the moment between arm and ground."""
+    law = Swing(0.0, 1.0, 2.0)
+    times = np.linspace(0.0, 2.0, 41)
+    found = {}
+    for damping, armature in ((0.0, 0.0), (3.0, 0.5)):
+        text = SPRUNG.format(damping=damping, armature=armature).replace("30", "0")
+        for gone in ('<joint name="end" stiffness="0"/>', '<jointpos name="end" joint="end"/>'):
+            text = text.replace(gone, "")
+        file = written(
+            tmp_path, text.replace('qpos="0 0"', 'qpos="0"'), 'integrator="RK4" timestep="5e-4"'
+        )
+        run = Run("dynamics", times, ("moment", "twist.z"), (Drive("arm", law),))
+        found[damping] = simulate(engine, file, run).channels
+    _, rate, acceleration = law(times)
+    own = found[3.0]["moment"] - found[0.0]["moment"]
+    # Chipmunk's damper acts on the velocity of half a step before; a step of 5e-4 s
+    np.testing.assert_allclose(own, 3.0 * rate + 0.5 * acceleration, atol=5e-3)
+    np.testing.assert_allclose(found[3.0]["twist.z"], found[0.0]["twist.z"], atol=1e-3)
+
+
+LOADED = """<worldbody><body name="arm"><joint name="arm"/>
+<inertial pos=".5 0 0" mass="2" diaginertia=".1 .1 .1"/><site name="root"/>
+<site name="end" pos="1 0 0"/></body><site name="world"/></worldbody>
+<actuator><motor name="wind" site="end" refsite="world" gear="3 0 0 0 0 0"/></actuator>
+<sensor><force name="foot" site="root"/></sensor>
+<keyframe><key name="start" qpos="0" ctrl="1"/></keyframe>"""
+
+
+def test_a_load_on_a_site_is_part_of_the_force_in_chipmunk_and_mujoco_says_that_it_is_left_out(
+    tmp_path,
+):
+    file = written(tmp_path, LOADED)
+    drive = (Drive("arm", Steady(0, 1, False)),)
+    run = Run("sweep", np.linspace(0.0, 1.0, 5), ("foot.x", "foot.y"), drive)
+    found = simulate("pymunk", file, run).channels
+    foot = (found["foot.x"] + 1j * found["foot.y"]) * np.exp(1j * run.x)
+    np.testing.assert_allclose(foot, -3.0 + 2j * G, atol=1e-12)
+    assert "'wind'" in simulate("mujoco", file, run).missing["foot.x"]
+
+
+def test_friction_of_a_driven_joint_is_not_part_of_its_moment(tmp_path):
+    text = FILE.read_text().replace(
+        '<joint name="crank"/>', '<joint name="crank" frictionloss="1"/>'
+    )
+    file = tmp_path / "model.xml"
+    file.write_text(text)
+    curves = simulate("mujoco", file, run_of("dynamics", Steady(0.0, 1.0, True), 7))
+    assert "friction" in curves.missing["holding_moment"]
+    assert set(curves.channels) == set(FORCES)
+
+
+def test_a_lost_sample_shifts_forces(monkeypatch):
+    """The accelerations of the step after the sample alone are off by the first order."""
+    step, errors = 1e-3, []
+    for shifted in (False, True):
+        if shifted:
+            central = SampledMotion.__init__
+
+            def late(self, pose, velocity, acceleration, central=central):
+                central(self, pose, velocity, np.roll(acceleration, 1, axis=0))
+
+            monkeypatch.setattr(SampledMotion, "__init__", late)
+        run = run_of("dynamics", Swing(0.3, 4.0, 3.0), timestep=step)
+        curves = simulate("pymunk", FILE, run)
+        errors.append(off(curves, by_multipliers(curves, inertia=True)))
+    assert errors[1] > 100 * errors[0]
+    assert dynamics.SampledMotion is SampledMotion
