@@ -27,7 +27,7 @@ from proofmass.sim.pymunk.engine import PymunkSettings
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-OWN = ("model", "start", "joints")  # what a reference is given of the case itself
+OWN = ("model", "start", "joints", "inertia")  # what a reference is given of the case itself
 
 
 def page(name: str) -> str:

@@ -5,7 +5,8 @@ It shares no code with the product.  It reads the sidecar with `tomllib`, the re
 
 - driven runs by Newton's method on loops and forces at once, ``f + J' s = 0`` and ``c(q) = 0``,
   with the engine's rows and forces and numerical derivatives; rates and accelerations are
-  differences along the drive; the multiplier of the drive is its holding moment;
+  differences along the drive; the multiplier of the drive is its holding moment, to which the
+  motion adds what masses and armatures do along the difference of poses;
 - free motions by `mj_step` with the options of the file.
 
 A verdict is a *false agreement* if a channel agrees although one of these holds:
@@ -307,6 +308,7 @@ class Bare:
         if not frictionless and m.dof_frictionloss.any():
             self.warnings.add("dry friction")
         self.drives = drives
+        self.moves = run == "dynamics" or bool(new["run"][run].get("inertia"))
         self.joints = [model.joint(joint).id for joint, *_ in drives]
         self.dofs = [int(m.jnt_dofadr[j]) for j in self.joints]
         for a in range(m.nu):
@@ -376,7 +378,22 @@ class Bare:
             d.qacc[:] = acc
             self.read(k)
             self.moments[k] = s[-1]
+            if self.moves:
+                self.moments[k] += first @ self.of_motion(q, first * rate[k], acc)
             d.qvel[:] = 0
+
+    def of_motion(self, q: Array, v: Array, a: Array) -> Array:
+        """What a motion asks of the joints beyond what they need at rest."""
+        m, d = self.model, self.data
+        forces = []
+        for rates, accelerations in ((v, a), (0 * v, 0 * a)):
+            d.qpos[:], d.qvel[:], d.qacc[:] = q, rates, accelerations
+            mujoco.mj_fwdPosition(m, d)
+            mujoco.mj_fwdVelocity(m, d)
+            full = np.zeros((m.nv, m.nv))
+            mujoco.mj_fullM(m, d, full)
+            forces.append(full @ accelerations + d.qfrc_bias - d.qfrc_passive)
+        return forces[0] - forces[1]
 
     def constraints(self, q: Array, value: float) -> tuple[Array, Array, Array]:
         """Residual of loops and drive, its Jacobian, and forces on the joints at rest."""

@@ -79,7 +79,7 @@ def test_curves_on_the_page_are_those_of_the_run(page: str, result: Result, four
         for solver in fourbar.run[kind].solvers:
             curves = result.curves[fourbar.name, kind, solver]
             assert np.array_equal(x, curves.x)
-            truth = evaluate(fourbar, "sweep", curves.x, curves.drive).channels
+            truth = evaluate(fourbar, kind, curves.x, curves.drive).channels
             for name in fourbar.channels_of(kind):
                 reference = unpacked(run["channels"][name]["curve"], "<f8")
                 assert np.array_equal(reference, truth[name])

@@ -42,7 +42,7 @@ def reference(
     def curves(x: np.ndarray) -> Curves:
         return Curves(x, {channel: np.asarray(LAWS[law](x * 40.0))})
 
-    monkeypatch.setattr(jumps, "evaluate", lambda case, x, state: curves(x))
+    monkeypatch.setattr(jumps, "evaluate", lambda case, kind, x, state: curves(x))
     return of_reference(case, kind, curves(X), curves(X))  # type: ignore[arg-type]
 
 

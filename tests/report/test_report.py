@@ -40,7 +40,7 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
     """What a solver would find that is off by that share of each curve's range."""
     run = plan(case, kind, "mujoco")
     x, state = run.x, run.motion(run.x) if run.drives else None
-    truth = evaluate(case, "sweep", x, state)
+    truth = evaluate(case, kind, x, state)
     channels = {
         n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x)
         for n, v in truth.channels.items()
@@ -117,7 +117,7 @@ def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
     curves = curves_of(fourbar, "dynamics", 3e-2)
     rows = compare(fourbar, "dynamics", "mujoco:default", curves)
     assert (
-        "shown unchecked: MuJoCo default (off by 3% of the range in position and 3% in velocity)"
+        "shown unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and 3% in force or energy)"
     ) in headline(fourbar, [*result.comparisons, *rows])
 
 
@@ -163,7 +163,7 @@ def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
 def test_duration_differs(fourbar: Case) -> None:
     text = headline(fourbar, result_of(fourbar, sweep=0.0, dynamics=1e-3).comparisons)
     assert text.startswith(f"The model matches the reference: all {len(fourbar.channels)} channels")
-    assert "differs in dynamics on coupler.angle, rocker, pin.x and 2 more" in text
+    assert "differs in dynamics on coupler.angle, rocker, pin.x and 3 more" in text
 
 
 def test_diverged(fourbar: Case) -> None:
@@ -411,7 +411,7 @@ def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> N
         load_case(file),
         dict(
             re.findall(
-                r"(?m)^(\w+) = \S+ +# (m|kg|m/s2|rad|N m2|N m|N)(?=[,: \n])", file.read_text()
+                r"(?m)^(\w+) = \S+ +# (m|kg m2|kg|m/s2|rad|N m2|N m|N)(?=[,: \n])", file.read_text()
             )
         ),
     )

@@ -436,6 +436,7 @@ def solve(
     left_coupler_mass: float = 0.0,
     right_coupler_mass: float = 0.0,
     right_crank_mass: float = 0.0,
+    tip_mass: float = 0.0,
     gravity: float = 9.81,
     force_x: float = 0.0,
     force_y: float = 0.0,
@@ -465,9 +466,9 @@ def solve(
 
     The tip moves by t = -(p x a) J b/C for a unit rate of the left crank, by (q x b) J a/C for
     one of the right. Half a uniform bar's weight hangs at each of its ends, so with the load F at
-    the tip, the force less half of both couplers' weight, virtual work gives the moment that holds
-    a crank: gravity/2 (crank_mass + coupler_mass) p_x - F . t; with inertia, plus what the bars'
-    accelerations do along the motion of a unit rate of that crank alone.
+    the tip, the force less the weight of the tip and half of both couplers', virtual work gives the
+    moment that holds a crank: gravity/2 (crank_mass + coupler_mass) p_x - F . t; with inertia, plus
+    what the bars' accelerations do along the motion of a unit rate of that crank alone.
 
     Parameters
     ----------
@@ -478,6 +479,7 @@ def solve(
     mode : +1 T left of the directed line L -> R (C > 0), -1 right of it. C is zero only where the
         couplers are in line (type 2 singularity), so a mode is one continuous branch.
     left_crank_mass, left_coupler_mass, right_coupler_mass, right_crank_mass : of the bars [kg]
+    tip_mass : of a point at the tip [kg]
     gravity : along -y [m/s^2]
     force_x, force_y : constant force on the tip [N]
     inertia : whether moments are those of the motion, and not those at rest
@@ -525,6 +527,7 @@ def solve(
         left_x=left_x,
         right_x=right_x,
         mode=mode,
+        tip_mass=tip_mass,
     )
     theta, w, dw = inputs(angle, rate, acceleration)
     turned = np.exp(1j * theta)  # vectors are complex numbers, J is 1j
@@ -556,7 +559,7 @@ def solve(
             q,
             by_left,
             by_right,
-            force_x + 1j * force_y,
+            force_x + 1j * (force_y - gravity * tip_mass),
             gravity,
             left_crank_mass=left_crank_mass,
             left_coupler_mass=left_coupler_mass,
@@ -572,12 +575,14 @@ def solve(
                 + asked_of_drive(left_crank_mass, (rest, dvp), (rest, 1j * p))
                 + asked_of_drive(left_coupler_mass, left, (1j * p, by_left))
                 + asked_of_drive(right_coupler_mass, right, (rest, by_left))
+                + tip_mass * dot(dv, by_left)
             )
             right_moment = (
                 right_moment
                 + asked_of_drive(right_crank_mass, (rest, dvq), (rest, 1j * q))
                 + asked_of_drive(right_coupler_mass, right, (1j * q, by_right))
                 + asked_of_drive(left_coupler_mass, left, (rest, by_right))
+                + tip_mass * dot(dv, by_right)
             )
     curves = {
         "tip_x": tip.real,

@@ -48,10 +48,10 @@ class Forces:
     Attributes
     ----------
     drives : ndarray (n, drives)
-        Moment of each drive on its joint [N m, or N of a slide].
+        Moment [N m] of each drive on its joint, or force [N] on a slide.
     loops : ndarray (n, rows)
         Lagrange multipliers of the loop equations: x and y of the force of each pin on its first
-        body [N], then the couplings' [N m, or N].
+        body [N], then those of the couplings [N m].
     """
 
     drives: Array
@@ -109,7 +109,7 @@ def transmitted(
     motion : BodyMotion
         With rates and accelerations.
     loops : ndarray (n, rows)
-        See `Forces`.
+        See `Forces` [N, N m].
     body : int
     at : ndarray (n,), complex
         Points in the plane [m].

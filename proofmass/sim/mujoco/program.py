@@ -19,7 +19,7 @@ from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL, start
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
-from proofmass.sim.mujoco.sensors import withhold_drives
+from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
 from proofmass.sim.program_text import TEMPLATES, escaped
 from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported
@@ -107,6 +107,8 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
         values = impose(root, linkage, wheels, step, drive)
     recorder = Recorder(model, data, run.channels, 1)
     withhold_drives(model, linkage, recorder)
+    for channel in drive_sensors(model, linkage, recorder):  # not what moves the flywheels
+        del recorder.sensors[channel]
     rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4

@@ -250,6 +250,7 @@ def _rendered(
     channels = {
         repr(name): writer.channel(name, channel)
         for name, channel in find_channels(links, run)[0].items()
+        if channel.order > -2
     }
     asks_energy = any("value(potential)" in text for text in channels.values())
     potential = writer.potential() if asks_energy else None

@@ -80,6 +80,8 @@ class Interaction:
         In-plane part of the sensor's axis in the start pose [1], for a force.
     across : float
         Part of that axis along the plane's normal [1], for a moment.
+    moment : bool
+        Whether it shows a moment and no force.
     """
 
     body: int
