@@ -28,6 +28,9 @@ class ChartLine:
         Drawn bold; what is unstable thin and dashed.
     points : bool
         Markers instead of a line: filled, or hollow if unstable.
+    bars : bool
+        Links of a mechanism: thick, with a pin at every point; thin and dashed if unstable, as
+        for another pose of the same links.
     """
 
     x: Array
@@ -35,6 +38,7 @@ class ChartLine:
     label: str = ""
     stable: bool = True
     points: bool = False
+    bars: bool = False
 
     def __post_init__(self) -> None:
         if np.ndim(self.x) != 1 or np.shape(self.x) != np.shape(self.y):
@@ -76,12 +80,37 @@ class Field:
 
 
 @dataclass(frozen=True)
+class ChartRegion:
+    """An area that closed outlines bound; those within others are its holes.
+
+    Attributes
+    ----------
+    outlines : tuple of ndarray (n, 2)
+        Points on each of them [SI].
+    label : str
+        What it is, for the legend; regions of one label are filled alike.
+    area : float
+        Its size [its unit], written into it where there is room; NaN is not.
+    """
+
+    outlines: tuple[Array, ...]
+    label: str
+    area: float = float("nan")
+
+    def __post_init__(self) -> None:
+        for outline in self.outlines:
+            if np.ndim(outline) != 2 or np.shape(outline)[1] != 2:
+                raise ValueError(f"an outline needs points (n, 2), got {np.shape(outline)}")
+
+
+@dataclass(frozen=True)
 class Panel:
-    """One pair of axes: lines on a field, under a title of a few words."""
+    """One pair of axes: lines on regions or on a field, under a title of a few words."""
 
     lines: tuple[ChartLine, ...] = ()
     field: Field | None = None
     title: str = ""
+    regions: tuple[ChartRegion, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,3 +153,8 @@ class Chart:
     def lines(self) -> tuple[ChartLine, ...]:
         """Those of all panels."""
         return tuple(line for panel in self.panels for line in panel.lines)
+
+    @property
+    def regions(self) -> tuple[ChartRegion, ...]:
+        """Those of all panels."""
+        return tuple(region for panel in self.panels for region in panel.regions)

@@ -1,24 +1,27 @@
-"""The figure of a chart: panels of one scale with lines, points and fields, and their legend."""
+"""The figure of a chart: panels of one scale with lines, regions and fields, and their legend."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from proofmass.analytic.chart import Chart, ChartLine, Field
+from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field
 from proofmass.analytic.numerics import Array
 from proofmass.report.data import readable
-from proofmass.report.figures import every
+from proofmass.report.figures import PAPER, every
 from proofmass.report.style import MUTED, SOLID, Dash, Look
 from proofmass.report.views import CASING, INK
-from proofmass.wording import pretty
+from proofmass.wording import number, pretty
 
 DASHES: list[Dash] = [
     (0, (4, 2)),
@@ -51,6 +54,9 @@ def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = 
     if line.points:
         ax.plot(x, y, **dressed(line, look))
         return
+    if line.bars:
+        ax.plot(x, y, **dressed(line, look))
+        return
     step = max(len(x) // 5, 1)  # markers, apart from those of other labels
     ax.plot(
         x,
@@ -73,6 +79,18 @@ def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
             "marker": look.marker,
             "markersize": 4.6,
             "markerfacecolor": look.colour if line.stable else "white",
+        }
+    if line.bars:
+        thick = 4.4 if look.number % 2 == 0 else 2.4  # bars upon each other both show
+        width, dash = (thick, SOLID) if line.stable else (1.0, DASHES[0])
+        return shared | {
+            "linewidth": width,
+            "linestyle": dash,
+            "solid_capstyle": "round",
+            "marker": "o",
+            "markersize": 4.6 if line.stable else 3.0,
+            "markerfacecolor": "white",
+            "markeredgewidth": 0.9,
         }
     if not line.stable:
         return shared | {"linewidth": 0.9, "linestyle": look.dash}
@@ -144,6 +162,82 @@ def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
     bar.set_label(f"{field.label} [{pretty(unit)}]" if unit else field.label)
 
 
+FILLS = ("#cfe0f0", "#f4d9b0", "#d9d2e9", "#d5e8d4", "#f3d0d6", "#e6e6e6")
+"""Of regions, pale enough for lines on them, each darker or lighter than its neighbours."""
+STROKES = ("", "////", "....", "xxxx", "----", "++++")
+"""Hatches of regions, which tell them apart on a black-and-white print."""
+ROOM = 0.11  # [inch] about the middle of a number that is written into a region
+FINE = 28  # points across the box of a region where its number is tried
+
+
+def fills(chart: Chart) -> dict[str, dict[str, Any]]:
+    """How the regions of each label are filled."""
+    labels = dict.fromkeys(region.label for region in chart.regions)
+    return {
+        label: {
+            "facecolor": FILLS[k % len(FILLS)],
+            "hatch": STROKES[k % len(STROKES)],
+            "edgecolor": "#8a8f96",
+            "linewidth": 0.0,
+        }
+        for k, label in enumerate(labels)
+    }
+
+
+def spread_out(
+    ax: Axes, region: ChartRegion, fill_of: Mapping[str, Any], box: "PanelFrame", wide: float
+) -> None:
+    """A region in its colour and hatch, with its area where a panel so wide [inch] has room."""
+    rings = [np.asarray(outline) * box.scale for outline in region.outlines if len(outline) > 2]
+    if not rings:
+        return
+    paths = [Path(np.append(ring, ring[:1], axis=0)) for ring in rings]
+    path = Path.make_compound_path(*paths)
+    ax.add_patch(PathPatch(path, zorder=0.5, **fill_of))
+    if not np.isfinite(region.area):
+        return
+    inch = wide / (box.high - box.low)[0]
+    place, room = widest_place(rings)
+    if room * inch > ROOM:
+        unit = f"{pretty(box.units[0])}²" if box.units[0] == box.units[1] else ""
+        ax.text(
+            place[0],
+            place[1],
+            f"{number(region.area, 4)} {unit}".rstrip(),
+            fontsize=7,
+            ha="center",
+            va="center",
+            zorder=7,
+            bbox=PAPER,
+        )
+
+
+def widest_place(rings: list[Array]) -> tuple[Array, float]:
+    """The place in a region that is farthest from its outlines, of a grid, and how far that is.
+
+    >>> square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    >>> place, room = widest_place([square])
+    >>> bool(np.abs(place - 2.0).max() < 0.1), round(room, 1)
+    (True, 1.9)
+    """
+    low, high = rings[0].min(axis=0), rings[0].max(axis=0)
+    share = (np.arange(FINE) + 0.5) / FINE
+    grid = low + np.stack(np.meshgrid(share, share), axis=-1).reshape(-1, 2) * (high - low)
+    inside = [Path(np.append(ring, ring[:1], axis=0)).contains_points(grid) for ring in rings]
+    grid = grid[np.sum(inside, axis=0) % 2 == 1]
+    if not len(grid):
+        return 0.5 * (low + high), 0.0
+    far = np.full(len(grid), np.inf)
+    for ring in rings:
+        start, way = ring, np.roll(ring, -1, axis=0) - ring
+        long = np.maximum(np.sum(way**2, axis=1), 1e-300)
+        apart = grid[:, None] - start
+        along = np.clip(np.sum(apart * way, axis=2) / long, 0.0, 1.0)
+        far = np.minimum(far, np.linalg.norm(apart - along[..., None] * way, axis=2).min(axis=1))
+    best = int(np.argmax(far))
+    return grid[best], float(far[best])
+
+
 WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side
 SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: at most, at least, else
 LEFT, BELOW, ABOVE, BAR = 0.72, 0.45, 0.3, 0.95  # [inch] margins; room for a colour bar
@@ -193,7 +287,11 @@ class Layout:
 def chart_sheet(title: str, chart: Chart) -> Figure:
     """Panels on the same axes, the legend at their right."""
     box, looks = frame(chart), tones(chart)
-    handles = legend(chart, looks)
+    filling = fills(chart)
+    handles = [
+        *(Patch(label=fill(name, 36), **of) for name, of in filling.items()),
+        *legend(chart, looks),
+    ]
     plan, titles = layout(chart, box, handles)
     wide, high = np.maximum(plan.size, [0.2 + 1.4 * LETTER * len(title), 0.0])
     figure = Figure(figsize=(wide, high))
@@ -210,6 +308,8 @@ def chart_sheet(title: str, chart: Chart) -> Figure:
     for k, panel in enumerate(chart.panels):
         ax = figure.add_subplot(grid[divmod(k, plan.across)])
         ax.set_title(titles[k])
+        for region in panel.regions:
+            spread_out(ax, region, filling[region.label], box, plan.cell[0])
         if panel.field:
             filled(ax, panel.field, contours(chart, panel.field), box.scale)
         for line in panel.lines:
@@ -231,7 +331,7 @@ def chart_sheet(title: str, chart: Chart) -> Figure:
     return figure
 
 
-def layout(chart: Chart, box: PanelFrame, handles: list[Line2D]) -> tuple[Layout, list[str]]:
+def layout(chart: Chart, box: PanelFrame, handles: Sequence[Artist]) -> tuple[Layout, list[str]]:
     """A grid that is about as wide as it is high, and the panels' titles broken to fit."""
     count = len(chart.panels)
     across = count if count <= 3 else math.isqrt(count - 1) + 1
@@ -252,6 +352,7 @@ def frame(chart: Chart) -> PanelFrame:
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])
     parts = [np.stack([line.x, line.y]) for line in chart.lines]
+    parts += [outline.T for region in chart.regions for outline in region.outlines]
     for field in (panel.field for panel in chart.panels if panel.field):
         i, j = np.nonzero(np.isfinite(field.values))
         parts.append(np.stack([field.x[i], field.y[j]]))
@@ -280,7 +381,7 @@ def axes(ax: Axes, chart: Chart, box: PanelFrame, *, first: bool, lowest: bool) 
     ax.tick_params(labelbottom=lowest, labelleft=first)
     ax.set_xlabel(named(chart.x[0], box.units[0]) * lowest)
     ax.set_ylabel(named(chart.y[0], box.units[1]) * first)
-    ax.grid(not ax.collections)
+    ax.grid(not (ax.collections or ax.patches))
 
 
 def named(name: str, unit: str) -> str:

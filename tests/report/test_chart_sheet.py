@@ -9,7 +9,7 @@ import pytest
 from matplotlib import rc_context
 from matplotlib.colors import to_hex
 
-from proofmass.analytic.chart import Chart, ChartLine, Field, Panel
+from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
 from proofmass.report.charts import MOST, SLIM, SQUAT, chart_sheet, dressed, thinned, tones
 from proofmass.report.figures import save
 from proofmass.report.style import KNOWN, RC
@@ -240,6 +240,56 @@ def test_a_bar_has_name_and_unit_and_angles_are_in_degrees() -> None:
     assert bar.get_ylim()[1] > 50.0  # 1.6 rad/m
 
 
+def square(label: str, x0: float, half: float = 1.0, area: float = 4.0) -> ChartRegion:
+    corners = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return ChartRegion((corners + np.array([x0, 0.0]),), label, area)
+
+
+def test_regions_of_one_label_are_alike_and_others_differ_in_colour_and_hatch() -> None:
+    one, other = drawn(
+        Panel(regions=(square("a", 0.0), square("b", 2.0))), Panel(regions=(square("a", 0.0),))
+    )
+    first, second = one.patches
+    assert first.get_facecolor() == other.patches[0].get_facecolor()
+    assert first.get_facecolor() != second.get_facecolor()
+    assert first.get_hatch() != second.get_hatch()
+    assert words(one) == ["a", "b"]
+    low, high = one.get_xlim()
+    assert low < -1.0
+    assert high > 3.0  # regions take room
+
+
+def test_the_area_is_written_into_a_region_that_has_room() -> None:
+    large, small, hollow = square("a", 0.0), square("a", 1.1, 0.05, 0.01), square("a", 3.0)
+    (ax,) = drawn(Panel(regions=(large, small, replace(hollow, area=float("nan")))), alike=True)
+    (text,) = ax.texts
+    assert text.get_text() == "4 m²"
+    assert np.abs(np.array(text.get_position())).max() < 0.1  # in its middle
+
+
+def test_the_area_of_a_ring_is_not_written_into_its_hole() -> None:
+    ring = square("a", 0.0)
+    inner = ring.outlines[0][::-1] * 0.5
+    (ax,) = drawn(Panel(regions=(replace(ring, outlines=(*ring.outlines, inner)),)), alike=True)
+    (text,) = ax.texts
+    assert np.abs(np.array(text.get_position())).max() > 0.5
+
+
+def test_bars_have_a_pin_at_each_point_and_overlapping_ones_both_show() -> None:
+    x = np.array([0.0, 1.0, np.nan, 2.0, 3.0])
+    cranks, couplers = (ChartLine(x, x, label, bars=True) for label in ("cranks", "couplers"))
+    ghost = ChartLine(x, x, "other", stable=False, bars=True)
+    (ax,) = drawn(Panel((cranks, couplers, ghost)))
+    thick, thin, pale = ax.lines
+    assert thick.get_linewidth() > thin.get_linewidth() > 1.5 > pale.get_linewidth()
+    assert thick.get_zorder() == thin.get_zorder() > pale.get_zorder()
+    assert pale.is_dashed()
+    assert {line.get_marker() for line in ax.lines} == {"o"}
+    assert {line.get_markevery() for line in ax.lines} == {None}
+    assert len(thick.get_xdata()) == 5
+    assert words(ax) == ["cranks", "couplers", "other"]
+
+
 def test_lines_stand_out_from_a_field() -> None:
     (ax,) = drawn(Panel((bump(),), saddle()))
     assert ax.lines[0].get_path_effects()
@@ -255,6 +305,7 @@ def test_lines_stand_out_from_a_field() -> None:
             lambda: Field(np.zeros(3), np.zeros(4), np.zeros((4, 3)), "a", "m"),
             r"\(4, 3\) at \(3,\)",
         ),
+        (lambda: ChartRegion((np.zeros((2, 5)),), "a"), r"points \(n, 2\), got \(2, 5\)"),
         (lambda: Chart(("x", "m"), ("y", "m"), (), ""), "1 to 12 panels, got 0"),
         (lambda: Chart(("x", "m"), ("y", "m"), (Panel(),) * 13, ""), "got 13"),
     ],

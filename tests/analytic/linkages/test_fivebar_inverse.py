@@ -74,9 +74,12 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
             continue
         cranks = cranks_of(found)
         back = fivebar.solve(*cranks, **link, mode=int(np.sign(found["assembly"])))
-        # rounding, divided by the sines, by their cubes in the accelerations
+        # rounding of the longest bar over the shortest, divided by the sines, by their cubes in
+        # the accelerations
+        bars = [length for name, length in link.items() if not name.endswith("_x")]
         loss = (
             1e-13
+            * (max(bars) / min(bars))
             / np.abs(sines).min() ** 3
             * max(1.0, *np.abs(cranks[2]), pose["tip_vx"] ** 2, pose["tip_vy"] ** 2)
         )

@@ -1,0 +1,53 @@
+"""Planar five-bar linkage with both cranks driven: motion, inverse, workspace, and their charts."""
+
+from proofmass.analytic.linkages.fivebar.charts import (
+    crank_angles,
+    singular_poses,
+    working_modes,
+    workspace,
+)
+from proofmass.analytic.linkages.fivebar.kinematics import (
+    MODES,
+    WORKING_MODES,
+    boundary,
+    circle,
+    facts,
+    in_line,
+    jacobians,
+    margin,
+    pin_distances,
+    solve,
+    solve_inverse,
+    unassembled_share,
+)
+from proofmass.analytic.linkages.fivebar.maps import (
+    FivebarLengths,
+    aspects,
+    reach,
+    reach_area,
+    type_2,
+)
+
+__all__ = [
+    "MODES",
+    "WORKING_MODES",
+    "FivebarLengths",
+    "aspects",
+    "boundary",
+    "circle",
+    "crank_angles",
+    "facts",
+    "in_line",
+    "jacobians",
+    "margin",
+    "pin_distances",
+    "reach",
+    "reach_area",
+    "singular_poses",
+    "solve",
+    "solve_inverse",
+    "type_2",
+    "unassembled_share",
+    "working_modes",
+    "workspace",
+]

@@ -1,0 +1,430 @@
+"""Charts of a five-bar linkage: its workspace by working mode, its poses, singular ones among them.
+
+All take the lengths of `solve`.
+"""
+
+from collections.abc import Iterable
+from dataclasses import asdict
+
+import numpy as np
+
+from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Panel
+from proofmass.analytic.linkages.fivebar.kinematics import (
+    solve,
+    solve_inverse,
+    unassembled_share,
+)
+from proofmass.analytic.linkages.fivebar.maps import (
+    WORKING,
+    FivebarLengths,
+    SingularPiece,
+    aspects,
+    reach_area,
+    reach_border,
+    type_2,
+)
+from proofmass.analytic.numerics import Array, Complex
+
+TYPE_1 = {side: f"type 1: {side} crank and coupler in line" for side in ("left", "right")}
+TYPE_2 = {
+    True: "type 2: couplers in line, stretched",
+    False: "type 2: couplers in line, folded",
+}
+ASSEMBLIES = {1: "assembly +1: tip left of L to R", -1: "assembly -1: tip right of L to R"}
+XY = (("x", "m"), ("y", "m"))
+GAP = complex(np.nan, np.nan)
+Traced = tuple[Complex, str]
+"""Places x + iy of a curve, and its label."""
+
+
+def workspace(
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+    path: tuple[float, ...] = (),
+) -> Chart:
+    r"""Where the tip gets in each working mode, and what parts it there.
+
+    ::
+
+        reach: two rings about the fixed pins; its border is type 1, a crank and its coupler in line
+        in it, by working mode: curves of type 2, the couplers in line, which part the aspects
+
+    Parameters
+    ----------
+    left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
+    left_x, right_x : places of the fixed pins on the x axis [m]
+    path : corners x, y, x, y .. [m] of a closed path of the tip that is drawn as well
+
+    Returns
+    -------
+    Chart
+        A panel for each of the four working modes, its regions the aspects with their areas.
+
+    Raises
+    ------
+    ValueError
+        As in `aspects`; a path of an odd number of coordinates.
+
+    Notes
+    -----
+    The border is arcs of circles, and their area is exact; curves of type 2 are coupler curves of a
+    four-bar whose area is integrated with an error below 1e-10 of the whole.
+
+    Examples
+    --------
+    >>> chart = workspace(left_crank=2.0, left_coupler=3.5, right_coupler=4.0, right_crank=1.0,
+    ...                   left_x=0.0, right_x=2.0)
+    >>> [panel.title for panel in chart.panels][:2]
+    ['left +1, right +1: 21.61 + 14.37 m²', 'left +1, right -1: 35.1 + 0.5173 + 0.3621 m²']
+    """
+    link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
+    if len(path) % 2:
+        raise ValueError(f"path must be pairs x, y, got {len(path)} numbers")
+    corners = np.reshape(path, (-1, 2))
+    way = drawn_line(np.append(corners, corners[:1], axis=0) @ [1.0, 1.0j], "path of the tip")
+    singular, pins = type_2(link), fixed(link)
+    border = [(piece.points, TYPE_1[side]) for piece, side in reach_border(link)]
+    panels = []
+    for mode in WORKING:
+        found = aspects(link, mode, singular)
+        inner = [(s.curve.points, TYPE_2[s.stretched]) for s in singular if s.mode == mode]
+        lines = by_label([*border, *inner])
+        areas = sorted((one.area for some in found.values() for one in some), reverse=True)
+        panels.append(
+            Panel(
+                (*lines, *([way] if len(corners) else []), pins),
+                title=f"{named(mode)}: {' + '.join(f'{area:.4g}' for area in areas)} m²",
+                regions=tuple(
+                    ChartRegion(
+                        tuple(np.stack([z.real, z.imag], axis=1) for z in one.outlines),
+                        ASSEMBLIES[assembly],
+                        one.area,
+                    )
+                    for assembly, some in found.items()
+                    for one in some
+                ),
+            )
+        )
+    return Chart(
+        *XY,
+        tuple(panels),
+        f"The tip reaches {reach_area(link):.6g} m² in each of the four working modes. Type 1 "
+        "singularities bound the reach; type 2 singularities part it into aspects, in each of "
+        "which the tip goes everywhere without a singular pose. L and R are the crank pins. "
+        "Numbers are areas of aspects, integrated along their borders with an error below 1e-9 m².",
+        alike=True,
+    )
+
+
+def named(mode: tuple[int, int]) -> str:
+    """A working mode in words.
+
+    >>> named((1, -1))
+    'left +1, right -1'
+    """
+    return f"left {mode[0]:+d}, right {mode[1]:+d}"
+
+
+def by_label(curves: Iterable[Traced]) -> tuple[ChartLine, ...]:
+    """A line for each label, broken between its curves; points for a curve of one place."""
+    found: dict[tuple[str, bool], list[Complex]] = {}
+    for points, label in curves:
+        point = bool(np.ptp(points.real) == np.ptp(points.imag) == 0.0)
+        found.setdefault((label, point), []).append(np.append(points[:1] if point else points, GAP))
+    return tuple(
+        ChartLine(z.real, z.imag, label, points=point)
+        for (label, point), parts in found.items()
+        for z in [np.concatenate(parts)[:-1]]
+    )
+
+
+def drawn_line(
+    points: Complex, label: str, *, stable: bool = True, bars: bool = False
+) -> ChartLine:
+    """A line through places x + iy."""
+    return ChartLine(points.real, points.imag, label, stable, bars=bars)
+
+
+def fixed(link: FivebarLengths) -> ChartLine:
+    """Both fixed pins."""
+    return ChartLine(np.array([link.left_x, link.right_x]), np.zeros(2), "fixed pins", points=True)
+
+
+def links(
+    link: FivebarLengths, left: complex, right: complex, tip: complex, other: complex | None = None
+) -> tuple[ChartLine, ...]:
+    """Cranks and couplers of one pose by its pins, and those of another tip on the same pins."""
+    ghost = (
+        [drawn_line(np.array([left, other, right]), "other assembly", stable=False, bars=True)]
+        if other is not None
+        else []
+    )
+    return (
+        drawn_line(np.array([link.left_x, left, GAP, right, link.right_x]), "cranks", bars=True),
+        drawn_line(np.array([left, tip, right]), "couplers", bars=True),
+        *ghost,
+        fixed(link),
+        ChartLine(np.array([tip.real]), np.array([tip.imag]), "tip", points=True),
+    )
+
+
+def poses_of_tip(
+    link: FivebarLengths, tip: complex
+) -> Iterable[tuple[tuple[int, int], int, Array, Complex]]:
+    """Working mode, assembly mode, crank angles (2,) and left pin, right pin, tip, other tip."""
+    lengths = asdict(link)
+    for mode in WORKING:
+        found = solve_inverse(
+            [tip.real, tip.imag], **lengths, left_mode=mode[0], right_mode=mode[1]
+        )
+        angle = np.array([found["left"], found["right"]])
+        assembly = 1 if found["assembly"] > 0.0 else -1
+        tips = [solve(angle, **lengths, mode=m) for m in (assembly, -assembly)]
+        pins = np.array([link.left_x, link.right_x]) + np.array(
+            [link.left_crank, link.right_crank]
+        ) * np.exp(1j * angle)
+        yield (
+            mode,
+            assembly,
+            angle,
+            np.array([*pins, *(complex(t["tip_x"], t["tip_y"]) for t in tips)]),
+        )
+
+
+def working_modes(
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+    tip_x: float,
+    tip_y: float,
+) -> Chart:
+    """Four working modes that hold the tip in one place, each with its other assembly mode.
+
+    Parameters
+    ----------
+    left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
+    left_x, right_x : places of the fixed pins on the x axis [m]
+    tip_x, tip_y : place of the tip [m]
+
+    Returns
+    -------
+    Chart
+        A panel for each working mode; dashed the couplers on the same cranks in the other assembly
+        mode.
+
+    Raises
+    ------
+    ValueError
+        The tip is out of reach.
+
+    Examples
+    --------
+    >>> chart = working_modes(left_crank=4.0, left_coupler=5.0, right_coupler=5.0, right_crank=4.0,
+    ...                       left_x=-3.0, right_x=3.0, tip_x=0.0, tip_y=8.0)
+    >>> chart.panels[1].title
+    'left +1, right -1, assembly +1: cranks at 90.00° and 90.00°'
+    """
+    link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
+    panels = tuple(
+        Panel(
+            links(link, *places),
+            title=f"{named(mode)}, assembly {assembly:+d}: cranks at "
+            + " and ".join(f"{one:.2f}°" for one in (np.degrees(angle) + 180.0) % 360.0 - 180.0),
+        )
+        for mode, assembly, angle, places in poses_of_tip(link, complex(tip_x, tip_y))
+    )
+    return Chart(
+        *XY,
+        panels,
+        f"Four pairs of crank angles hold the tip at ({tip_x:g}, {tip_y:g}) m. A mode of a side is "
+        "+1 where its crank pin lies to the left of the way from the fixed pin to the tip. Dashed: "
+        "the other assembly mode, the same cranks with the tip on the other side of their pins.",
+        alike=True,
+    )
+
+
+def crank_angles(
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+) -> Chart:
+    """Both kinds of singularities over the angles of both cranks, for each assembly mode.
+
+    Parameters
+    ----------
+    left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
+    left_x, right_x : places of the fixed pins on the x axis [m]
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> chart = crank_angles(left_crank=2.0, left_coupler=3.5, right_coupler=4.0, right_crank=1.0,
+    ...                      left_x=0.0, right_x=2.0)
+    >>> chart.caption.split(":")[1].split(". ")[0]
+    ' 2.127 % of all pairs'
+    """
+    link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
+    singular = type_2(link)
+    panels = tuple(
+        Panel(
+            by_label([*serial(link, singular, assembly), *parallel(link, singular)]),
+            title=ASSEMBLIES[assembly],
+        )
+        for assembly in (1, -1)
+    )
+    share = unassembled_share(**asdict(link))
+    words = (
+        "All pairs of angles can be assembled."
+        if share < 1e-12
+        else "Between the type 2 curves the loop cannot be closed: "
+        f"{100.0 * share:.4g} % of all pairs."
+    )
+    return Chart(
+        ("left crank", "rad"),
+        ("right crank", "rad"),
+        panels,
+        f"{words} On type 1 curves the tip is on the border of its reach and the working mode "
+        "changes. L and R are the crank pins.",
+        alike=True,
+    )
+
+
+def over_angles(left: Complex, right: Complex) -> Complex:
+    """Angles of both cranks as one complex number, within half a turn, NaN where that is left."""
+    one, other = np.angle(left), np.angle(right)
+    jumps = np.flatnonzero((np.abs(np.diff(one)) > np.pi) | (np.abs(np.diff(other)) > np.pi)) + 1
+    return np.insert(one + 1j * other, jumps, GAP)
+
+
+def serial(link: FivebarLengths, singular: list[SingularPiece], assembly: int) -> Iterable[Traced]:
+    """Type 1 singularities over both crank angles, in one assembly mode.
+
+    With one side in line the tip is on the border of the reach, and the other side has one of its
+    two modes.
+    """
+    ends = np.array([one.curve.points[[0, -1]] for one in singular], complex).ravel()
+    for piece, side in reach_border(link, ends):
+        for mode in (1, -1):
+            left = pin(piece.points, link.left_x, link.left_crank, link.left_coupler, mode)
+            right = pin(piece.points, link.right_x, link.right_crank, link.right_coupler, mode)
+            turned = np.imag(np.conj(piece.points - left) * (piece.points - right))
+            if turned[turned.size // 2] * assembly > 0.0:
+                yield over_angles(left - link.left_x, right - link.right_x), TYPE_1[side]
+
+
+def pin(tip: Complex, x: float, crank: float, coupler: float, mode: int) -> Complex:
+    """Crank pin x + iy of one side for places of the tip within its reach, or by rounding out."""
+    s = tip - x
+    cosine = (np.abs(s) ** 2 + crank**2 - coupler**2) / (2.0 * np.abs(s) * crank)
+    opening = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return np.asarray(x + crank * s / np.abs(s) * np.exp(1j * mode * opening))
+
+
+def parallel(link: FivebarLengths, singular: list[SingularPiece]) -> Iterable[Traced]:
+    """Type 2 singularities over both crank angles."""
+    for one in singular:
+        yield over_angles(one.left - link.left_x, one.right - link.right_x), TYPE_2[one.stretched]
+
+
+def singular_poses(
+    *,
+    left_crank: float,
+    left_coupler: float,
+    right_coupler: float,
+    right_crank: float,
+    left_x: float,
+    right_x: float,
+) -> Chart:
+    """One pose of each kind of singularity that the lengths allow.
+
+    Parameters
+    ----------
+    left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
+    left_x, right_x : places of the fixed pins on the x axis [m]
+
+    Returns
+    -------
+    Chart
+
+    Examples
+    --------
+    >>> chart = singular_poses(left_crank=2.0, left_coupler=3.5, right_coupler=4.0,
+    ...                        right_crank=1.0, left_x=0.0, right_x=2.0)
+    >>> [panel.title for panel in chart.panels][-1]
+    'type 2: couplers in line, folded'
+    """
+    link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
+    panels = [
+        *(Panel(links(link, *places), title=title) for title, places in serial_poses(link)),
+        *(Panel(links(link, *places), title=title) for title, places in parallel_poses(link)),
+    ]
+    return Chart(
+        *XY,
+        tuple(panels),
+        "In a type 1 singularity the tip has no velocity along the bars in line, whatever the "
+        "cranks do; in a type 2 singularity it moves across the couplers although the cranks "
+        "are held.",
+        alike=True,
+    )
+
+
+def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
+    """Words and left pin, right pin, tip where one side is in line, on an arc of each."""
+    seen: dict[str, complex] = {}
+    for piece, side in reach_border(link):
+        thirds = piece.points[[piece.points.size // 3, -1 - piece.points.size // 3]]
+        tip = complex(thirds[np.argmax(thirds.imag)])
+        x = link.left_x if side == "left" else link.right_x
+        crank, coupler = (
+            (link.left_crank, link.left_coupler)
+            if side == "left"
+            else (link.right_crank, link.right_coupler)
+        )
+        how = "stretched" if abs(tip - x) > max(crank, coupler) else "folded"
+        if tip.imag >= 0.0 or f"{TYPE_1[side]}, {how}" not in seen:
+            seen[f"{TYPE_1[side]}, {how}"] = tip
+    for title, tip in seen.items():
+        found = solve_inverse([tip.real, tip.imag], **asdict(link), left_mode=1, right_mode=-1)
+        yield (
+            title,
+            np.array(
+                [
+                    link.left_x + link.left_crank * np.exp(1j * found["left"]),
+                    link.right_x + link.right_crank * np.exp(1j * found["right"]),
+                    tip,
+                ]
+            ),
+        )
+
+
+def parallel_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
+    """Words and left pin, right pin, tip where the couplers are in line, midway on a long piece."""
+    longest: dict[bool, SingularPiece] = {}
+    for one in type_2(link):
+        best = longest.get(one.stretched)
+        if best is None or extent(one) > extent(best):
+            longest[one.stretched] = one
+    for stretched, one in longest.items():
+        k = one.left.size // 2
+        yield TYPE_2[stretched], np.array([one.left[k], one.right[k], one.curve.points[k]])
+
+
+def extent(one: SingularPiece) -> float:
+    """Length of its polygon [m]."""
+    return float(np.abs(np.diff(one.curve.points)).sum())

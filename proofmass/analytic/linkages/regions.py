@@ -1,0 +1,178 @@
+"""Plane regions that pieces of curves bound: joined into outlines, nested, and measured.
+
+A piece runs with its region on the left.  Areas are those of Green's theorem, one number a piece,
+so they are as exact as the pieces and do not depend on how densely an outline is drawn.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proofmass.analytic.numerics import Complex
+
+JOIN = 1e-6
+"""Of the size of a mechanism: ends of pieces nearer than this are one point."""
+
+
+@dataclass(frozen=True)
+class CurvePiece:
+    """A piece of a curve.
+
+    Attributes
+    ----------
+    points : ndarray (n,)
+        Places x + iy along it [m], dense enough to be drawn.
+    swept : float
+        Integral of (x dy - y dx)/2 along it [m^2].
+    """
+
+    points: Complex
+    swept: float
+
+    @property
+    def back(self) -> "CurvePiece":
+        """The same, the other way."""
+        return CurvePiece(self.points[::-1], -self.swept)
+
+
+@dataclass(frozen=True)
+class PlaneRegion:
+    """A connected region.
+
+    Attributes
+    ----------
+    outlines : tuple of ndarray (n,)
+        Places x + iy [m]: the outer outline counter-clockwise, then its holes, clockwise.
+    area : float
+        [m^2].
+    """
+
+    outlines: tuple[Complex, ...]
+    area: float
+
+
+def arc(center: complex, radius: float, first: float, last: float) -> CurvePiece:
+    """A piece of a circle from one angle [rad] to another, about a place and of a radius [m].
+
+    >>> round(arc(1.0, 2.0, 0.0, 2.0 * np.pi).swept / np.pi, 12)
+    4.0
+    """
+    angle = np.linspace(first, last, max(9, int(np.abs(last - first) * 90)))
+    points = center + radius * np.exp(1j * angle)
+    turned = np.imag(np.conj(center) * (points[-1] - points[0]))
+    return CurvePiece(points, 0.5 * float(radius**2 * (last - first) + turned))
+
+
+def chord(first: complex, last: complex) -> CurvePiece:
+    """A straight piece from one place [m] to another."""
+    points = np.array([first, last], complex)
+    return CurvePiece(points, 0.5 * float(np.imag(np.conj(first) * last)))
+
+
+def overlap(distance: float, one: float, other: float) -> float:
+    """Area [m^2] that two discs of these radii [m] at this distance [m] have in common.
+
+    >>> round(overlap(1.0, 1.0, 1.0) - (2.0 * np.pi / 3.0 - np.sqrt(3.0) / 2.0), 12)
+    0.0
+    >>> overlap(3.0, 1.0, 2.0), overlap(0.5, 1.0, 2.0) == np.pi
+    (0.0, True)
+    """
+    if min(one, other) == 0.0 or distance >= one + other:
+        return 0.0
+    if distance <= abs(one - other):
+        return float(np.pi * min(one, other) ** 2)
+    wedges = 0.0
+    for near, far in ((one, other), (other, one)):
+        half = np.arccos((distance**2 + near**2 - far**2) / (2.0 * distance * near))
+        wedges += near**2 * half
+    heron = (one + other) ** 2 - distance**2, distance**2 - (one - other) ** 2
+    return float(wedges - 0.5 * np.sqrt(heron[0] * heron[1]))
+
+
+def within(points: Complex, outline: Complex) -> NDArray[np.bool_]:
+    """Whether points (n,) lie within a closed outline (m,).
+
+    >>> within(np.array([0.5 + 0.5j, 2.0]), np.array([0.0, 1.0, 1.0 + 1.0j, 1.0j])).tolist()
+    [True, False]
+    """
+    start, end = outline, np.roll(outline, -1)
+    z = np.asarray(points, complex)[:, None]
+    crosses = (start.imag > z.imag) != (end.imag > z.imag)
+    with np.errstate(divide="ignore", invalid="ignore"):  # level edges are not crossed
+        share = (z.imag - start.imag) / (end.imag - start.imag)
+        right = z.real < start.real + share * (end.real - start.real)
+    return np.asarray((crosses & right).sum(axis=1) % 2 == 1)
+
+
+def joined_regions(pieces: Iterable[CurvePiece], size: float) -> list[PlaneRegion]:
+    """The connected regions to the left of pieces, the largest first.
+
+    Parameters
+    ----------
+    pieces : iterable of CurvePiece
+        Each begins where one ends, within `JOIN` of the size.
+    size : float
+        Of the mechanism [m].
+
+    Raises
+    ------
+    ValueError
+        A piece ends where none begins.
+
+    Examples
+    --------
+    >>> ring = [arc(0.0, 2.0, 0.0, 2.0 * np.pi), arc(0.0, 1.0, 0.0, 2.0 * np.pi).back]
+    >>> [round(one.area / np.pi, 12) for one in joined_regions(ring, 1.0)]
+    [3.0]
+    """
+    loops = joined_loops([one for one in pieces if one.points.size > 1], size)
+    outer = sorted((one for one in loops if one.swept > 0.0), key=lambda one: -one.swept)
+    holes: list[list[CurvePiece]] = [[] for _ in outer]
+    for hole in (one for one in loops if one.swept <= 0.0):
+        about = [k for k, one in enumerate(outer) if np.mean(within(hole.points, one.points)) > 0.5]
+        if about:
+            holes[about[-1]].append(hole)
+    found = [
+        PlaneRegion(
+            tuple(part.points for part in (one, *inside)),
+            one.swept + sum(part.swept for part in inside),
+        )
+        for one, inside in zip(outer, holes, strict=True)
+    ]
+    return sorted(found, key=lambda one: -one.area)
+
+
+def joined_loops(pieces: list[CurvePiece], size: float) -> list[CurvePiece]:
+    """Closed outlines, each made of the pieces that follow each other.
+
+    Where several pieces begin in one place, the one follows that turns left most: the region is on
+    the left, and others that only touch it there are others.
+    """
+    starts = np.array([one.points[0] for one in pieces], complex)
+    ways = np.array([one.points[1] - one.points[0] for one in pieces], complex)
+    free = np.ones(len(pieces), bool)
+    loops = []
+    while free.any():
+        first = here = int(np.argmax(free))
+        chain = []
+        while True:
+            free[here] = False
+            chain.append(pieces[here])
+            end, before = pieces[here].points[-1], pieces[here].points[-2]
+            near = np.abs(starts - end) < JOIN * size
+            near &= free | (np.arange(len(pieces)) == first)
+            if not near.any():
+                raise ValueError(f"an outline ends at ({end.real:.6g}, {end.imag:.6g}) m")
+            clockwise = -np.angle(ways / (before - end)) % (2.0 * np.pi)
+            here = int(np.argmin(np.where(near, clockwise, np.inf)))
+            if here == first:
+                break
+        loops.append(
+            CurvePiece(
+                np.concatenate([one.points[:-1] for one in chain]),
+                sum(one.swept for one in chain),
+            )
+        )
+    return loops

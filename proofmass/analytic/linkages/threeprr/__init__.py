@@ -1,0 +1,55 @@
+"""Rigid 3PRR planar parallel robot: motion, inverse, all poses, workspace, and their charts."""
+
+from proofmass.analytic.linkages.threeprr.charts import (
+    direct_poses,
+    leg_modes,
+    singular_poses,
+    slice_area,
+    workspace,
+    workspace_slice,
+)
+from proofmass.analytic.linkages.threeprr.kinematics import (
+    MODES,
+    SIGNS,
+    WORKING_MODES,
+    circle,
+    poses,
+    reachable,
+    solve,
+    solve_inverse,
+)
+from proofmass.analytic.linkages.threeprr.maps import (
+    RobotLengths,
+    WorkspaceSlice,
+    angles_of_place,
+    aspects_of_slice,
+    reach_area_of_place,
+    reach_of_place,
+    type_2_of_slice,
+    volume,
+)
+
+__all__ = [
+    "MODES",
+    "SIGNS",
+    "WORKING_MODES",
+    "RobotLengths",
+    "WorkspaceSlice",
+    "angles_of_place",
+    "aspects_of_slice",
+    "circle",
+    "direct_poses",
+    "leg_modes",
+    "poses",
+    "reach_area_of_place",
+    "reach_of_place",
+    "reachable",
+    "singular_poses",
+    "slice_area",
+    "solve",
+    "solve_inverse",
+    "type_2_of_slice",
+    "volume",
+    "workspace",
+    "workspace_slice",
+]

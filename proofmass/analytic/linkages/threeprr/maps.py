@@ -1,0 +1,310 @@
+"""Where the platform of a 3PRR robot gets: slices at one angle, aspects, all angles of a place."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.linkages.regions import (
+    CurvePiece,
+    PlaneRegion,
+    chord,
+    joined_regions,
+)
+from proofmass.analytic.linkages.threeprr.kinematics import CORNERS, SIGNS, check, cross
+from proofmass.analytic.numerics import TURN, Array, Complex
+
+SAMPLES = 721
+"""Of a curve of singularities, between which it may leave the slice once."""
+PARTS = 8
+"""Of a piece of a curve, for Gauss quadrature in each."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
+HALVINGS = 60
+"""Of an interval about a place where a curve leaves: to the last bit."""
+FLAT = 1e-9
+"""Of the largest w there is: what is less is zero, but for rounding."""
+EDGE = 1e-7
+"""Of the parameter of a curve from its ends, where w may be zero and have no direction."""
+INSIDE = 1e-6
+"""Share of the way to the middle of a slice: a whole edge is singular at special angles."""
+
+
+@dataclass(frozen=True)
+class RobotLengths:
+    """What the workspace of a 3PRR robot depends on.
+
+    Attributes
+    ----------
+    side, leg : float
+        Of the platform; of each leg [m].
+    guide2_x, guide3_x, guide3_y : float
+        Where guides 2 and 3 start [m].
+    """
+
+    side: float
+    leg: float
+    guide2_x: float
+    guide3_x: float
+    guide3_y: float
+
+    def __post_init__(self) -> None:
+        check(**asdict(self))
+
+    @property
+    def size(self) -> float:
+        """Of the robot [m]."""
+        return self.side + self.leg + abs(self.guide2_x) + abs(self.guide3_x) + abs(self.guide3_y)
+
+
+@dataclass(frozen=True)
+class WorkspaceSlice:
+    """Where P may be at one angle of the platform: a rectangle, as sliders have no stops.
+
+    Legs 1 and 2 reach guides on y = 0, leg 3 one on x = guide3_x: |y|, |y + side sin(psi)| and
+    |x + side cos(psi + 60 deg) - guide3_x| are at most the leg.
+
+    Attributes
+    ----------
+    robot : RobotLengths
+    psi : float
+        Angle of the platform [rad].
+    """
+
+    robot: RobotLengths
+    psi: float
+
+    @property
+    def arms(self) -> Complex:
+        """From P to the three corners, (3,) [m]."""
+        return np.asarray(self.robot.side * CORNERS[:, 0] * np.exp(1j * self.psi))
+
+    @property
+    def x(self) -> tuple[float, float]:
+        """Left and right edge [m]."""
+        middle = self.robot.guide3_x - float(self.arms[2].real)
+        return middle - self.robot.leg, middle + self.robot.leg
+
+    @property
+    def y(self) -> tuple[float, float]:
+        """Lower and upper edge [m]; the lower one is above if no place is reached."""
+        rise = float(self.arms[1].imag)
+        return max(0.0, -rise) - self.robot.leg, min(0.0, -rise) + self.robot.leg
+
+    @property
+    def area(self) -> float:
+        """2 L (2 L - side |sin(psi)|), or zero [m^2]."""
+        return (self.x[1] - self.x[0]) * max(0.0, self.y[1] - self.y[0])
+
+    def level(self, y: Array, mode: int) -> Complex:
+        """The vector w (...) [m^3] of which singularity is w x e3, at heights y [m]."""
+        first, second, _ = SIGNS[mode - 1]
+        arms, leg = self.arms, self.robot.leg
+        other = y + arms[1].imag
+        e1 = first * np.sqrt(np.maximum(leg**2 - y**2, 0.0)) + 1j * y
+        e2 = -second * np.sqrt(np.maximum(leg**2 - other**2, 0.0)) + 1j * other
+        return np.asarray(cross(e1, e2) * arms[2] - cross(arms[1], e2) * e1)
+
+    def third(self, x: Array, mode: int) -> Complex:
+        """Leg 3 at places x [m]."""
+        across = x + self.arms[2].real - self.robot.guide3_x
+        along = np.sqrt(np.maximum(self.robot.leg**2 - across**2, 0.0))
+        return np.asarray(across - 1j * SIGNS[mode - 1][2] * along)
+
+    def singularity(self, x: Array, y: Array, mode: int) -> Array:
+        """The measure of `solve_inverse` (...), at places (...) [m]: zero is type 2."""
+        return cross(self.level(y, mode), self.third(x, mode)) / (
+            self.robot.leg**3 * self.robot.side
+        )
+
+
+def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
+    r"""Where the direct problem is singular, at one angle, in one mode of the legs.
+
+    ::
+
+        singularity leg^3 side = w x e3,   w = (e1 x e2) b3 - (b2 x e2) e1
+
+    e1, e2 and w depend on y only, e3 on x only, and e3 has the sign of its mode across its guide.
+    So e3 is parallel to w, and there is one x for each y: where w turns through the direction of
+    x, the curve leaves at one side of the slice and comes back at the other.  Where w is zero, all
+    x are singular: with legs as long as the platform's side, sliders 1 and 2 may both stand in
+    its third corner.  y = middle - half cos(u) takes the square roots out of the ends.
+
+    Returns
+    -------
+    list of CurvePiece
+        Each with `singularity` positive on its left.
+    """
+    low, high = part.y
+    if high <= low:
+        return []
+    leg, side = part.robot.leg, SIGNS[mode - 1][2]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    center = part.robot.guide3_x - part.arms[2].real
+
+    def level(u: Array) -> Complex:
+        return part.level(middle - half * np.cos(u), mode)
+
+    def x(u: Array) -> Array:
+        w = level(u)
+        return np.asarray(center - side * np.where(w.imag < 0.0, -leg, leg) * w.real / np.abs(w))
+
+    u = np.linspace(0.0, np.pi, SAMPLES + 1)[:-1] + 0.5 * np.pi / SAMPLES
+    sign = np.signbit(level(u).imag)
+    at = np.flatnonzero(sign[:-1] != sign[1:])
+    first, last, before = u[at], u[at + 1], sign[at]
+    for _ in range(HALVINGS):
+        between = 0.5 * (first + last)
+        same = np.signbit(level(between).imag) == before
+        first, last = np.where(same, between, first), np.where(same, last, between)
+    whole = np.abs(level(first)) < FLAT * leg**2 * part.robot.side
+    starts, ends = np.append(0.0, last), np.append(first, np.pi)
+    places = np.stack([x(starts + EDGE), x(ends - EDGE)])
+    meet = 0.5 * (places[0, 1:] + places[1, :-1])
+    places[0, 1:] = np.where(whole, meet, places[0, 1:])
+    places[1, :-1] = np.where(whole, meet, places[1, :-1])
+    found = []
+    for start, end, tips in zip(starts, ends, places.T, strict=True):
+        along = np.linspace(start, end, max(25, int(80 * (end - start))))
+        across = np.concatenate([tips[:1], x(along[1:-1]), tips[1:]])
+        points = across + 1j * (middle - half * np.cos(along))
+        knots = np.linspace(start, end, PARTS + 1)
+        step = 0.5 * np.diff(knots)[:, None]
+        inner = knots[:-1, None] + step * (1.0 + NODES)
+        under = float(np.sum(x(inner) * half * np.sin(inner) * step * WEIGHTS))
+        moved = points[[0, -1]]
+        piece = CurvePiece(points, under - 0.5 * float(np.diff(moved.real * moved.imag)[0]))
+        here = np.array([0.5 * (start + end)])
+        e3 = part.third(x(here), mode)
+        rises = cross(level(here), np.asarray(1.0 - 1j * e3.real / e3.imag, complex))
+        found.append(piece if rises[0] < 0.0 else piece.back)
+    for turn, place in zip(first[whole], meet[whole], strict=True):
+        height = 1j * (middle - half * np.cos(turn))
+        for one, other in pairwise([part.x[0], place, part.x[1]]):
+            above = np.array([0.5 * (one + other)]), height.imag + EDGE * np.ones(1)
+            piece = chord(one + height, other + height)
+            found.append(piece if part.singularity(*above, mode)[0] > 0.0 else piece.back)
+    return found
+
+
+def border(part: WorkspaceSlice, ends: Complex) -> Iterator[CurvePiece]:
+    """The edges of a slice, counter-clockwise, cut where curves end on them."""
+    (left, right), (low, high) = part.x, part.y
+    corners = [left + 1j * low, right + 1j * low, right + 1j * high, left + 1j * high]
+    for start, end in pairwise([*corners, corners[0]]):
+        way = end - start
+        share = (ends - start) / way
+        on = np.abs(share.imag * np.abs(way)) < 1e-6 * part.robot.size
+        cuts = np.sort(share.real[on & (share.real > 1e-9) & (share.real < 1.0 - 1e-9)])
+        for one, other in pairwise([0.0, *cuts.tolist(), 1.0]):
+            if other - one > 1e-9:
+                yield chord(start + one * way, start + other * way)
+
+
+def aspects_of_slice(part: WorkspaceSlice, mode: int) -> dict[int, list[PlaneRegion]]:
+    """Parts of a slice that no singularity parts, in one mode of the legs, by sign of the measure.
+
+    Raises
+    ------
+    ValueError
+        Singularities cross each other, as they may at special angles.
+    """
+    curves = type_2_of_slice(part, mode)
+    if not curves:
+        return {1: [], -1: []}
+    edges = list(border(part, np.array([one.points[[0, -1]] for one in curves]).ravel()))
+    middle = np.array([one.points.mean() for one in edges])
+    middle += INSIDE * (complex(np.mean(part.x), np.mean(part.y)) - middle)
+    sign = part.singularity(middle.real, middle.imag, mode)
+    return {
+        side: joined_regions(
+            [
+                *(one for one, s in zip(edges, sign, strict=True) if s * side > 0.0),
+                *(one if side > 0 else one.back for one in curves),
+            ],
+            part.robot.size,
+        )
+        for side in (1, -1)
+    }
+
+
+def volume(robot: RobotLengths) -> float:
+    """Integral of the area of slices over all angles of the platform [m^2 rad].
+
+    >>> robot = RobotLengths(1.0, 1.0, 3.0, 2.0, 2.0)
+    >>> abs(volume(robot) - 8.0 * (np.pi - 1.0)) < 1e-12
+    True
+    """
+    most = 2.0 * robot.leg
+    last = float(np.arcsin(min(1.0, most / robot.side)))
+    return 4.0 * most * (most * last - robot.side * (1.0 - np.cos(last)))
+
+
+def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
+    """How many angles of the platform [rad] (...) are reached at places x, y (...) [m] of P.
+
+    Exact: the angles at which a leg is perpendicular to its guide part the turn, and between two
+    of them all or none are reached.
+
+    >>> angles_of_place([1.5, 9.0], [0.2, 0.2], RobotLengths(0.5, 1.0, 3.0, 1.5, 2.0)).round(6)
+    array([6.283185, 0.      ])
+    """
+    px, py = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    leg, side, tilt = robot.leg, robot.side, np.pi / 3.0
+    with np.errstate(invalid="ignore"):  # not reached at any angle, or at all
+        rise = np.arcsin((np.array([-leg, leg]) - py[..., None]) / side)
+        lean = np.arccos((robot.guide3_x + np.array([-leg, leg]) - px[..., None]) / side)
+    knots = np.concatenate([rise, np.pi - rise, lean - tilt, -lean - tilt], axis=-1) % TURN
+    knots = np.where(np.isfinite(knots), knots, 0.0)
+    knots = np.sort(np.concatenate([knots, np.zeros((*px.shape, 1))], axis=-1), axis=-1)
+    width = np.diff(knots, axis=-1, append=TURN)
+    middle = knots + 0.5 * width
+    second = np.abs(py[..., None] + side * np.sin(middle)) <= leg
+    third = np.abs(px[..., None] + side * np.cos(middle + tilt) - robot.guide3_x) <= leg
+    return np.asarray(np.where(np.abs(py) <= leg, np.sum(width * (second & third), axis=-1), 0.0))
+
+
+def reach_of_place(y: ArrayLike, robot: RobotLengths) -> Array:
+    """Places x [m] of P that are reached at some angle, at heights y (n,): two intervals (n, 2, 2).
+
+    At a height the platform turns within two arcs, one about psi = 0 and one about half a turn; on
+    each x has the range of guide3_x - side cos(psi + 60 deg), and a leg's length more each side.
+    Intervals that meet are one, and the second is empty; NaN where none is reached.
+    """
+    height, leg, side = np.asarray(y, float), robot.leg, robot.side
+    low, high = (np.arcsin(np.clip((end - height) / side, -1.0, 1.0)) for end in (-leg, leg))
+    found = np.empty((height.size, 2, 2))
+    for k, (first, last, peak) in enumerate(
+        ((low, high, -np.pi / 3.0), (np.pi - high, np.pi - low, 2.0 * np.pi / 3.0))
+    ):
+        ends = np.cos(np.array([first, last]) + np.pi / 3.0)
+        within = (first <= peak) & (peak <= last)
+        most = np.where(within & (peak < 0.0), 1.0, ends.max(axis=0))
+        least = np.where(within & (peak > 0.0), -1.0, ends.min(axis=0))
+        found[:, k] = np.stack([-side * most - leg, -side * least + leg], axis=1)
+    meet = found[:, :, 0].max(axis=1) <= found[:, :, 1].min(axis=1)
+    whole = np.stack([found[:, :, 0].min(axis=1), found[:, :, 1].max(axis=1)], axis=1)
+    found[meet, 0], found[meet, 1] = whole[meet], np.nan
+    found[(np.abs(height) > leg) | (height - leg > side) | (height + leg < -side)] = np.nan
+    return found + robot.guide3_x
+
+
+def reach_area_of_place(robot: RobotLengths) -> float:
+    """Area [m^2] of the places of P that are reached at some angle of the platform.
+
+    By Gauss quadrature between the heights at which the ends of an arc change; error below 1e-8.
+    """
+    leg, side = robot.leg, robot.side
+    bends = np.array([1.0, np.sqrt(0.75), 0.5, 0.0])
+    knots = np.concatenate(
+        [sign * leg + other * side * bends for sign in (1, -1) for other in (1, -1)]
+    )
+    knots = np.unique(np.append(knots[np.abs(knots) < leg], [-leg, leg]))
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    u = 0.5 * np.pi * (nodes + 1.0)
+    half = 0.5 * np.diff(knots)[:, None]
+    y = (knots[:-1, None] + half * (1.0 - np.cos(u))).ravel()
+    wide = np.nansum(np.diff(reach_of_place(y, robot), axis=-1)[..., 0], axis=-1)
+    return float(np.sum(wide.reshape(half.size, -1) * half * np.sin(u) * weights) * 0.5 * np.pi)

@@ -1,0 +1,225 @@
+"""Workspace of five-bar linkages: areas by two ways, singularities as zeros that change sign."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.chart import Chart
+from proofmass.analytic.linkages import fivebar
+from proofmass.analytic.linkages.fivebar.maps import WORKING, reach_border
+
+LINKS = {
+    "thesis": fivebar.FivebarLengths(2.0, 3.5, 4.0, 1.0, 0.0, 2.0),
+    "symmetric": fivebar.FivebarLengths(4.0, 5.0, 5.0, 4.0, -3.0, 3.0),
+    "regular": fivebar.FivebarLengths(1.2, 2.6, 2.4, 1.0, -1.25, 1.25),
+    "long cranks": fivebar.FivebarLengths(3.0, 2.0, 2.5, 1.5, 0.0, 2.2),
+    "no inner circle": fivebar.FivebarLengths(2.0, 2.0, 3.0, 1.0, -1.0, 1.5),
+}
+EACH = pytest.mark.parametrize("link", LINKS.values(), ids=LINKS)
+
+
+def random_links(count: int) -> list[fivebar.FivebarLengths]:
+    """Lengths of every kind that reach something."""
+    rng = np.random.default_rng(12)
+    found = []
+    while len(found) < count:
+        bars = rng.uniform(0.5, 3.0, 4)
+        link = fivebar.FivebarLengths(*bars.tolist(), 0.3, 0.3 + float(rng.uniform(0.3, 4.0)))
+        if fivebar.reach_area(link) > 0.1:
+            found.append(link)
+    return found
+
+
+def assembly(link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int]) -> np.ndarray:
+    """Sine of the angle between the couplers, NaN out of reach, by the inverse problem."""
+    found = np.full(tip.shape, np.nan)
+    inside = fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0
+    where = tip[inside]
+    found[inside] = fivebar.solve_inverse(
+        [where.real, where.imag], **asdict(link), left_mode=mode[0], right_mode=mode[1]
+    )["assembly"]
+    return found
+
+
+def grid(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray, float]:
+    """Middles of cells over all that may be reached, and the area of one."""
+    x, y = (np.linspace(-1.0, 1.0, n + 1) for _ in range(2))
+    half = link.size
+    x, y = half * 0.5 * (x[1:] + x[:-1]), half * 0.5 * (y[1:] + y[:-1])
+    keep = np.abs(x) < link.size
+    z = (x[keep, None] + 0.5 * (link.left_x + link.right_x) + 1j * y).ravel()
+    return z, (x[1] - x[0]) * (y[1] - y[0])
+
+
+@EACH
+def test_the_reach_is_what_two_rings_have_in_common(link: fivebar.FivebarLengths) -> None:
+    area = sum(one.area for one in fivebar.reach(link))
+    assert area == pytest.approx(fivebar.reach_area(link), rel=1e-10)  # angles of corners: 1e-11
+    tip, cell = grid(link)
+    counted = cell * np.sum(fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0)
+    assert area == pytest.approx(counted, rel=6e-3)  # cells of 1/420 along a border
+
+
+def test_random_reaches_and_aspects_add_up() -> None:
+    for link in random_links(60):
+        whole = fivebar.reach_area(link)
+        assert sum(one.area for one in fivebar.reach(link)) == pytest.approx(whole, rel=1e-9)
+        singular = fivebar.type_2(link)
+        for mode in WORKING:
+            found = fivebar.aspects(link, mode, singular)
+            assert sum(one.area for some in found.values() for one in some) == pytest.approx(
+                whole, rel=1e-8
+            )
+
+
+@EACH
+@pytest.mark.parametrize("mode", WORKING)
+def test_aspects_are_where_the_inverse_problem_has_their_sign(
+    link: fivebar.FivebarLengths, mode: tuple[int, int]
+) -> None:
+    tip, cell = grid(link)
+    sine = assembly(link, tip, mode)
+    found = fivebar.aspects(link, mode)
+    for sign in (1, -1):
+        counted = cell * np.sum(sign * sine > 0.0)
+        # along borders of about six radii the cells that are cut average to less than this
+        assert sum(one.area for one in found[sign]) == pytest.approx(
+            counted, abs=3e-3 * fivebar.reach_area(link)
+        )
+
+
+def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
+    link = LINKS["thesis"]
+    tip, cell = grid(link)
+    counted = cell * np.sum(assembly(link, tip, (1, 1)) > 0.0)
+    for name in ("left_crank", "left_coupler", "right_coupler", "right_crank", "right_x"):
+        wrong = replace(link, **{name: 1.03 * asdict(link)[name]})
+        area = sum(one.area for one in fivebar.aspects(wrong, (1, 1))[1])
+        assert abs(area - counted) > 3e-3 * fivebar.reach_area(link), name
+
+
+@EACH
+def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.FivebarLengths) -> None:
+    pieces = fivebar.type_2(link)
+    assert bool(pieces) is (link is not LINKS["regular"])  # that one is never in line
+    for one in pieces:
+        tip = one.curve.points
+        a, b = tip - one.left, tip - one.right
+        sine = np.imag(np.conj(a) * b) / (link.left_coupler * link.right_coupler)
+        assert np.abs(sine).max() < 1e-12
+        for pin, x, crank, arm, coupler in (
+            (one.left, link.left_x, link.left_crank, a, link.left_coupler),
+            (one.right, link.right_x, link.right_crank, b, link.right_coupler),
+        ):
+            # at the ends of the angles a right one of arccos near +-1 has half the digits
+            assert np.abs(np.abs(pin - x) - crank).max() < 1e-12 * link.size
+            assert np.abs(np.abs(arm) - coupler).max() < 1e-12 * link.size
+        way = np.gradient(tip)
+        middle = slice(tip.size // 3, -(tip.size // 3))
+        across = 1e-4 * link.size * 1j * (way / np.abs(way))[middle]
+        long = np.abs(np.diff(tip)).sum()
+        if long < 0.05 * link.size:  # beside a border the other sign is not 1e-4 wide
+            continue
+        left, right = (assembly(link, tip[middle] + step, one.mode) for step in (across, -across))
+        there = np.isfinite(left) & np.isfinite(right)
+        assert there.mean() > 0.8
+        assert (left[there] > 0.0).all()
+        assert (right[there] < 0.0).all()
+
+
+@EACH
+def test_type_1_is_a_zero_of_the_margin_with_a_change_of_sign(link: fivebar.FivebarLengths) -> None:
+    for piece, _ in reach_border(link):
+        tip = piece.points
+        inside = fivebar.margin([tip.real, tip.imag], **asdict(link))
+        assert np.abs(inside).max() < 1e-12 * link.size
+        way = np.gradient(tip)
+        across = 1e-3 * 1j * (way / np.abs(way))
+        middle = slice(tip.size // 4, -(tip.size // 4))
+        for step, sign in ((across, 1.0), (-across, -1.0)):
+            z = (tip + step)[middle]
+            assert (sign * fivebar.margin([z.real, z.imag], **asdict(link)) > 0.0).all()
+
+
+def bars(chart: Chart, label: str, panel: int) -> np.ndarray:
+    """Lengths of the bars of a label in a panel."""
+    (line,) = [one for one in chart.panels[panel].lines if one.label == label]
+    z = line.x + 1j * line.y
+    lengths = np.abs(np.diff(z))
+    return lengths[np.isfinite(lengths)]
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "y"), [("thesis", 1.0, 4.0), ("symmetric", 0.5, 7.5), ("long cranks", 1.0, 2.2)]
+)
+def test_eight_poses_of_a_tip_close_their_loops(name: str, x: float, y: float) -> None:
+    link = LINKS[name]
+    chart = fivebar.working_modes(**asdict(link), tip_x=x, tip_y=y)
+    assert len(chart.panels) == 4
+    cranks = [link.left_crank, link.right_crank]
+    couplers = [link.left_coupler, link.right_coupler]
+    others = set()
+    for k in range(4):
+        assert np.abs(bars(chart, "cranks", k) - cranks).max() < 1e-12
+        assert np.abs(bars(chart, "couplers", k) - couplers).max() < 1e-12
+        assert np.abs(bars(chart, "other assembly", k) - couplers).max() < 1e-12
+        (ghost,) = [one for one in chart.panels[k].lines if one.label == "other assembly"]
+        others.add((round(ghost.x[1], 6), round(ghost.y[1], 6)))
+    assert len(others) == 4  # as many other places of the tip
+    assert len({panel.title for panel in chart.panels}) == 4
+
+
+@EACH
+def test_singular_pairs_of_angles_are_singular_in_the_direct_problem(
+    link: fivebar.FivebarLengths,
+) -> None:
+    chart = fivebar.crank_angles(**asdict(link))
+    for mode, panel in zip((1, -1), chart.panels, strict=True):
+        for line in panel.lines:
+            angle = np.array([line.x, line.y])[:, np.isfinite(line.x)]
+            pins = np.array([[link.left_x], [link.right_x]]) + np.array(
+                [[link.left_crank], [link.right_crank]]
+            ) * np.exp(1j * angle)
+            apart = np.abs(pins[1] - pins[0])
+            c, r = link.left_coupler, link.right_coupler
+            if line.label.startswith("type 2"):
+                bound = c + r if "stretched" in line.label else abs(c - r)
+                assert np.abs(apart - bound).max() < 1e-11 * link.size
+                continue
+            inside = (apart < (c + r) * (1 - 1e-6)) & (apart > abs(c - r) + 1e-6)
+            pose = fivebar.solve(angle[:, inside], **asdict(link), mode=mode)
+            side = "left" if "left" in line.label else "right"
+            assert np.abs(pose[f"{side}_working"]).max() < 1e-5  # a root of rounding, 1e-8, and c/C
+
+
+@pytest.mark.parametrize(("name", "kinds"), [("thesis", 5), ("symmetric", 6), ("long cranks", 6)])
+def test_singular_poses_have_their_bars_in_line(name: str, kinds: int) -> None:
+    link = LINKS[name]
+    chart = fivebar.singular_poses(**asdict(link))
+    assert len(chart.panels) == kinds  # the left side of the thesis' one never folds
+    for k, panel in enumerate(chart.panels):
+        lines = {line.label: line.x + 1j * line.y for line in panel.lines}
+        assert np.abs(bars(chart, "cranks", k) - [link.left_crank, link.right_crank]).max() < 1e-12
+        left, tip, right = lines["couplers"]
+        triples = {
+            "type 1: left": (link.left_x, left, tip),
+            "type 1: right": (link.right_x, right, tip),
+            "type 2: couplers": (left, tip, right),
+        }
+        (at,) = [z for name, z in triples.items() if panel.title.startswith(name)]
+        turned = np.imag(np.conj(at[1] - at[0]) * (at[2] - at[1]))
+        assert abs(turned) < 1e-6 * link.size**2  # a root of rounding
+
+
+def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
+    link = LINKS["symmetric"]
+    chart = fivebar.workspace(**asdict(link), path=(0.0, 5.0, 1.0, 5.0, 1.0, 6.0))
+    for mode, panel in zip(WORKING, chart.panels, strict=True):
+        areas = [one.area for some in fivebar.aspects(link, mode).values() for one in some]
+        assert sorted(region.area for region in panel.regions) == pytest.approx(sorted(areas))
+        path = next(line for line in panel.lines if line.label == "path of the tip")
+        assert (path.x[-1], path.y[-1]) == (0.0, 5.0)
+    assert "142.221 m²" in chart.caption
+    with pytest.raises(ValueError, match="pairs x, y, got 3 numbers"):
+        fivebar.workspace(**asdict(link), path=(0.0, 5.0, 1.0))
