@@ -111,6 +111,7 @@ OTHERS = {  # sidecars that share a model
     "slider_crank_mirrored": "slider_crank",
     "inverted_slider_crank_held": "inverted_slider_crank",
     "fivebar_down": "fivebar",
+    "fivebar_rectangle": "fivebar_circle",
     "threeprr_second": "threeprr",
 }
 CASES = [(case, key) for case in (*LENGTHS, *OTHERS) for key in LENGTHS[OTHERS.get(case, case)]]

@@ -259,3 +259,36 @@ def test_range_of_the_pin_distance(left_crank, right_crank, left_x, right_x):
     found = np.abs(pins[1] - pins[0][:, None])
     assert largest == pytest.approx(found.max(), rel=1e-14)  # at whole and half turns
     assert least - 1e-14 <= found.min() <= least + 0.05  # grid of 0.016 rad times 3 m
+
+
+def test_a_rectangle_is_run_with_rest_in_its_corners() -> None:
+    path = {"corner_x": -0.9, "corner_y": 4.6, "width": 0.8, "height": -0.5, "period": 8.0}
+    modes = {"left_mode": 1, "right_mode": -1}
+    time = np.linspace(0.0, 16.0, 4001)
+    angle, rate, change = fivebar.rectangle(time, **path, **LINK, **modes)
+    step = time[1]
+    # central differences: h^2/6 of the next derivative, below 20 here; kinks of the third, h/2
+    assert np.abs((angle[:, 2:] - angle[:, :-2]) / (2 * step) - rate[:, 1:-1]).max() < 1e-4
+    assert np.abs((rate[:, 2:] - rate[:, :-2]) / (2 * step) - change[:, 1:-1]).max() < 1e-2
+    assert np.abs(change).max() > 0.1
+    corners = [[-0.9, 4.6], [-0.1, 4.6], [-0.1, 4.1], [-0.9, 4.1]]
+    at = fivebar.rectangle(2.0 * np.arange(8), **path, **LINK, **modes)
+    sign = int(np.sign(fivebar.solve_inverse(corners[0], **LINK, **modes)["assembly"]))
+    pose = fivebar.solve(*at, **LINK, mode=sign)
+    # rounding over the sines of the modes
+    assert np.abs(np.transpose([pose["tip_x"], pose["tip_y"]]) - corners * 2).max() < 1e-12
+    for name in ("tip_vx", "tip_vy", "tip_ax", "tip_ay"):
+        assert np.abs(pose[name]).max() < 1e-11, name
+    pose = fivebar.solve(angle, rate, change, **LINK, mode=sign)
+    off = np.minimum.reduce(
+        [
+            *(np.abs(pose["tip_x"] - x) for x in (-0.9, -0.1)),
+            *(np.abs(pose["tip_y"] - y) for y in (4.1, 4.6)),
+        ]
+    )
+    assert off.max() < 1e-12  # one of both coordinates is that of a side
+    assert np.ptp(pose["tip_x"]) == pytest.approx(0.8)
+    speed = np.hypot(pose["tip_vx"], pose["tip_vy"])
+    assert speed.max() == pytest.approx(2.0 * 0.8 / 2.0)  # twice the mean on a cycloid
+    with pytest.raises(ValueError, match="period must be positive"):
+        fivebar.rectangle(0.0, **path | {"period": 0.0}, **LINK, **modes)

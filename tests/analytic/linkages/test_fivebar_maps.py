@@ -223,3 +223,8 @@ def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
     assert "142.221 m²" in chart.caption
     with pytest.raises(ValueError, match="pairs x, y, got 3 numbers"):
         fivebar.workspace(**asdict(link), path=(0.0, 5.0, 1.0))
+    with pytest.raises(ValueError, match="x, y and radius, got 2 numbers"):
+        fivebar.workspace(**asdict(link), circle=(0.0, 5.0))
+    round_about = fivebar.workspace(**asdict(link), circle=(0.5, 6.0, 1.5)).panels[0].lines
+    path = next(line for line in round_about if line.label == "path of the tip")
+    assert np.hypot(path.x - 0.5, path.y - 6.0) == pytest.approx(1.5)

@@ -46,6 +46,7 @@ def workspace(
     left_x: float,
     right_x: float,
     path: tuple[float, ...] = (),
+    circle: tuple[float, ...] = (),
 ) -> Chart:
     r"""Where the tip gets in each working mode, and what parts it there.
 
@@ -58,7 +59,8 @@ def workspace(
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
     left_x, right_x : places of the fixed pins on the x axis [m]
-    path : corners x, y, x, y .. [m] of a closed path of the tip that is drawn as well
+    path, circle : corners x, y, x, y .. [m] of a closed path of the tip that is drawn as well, or
+        centre x, y and radius of one
 
     Returns
     -------
@@ -68,7 +70,7 @@ def workspace(
     Raises
     ------
     ValueError
-        As in `aspects`; a path of an odd number of coordinates.
+        As in `aspects`; a path of an odd number of coordinates, a circle of other than three.
 
     Notes
     -----
@@ -83,10 +85,7 @@ def workspace(
     ['left +1, right +1: 21.61 + 14.37 m²', 'left +1, right -1: 35.1 + 0.5173 + 0.3621 m²']
     """
     link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
-    if len(path) % 2:
-        raise ValueError(f"path must be pairs x, y, got {len(path)} numbers")
-    corners = np.reshape(path, (-1, 2))
-    way = drawn_line(np.append(corners, corners[:1], axis=0) @ [1.0, 1.0j], "path of the tip")
+    way = path_of_tip(path, circle)
     singular, pins = type_2(link), fixed(link)
     border = [(piece.points, TYPE_1[side]) for piece, side in reach_border(link)]
     panels = []
@@ -97,7 +96,7 @@ def workspace(
         areas = sorted((one.area for some in found.values() for one in some), reverse=True)
         panels.append(
             Panel(
-                (*lines, *([way] if len(corners) else []), pins),
+                (*lines, *way, pins),
                 title=f"{named(mode)}: {' + '.join(f'{area:.4g}' for area in areas)} m²",
                 regions=tuple(
                     ChartRegion(
@@ -119,6 +118,20 @@ def workspace(
         "Numbers are areas of aspects, integrated along their borders with an error below 1e-9 m².",
         alike=True,
     )
+
+
+def path_of_tip(path: tuple[float, ...], circle: tuple[float, ...]) -> tuple[ChartLine, ...]:
+    """The line of a closed path by its corners, or of a circle; none without either."""
+    if len(path) % 2:
+        raise ValueError(f"path must be pairs x, y, got {len(path)} numbers")
+    if len(circle) not in (0, 3):
+        raise ValueError(f"circle must be x, y and radius, got {len(circle)} numbers")
+    corners = np.reshape(path, (-1, 2)) @ [1.0, 1.0j]
+    if circle:
+        x, y, radius = circle
+        corners = x + 1j * y + radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 121)[:-1])
+    closed = np.append(corners, corners[:1])
+    return (drawn_line(closed, "path of the tip"),) if corners.size else ()
 
 
 def named(mode: tuple[int, int]) -> str:

@@ -651,6 +651,61 @@ def circle(
     """
     spin = radius * np.exp(1j * rate * np.asarray(time, float))
     tip, v, dv = center_x + 1j * center_y + spin, 1j * rate * spin, -(rate**2) * spin
+    return led(np.asarray(tip), np.asarray(v), np.asarray(dv), **linkage)
+
+
+def rectangle(
+    time: ArrayLike,
+    *,
+    corner_x: float,
+    corner_y: float,
+    width: float,
+    height: float,
+    period: float,
+    **linkage: Any,
+) -> tuple[Array, Array, Array]:
+    r"""Crank motions that lead the tip round a rectangle, at rest in its corners: a drive law.
+
+    ::
+
+        4 <--- 3      each side takes a quarter of the period; on it, with tau from 0 to 1,
+        |      ^      share = tau - sin(2 pi tau)/(2 pi)
+        v      |      so velocity and acceleration are zero in every corner, and both are
+        1 ---> 2      continuous: the cranks can follow
+
+    `time` [s] (n,); corner 1 at (corner_x, corner_y), `width` and `height` [m] of either sign,
+    `period` [s]. `linkage` and what is returned are as for `circle`. ValueError where the
+    rectangle leaves the reach, or for a period that is not positive.
+
+    >>> link = dict(left_crank=4.0, left_coupler=5.0, right_coupler=5.0, right_crank=4.0,
+    ...             left_x=-3.0, right_x=3.0, left_mode=1, right_mode=-1)
+    >>> angle, rate, _ = rectangle([0.0, 1.0], corner_x=0.0, corner_y=8.0, width=-1.0, height=-1.0,
+    ...                            period=4.0, **link)
+    >>> bool(np.abs(rate).max() < 1e-12), angle[:, 0].round(6).tolist()
+    (True, [1.570796, 1.570796])
+    """
+    if not 0.0 < period < np.inf:
+        raise ValueError(f"period must be positive and finite [s], got {period}")
+    quarters = 4.0 * np.asarray(time, float) / period
+    number = np.floor(quarters)
+    turned = 2.0 * np.pi * (quarters - number)
+    corners = complex(corner_x, corner_y) + np.array(
+        [0.0, width, complex(width, height), 1j * height]
+    )
+    side = number.astype(int) % 4
+    corner, way = corners[side], (np.roll(corners, -1) - corners)[side]
+    pace = 4.0 / period
+    share = (turned - np.sin(turned)) / (2.0 * np.pi)
+    vectors: list[Complex] = [
+        corner + share * way,
+        pace * (1.0 - np.cos(turned)) * way,
+        2.0 * np.pi * pace**2 * np.sin(turned) * way,
+    ]
+    return led(*vectors, **linkage)
+
+
+def led(tip: Complex, v: Complex, dv: Complex, **linkage: Any) -> tuple[Array, Array, Array]:
+    """Both crank angles, their rates and accelerations, (2, n) each, for a motion of the tip."""
     pose = solve_inverse(*([vector.real, vector.imag] for vector in (tip, v, dv)), **linkage)
     angle, speed, change = (
         np.stack([pose[f"left{part}"], pose[f"right{part}"]])
