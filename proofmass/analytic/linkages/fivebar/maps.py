@@ -93,7 +93,7 @@ def reach_area(link: FivebarLengths) -> float:
     Exact: the lens of both outer discs, less those with an inner one, and what that takes twice.
 
     >>> round(reach_area(FivebarLengths(4.0, 5.0, 5.0, 4.0, -3.0, 3.0)), 9)
-    140.377190777
+    142.220552057
     """
     radii: dict[str, dict[int, float]] = {"left": {}, "right": {}}
     for _, radius, sense, side in link.circles:

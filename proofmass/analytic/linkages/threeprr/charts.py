@@ -362,7 +362,7 @@ def direct_poses(
     >>> chart = direct_poses(side=1.0, leg=1.0, guide2_x=3.0, guide3_x=2.5, guide3_y=2.8,
     ...                      slider_1=2.0, slider_2=0.5, slider_3=0.2)
     >>> [panel.title for panel in chart.panels]
-    ['psi = -14.3794°, measure 0.8228', 'psi = 7.1679°, measure -0.5756']
+    ['psi = -14.3794°, measure 1.006', 'psi = 7.1679°, measure -1.018']
     """
     robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     sliders = np.array([slider_1, slider_2, slider_3])

@@ -239,7 +239,7 @@ def volume(robot: RobotLengths) -> float:
     """
     most = 2.0 * robot.leg
     last = float(np.arcsin(min(1.0, most / robot.side)))
-    return 4.0 * most * (most * last - robot.side * (1.0 - np.cos(last)))
+    return float(4.0 * most * (most * last - robot.side * (1.0 - np.cos(last))))
 
 
 def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
